@@ -1,0 +1,23 @@
+#include "server/sample/depth_map.h"
+
+namespace sightline {
+
+glm::dvec3 texel_direction(const MapView& view, int x, int y) {
+  const double u = (x + view.jitter.x) / view.width, v = (y + view.jitter.y) / view.height;
+  return view.world_from_view * glm::dvec3(view.left + u * (view.right - view.left),
+                                           view.bottom + v * (view.top - view.bottom), -1.0);
+}
+
+MapPoint project(const MapView& view, const glm::dvec3& point_m) {
+  const glm::dvec3 offset = point_m - view.eye_m;
+  const glm::dvec3 p = offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
+  MapPoint out;
+  out.distance_m = glm::length(offset);
+  if (p.z >= 0.0) return out;
+  out.x = (p.x / -p.z - view.left) / (view.right - view.left) * view.width;
+  out.y = (p.y / -p.z - view.bottom) / (view.top - view.bottom) * view.height;
+  out.in_window = out.x >= 0 && out.x < view.width && out.y >= 0 && out.y < view.height;
+  return out;
+}
+
+}  // namespace sightline

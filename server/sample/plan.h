@@ -1,0 +1,28 @@
+// Which maps one step takes: how a target's frustum is laid around the bound (paper 3.2, design 4).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/bound/bound.h"
+#include "server/sample/depth_map.h"
+
+namespace sightline {
+
+struct SampleSettings {
+  int resolution = 7;        // texels a side, [2, 64]; more finds thinner gaps and costs time
+  bool jitter_texels = true; // move the sample point inside every texel each tick, so that thin things are found
+};
+
+// Beyond this half angle one frustum distorts too much: several maps are taken instead.
+inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
+
+// Appends to `views` the views from `eye_m` that together show every point of the bound: one symmetric frustum that
+// just contains it, or up to six 90-degree cube faces (only those that the bound reaches) when the eye is inside or
+// so near that the half angle exceeds kMaxHalfAngleRad. Returns how many were appended (at least 1).
+int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
+               std::vector<MapView>& views);
+
+}  // namespace sightline

@@ -1,0 +1,36 @@
+// Shapes without a mesh: box, sphere, capsule, cylinder. They become ordinary triangle geometry, so that both samplers,
+// the clearance query and the truth renderer see the same surface.
+//
+// Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round shapes are
+// inscribed polyhedra with vertices on the true surface (32 segments around); the greatest distance between the true
+// and the tessellated surface is under 1 % of the radius.
+#pragma once
+
+#include <variant>
+
+#include "server/scene/geometry.h"
+
+namespace sightline {
+
+struct BoxShape {
+  glm::vec3 half_extent_m{0.5f};
+};
+struct SphereShape {
+  float radius_m = 0.5f;
+};
+// Total height is 2 * (half_height_m + radius_m): half_height_m reaches from the centre to a cap's centre.
+struct CapsuleShape {
+  float radius_m = 0.5f;
+  float half_height_m = 0.5f;
+};
+struct CylinderShape {
+  float radius_m = 0.5f;
+  float half_height_m = 0.5f;
+};
+using Shape = std::variant<BoxShape, SphereShape, CapsuleShape, CylinderShape>;
+
+// Tessellates `shape`, outward facing counter-clockwise. Fails (kInvalidArgument, field = the parameter's name) on a
+// size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may be 0).
+Result<MeshData> tessellate(const Shape& shape);
+
+}  // namespace sightline

@@ -1,0 +1,24 @@
+// A target: an instance of the mirror that the camera has to keep in view.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <optional>
+#include <vector>
+
+namespace sightline {
+
+inline constexpr size_t kMaxTargets = 32;  // visibility of a candidate is one bit a target in a uint32_t
+
+struct Target {
+  uint64_t instance_id = 0;
+  double weight = 1.0;   // >= 0; 0 = switched off: reported, never steered for
+  bool required = true;  // required targets come before optional ones in every fallback
+  // Where the camera looks and maps are taken from, instance frame, metres. Absent: centre of the bounding box.
+  std::optional<glm::dvec3> aim_offset_m;
+  uint32_t layer_mask = 0xFFFFFFFF;     // only instances with a layer in this mask occlude the target
+  std::vector<uint64_t> attached_ids;   // instances that are part of it (shield, vehicle): never occlude it
+  std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, whoever they belong to
+};
+
+}  // namespace sightline
