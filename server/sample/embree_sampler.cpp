@@ -1,0 +1,62 @@
+#include "server/sample/embree_sampler.h"
+
+#include "server/sample/embree_scene.h"
+
+namespace sightline {
+namespace {
+
+void take_map(const EmbreeScene& scene, const MapRequest& request, DepthMap& map) {
+  const MapView& view = request.view;
+  const size_t texels = static_cast<size_t>(view.width) * view.height;
+  map.view = view;
+  map.distance_m.resize(texels);
+  map.occluder.resize(texels);
+  const RayFilter filter{.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots};
+  size_t texel = 0;
+  for (int y = 0; y < view.height; ++y)
+    for (int x = 0; x < view.width; ++x, ++texel) {
+      // One unit of depth a unit of ray length, so that near_m is a plane as in a render.
+      const glm::vec3 direction(texel_direction(view, x, y));
+      const RayHit hit = scene.trace(view.eye_m, direction, static_cast<float>(view.near_m),
+                                     std::numeric_limits<float>::infinity(), filter);
+      map.distance_m[texel] = hit.distance_m * glm::length(direction);
+      map.occluder[texel] = hit.slot;
+    }
+}
+
+class EmbreeSampler final : public Sampler {
+ public:
+  explicit EmbreeSampler(EmbreeDevice& device) : scene_(device, EmbreeScene::Content::kOccluders) {}
+
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+    scene_.take_in(mirror);
+    maps.resize(requests.size());
+    for (size_t i = 0; i < requests.size(); ++i) take_map(scene_, requests[i], maps[i]);
+    maps_taken_ += requests.size();
+    return {};
+  }
+
+ private:
+  EmbreeScene scene_;
+};
+
+class EmbreeSamplerDevice final : public SamplerDevice {
+ public:
+  std::unique_ptr<Sampler> make_sampler() override { return std::make_unique<EmbreeSampler>(device_); }
+  std::string kind() const override { return "embree"; }
+  std::string description() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
+  size_t geometry_bytes() const override { return device_.geometry_bytes(); }
+
+ private:
+  EmbreeDevice device_;
+};
+
+}  // namespace
+
+static_assert(kNoOccluder == UINT32_MAX, "a ray that hits nothing reports slot UINT32_MAX");
+
+std::unique_ptr<SamplerDevice> make_embree_sampler_device() {
+  return std::make_unique<EmbreeSamplerDevice>();
+}
+
+}  // namespace sightline
