@@ -1,0 +1,56 @@
+// The candidate lattice (design 4.2): a cubic lattice anchored to the world, of which the bound selects the points
+// inside its ball. Anchored to the world, a cell is the same place while the camera moves, so what was learnt about it
+// stays true; cells are addressed toroidally (index modulo the side), so moving the bound copies nothing.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "server/aggregate/candidates.h"
+#include "server/bound/bound.h"
+
+namespace sightline {
+
+// Spacing for which a ball of `radius_m` holds about `candidates` lattice points, rounded down to a step of 2^(1/4), so
+// that small changes of the radius keep the lattice. The ball then holds between 1 and 1.7 times as many, give or
+// take the lattice points on its surface.
+double lattice_spacing_m(double radius_m, int candidates);
+
+class Lattice {
+ public:
+  // Lays the lattice over the bound and lists the cells inside it, x fastest. A new spacing forgets every cell. A cell
+  // that came into the bound at another cell's address forgets that one's state.
+  void cover(const Bound& bound, int candidates);
+
+  double spacing_m() const { return spacing_m_; }
+  int side() const { return side_; }  // addresses along each axis
+
+  // Of the covered cells, in the same order:
+  const std::vector<glm::dvec3>& positions_m() const { return positions_m_; }
+  const std::vector<uint32_t>& addresses() const { return addresses_; }
+
+  // What the last `remember` stored at an address for the cell that owns it now; 0 for a cell never remembered.
+  uint32_t last_visible(uint32_t address) const { return cells_[address].visible_targets; }
+  // How many steps this cell has been inside the bound since it got its address.
+  uint32_t steps_known(uint32_t address) const { return cells_[address].steps_known; }
+  // Stores this step's visibility; visible_targets runs parallel to positions_m().
+  void remember(const std::vector<uint32_t>& visible_targets);
+
+ private:
+  struct Cell {
+    glm::ivec3 index{INT32_MIN};  // which lattice point owns this address
+    uint32_t visible_targets = 0;
+    uint32_t steps_known = 0;
+  };
+  uint32_t address_of(const glm::ivec3& index) const;
+  void resize(double spacing_m, int side);
+
+  double spacing_m_ = 0.0;
+  int side_ = 0;
+  std::vector<Cell> cells_;
+  std::vector<glm::dvec3> positions_m_;
+  std::vector<uint32_t> addresses_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,33 @@
+// Body: the camera is a sphere that never touches a collider (design 6). A velocity is taken only when the sphere can move
+// along it for the step *and then brake to a stop* in free space, so that at every step there is a safe way on: braking.
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include "server/base/camera.h"
+#include "server/scene/clearance.h"
+
+namespace sightline {
+
+// Kept between the body and every collider, so that rounding and 1 mm sweeps never add up to a touch.
+inline constexpr double kBodySkinM = 0.01;
+
+struct SafeMove {
+  glm::dvec3 velocity_mps{0.0};
+  bool overlap = false;   // the body touches a collider now: a collider moved into it, or it was put there
+  bool deflected = false; // not the velocity that was wanted
+};
+
+// The velocity nearest to `wanted_mps` (which already obeys the limits) that is safe: as wanted, slower, along the surface in
+// the way, or braking. When the body overlaps a collider, the velocity that leaves it soonest. The result obeys the limits.
+// Colliders are taken where the field was gathered; it must cover the camera's reach for braking plus its radius.
+SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
+                   const ClearanceField& field, double dt_s);
+
+// True when the body can go straight from one place to the other.
+bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m, double body_radius_m);
+
+// The radius that is swept: the body's, or the distance to the near plane's corners where that is more.
+double swept_radius_m(const CameraLimits& limits, const Lens& lens);
+
+}  // namespace sightline

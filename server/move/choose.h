@@ -1,0 +1,73 @@
+// Choose: the goal among the candidates (paper 3.4, strategy "Basic"), with the ordered fallbacks of design 6: S_V, then
+// the best partial view by target weight (required before optional), then escape, then hold.
+//
+// What Basic leaves open is nearest to *what*. Here: to the desired place (see DesiredPlace), which is the place that keeps
+// the shot when targets walk, and the camera's own place when `follow` is kStay (the method as printed).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/aggregate/candidates.h"
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/move/decision.h"
+#include "server/scene/target.h"
+
+namespace sightline {
+
+enum class Follow {
+  kOffset,  // the camera wants the place relative to the targets that it had at the start or at the last observed cut
+  kStay,    // the camera wants to stay where it is
+};
+
+struct MoveSettings {
+  Follow follow = Follow::kOffset;
+  double min_distance_m = 1.0;      // [0, 1000]; to the nearest target: nearer candidates are not taken
+  double max_distance_m = 30.0;     // (min, 10000]; to the weighted centre
+  double min_elevation_rad = -0.3;  // [-pi/2, pi/2]; of the camera above the horizontal, seen from the centre
+  double max_elevation_rad = 1.4;   // (min, pi/2]
+};
+Status validate(const MoveSettings& settings);
+
+// What the choice needs to know of a target this tick.
+struct TargetView {
+  glm::dvec3 aim_m{0.0};       // world
+  double radius_m = 0.0;       // of its bounding sphere
+  glm::dvec3 velocity_mps{0.0};
+  double weight = 1.0;
+  bool required = true;
+  bool steered() const { return weight > 0; }
+};
+
+// Weighted centre of the steered targets; required and optional alike. Must have at least one.
+glm::dvec3 weighted_center_m(std::span<const TargetView> targets);
+
+// The place that the camera wants: `offset_m` from the weighted centre, pushed outwards until the whole group fits the
+// picture (dolly), clamped to the distance and elevation limits.
+glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3& offset_m, const Lens& lens,
+                           double framing_margin, const MoveSettings& settings);
+
+// A place the camera may not want by the distance or elevation limits.
+bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets, const MoveSettings& settings);
+
+struct Choice {
+  MoveStatus status = MoveStatus::kHolding;
+  MoveReason reason = MoveReason::kNoTargets;
+  int candidate = -1;  // index into the set, or -1: stay
+};
+
+// True when the camera body can go straight to a place.
+using Reachable = std::function<bool(const glm::dvec3& place_m)>;
+
+// At most this many places of one set are tested for reachability, nearest first: it bounds the cost of a step.
+inline constexpr int kMaxReachTests = 24;
+
+// `order` is scratch memory, reused. Candidates outside the limits are taken only when none inside is left.
+Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
+                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
+
+}  // namespace sightline

@@ -1,0 +1,54 @@
+// Conventions: from the client's world to the canonical one and back (design 2).
+//
+// Let M be the matrix whose columns are the canonical images of the client's axes (a signed permutation) and s the
+// metres per unit. Then p_canonical = s M p_client - origin, R_canonical = M R_client M^T (a rotation even where M mirrors), and
+// a camera's rotation is rebuilt from its forward and up axes, since the client's camera looks along another axis.
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/base/transform.h"
+
+namespace sightline {
+
+struct Convention {
+  glm::dmat3 canonical_from_client{1.0};     // signed permutation; determinant -1 for left-handed clients
+  double metres_per_unit = 1.0;              // [1e-6, 1e6]
+  glm::dvec3 camera_forward{0, 0, -1};       // client axes
+  glm::dvec3 camera_up{0, 1, 0};
+  bool horizontal_fov = false;
+  bool degrees = false;
+  glm::dvec3 origin_m{0.0};                  // canonical metres; subtracted from every position
+};
+
+Convention gltf_convention();
+Convention godot_convention();
+Convention unity_convention();
+Convention unreal_convention();
+Convention ros_convention();
+// Fails (kInvalidArgument; field "convention.custom.<...>") unless the columns are a signed permutation, forward and up are
+// different axes, and the scale is in range.
+Status validate(const Convention& convention);
+
+glm::dvec3 position_from_client(const Convention& c, const glm::dvec3& p_units);
+glm::dvec3 position_to_client(const Convention& c, const glm::dvec3& p_m);
+glm::dvec3 vector_from_client(const Convention& c, const glm::dvec3& v_units);  // velocities, offsets
+glm::dvec3 vector_to_client(const Convention& c, const glm::dvec3& v_m);
+// Extents along axes: signs dropped, axes permuted, scaled.
+glm::dvec3 extent_from_client(const Convention& c, const glm::dvec3& extent_units);
+// Per-axis factors: axes permuted, not scaled by the unit.
+glm::dvec3 scale_from_client(const Convention& c, const glm::dvec3& scale);
+glm::dquat rotation_from_client(const Convention& c, const glm::dquat& r);
+glm::dquat rotation_to_client(const Convention& c, const glm::dquat& r);
+// Angular velocity is an axial vector: under a mirror it changes sign.
+glm::dvec3 angular_velocity_to_client(const Convention& c, const glm::dvec3& w);
+// world_from_camera with the client's own camera axes.
+Pose camera_from_client(const Convention& c, const Pose& client_pose);
+Pose camera_to_client(const Convention& c, const Pose& pose);
+// Full field of view in the client's axis and unit <-> vertical radians.
+double fov_from_client(const Convention& c, double fov, double aspect);
+double fov_to_client(const Convention& c, double vertical_rad, double aspect);
+
+}  // namespace sightline

@@ -1,0 +1,123 @@
+// One step of Sightline. READ THIS FIRST: the method is the body of `take_step` in step.cpp,
+//   bound -> sample -> aggregate -> move    (paper sections 3.1 - 3.4).
+//
+// A step is a pure function of (memory, inputs): no clock decides anything, no random device, no global. The same memory
+// and inputs give the same result bit for bit on one sampler.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/aggregate/compose.h"
+#include "server/aggregate/lattice.h"
+#include "server/aggregate/pair_volume.h"
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/bound/bound.h"
+#include "server/move/body.h"
+#include "server/move/choose.h"
+#include "server/move/decision.h"
+#include "server/move/framing.h"
+#include "server/move/motion.h"
+#include "server/sample/plan.h"
+#include "server/sample/sampler.h"
+#include "server/scene/mirror.h"
+#include "server/scene/target.h"
+
+namespace sightline {
+
+struct StepSettings {
+  BoundSettings bound;
+  SampleSettings sample;
+  AggregateSettings aggregate;
+  MoveSettings move;
+  FramingSettings framing;
+};
+// The first setting out of range, e.g. field "bound.horizon_s".
+Status validate(const StepSettings& settings);
+
+// Everything that a step reads besides the memory. References must outlive the call.
+struct StepInput {
+  const SceneMirror& scene;
+  std::span<const Target> targets;  // at most kMaxTargets; each an instance of the scene
+  const CameraLimits& limits;
+  const StepSettings& settings;
+  Lens lens;
+  uint64_t seed = 0;
+  uint64_t tick = 0;
+  double dt_s = 0.0;  // >= 0; 0: paused
+};
+
+// Stage clock, injected so that tests and replays can do without one: returns nanoseconds, monotonic.
+using StageClock = std::function<int64_t()>;
+
+enum class Stage { kBound, kSample, kAggregate, kMove };
+inline constexpr size_t kStageCount = 4;
+
+// What one session carries from step to step, and scratch memory that is reused.
+struct StepMemory {
+  CameraState camera;
+  TurnState turn;
+  double vertical_fov_rad = 0.0;       // present zoom; 0 before the first step
+  bool has_offset = false;
+  glm::dvec3 desired_offset_m{0.0};    // from the targets' weighted centre to the place that the camera wants
+  uint32_t offset_targets = 0;         // for which set of steered targets (their number and ids, hashed) it holds
+  double horizon_s = 0.0;              // grows while escaping
+  Lattice lattice;
+
+  // Intermediates of the last step: what is dumped and drawn.
+  Bound bound;
+  std::vector<TargetView> target_views;
+  std::vector<MapRequest> requests;
+  std::vector<MapView> views;
+  std::vector<std::vector<uint32_t>> ignored_slots;  // by target
+  std::vector<MapRange> maps_of_target;
+  std::vector<DepthMap> maps;
+  CandidateSet candidates;
+  SightCounts counts;
+  ClearanceField colliders;
+  std::vector<uint32_t> order;
+};
+
+// Puts the camera at `pose` with velocity zero, as at the start or at a cut: the desired place and the escape are forgotten.
+void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& velocity_mps);
+
+struct TargetSight {
+  uint64_t id = 0;
+  double visible_share = 0.0;          // sampled points seen from the returned pose
+  bool in_picture = false;
+  double distance_m = 0.0;
+  uint64_t occluder_id = 0;            // what hides it; 0: nothing
+};
+
+struct StepFlags {
+  bool dt_capped = false;        // dt was over kMaxStepS: the camera moved for kMaxStepS
+  bool resampled_faces = false;  // cube faces were taken for some target
+  bool body_overlap = false;
+};
+
+struct StepResult {
+  CameraState camera;
+  double vertical_fov_rad = 0.0;
+  MoveStatus status = MoveStatus::kHolding;
+  MoveReason reason = MoveReason::kNoTargets;
+  Volume volume = Volume::kLattice;
+  // Why the pair volume was not used although asked for; empty when it was, or was not asked for.
+  bool pair_asked = false;
+  bool pair_needs_two = false;
+  PairGap pair_gap = PairGap::kNone;
+  std::vector<TargetSight> targets;   // in the order of the input
+  int chosen_candidate = -1;
+  StepFlags flags;
+  std::array<int64_t, kStageCount> stage_ns{};
+};
+
+// Fails only when the sampler does (kUnavailable); the memory's camera is then where it was.
+Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler, const StageClock& clock);
+
+}  // namespace sightline
