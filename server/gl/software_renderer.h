@@ -1,0 +1,32 @@
+// Mesa's software renderers: recognising them, and the environment that they read.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace sightline {
+
+// True for the GL_RENDERER of llvmpipe, softpipe and swrast.
+bool is_software_renderer(std::string_view gl_renderer);
+
+// CPUs' worth of time that this process may use: the smaller of its affinity mask and the quota of its control group
+// (version 2, or 1), rounded up, at least 1.
+int cpu_budget();
+
+// The quota in CPUs of one `cpu.max` file ("200000 100000" is 2); nothing for "max" or malformed text.
+std::optional<double> parse_cpu_max(const std::string& text);
+
+// Sets, where the environment has no value yet,
+//   LP_NUM_THREADS             what rasterises: kMapRasterThreads, never more than the CPU budget. Mesa would start one
+//                              thread for each CPU of the machine, whatever the quota;
+//   MESA_SHADER_CACHE_DISABLE  "true": a daemon with a read-only home must not write a cache.
+// Changes the environment, so it belongs at the start of main, before any thread and before EGL is touched; Mesa
+// reads the values once.
+void prepare_software_rendering();
+
+// Depth maps are a few thousand texels: they fit one or two of llvmpipe's 64 x 64 tiles, and waking a rasteriser thread
+// costs more than it gains. 0 = the calling thread rasterises.
+inline constexpr int kMapRasterThreads = 0;
+
+}  // namespace sightline
