@@ -3,8 +3,10 @@
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
+#include <string_view>
 
 #include "server/gl/software_renderer.h"
 
@@ -26,8 +28,14 @@ std::vector<EGLDeviceEXT> devices() {
   return found;
 }
 
-bool has_word(const char* words, const std::string& word) {
-  return words && (" " + std::string(words) + " ").find(" " + word + " ") != std::string::npos;
+// Whether the space-separated `words` hold `word`.
+bool has_word(const char* words, std::string_view word) {
+  for (std::string_view rest = words ? words : ""; !rest.empty();) {
+    const size_t length = std::min(rest.find(' '), rest.size());
+    if (rest.substr(0, length) == word) return true;
+    rest.remove_prefix(std::min(length + 1, rest.size()));
+  }
+  return false;
 }
 
 tl::unexpected<Error> unavailable(const std::string& what) {
