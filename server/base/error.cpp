@@ -23,4 +23,8 @@ std::string to_string(const Error& error) {
   return text.append(": ").append(error.message);
 }
 
+std::string indexed(std::string_view list, size_t i) {
+  return std::string(list).append("[").append(std::to_string(i)).append("]");
+}
+
 }  // namespace sightline

@@ -36,6 +36,9 @@ struct Error {
 // "invalid argument: tick.dt_s: must be positive, got -1"
 std::string to_string(const Error& error);
 
+// "list[7]": the field path of one element.
+std::string indexed(std::string_view list, size_t i);
+
 template <typename T>
 using Result = tl::expected<T, Error>;
 using Status = tl::expected<void, Error>;

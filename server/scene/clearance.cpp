@@ -1,0 +1,213 @@
+#include "server/scene/clearance.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+
+namespace sightline {
+namespace {
+
+// A sphere that overlaps by less than this is taken to touch: one that a sweep brought into contact can slide away.
+constexpr double kTouchM = 1e-9;
+// An approach slower than this per metre of path counts as sliding along: over 10 m it adds up to kTouchM.
+constexpr double kLeastApproach = 1e-10;
+// A sweep ends when it can advance no further than this; what it may then fall short by is far below 1 mm.
+constexpr double kLeastAdvanceM = 1e-7;
+
+glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
+  const glm::dvec3 ab = b - a;
+  const double squared = glm::dot(ab, ab);
+  return squared > 0 ? a + ab * std::clamp(glm::dot(p - a, ab) / squared, 0.0, 1.0) : a;
+}
+
+glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  glm::dvec3 best = closest_on_segment(p, a, b);
+  for (const glm::dvec3& q : {closest_on_segment(p, b, c), closest_on_segment(p, c, a)})
+    if (glm::distance(p, q) < glm::distance(p, best)) best = q;
+  return best;
+}
+
+double distance_to_box(const glm::dvec3& p, const Aabb& box) {
+  const glm::dvec3 outside =
+      glm::max(glm::max(glm::dvec3(box.min) - p, p - glm::dvec3(box.max)), glm::dvec3(0.0));
+  return glm::length(outside);
+}
+
+// A straight move in one collider's frame: from + s * move, s in [0, 1].
+struct Sweep {
+  glm::dvec3 from, move;
+  double margin;  // at least the sphere's radius, in this frame
+
+  // The first s at which the point is inside `box` grown by the margin; infinity when it never is.
+  double enters(const Aabb& box) const {
+    double first = 0.0, last = 1.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double low = box.min[axis] - margin - from[axis], high = box.max[axis] + margin - from[axis];
+      if (move[axis] == 0) {
+        if (low > 0 || high < 0) return INFINITY;
+        continue;
+      }
+      const double a = low / move[axis], b = high / move[axis];
+      first = std::max(first, std::min(a, b));
+      last = std::min(last, std::max(a, b));
+    }
+    return first <= last ? first : INFINITY;
+  }
+};
+
+// Added where boxes are compared, so that rounding never prunes a contact.
+constexpr double kPruneSlackM = 1e-6;
+
+using Corners = std::array<glm::vec3, 3>;
+
+Corners corners(const Geometry& geometry, uint32_t first_index) {
+  const uint32_t* i = geometry.indices.data() + first_index;
+  return {geometry.positions[i[0]], geometry.positions[i[1]], geometry.positions[i[2]]};
+}
+
+Aabb bounds_of(const Corners& t) {
+  return {glm::min(t[0], glm::min(t[1], t[2])), glm::max(t[0], glm::max(t[1], t[2]))};
+}
+
+// Visits the triangles of `tree` whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes first.
+// `limit` may fall while `visit(corners)` is called.
+template <typename Bound, typename Limit, typename Visit>
+void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Limit limit, Visit visit) {
+  struct Entry {
+    uint32_t node;
+    double bound;
+  };
+  if (tree.empty()) return;
+  std::array<Entry, kMaxTreeDepth + 1> stack;
+  size_t depth = 0;
+  stack[depth++] = {0, bound(tree[0].bounds)};
+  while (depth > 0) {
+    const Entry entry = stack[--depth];
+    if (!(entry.bound < limit())) continue;
+    const TreeNode& node = tree[entry.node];
+    if (!node.is_leaf()) {
+      Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)}, far{node.right, bound(tree[node.right].bounds)};
+      if (far.bound < near.bound) std::swap(near, far);
+      assert(depth + 2 <= stack.size());
+      stack[depth++] = far;
+      stack[depth++] = near;
+      continue;
+    }
+    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; i += 3) {
+      const Corners triangle = corners(geometry, i);
+      if (bound(bounds_of(triangle)) < limit()) visit(triangle);
+    }
+  }
+}
+
+// How far a sphere moves from `from` along unit `direction` before it touches the triangle, at most `length_m`.
+// The distance of a moving point from a convex set is convex in time, so Newton's method from the left never
+// oversteps the first contact, and a distance that grows will never shrink again: conservative advancement with the
+// directional bound (van den Bergen, "Ray casting against general convex objects", 2004).
+double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
+               const std::array<glm::dvec3, 3>& triangle) {
+  double moved = 0.0;
+  for (int step = 0; step < 100 && moved < length_m; ++step) {
+    const glm::dvec3 p = from + direction * moved;
+    const glm::dvec3 away = p - closest_on_triangle(p, triangle[0], triangle[1], triangle[2]);
+    const double distance = glm::length(away);
+    if (step == 0 && distance < radius_m - kTouchM) return 0.0;
+    if (distance == 0) return moved;  // only a point (radius 0) gets this far
+    const double approach = -glm::dot(direction, away) / distance;
+    if (approach <= kLeastApproach) return length_m;
+    const double free = (distance - radius_m) / approach;
+    if (free < kLeastAdvanceM) return moved;
+    moved += free;
+  }
+  return std::min(moved, length_m);
+}
+
+}  // namespace
+
+glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  const glm::dvec3 ab = b - a, ac = c - a, ap = p - a;
+  const double d1 = glm::dot(ab, ap), d2 = glm::dot(ac, ap);
+  if (d1 <= 0 && d2 <= 0) return a;
+  const glm::dvec3 bp = p - b;
+  const double d3 = glm::dot(ab, bp), d4 = glm::dot(ac, bp);
+  if (d3 >= 0 && d4 <= d3) return b;
+  const glm::dvec3 cp = p - c;
+  const double d5 = glm::dot(ab, cp), d6 = glm::dot(ac, cp);
+  if (d6 >= 0 && d5 <= d6) return c;
+  const double vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
+  // Outside an edge, or so thin that rounding decides: the edges are always right then.
+  if (vc <= 0 || vb <= 0 || va <= 0) return closest_on_edges(p, a, b, c);
+  const double scale = 1.0 / (va + vb + vc);
+  return a + ab * (vb * scale) + ac * (vc * scale);
+}
+
+void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                            std::span<const uint32_t> ignored_slots) {
+  colliders_.clear();
+  const std::span<const Instance> instances = mirror.instances();
+  for (uint32_t slot = 0; slot < instances.size(); ++slot) {
+    const Instance& instance = instances[slot];
+    if (!instance.geometry || !instance.collides()) continue;
+    const glm::dvec3 apart = instance.center_m - center_m;
+    const double reach = reach_m + instance.radius_m;
+    if (glm::dot(apart, apart) > reach * reach) continue;
+    if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) continue;
+    const Affine back = inverse(instance.world_from_instance);
+    colliders_.push_back({&instance, back, 1.0 / max_stretch(back)});
+  }
+}
+
+double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
+  glm::dvec3 surface_m;
+  return nearest(point_m, reach_m, surface_m) ? glm::distance(point_m, surface_m) : reach_m;
+}
+
+bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const {
+  double best = reach_m;
+  bool found = false;
+  for (const Collider& collider : colliders_) {
+    const Instance& instance = *collider.instance;
+    if (glm::distance(point_m, instance.center_m) - instance.radius_m > best) continue;
+    const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
+    const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
+    const auto visit = [&](const Corners& t) {
+      const Affine& map = instance.world_from_instance;
+      const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]), transform_point(map, t[1]),
+                                               transform_point(map, t[2]));
+      const double distance = glm::distance(point_m, q);
+      if (distance < best) best = distance, surface_m = q, found = true;
+    };
+    for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
+      search(*instance.geometry, *tree, bound, [&] { return best; }, visit);
+  }
+  return found;
+}
+
+double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const {
+  const double length = glm::distance(from_m, to_m);
+  const glm::dvec3 direction = length > 0 ? (to_m - from_m) / length : glm::dvec3(0.0);
+  // A path too short to have a direction is free or not as its start is.
+  if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
+  double free = length;
+  for (const Collider& collider : colliders_) {
+    const Instance& instance = *collider.instance;
+    const glm::dvec3 nearest_on_path = closest_on_segment(instance.center_m, from_m, to_m);
+    if (glm::distance(nearest_on_path, instance.center_m) > instance.radius_m + radius_m) continue;
+    const Affine& map = instance.world_from_instance;
+    const Sweep sweep{transform_point(collider.instance_from_world, from_m),
+                      transform_vector(collider.instance_from_world, to_m - from_m),
+                      (radius_m + kPruneSlackM) / collider.min_stretch};
+    const auto visit = [&](const Corners& t) {
+      free = std::min(free, advance(from_m, direction, free, radius_m,
+                                    {transform_point(map, t[0]), transform_point(map, t[1]),
+                                     transform_point(map, t[2])}));
+    };
+    for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
+      search(*instance.geometry, *tree, [&](const Aabb& box) { return length * sweep.enters(box); },
+             [&] { return free; }, visit);
+  }
+  return free / length;
+}
+
+}  // namespace sightline

@@ -10,7 +10,8 @@
 
 namespace sightline {
 
-// The colliders near one place, gathered once a step, then asked many times. Exact: distances are to triangles.
+// The colliders near one place, gathered once a step, then asked many times. Exact: distances are to triangles, both
+// sides alike, see-through ones too; a point inside a solid is as far from it as from its surface.
 // Not thread-safe; keep one per session and call gather again, it reuses its memory. The mirror must outlive the
 // queries and not change between gather and them.
 class ClearanceField {
@@ -26,9 +27,11 @@ class ClearanceField {
   // The same with the nearest surface point; false when nothing is within reach.
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
-  // How far a sphere of `radius_m` can move from `from_m` straight towards `to_m` before it touches anything: a
-  // fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already overlaps.
-  // Conservative advancement: a sphere at p is free within clearance(p) - radius.
+  // How far a sphere of `radius_m` (>= 0) can move from `from_m` straight towards `to_m` before it touches anything: a
+  // fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already overlaps (by more than
+  // 1e-9 m: a sphere that just touches may slide along or leave). The path plus `radius_m` must lie inside the gathered
+  // ball. Conservative advancement per triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems",
+  // 1996), which does not stall on a path that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
   size_t collider_count() const { return colliders_.size(); }
@@ -37,8 +40,7 @@ class ClearanceField {
   struct Collider {
     const Instance* instance;
     Affine instance_from_world;
-    double max_stretch;  // of world_from_instance, for pruning in the instance's own frame
-    double min_stretch;
+    double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
   };
   std::vector<Collider> colliders_;
 };

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -22,6 +23,10 @@ namespace sightline {
 // Opacity from here up occludes (design 4; Roblox's camera uses the same figure).
 inline constexpr float kOccludingOpacity = 0.75f;
 inline constexpr uint32_t kMaxClusterTriangles = 64;
+// No leaf lies deeper below its root: a traversal's stack may have this fixed size.
+inline constexpr int kMaxTreeDepth = 64;
+// Largest magnitude of any coordinate of a mesh, and of any instance's position: beyond it float bounds overflow.
+inline constexpr float kMaxCoordinateM = 1e9f;
 
 struct Aabb {
   glm::vec3 min{std::numeric_limits<float>::infinity()};
@@ -46,8 +51,8 @@ struct TreeNode {
 // Depth-first order, root first; empty when there are no triangles.
 using TriangleTree = std::vector<TreeNode>;
 
-// What a geometry is made from. `indices` are triples into `positions`. Triangles from `see_through_first_index` on
-// are see-through; by default none is.
+// What a geometry is made from. `indices` are triples into `positions`. Triangles from `see_through_first_index` (a
+// multiple of 3, or beyond the end) on are see-through; by default none is.
 struct MeshData {
   std::vector<glm::vec3> positions;  // metres, in the mesh's own frame
   std::vector<uint32_t> indices;
@@ -70,22 +75,34 @@ class Geometry {
   size_t bytes() const;
 };
 
-// Builds clusters and trees. Degenerate triangles are dropped. Fails with kInvalidArgument (field "indices" or
-// "positions") on an index out of range, an index count that is not a multiple of 3, or a position that is not finite.
+// The name of a mesh's content: equal for equal positions, indices and see-through split.
+ContentHash hash_mesh(const MeshData& mesh);
+
+// Builds clusters and trees: top-down, binned surface-area heuristic (Wald, "On fast construction of SAH-based bounding
+// volume hierarchies", 2007) with the cost counted in clusters, so that leaves are well filled. Triangles of zero area
+// are dropped; unused positions are kept. A mesh without triangles gives empty trees and an empty `bounds`.
+// Fails with kInvalidArgument (field "indices", "positions" or "see_through_first_index") on an index out of range, an
+// index count that is not a multiple of 3, or a position that is not finite or beyond kMaxCoordinateM.
 // Deterministic: equal input gives equal output.
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
-// Keeps one copy of each geometry as long as somebody holds it. Thread-safe; building happens outside the lock.
+// Keeps one copy of each geometry as long as somebody holds it. Thread-safe; building happens outside the lock. Need
+// not outlive what it handed out.
 class GeometryStore {
  public:
+  // The geometry of this content: the living copy, or a new one. Fails as build_geometry does.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
   // Bytes of all geometries alive now, each counted once.
   size_t live_bytes() const;
   size_t live_count() const;
 
  private:
+  std::shared_ptr<const Geometry> find(const ContentHash& hash) const;
+  void forget_dead();  // needs mutex_
+
   mutable std::mutex mutex_;
   std::unordered_map<ContentHash, std::weak_ptr<const Geometry>> by_hash_;  // guarded by mutex_
+  size_t forget_at_size_ = 64;                                              // guarded by mutex_
 };
 
 }  // namespace sightline

@@ -30,7 +30,7 @@ struct CylinderShape {
 using Shape = std::variant<BoxShape, SphereShape, CapsuleShape, CylinderShape>;
 
 // Tessellates `shape`, outward facing counter-clockwise. Fails (kInvalidArgument, field = the parameter's name) on a
-// size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may be 0).
+// size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may also be 0).
 Result<MeshData> tessellate(const Shape& shape);
 
 }  // namespace sightline
