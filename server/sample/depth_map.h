@@ -48,7 +48,7 @@ MapPoint project(const MapView& view, const glm::dvec3& point_m);
 struct MapRequest {
   MapView view;
   uint32_t layer_mask = 0xFFFFFFFF;         // draws instances with (layers & layer_mask) != 0
-  std::span<const uint32_t> ignored_slots;  // ascending mirror slots that are left out; must outlive the call
+  std::span<const uint32_t> ignored_slots = {};  // ascending mirror slots that are left out; must outlive the call
 };
 
 // Row-major from the bottom row: texel (x, y) is at y * width + x.

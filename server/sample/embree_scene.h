@@ -51,7 +51,7 @@ struct RayHit {
 // What a ray may hit.
 struct RayFilter {
   uint32_t layer_mask = 0xFFFFFFFF;
-  std::span<const uint32_t> ignored_slots;  // ascending
+  std::span<const uint32_t> ignored_slots = {};  // ascending
   uint32_t only_slot = UINT32_MAX;          // when set, everything else is transparent
 };
 
