@@ -34,11 +34,12 @@ struct AssetNode {
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};
   glm::dvec3 scale{1.0};
   Affine parent_from_node = identity_affine();
+  bool decomposed = true;                 // the three values above say the same as parent_from_node
   int mesh = -1;                          // index into meshes
   int camera = -1;                        // index into cameras
   std::vector<Affine> gpu_instances;      // EXT_mesh_gpu_instancing: node_from_instance of each; empty = one, identity
   InstanceAttributes attributes;          // from extras.sightline {layers, opacity, occludes, collides, visible}
-  std::string extras_json;                // the node's `extras`, verbatim JSON; empty when absent
+  std::string extras_json;                // the node's `extras` as compact JSON; empty when absent
 };
 
 struct AssetCamera {
@@ -69,9 +70,10 @@ struct SceneAsset {
   ContentHash hash;                 // of the file's bytes and of every file it refers to
   std::vector<std::shared_ptr<const Geometry>> meshes;  // all primitives of a glTF mesh as one geometry; null if empty
   std::vector<std::string> mesh_names;
-  std::vector<AssetNode> nodes;     // the nodes of the default scene (all root nodes when there is none)
+  std::vector<AssetNode> nodes;     // of the default scene, else of the first; of all roots when there are no scenes
   std::vector<AssetCamera> cameras;
   std::vector<AssetAnimation> animations;
+  std::vector<std::string> extensions_used;
   std::vector<std::string> warnings;  // e.g. "skins[0]: drawn in rest pose"
   size_t triangle_count() const;      // as instanced: what a renderer would draw
 };

@@ -1,0 +1,149 @@
+// Reading a glTF file, step by step. Each step trusts what the one before it checked.
+#include "server/scene/gltf.h"
+
+#include <filesystem>
+
+#include "server/scene/confined_folder.h"
+#include "server/scene/gltf_buffers.h"
+#include "server/scene/gltf_container.h"
+#include "server/scene/gltf_document.h"
+#include "server/scene/gltf_extras.h"
+#include "server/scene/gltf_json.h"
+
+namespace sightline {
+namespace {
+
+// The copy that tinygltf gets names no file and no image; should it ask all the same, it gets nothing.
+void forbid_io(tinygltf::TinyGLTF& reader) {
+  tinygltf::FsCallbacks none{};
+  none.FileExists = [](const std::string&, void*) { return false; };
+  none.ExpandFilePath = [](const std::string&, void*) { return std::string(); };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; };
+  none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
+    return false;
+  };
+  reader.SetFsCallbacks(none);
+  reader.SetImageLoader([](tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*, int,
+                           void*) { return true; },
+                        nullptr);
+}
+
+Status parse_model(const nlohmann::json& json, tinygltf::Model& model) {
+  const std::string text = reduce_gltf_json(json).dump();
+  tinygltf::TinyGLTF reader;
+  forbid_io(reader);
+  std::string errors, warnings;
+  const bool parsed =
+      reader.LoadASCIIFromString(&model, &errors, &warnings, text.data(), static_cast<unsigned>(text.size()), "");
+  // tinygltf reports some members that it dropped only in the text.
+  if (!parsed || !errors.empty()) return invalid("json", errors.empty() ? "cannot be read" : errors);
+  return {};
+}
+
+Status read_node_extras(const nlohmann::json& json, GltfDocument& document) {
+  if (!json.contains("nodes")) return {};
+  const nlohmann::json& nodes = json["nodes"];
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const auto attributes = read_instance_attributes(nodes[i], gltf_path("nodes", i));
+    if (!attributes) return tl::unexpected(attributes.error());
+    document.node_attributes.push_back(*attributes);
+    document.node_extras.push_back(nodes[i].contains("extras") ? nodes[i]["extras"].dump() : std::string());
+  }
+  return {};
+}
+
+// One hash for the file and whatever it refers to.
+ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentHash>& external) {
+  const ContentHash own = hash_bytes(bytes);
+  if (external.empty()) return own;
+  std::vector<ContentHash> all{own};
+  all.insert(all.end(), external.begin(), external.end());
+  return hash_bytes(std::as_bytes(std::span(all)));
+}
+
+GltfBudget budget_of(const GltfLimits& limits) {
+  return {limits.max_triangles, 3 * limits.max_triangles, limits.max_instances, limits.max_animation_values};
+}
+
+void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
+  if (!json.contains("extensionsUsed")) return;
+  for (const auto& name : json["extensionsUsed"]) asset.extensions_used.push_back(name.get<std::string>());
+}
+
+Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes, const ExternalFile& external,
+                                                        GeometryStore& store, const GltfLimits& limits) {
+  // 1. The container: which bytes are JSON.
+  const auto container = split_gltf_container(bytes);
+  if (!container) return tl::unexpected(container.error());
+  // 2. The JSON: bounded, then every type and reference.
+  const auto json = parse_gltf_json(container->json, limits);
+  if (!json) return tl::unexpected(json.error());
+  if (const Status s = check_gltf_json(*json, limits); !s) return tl::unexpected(s.error());
+  // 3. The buffers, and the structure through tinygltf.
+  GltfDocument document;
+  document.budget = budget_of(limits);
+  if (const Status s = load_gltf_buffers(*json, *container, external, limits, document); !s)
+    return tl::unexpected(s.error());
+  if (const Status s = parse_model(*json, document.model); !s) return tl::unexpected(s.error());
+  if (const Status s = read_node_extras(*json, document); !s) return tl::unexpected(s.error());
+  // 4. The asset.
+  auto asset = std::make_shared<SceneAsset>();
+  asset->hash = hash_of(bytes, document.external_hashes);
+  note_extensions(*json, *asset);
+  std::vector<int> asset_node_of;
+  if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s) return tl::unexpected(s.error());
+  if (const Status s = read_gltf_meshes(document, store, *asset); !s) return tl::unexpected(s.error());
+  if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s) return tl::unexpected(s.error());
+  asset->warnings = document.warnings.take();
+  return asset;
+}
+
+}  // namespace
+
+void GltfWarnings::add(std::string text) {
+  if (texts_.size() < kMax) texts_.push_back(std::move(text));
+  else if (texts_.size() == kMax)
+    texts_.push_back("further warnings left out");
+}
+
+Status GltfBudget::take(size_t& left, size_t amount, const std::string& field, const char* what) {
+  if (amount > left) return fail(ErrorCode::kResourceExhausted, field, std::string("too many ") + what + " in one file");
+  left -= amount;
+  return {};
+}
+
+std::string gltf_path(const char* collection, size_t index) {
+  return std::string(collection) + "[" + std::to_string(index) + "]";
+}
+
+Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes, const ExternalFile& external,
+                                                    GeometryStore& store, const GltfLimits& limits) {
+  if (bytes.size() > limits.max_file_bytes)
+    return fail(ErrorCode::kResourceExhausted, "", "the file is larger than " + std::to_string(limits.max_file_bytes) +
+                                                       " bytes");
+  try {
+    return read_document(bytes, external, store, limits);
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorCode::kResourceExhausted, "", "not enough memory to read the file");
+  } catch (const std::exception& e) {  // the JSON library and tinygltf throw; nothing of ours does
+    return fail(ErrorCode::kDataLoss, "json", e.what());
+  }
+}
+
+Result<std::shared_ptr<const SceneAsset>> read_gltf_file(const std::string& path, GeometryStore& store,
+                                                         const GltfLimits& limits) {
+  const std::filesystem::path file(path);
+  const auto folder = ConfinedFolder::open(file.has_parent_path() ? file.parent_path().string() : ".");
+  if (!folder) return tl::unexpected(folder.error());
+  // The file itself was named by the user and may be a link to anywhere; what it refers to may not leave its folder.
+  auto bytes = read_whole_file(path, limits.max_file_bytes);
+  if (!bytes) return tl::unexpected(std::move(bytes.error()));
+  const ExternalFile external = [&](const std::string& relative) -> Result<std::vector<std::byte>> {
+    auto content = folder->read(relative, limits.max_file_bytes);
+    if (!content) return tl::unexpected(std::move(content.error()));
+    return std::move(content->bytes);
+  };
+  return read_gltf(*bytes, external, store, limits);
+}
+
+}  // namespace sightline

@@ -6,8 +6,10 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "server/scene/asset.h"
 
@@ -21,6 +23,9 @@ struct GltfLimits {
   size_t max_nodes = 1'000'000;
   int max_node_depth = 64;
   int max_json_depth = 64;
+  size_t max_json_bytes = size_t{256} << 20;
+  size_t max_json_values = 32'000'000;
+  size_t max_animation_values = 50'000'000;  // numbers in all keys of all animations
 };
 
 // Returns the bytes of a file that the document refers to by relative URI (already percent-decoded, never containing

@@ -1,0 +1,129 @@
+#include "server/scene/scene_folder.h"
+
+#include <algorithm>
+#include <filesystem>
+
+namespace sightline {
+namespace {
+
+constexpr const char* kField = "scene.name";
+
+std::optional<ConfinedFolder> open_or_nothing(const std::string& path) {
+  if (path.empty()) return std::nullopt;
+  auto folder = ConfinedFolder::open(path);
+  if (!folder) return std::nullopt;
+  return std::move(*folder);
+}
+
+bool is_scene_name(const std::string& name) { return name.ends_with(".glb") || name.ends_with(".gltf"); }
+
+Error with_field(Error error, const std::string& field) {
+  if (error.field.empty()) error.field = field;
+  return error;
+}
+
+// "levels/one.gltf" -> "levels/"
+std::string folder_of(const std::string& name) {
+  const size_t slash = name.rfind('/');
+  return slash == std::string::npos ? "" : name.substr(0, slash + 1);
+}
+
+}  // namespace
+
+SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store)
+    : folder_(std::move(folder)), opened_(open_or_nothing(folder_)), limits_(limits), store_(store) {}
+
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name) {
+  if (folder_.empty()) return fail(ErrorCode::kFailedPrecondition, kField, "--scene-dir is not set");
+  if (!opened_) return fail(ErrorCode::kUnavailable, kField, "the scene folder cannot be opened");
+  if (!is_scene_name(name)) return invalid(kField, "must end in .glb or .gltf");
+  if (Asset asset = find_unchanged(name)) return asset;
+
+  std::vector<Source> sources;
+  auto asset = read_named(name, sources);
+  if (!asset) return asset;
+  const std::lock_guard lock(mutex_);
+  Asset shared = remember(std::move(*asset));
+  named_[name] = {std::move(sources), shared};
+  return shared;
+}
+
+// The lock is not held while the disk is asked.
+SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
+  Asset asset;
+  std::vector<Source> sources;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = named_.find(name);
+    if (known == named_.end()) return nullptr;
+    asset = known->second.asset.lock();
+    sources = known->second.sources;
+  }
+  if (!asset) return nullptr;
+  for (const Source& source : sources) {
+    const auto now = opened_->stamp(source.path);
+    if (!now || *now != source.stamp) return nullptr;
+  }
+  return asset;
+}
+
+Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name, std::vector<Source>& sources) const {
+  auto file = opened_->read(name, limits_.max_file_bytes);
+  if (!file) return tl::unexpected(with_field(std::move(file.error()), kField));
+  sources.push_back({name, file->stamp});
+  const ExternalFile external = [&](const std::string& relative) -> Result<std::vector<std::byte>> {
+    const std::string path = folder_of(name) + relative;
+    auto content = opened_->read(path, limits_.max_file_bytes);
+    if (!content) return tl::unexpected(std::move(content.error()));
+    sources.push_back({path, content->stamp});
+    return std::move(content->bytes);
+  };
+  auto asset = read_gltf(file->bytes, external, store_, limits_);
+  if (!asset) return tl::unexpected(with_field(std::move(asset.error()), kField));
+  return asset;
+}
+
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<const std::byte> bytes) {
+  auto asset = read_gltf(bytes, nullptr, store_, limits_);
+  if (!asset) return asset;
+  const std::lock_guard lock(mutex_);
+  Asset shared = remember(std::move(*asset));
+  std::erase(kept_uploads_, shared);
+  kept_uploads_.push_back(shared);
+  if (kept_uploads_.size() > kKeptUploads) kept_uploads_.erase(kept_uploads_.begin());
+  return shared;
+}
+
+// Two loads of the same content end up with one asset: the one that is still alive.
+SceneLibrary::Asset SceneLibrary::remember(Asset asset) {
+  std::erase_if(by_hash_, [](const auto& entry) { return entry.second.expired(); });
+  std::erase_if(named_, [](const auto& entry) { return entry.second.asset.expired(); });
+  std::weak_ptr<const SceneAsset>& known = by_hash_[asset->hash];
+  if (Asset alive = known.lock()) return alive;
+  known = asset;
+  return asset;
+}
+
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& hash) {
+  const std::lock_guard lock(mutex_);
+  if (const auto entry = by_hash_.find(hash); entry != by_hash_.end())
+    if (Asset asset = entry->second.lock()) return asset;
+  return fail(ErrorCode::kNotFound, "scene.hash", "no scene with the hash " + to_hex(hash) + " is loaded");
+}
+
+std::vector<std::string> SceneLibrary::names(size_t limit) const {
+  namespace fs = std::filesystem;
+  std::vector<std::string> found;
+  if (!opened_) return found;
+  std::error_code error;
+  const auto skip = fs::directory_options::skip_permission_denied;
+  for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().lexically_relative(folder_).generic_string();
+    if (is_scene_name(name) && opened_->stamp(name)) found.push_back(name);
+  }
+  std::sort(found.begin(), found.end());
+  if (found.size() > limit) found.resize(limit);
+  return found;
+}
+
+}  // namespace sightline

@@ -5,10 +5,13 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "server/scene/asset.h"
+#include "server/scene/confined_folder.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
@@ -16,11 +19,13 @@ namespace sightline {
 // Keeps loaded assets as long as some session uses them. Thread-safe.
 class SceneLibrary {
  public:
-  // `folder` may be empty: then nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set").
+  // `folder` may be empty: then nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). One that
+  // cannot be opened says so at every load_named. `store` must outlive the library.
   SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store);
 
   // "hall.glb" or "levels/one.gltf". Errors carry field "scene.name": kInvalidArgument for a name that leaves the
-  // folder, kNotFound, or what read_gltf says. A file that changed on disk is read anew.
+  // folder, kNotFound, or what read_gltf says with its own field. A file that changed on disk, or one of the files that
+  // it refers to, is read anew (told by modification time and size).
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
   // Reads uploaded bytes (no external files) and keeps the asset under its hash while it is used, and the newest
   // `kKeptUploads` ones even when unused, so that an upload is still there when the session opens.
@@ -34,14 +39,23 @@ class SceneLibrary {
   const GltfLimits& limits() const { return limits_; }
 
  private:
+  // What an asset was read from: the scene file and every file that it refers to.
+  struct Source {
+    std::string path;  // relative to the folder
+    FileStamp stamp;
+  };
   struct Named {
-    int64_t modified_ns = 0;
-    uint64_t size_bytes = 0;
+    std::vector<Source> sources;
     std::weak_ptr<const SceneAsset> asset;
   };
-  void remember(const std::shared_ptr<const SceneAsset>& asset);  // needs mutex_
+  using Asset = std::shared_ptr<const SceneAsset>;
 
-  const std::string folder_;  // canonical absolute path, or empty
+  Asset find_unchanged(const std::string& name);
+  Result<Asset> read_named(const std::string& name, std::vector<Source>& sources) const;
+  Asset remember(Asset asset);  // needs mutex_
+
+  const std::string folder_;
+  const std::optional<ConfinedFolder> opened_;  // absent when folder_ is empty or cannot be opened
   const GltfLimits limits_;
   GeometryStore& store_;
   std::mutex mutex_;

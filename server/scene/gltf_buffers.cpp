@@ -1,0 +1,132 @@
+#include "server/scene/gltf_buffers.h"
+
+#include <cstring>
+#include <map>
+
+namespace sightline {
+namespace {
+
+int hex_digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+// False on a '%' that two hexadecimal digits do not follow.
+bool percent_decode(const std::string& uri, std::string& decoded) {
+  for (size_t i = 0; i < uri.size(); ++i) {
+    if (uri[i] != '%') {
+      decoded.push_back(uri[i]);
+      continue;
+    }
+    if (uri.size() - i < 3 || hex_digit(uri[i + 1]) < 0 || hex_digit(uri[i + 2]) < 0) return false;
+    decoded.push_back(static_cast<char>(hex_digit(uri[i + 1]) * 16 + hex_digit(uri[i + 2])));
+    i += 2;
+  }
+  return true;
+}
+
+bool has_parent_segment(const std::string& path) {
+  for (size_t start = 0; start <= path.size();) {
+    const size_t end = std::min(path.find('/', start), path.size());
+    if (path.compare(start, end - start, "..") == 0) return true;
+    start = end + 1;
+  }
+  return false;
+}
+
+class BufferLoader {
+ public:
+  BufferLoader(const GltfContainer& container, const ExternalFile& external, const GltfLimits& limits,
+               GltfDocument& document)
+      : container_(container), external_(external), limits_(limits), document_(document) {}
+
+  Status load(const nlohmann::json& buffer, size_t index) {
+    const std::string field = gltf_path("buffers", index);
+    const size_t length = buffer["byteLength"].get<size_t>();
+    if (length > limits_.max_file_bytes - total_)
+      return fail(ErrorCode::kResourceExhausted, field + ".byteLength",
+                  "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
+    total_ += length;
+    const auto source = source_of(buffer, index, field);
+    if (!source) return tl::unexpected(source.error());
+    if (source->size() < length)
+      return fail(ErrorCode::kDataLoss, field,
+                  "needs " + std::to_string(length) + " bytes, there are " + std::to_string(source->size()));
+    document_.buffers.push_back(source->first(length));
+    return {};
+  }
+
+ private:
+  using Bytes = std::span<const std::byte>;
+
+  Result<Bytes> source_of(const nlohmann::json& buffer, size_t index, const std::string& field) {
+    if (!buffer.contains("uri")) {
+      if (index == 0 && container_.binary_chunk) return *container_.binary_chunk;
+      return invalid(field + ".uri", "is missing, and there is no binary chunk for it");
+    }
+    const std::string uri = buffer["uri"].get<std::string>();
+    return uri.starts_with("data:") ? from_data_uri(uri, field) : from_file(uri, field);
+  }
+
+  Result<Bytes> from_data_uri(const std::string& uri, const std::string& field) {
+    std::vector<unsigned char> decoded;
+    std::string mime_type;
+    if (!tinygltf::IsDataURI(uri) || !tinygltf::DecodeDataURI(&decoded, mime_type, uri, 0, false))
+      return fail(ErrorCode::kDataLoss, field + ".uri", "is not a base64 data URI of a known media type");
+    return own(std::as_bytes(std::span(decoded)));
+  }
+
+  Result<Bytes> from_file(const std::string& uri, const std::string& field) {
+    const auto path = relative_path_of_uri(uri, field + ".uri");
+    if (!path) return tl::unexpected(path.error());
+    if (const auto known = files_.find(*path); known != files_.end()) return known->second;
+    if (!external_)
+      return invalid(field + ".uri", "refers to the file \"" + *path + "\", which is not allowed here");
+    auto bytes = external_(*path);
+    if (!bytes) {
+      Error error = std::move(bytes.error());
+      if (error.field.empty()) error.field = field + ".uri";
+      return tl::unexpected(std::move(error));
+    }
+    document_.external_hashes.push_back(hash_bytes(*bytes));
+    document_.owned.push_back(std::move(*bytes));
+    return files_[*path] = document_.owned.back();
+  }
+
+  Bytes own(Bytes bytes) { return document_.owned.emplace_back(bytes.begin(), bytes.end()); }
+
+  const GltfContainer& container_;
+  const ExternalFile& external_;
+  const GltfLimits& limits_;
+  GltfDocument& document_;
+  std::map<std::string, Bytes> files_;  // several buffers may name one file
+  size_t total_ = 0;
+};
+
+}  // namespace
+
+Result<std::string> relative_path_of_uri(const std::string& uri, const std::string& field) {
+  std::string path;
+  if (!percent_decode(uri, path)) return invalid(field, "has a broken percent escape");
+  for (const char c : path)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F || c == '\\')
+      return invalid(field, "has a control character or a backslash");
+  if (path.empty() || path.front() == '/') return invalid(field, "must be a relative path");
+  if (path.substr(0, path.find('/')).find(':') != std::string::npos)
+    return invalid(field, "must be a relative path, not a URI with a scheme");
+  if (has_parent_segment(path)) return invalid(field, "must not contain \"..\"");
+  return path;
+}
+
+Status load_gltf_buffers(const nlohmann::json& json, const GltfContainer& container, const ExternalFile& external,
+                         const GltfLimits& limits, GltfDocument& document) {
+  if (!json.contains("buffers")) return {};
+  BufferLoader loader(container, external, limits, document);
+  for (size_t i = 0; i < json["buffers"].size(); ++i)
+    if (const Status status = loader.load(json["buffers"][i], i); !status) return status;
+  return {};
+}
+
+}  // namespace sightline

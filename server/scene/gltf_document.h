@@ -1,0 +1,64 @@
+// A glTF document between reading and conversion, and the parts of the conversion. Private to the reader.
+#pragma once
+
+#include <tiny_gltf.h>
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/scene/gltf.h"
+
+namespace sightline {
+
+// Collects what a person should know about a file that was read all the same; bounded, so that a hostile file cannot
+// fill the log.
+class GltfWarnings {
+ public:
+  void add(std::string text);
+  std::vector<std::string> take() { return std::move(texts_); }
+
+ private:
+  static constexpr size_t kMax = 100;
+  std::vector<std::string> texts_;
+};
+
+// What is left of the limits while a document is converted.
+struct GltfBudget {
+  size_t triangles = 0;
+  size_t vertices = 0;  // of accessors read, used or not: bounds the work as well as the memory
+  size_t instances = 0;
+  size_t animation_values = 0;
+
+  // Takes `amount` from `left`, or says which limit (`what`) `field` would exceed.
+  static Status take(size_t& left, size_t amount, const std::string& field, const char* what);
+};
+
+// References inside `model` are known to exist (gltf_check.cpp); the ranges of accessors are not yet checked.
+struct GltfDocument {
+  tinygltf::Model model;
+  std::vector<std::span<const std::byte>> buffers;      // one per buffer, exactly byteLength long
+  std::vector<std::vector<std::byte>> owned;            // what buffers from files and data URIs point into
+  std::vector<ContentHash> external_hashes;             // of each file read, in order
+  std::vector<std::string> node_extras;                 // one per node; empty when absent
+  std::vector<InstanceAttributes> node_attributes;      // one per node
+  GltfBudget budget;
+  GltfWarnings warnings;
+};
+
+// "nodes[3]", "meshes[0].primitives[1]"
+std::string gltf_path(const char* collection, size_t index);
+
+// gltf_mesh.cpp: every mesh as one geometry.
+Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset);
+
+// gltf_nodes.cpp: cameras and the hierarchy of the default scene. `asset_node_of` gives the index in asset.nodes of a
+// node of the file, -1 for one outside the scene.
+Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAsset& asset,
+                       std::vector<int>& asset_node_of);
+
+// gltf_animation.cpp
+Status read_gltf_animations(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset);
+
+}  // namespace sightline
