@@ -1,0 +1,53 @@
+#include "client/judge.h"
+
+#include <algorithm>
+#include <mutex>
+#include <thread>
+
+namespace sightline {
+namespace {
+
+FrameTruth judge_frame(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i,
+                       const JudgeOptions& options) {
+  const CameraFrame& frame = frames[i];
+  const CameraFrame& before = i == 0 || frame.jump ? frame : frames[i - 1];
+  world.set_time(frame.time_s);
+  FrameTruth truth;
+  truth.body = feel(world.colliders(), before.camera.position_m, frame.camera.position_m);
+  if (options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0)
+    truth.picture = look(world.occluders(), world.mirror(), world.targets(), frame.camera, frame.lens,
+                         options.picture_size);
+  return truth;
+}
+
+}  // namespace
+
+Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
+                                      std::span<const CameraFrame> frames, const JudgeOptions& options) {
+  const size_t thread_count = std::clamp<size_t>(frames.size(), 1, static_cast<size_t>(std::max(1, options.threads)));
+  std::vector<std::unique_ptr<ScenarioWorld>> worlds;
+  for (size_t k = 0; k < thread_count; ++k) {
+    auto world = ScenarioWorld::make(scenario, store, device);
+    if (!world) return tl::unexpected(world.error());
+    worlds.push_back(std::move(*world));
+  }
+  std::vector<FrameTruth> truths(frames.size());
+  std::mutex mutex;
+  size_t done = 0;
+  // Interleaved, so that hard and easy passages are shared evenly.
+  const auto work = [&](size_t k) {
+    for (size_t i = k; i < frames.size(); i += thread_count) {
+      truths[i] = judge_frame(*worlds[k], frames, i, options);
+      const std::lock_guard lock(mutex);
+      ++done;
+      if (options.progress) options.progress(done);
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (size_t k = 1; k < thread_count; ++k) threads.emplace_back(work, k);
+  work(0);
+  threads.clear();  // joins
+  return truths;
+}
+
+}  // namespace sightline

@@ -1,0 +1,79 @@
+// A scenario: a glTF file that says who plays which part. Node extras hold the roles (scenes/README.md has the table):
+//
+//   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder | camera
+//
+// A target or occluder is a node that moves with the file's first animation; the camera node says where the camera
+// starts and, with a glTF camera on it, what its lens shows. All other nodes stand still.
+//
+// Frame: glTF's (the canonical one), metres, seconds. Immutable once read; any number of threads may play it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/scene/asset.h"
+#include "server/scene/geometry.h"
+
+namespace sightline {
+
+struct ScenarioActor {
+  uint64_t id = 0;        // 1, 2, ... in the order of the file's nodes: what the node is bound to
+  int node = -1;          // index into the asset's nodes
+  std::string name;       // the node's name, unique in the file
+  bool is_target = false; // else an occluder
+  double weight = 1.0;
+  bool required = true;
+};
+
+// Where one actor is at one time. The pose is what a NodeBinding's instance has: without scale.
+struct ActorMotion {
+  Pose pose;
+  glm::dvec3 velocity_mps{0.0};
+};
+
+class Scenario {
+ public:
+  // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, a role on a
+  // node without a name or with one that is not unique, a weight that is not a number >= 0, no camera, or two.
+  static Result<Scenario> from_asset(std::shared_ptr<const SceneAsset> asset);
+  // Reads the file first.
+  static Result<Scenario> read(const std::string& path, GeometryStore& store);
+
+  const SceneAsset& asset() const { return *asset_; }
+  const std::vector<ScenarioActor>& actors() const { return actors_; }
+  std::vector<ScenarioActor> targets() const;
+  // Of the first animation; 0 when there is none.
+  double duration_s() const;
+  // Where the camera starts, and its lens (design 2: 40 degrees, 16:9 where the file does not say).
+  const Pose& camera() const { return camera_; }
+  const Lens& lens() const { return lens_; }
+
+  // All actors at `time_s`, in the order of actors(). Before the first key and after the last the pose stays.
+  std::vector<Pose> poses_at(double time_s) const;
+  // The same with velocities by central difference over `step_s` (> 0), cut off at the animation's ends.
+  std::vector<ActorMotion> motion_at(double time_s, double step_s) const;
+
+ private:
+  Scenario() = default;
+  Status take_roles();
+  Status take_role(int node);
+  Status take_actor(int node, const std::string& role, double weight, bool required);
+  Status take_camera(int node);
+  void take_lens(const AssetCamera& camera);
+  void remember_rest();
+
+  std::shared_ptr<const SceneAsset> asset_;
+  std::vector<ScenarioActor> actors_;
+  int camera_node_ = -1;
+  Pose camera_;
+  Lens lens_;
+  std::vector<glm::dmat3> node_from_rest_;      // by actor: inverse of the linear part at rest
+  std::vector<glm::dquat> rest_rotations_;      // by actor
+};
+
+}  // namespace sightline
