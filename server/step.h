@@ -66,7 +66,7 @@ struct StepMemory {
   double vertical_fov_rad = 0.0;       // present zoom; 0 before the first step
   bool has_offset = false;
   glm::dvec3 desired_offset_m{0.0};    // from the targets' weighted centre to the place that the camera wants
-  uint32_t offset_targets = 0;         // for which set of steered targets (their number and ids, hashed) it holds
+  uint64_t offset_targets = 0;         // for which set of steered targets (their ids, hashed) it holds
   double horizon_s = 0.0;              // grows while escaping
   Lattice lattice;
 

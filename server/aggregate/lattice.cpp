@@ -1,0 +1,56 @@
+#include "server/aggregate/lattice.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace sightline {
+
+double lattice_spacing_m(double radius_m, int candidates) {
+  const double volume = 4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m;
+  const double wanted = std::cbrt(volume / candidates);
+  return std::exp2(std::floor(std::log2(wanted) * 4.0 + 1e-9) / 4.0);
+}
+
+void Lattice::resize(double spacing_m, int side) {
+  if (spacing_m == spacing_m_ && side <= side_) return;
+  // A larger side at the same spacing happens only when rounding adds a layer: forgetting then is harmless and rare.
+  spacing_m_ = spacing_m;
+  side_ = side;
+  cells_.assign(static_cast<size_t>(side) * side * side, Cell{});
+}
+
+uint32_t Lattice::address_of(const glm::ivec3& index) const {
+  const auto wrap = [this](int i) { return static_cast<uint32_t>(((i % side_) + side_) % side_); };
+  return (wrap(index.z) * side_ + wrap(index.y)) * side_ + wrap(index.x);
+}
+
+void Lattice::cover(const Bound& bound, int candidates) {
+  const double spacing = lattice_spacing_m(bound.radius_m, candidates);
+  resize(spacing, static_cast<int>(std::ceil(2.0 * bound.radius_m / spacing)) + 1);
+  positions_m_.clear();
+  addresses_.clear();
+  const glm::dvec3 low = glm::ceil((bound.center_m - bound.radius_m) / spacing);
+  const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing);
+  for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z) {
+    for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y) {
+      for (int x = static_cast<int>(low.x); x <= static_cast<int>(high.x); ++x) {
+        const glm::dvec3 place = glm::dvec3(x, y, z) * spacing;
+        if (!bound.contains(place)) continue;
+        const uint32_t address = address_of({x, y, z});
+        if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}};
+        positions_m_.push_back(place);
+        addresses_.push_back(address);
+      }
+    }
+  }
+}
+
+void Lattice::remember(const std::vector<uint32_t>& visible_targets) {
+  for (size_t i = 0; i < addresses_.size(); ++i) {
+    Cell& cell = cells_[addresses_[i]];
+    cell.visible_targets = visible_targets[i];
+    ++cell.steps_known;
+  }
+}
+
+}  // namespace sightline

@@ -1,0 +1,44 @@
+#include "server/bound/bound.h"
+
+#include <algorithm>
+
+#include "server/base/check.h"
+
+namespace sightline {
+namespace {
+
+// A ball needs some size for its frusta to be well formed; also the floor for cameras that can hardly move.
+constexpr double kMinRadiusM = 0.05;
+
+}  // namespace
+
+Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const BoundSettings& settings,
+                   double horizon_s, double dt_s) {
+  const double a = limits.max_acceleration_mps2;
+  const bool paper = settings.mode == BoundMode::kPaper;
+  Bound bound;
+  bound.horizon_s = paper ? dt_s : horizon_s;
+  if (paper) {
+    // An escape in paper mode multiplies the radius as the horizon grows (paper 3.1: "n can be dynamically controlled").
+    const double growth = horizon_s / settings.horizon_s;
+    bound.radius_m = settings.paper_n * growth * dt_s * dt_s * a;
+  } else {
+    bound.radius_m = std::min(0.5 * a * horizon_s * horizon_s, limits.max_speed_mps * horizon_s);
+  }
+  bound.radius_m = std::max(bound.radius_m, kMinRadiusM);
+  bound.paper_n = dt_s > 0 ? bound.radius_m / (dt_s * dt_s * a) : 0.0;
+
+  glm::dvec3 ahead = bound.horizon_s * camera.velocity_mps;
+  const double reach = 0.9 * bound.radius_m;
+  if (const double length = glm::length(ahead); length > reach) ahead *= reach / length;
+  bound.center_m = camera.pose.position_m + ahead;
+  return bound;
+}
+
+Status validate(const BoundSettings& s) {
+  if (auto ok = check_range("bound.horizon_s", s.horizon_s, 0.05, 2.0); !ok) return ok;
+  if (auto ok = check_range("bound.max_horizon_s", s.max_horizon_s, s.horizon_s, 2.0); !ok) return ok;
+  return check_range("bound.paper_n", s.paper_n, 1.0, 1e6);
+}
+
+}  // namespace sightline

@@ -1,0 +1,169 @@
+#include "server/move/choose.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/base/check.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kHalfPi = std::numbers::pi / 2;
+
+// The distance from the centre, along unit `outwards`, at which the whole group fits the picture.
+double fitting_distance_m(std::span<const TargetView> targets, const glm::dvec3& center_m, const glm::dvec3& outwards,
+                          const Lens& lens, double margin) {
+  const glm::dquat camera = look_rotation(-outwards, {0, 1, 0}, {1, 0, 0});
+  const double half_y = lens.vertical_fov_rad / 2 * (1 - margin), half_x = half_horizontal_fov_rad(lens) * (1 - margin);
+  double distance = 0;
+  for (const TargetView& t : targets) {
+    if (!t.steered()) continue;
+    const glm::dvec3 p = glm::conjugate(camera) * (t.aim_m - center_m);
+    // A sphere touches the frustum's side when its centre is r / sin(half) behind the corner that it would fill.
+    distance = std::max({distance, p.z + std::abs(p.x) / std::tan(half_x) + t.radius_m / std::sin(half_x),
+                         p.z + std::abs(p.y) / std::tan(half_y) + t.radius_m / std::sin(half_y)});
+  }
+  return distance;
+}
+
+double elevation_rad(const glm::dvec3& from_center) {
+  return std::atan2(from_center.y, std::hypot(from_center.x, from_center.z));
+}
+
+glm::dvec3 with_elevation(const glm::dvec3& offset, double elevation) {
+  const double length = glm::length(offset), flat = std::hypot(offset.x, offset.z);
+  const glm::dvec2 heading = flat > 1e-9 ? glm::dvec2(offset.x, offset.z) / flat : glm::dvec2(0, 1);
+  const glm::dvec2 level = heading * (length * std::cos(elevation));
+  return {level.x, length * std::sin(elevation), level.y};
+}
+
+struct Weights {
+  double required = 0, optional = 0;
+};
+Weights weight_seen(uint32_t visible, std::span<const TargetView> targets) {
+  Weights sum;
+  for (size_t i = 0; i < targets.size(); ++i)
+    if (visible >> i & 1u) (targets[i].required ? sum.required : sum.optional) += targets[i].weight;
+  return sum;
+}
+
+uint32_t steered_mask(std::span<const TargetView> targets) {
+  uint32_t mask = 0;
+  for (size_t i = 0; i < targets.size(); ++i)
+    if (targets[i].steered()) mask |= 1u << i;
+  return mask;
+}
+
+// Orders candidates for a choice and tries the best ones for reachability.
+class Search {
+ public:
+  Search(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
+         const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order)
+      : candidates_(candidates), targets_(targets), desired_m_(desired_m), settings_(settings), reachable_(reachable),
+        order_(order) {}
+
+  template <typename Wanted>
+  bool collect(Wanted wanted) {
+    order_.clear();
+    for (uint32_t i = 0; i < candidates_.size(); ++i)
+      if (wanted(candidates_.visible_targets[i])) order_.push_back(i);
+    return !order_.empty();
+  }
+
+  // The first reachable of the collected ones, best first; -1 when none of the kMaxReachTests best is.
+  int best() {
+    const size_t tests = std::min<size_t>(order_.size(), kMaxReachTests);
+    std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(tests), order_.end(),
+                      [this](uint32_t a, uint32_t b) { return better(a, b); });
+    for (size_t k = 0; k < tests; ++k)
+      if (reachable_(candidates_.position_m[order_[k]])) return static_cast<int>(order_[k]);
+    return -1;
+  }
+
+ private:
+  bool better(uint32_t a, uint32_t b) const {
+    const Weights wa = weight_seen(candidates_.visible_targets[a], targets_),
+                  wb = weight_seen(candidates_.visible_targets[b], targets_);
+    if (wa.required != wb.required) return wa.required > wb.required;
+    if (wa.optional != wb.optional) return wa.optional > wb.optional;
+    const glm::dvec3 &pa = candidates_.position_m[a], &pb = candidates_.position_m[b];
+    const bool in_a = within_limits(pa, targets_, settings_), in_b = within_limits(pb, targets_, settings_);
+    if (in_a != in_b) return in_a;
+    const double da = glm::distance(pa, desired_m_), db = glm::distance(pb, desired_m_);
+    return da != db ? da < db : a < b;
+  }
+
+  const CandidateSet& candidates_;
+  std::span<const TargetView> targets_;
+  const glm::dvec3& desired_m_;
+  const MoveSettings& settings_;
+  const Reachable& reachable_;
+  std::vector<uint32_t>& order_;
+};
+
+}  // namespace
+
+Status validate(const MoveSettings& s) {
+  if (auto ok = check_range("move.min_distance_m", s.min_distance_m, 0, 1000); !ok) return ok;
+  if (auto ok = check_above("move.max_distance_m", s.max_distance_m, s.min_distance_m, 10000); !ok) return ok;
+  if (auto ok = check_range("move.min_elevation_rad", s.min_elevation_rad, -kHalfPi, kHalfPi); !ok) return ok;
+  return check_above("move.max_elevation_rad", s.max_elevation_rad, s.min_elevation_rad, kHalfPi + 1e-9);
+}
+
+glm::dvec3 weighted_center_m(std::span<const TargetView> targets) {
+  glm::dvec3 sum(0.0);
+  double weight = 0;
+  for (const TargetView& t : targets)
+    if (t.steered()) sum += t.weight * t.aim_m, weight += t.weight;
+  return sum / weight;
+}
+
+glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3& offset_m, const Lens& lens,
+                           double framing_margin, const MoveSettings& settings) {
+  const glm::dvec3 center = weighted_center_m(targets);
+  glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
+  if (settings.follow == Follow::kStay) return center + offset_m;
+  const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
+  offset = with_elevation(offset, elevation);
+  const glm::dvec3 outwards = glm::normalize(offset);
+  double nearest_allowed = fitting_distance_m(targets, center, outwards, lens, framing_margin);
+  for (const TargetView& t : targets)
+    if (t.steered()) nearest_allowed = std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
+  const double distance = std::min(std::max(glm::length(offset), nearest_allowed), settings.max_distance_m);
+  return center + outwards * distance;
+}
+
+bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets, const MoveSettings& settings) {
+  for (const TargetView& t : targets)
+    if (t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m) return false;
+  const glm::dvec3 from_center = place_m - weighted_center_m(targets);
+  const double elevation = elevation_rad(from_center);
+  return glm::length(from_center) <= settings.max_distance_m && elevation >= settings.min_elevation_rad &&
+         elevation <= settings.max_elevation_rad;
+}
+
+Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
+                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
+  const uint32_t steered = steered_mask(targets);
+  if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
+  Search search(candidates, targets, desired_m, settings, reachable, order);
+
+  const bool any_all = search.collect([=](uint32_t seen) { return (seen & steered) == steered; });
+  if (any_all) {
+    if (const int best = search.best(); best >= 0) {
+      const bool desired = glm::distance(candidates.position_m[best], desired_m) < 1e-6;
+      return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kNearestAllVisible, best};
+    }
+  }
+  const bool any_some = search.collect([=](uint32_t seen) { return (seen & steered) != 0 && (seen & steered) != steered; });
+  if (any_some) {
+    if (const int best = search.best(); best >= 0) return {MoveStatus::kPartial, MoveReason::kBestPartial, best};
+  }
+  if (any_all || any_some) return {MoveStatus::kHolding, MoveReason::kBlockedByGeometry, -1};
+
+  search.collect([](uint32_t) { return true; });
+  return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, search.best()};
+}
+
+}  // namespace sightline

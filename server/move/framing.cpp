@@ -1,0 +1,117 @@
+#include "server/move/framing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/base/check.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kHalfPi = std::numbers::pi / 2;
+// Straight up and down are defined, but a hair less keeps the yaw of a target overhead from being noise.
+constexpr double kMaxPitchRad = kHalfPi - 1e-3;
+constexpr int kAimIterations = 4;
+
+// Where the group stands in the picture along one axis, in radians from the middle: the interval that must fit, and
+// the weighted mean.
+struct Extent {
+  double low = 1e9, high = -1e9, mean = 0;
+  void include(double middle, double half) { low = std::min(low, middle - half), high = std::max(high, middle + half); }
+  // How far to turn so that [low, high] fits into [-half, half] and the mean is as near the middle as that allows.
+  double shift(double half) const {
+    const double least = high - half, most = low + half;
+    return least <= most ? std::clamp(mean, least, most) : (low + high) / 2;
+  }
+  double reach() const { return std::max(std::abs(low), std::abs(high)); }
+};
+struct Extents {
+  Extent x, y;
+};
+
+bool must_fit(const TargetView& target, bool any_required) {
+  return target.steered() && (target.required || !any_required);
+}
+
+Extents extents_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& angles) {
+  const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
+  const bool any_required =
+      std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
+  Extents out;
+  double weight = 0;
+  for (const TargetView& target : targets) {
+    if (!target.steered()) continue;
+    const glm::dvec3 p = camera_from_world * (target.aim_m - eye_m);
+    const double ax = std::atan2(p.x, -p.z), ay = std::atan2(p.y, -p.z);
+    if (must_fit(target, any_required)) {
+      out.x.include(ax, std::asin(std::min(1.0, target.radius_m / std::max(std::hypot(p.x, p.z), 1e-9))));
+      out.y.include(ay, std::asin(std::min(1.0, target.radius_m / std::max(std::hypot(p.y, p.z), 1e-9))));
+    }
+    out.x.mean += target.weight * ax;
+    out.y.mean += target.weight * ay;
+    weight += target.weight;
+  }
+  out.x.mean /= weight;
+  out.y.mean /= weight;
+  return out;
+}
+
+ViewAngles angles_towards(const glm::dvec3& direction, const ViewAngles& present) {
+  const double flat = std::hypot(direction.x, direction.z);
+  if (flat < 1e-9 && std::abs(direction.y) < 1e-9) return {present.yaw_rad, present.pitch_rad, 0};
+  const double yaw = flat < 1e-6 ? present.yaw_rad : std::atan2(-direction.x, -direction.z);
+  return {yaw, std::clamp(std::atan2(direction.y, flat), -kMaxPitchRad, kMaxPitchRad), 0};
+}
+
+double zoom_for(const Extents& extents, const Lens& lens, const FramingSettings& settings) {
+  if (!settings.zooms()) return lens.vertical_fov_rad;
+  const auto tan_within = [&](double reach) { return std::tan(std::min(reach / (1 - settings.margin), 1.5)); };
+  const double half = std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
+  return std::clamp(2 * half, settings.min_vertical_fov_rad, settings.max_vertical_fov_rad);
+}
+
+// What remains of a shift when the dead zone has swallowed its share.
+double beyond(double shift, double dead) {
+  return shift - std::clamp(shift, -dead, dead);
+}
+
+}  // namespace
+
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present, const Lens& lens,
+           const FramingSettings& settings) {
+  const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
+  const double room = 1 - settings.margin;
+  ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
+  for (int i = 0; i < kAimIterations; ++i) {
+    const Extents at = extents_at(eye_m, targets, angles);
+    angles.yaw_rad -= at.x.shift(half_x * room);
+    angles.pitch_rad = std::clamp(angles.pitch_rad + at.y.shift(half_y * room), -kMaxPitchRad, kMaxPitchRad);
+  }
+  const Extents at = extents_at(eye_m, targets, angles);
+  Aim aim;
+  aim.vertical_fov_rad = zoom_for(at, lens, settings);
+  aim.fits = at.x.reach() <= half_x && at.y.reach() <= half_y;
+  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 4 * kHalfPi),
+                                                settings.dead_zone * half_x);
+  aim.angles.pitch_rad =
+      present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);
+  return aim;
+}
+
+bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& point_m) {
+  const glm::dvec3 p = inverse_transform_point(world_from_camera, point_m);
+  const double top = std::tan(lens.vertical_fov_rad / 2);
+  return p.z < 0 && std::abs(p.y) <= -p.z * top && std::abs(p.x) <= -p.z * top * lens.aspect;
+}
+
+Status validate(const FramingSettings& s) {
+  if (auto ok = check_range("framing.margin", s.margin, 0, 0.9); !ok) return ok;
+  if (auto ok = check_range("framing.dead_zone", s.dead_zone, 0, 0.9); !ok) return ok;
+  if (auto ok = check_range("framing.response_s", s.response_s, 0, 5); !ok) return ok;
+  if (s.min_vertical_fov_rad == 0 && s.max_vertical_fov_rad == 0) return {};
+  if (auto ok = check_above("framing.min_vertical_fov_rad", s.min_vertical_fov_rad, 0.01, 3); !ok) return ok;
+  return check_range("framing.max_vertical_fov_rad", s.max_vertical_fov_rad, s.min_vertical_fov_rad, 3);
+}
+
+}  // namespace sightline

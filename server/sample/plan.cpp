@@ -1,0 +1,64 @@
+#include "server/sample/plan.h"
+
+#include <cmath>
+
+#include "server/base/check.h"
+
+namespace sightline {
+namespace {
+
+// Columns right, up, back for a view along `forward`.
+glm::dmat3 frame_along(const glm::dvec3& forward) {
+  return glm::mat3_cast(look_rotation(forward, {0, 1, 0}, {1, 0, 0}));
+}
+
+// Whether the ball reaches into the 90-degree pyramid of a cube face: against its four side planes, each through the
+// eye. Conservative near the edges of the pyramid, which costs a map at worst.
+bool face_sees_ball(const glm::dmat3& world_from_view, const glm::dvec3& center_from_eye_m, double radius_m) {
+  const glm::dvec3 c = center_from_eye_m * world_from_view;
+  const double depth = -c.z, reach = radius_m * std::sqrt(2.0);
+  return depth - std::abs(c.x) > -reach && depth - std::abs(c.y) > -reach && depth > -radius_m;
+}
+
+MapView square_view(const glm::dvec3& eye_m, const glm::dmat3& world_from_view, double half_width,
+                    const SampleSettings& settings, const glm::dvec2& jitter) {
+  MapView view;
+  view.eye_m = eye_m;
+  view.world_from_view = world_from_view;
+  view.left = view.bottom = -half_width;
+  view.right = view.top = half_width;
+  view.width = view.height = settings.resolution;
+  view.jitter = jitter;
+  return view;
+}
+
+}  // namespace
+
+int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
+               std::vector<MapView>& views) {
+  const glm::dvec3 to_center = bound.center_m - eye_m;
+  const double distance = glm::length(to_center);
+  if (bound.radius_m < distance * std::sin(kMaxHalfAngleRad)) {
+    const double half_width = std::tan(std::asin(bound.radius_m / distance));
+    views.push_back(square_view(eye_m, frame_along(to_center), half_width, settings, jitter));
+    return 1;
+  }
+  int count = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double sign : {1.0, -1.0}) {
+      glm::dvec3 forward(0.0);
+      forward[axis] = sign;
+      const glm::dmat3 world_from_view = frame_along(forward);
+      if (!face_sees_ball(world_from_view, to_center, bound.radius_m)) continue;
+      views.push_back(square_view(eye_m, world_from_view, 1.0, settings, jitter));
+      ++count;
+    }
+  }
+  return count;
+}
+
+Status validate(const SampleSettings& s) {
+  return check_range("sample.resolution", s.resolution, 2, kMaxMapSize);
+}
+
+}  // namespace sightline

@@ -16,6 +16,9 @@ struct SampleSettings {
   bool jitter_texels = true; // move the sample point inside every texel each tick, so that thin things are found
 };
 
+// Names the first setting that is out of range, as "sample.<field>".
+Status validate(const SampleSettings& settings);
+
 // Beyond this half angle one frustum distorts too much: several maps are taken instead.
 inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
 

@@ -1,0 +1,15 @@
+// Range checks for settings: one sentence for every setting, always with the range and the value that was got.
+#pragma once
+
+#include <string>
+
+#include "server/base/error.h"
+
+namespace sightline {
+
+// Fails with "must be in [low, high], got value" unless low <= value <= high (NaN fails).
+Status check_range(const char* field, double value, double low, double high);
+// The same with an open lower end: low < value <= high.
+Status check_above(const char* field, double value, double low, double high);
+
+}  // namespace sightline
