@@ -25,11 +25,22 @@ struct EglDeviceInfo {
   bool software = false;     // Mesa's llvmpipe, softpipe or swrast
   bool robust = false;       // a context with reset notification can be made
   std::string trouble;       // why it cannot be used; empty when it can
-  bool chosen = false;       // what EglOptions{} picks
+  bool chosen = false;       // what the given options pick
 };
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
 
+// Samplers of many sessions share one context and one copy of each geometry; threads take turns. A lost context is made
+// anew, with everything in it, and the take that met the loss is repeated once.
+class EglSamplerDevice : public SamplerDevice {
+ public:
+  // The next take finds its context lost. For tests and drills.
+  virtual void simulate_context_loss() = 0;
+  // How often a context was lost since the start.
+  virtual uint64_t context_rebuilds() const = 0;
+};
+
+// In software, call prepare_software_rendering (server/gl/software_renderer.h) at the start of main.
 // Fails with kUnavailable when no context of OpenGL 4.5 core can be made (field "--egl-device" or "--require-gpu").
-Result<std::unique_ptr<SamplerDevice>> make_egl_sampler_device(const EglOptions& options);
+Result<std::unique_ptr<EglSamplerDevice>> make_egl_sampler_device(const EglOptions& options);
 
 }  // namespace sightline

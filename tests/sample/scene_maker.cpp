@@ -63,12 +63,12 @@ SceneDelta SceneMaker::scene(uint32_t count) {
 
 MapView SceneMaker::view() {
   MapView view;
-  const Pose from = pose();
-  view.eye_m = from.position_m;
-  view.world_from_view = glm::mat3_cast(from.rotation);
-  view.left = random_.next_in(-1.6, 0.5);
+  const glm::dvec3 eye = in_cube(9.0), forward = glm::normalize(in_cube(3.0) - eye);
+  view.eye_m = origin_m_ + eye;
+  view.world_from_view = glm::mat3_cast(look_rotation(forward, in_cube(1.0), {1, 0, 0}));
+  view.left = random_.next_in(-1.2, 0.2);
   view.right = view.left + random_.next_in(0.05, 2.0);
-  view.bottom = random_.next_in(-1.6, 0.5);
+  view.bottom = random_.next_in(-1.2, 0.2);
   view.top = view.bottom + random_.next_in(0.05, 2.0);
   view.width = 5 + static_cast<int>(random_.next_below(28));
   view.height = 5 + static_cast<int>(random_.next_below(28));

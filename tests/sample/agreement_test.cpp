@@ -1,0 +1,122 @@
+// The promise of server/sample/sampler.h: EGL's maps and Embree's are the same but where a silhouette passes.
+#include <gtest/gtest.h>
+
+#include "server/sample/embree_sampler.h"
+#include "tests/sample/agreement.h"
+#include "tests/sample/egl_device.h"
+#include "tests/sample/scene_maker.h"
+
+namespace sightline {
+namespace {
+
+using test::Agreement;
+using test::SceneMaker;
+
+// One mirror seen by both samplers, and by an Embree scene for the dense rays.
+class Pair {
+ public:
+  Pair(SamplerDevice& egl, SamplerDevice& embree, EmbreeDevice& rays)
+      : egl_(egl.make_sampler()), embree_(embree.make_sampler()), scene_(rays, EmbreeScene::Content::kOccluders) {}
+
+  void compare(const SceneMirror& mirror, std::span<const MapRequest> requests, Agreement& agreement) {
+    scene_.take_in(mirror);
+    ASSERT_TRUE(egl_->take(mirror, requests, egl_maps_));
+    ASSERT_TRUE(embree_->take(mirror, requests, embree_maps_));
+    agreement.add(scene_, requests, egl_maps_, embree_maps_, tolerance);
+  }
+
+  test::Tolerance tolerance;
+  const std::vector<DepthMap>& egl_maps() const { return egl_maps_; }
+
+ private:
+  std::unique_ptr<Sampler> egl_, embree_;
+  EmbreeScene scene_;
+  std::vector<DepthMap> egl_maps_, embree_maps_;
+};
+
+// Requests whose ignored slots live as long as they do.
+struct Requests {
+  std::vector<std::vector<uint32_t>> ignored;
+  std::vector<MapRequest> all;
+};
+
+Requests random_requests(SceneMaker& maker, size_t slots) {
+  Requests out;
+  const uint32_t count = 1 + maker.random().next_below(3);
+  for (uint32_t i = 0; i < count; ++i) {
+    out.ignored.push_back(maker.ignored(slots));
+    const uint32_t mask = maker.random().next_below(2) ? 0xFFFFFFFFu : 1 + maker.random().next_below(7);
+    out.all.push_back({.view = maker.view(), .layer_mask = mask});
+  }
+  for (size_t i = 0; i < out.all.size(); ++i) out.all[i].ignored_slots = out.ignored[i];
+  return out;
+}
+
+class AgreementTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<SamplerDevice> embree_ = make_embree_sampler_device();
+  EmbreeDevice rays_;
+};
+
+TEST_F(AgreementTest, AThousandRandomScenesDifferOnlyAtSilhouettes) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(egl);
+  Agreement agreement;
+  for (uint64_t seed = 0; seed < 1000; ++seed) {
+    SceneMaker maker(seed);
+    const uint32_t count = 4 + maker.random().next_below(12);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(count), {}));
+    Pair pair(egl, *embree_, rays_);
+    for (int take = 0; take < 2; ++take) {
+      pair.compare(mirror, random_requests(maker, count).all, agreement);
+      ASSERT_TRUE(mirror.apply({}, maker.moves(mirror, count)));
+    }
+  }
+  RecordProperty("texels", std::to_string(agreement.texels));
+  RecordProperty("different", std::to_string(agreement.different));
+  std::printf("%zu texels, %zu hits, %zu different, %zu unexcused\n", agreement.texels, agreement.hits,
+              agreement.different, agreement.unexcused);
+  EXPECT_GT(agreement.hits, agreement.texels / 5);
+  EXPECT_GE(agreement.share(), 0.995);
+  EXPECT_EQ(agreement.unexcused, 0u);
+}
+
+TEST_F(AgreementTest, HoldsAfterEveryMutationOfTheScene) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(egl);
+  Agreement agreement;
+  for (uint64_t seed = 5000; seed < 5030; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(10), {}));
+    Pair pair(egl, *embree_, rays_);
+    for (int round = 0; round < 8; ++round) {
+      SceneDelta delta;
+      const uint64_t victim = 1 + maker.random().next_below(10);
+      if (round % 4 == 1 && mirror.find(victim)) delta.remove.push_back(victim);
+      if (round % 4 == 2) delta.add.push_back(maker.instance(100 + static_cast<uint64_t>(round)));
+      if (round % 4 == 3 && mirror.find(victim)) delta.change.push_back({victim, maker.attributes()});
+      ASSERT_TRUE(mirror.apply(delta, {}));
+      ASSERT_TRUE(mirror.apply({}, maker.moves(mirror, 10)));
+      pair.compare(mirror, random_requests(maker, mirror.instances().size()).all, agreement);
+    }
+  }
+  EXPECT_GE(agreement.share(), 0.995);
+  EXPECT_EQ(agreement.unexcused, 0u);
+}
+
+TEST_F(AgreementTest, HoldsTenKilometresFromTheOrigin) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(egl);
+  Agreement agreement;
+  for (uint64_t seed = 6000; seed < 6050; ++seed) {
+    SceneMaker maker(seed, glm::dvec3(-7000.0, 300.0, 7100.0));
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+    // The same tolerance as at the origin: both samplers work relative to the scene, in double up to there.
+    Pair(egl, *embree_, rays_).compare(mirror, random_requests(maker, 12).all, agreement);
+  }
+  EXPECT_GE(agreement.share(), 0.995);
+  EXPECT_EQ(agreement.unexcused, 0u);
+}
+
+}  // namespace
+}  // namespace sightline
