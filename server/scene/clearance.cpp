@@ -10,8 +10,6 @@ namespace {
 
 // A sphere that overlaps by less than this is taken to touch: one that a sweep brought into contact can slide away.
 constexpr double kTouchM = 1e-9;
-// An approach slower than this per metre of path counts as sliding along: over 10 m it adds up to kTouchM.
-constexpr double kLeastApproach = 1e-10;
 // A sweep ends when it can advance no further than this; what it may then fall short by is far below 1 mm.
 constexpr double kLeastAdvanceM = 1e-7;
 
@@ -35,7 +33,7 @@ double distance_to_box(const glm::dvec3& p, const Aabb& box) {
 }
 
 // A straight move in one collider's frame: from + s * move, s in [0, 1].
-struct Sweep {
+struct Path {
   glm::dvec3 from, move;
   double margin;  // at least the sphere's radius, in this frame
 
@@ -101,26 +99,36 @@ void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Lim
   }
 }
 
-// How far a sphere moves from `from` along unit `direction` before it touches the triangle, at most `length_m`.
-// The distance of a moving point from a convex set is convex in time, so Newton's method from the left never
-// oversteps the first contact, and a distance that grows will never shrink again: conservative advancement with the
-// directional bound (van den Bergen, "Ray casting against general convex objects", 2004).
+using WorldTriangle = std::array<glm::dvec3, 3>;
+
+// How far a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle, at most
+// `length_m`. The distance of a moving point from a convex set is convex in time, so Newton's method from the left
+// never oversteps the first contact, and a distance that grows will never shrink again: conservative advancement with
+// the directional bound (van den Bergen, "Ray casting against general convex objects", 2004).
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
-               const std::array<glm::dvec3, 3>& triangle) {
+               const WorldTriangle& triangle) {
   double moved = 0.0;
   for (int step = 0; step < 100 && moved < length_m; ++step) {
     const glm::dvec3 p = from + direction * moved;
     const glm::dvec3 away = p - closest_on_triangle(p, triangle[0], triangle[1], triangle[2]);
     const double distance = glm::length(away);
-    if (step == 0 && distance < radius_m - kTouchM) return 0.0;
-    if (distance == 0) return moved;  // only a point (radius 0) gets this far
+    if (step == 0 && distance < radius_m) return 0.0;
+    if (distance == 0) return moved;  // only with radius 0
     const double approach = -glm::dot(direction, away) / distance;
-    if (approach <= kLeastApproach) return length_m;
+    if (approach <= 0) return length_m;
     const double free = (distance - radius_m) / approach;
     if (free < kLeastAdvanceM) return moved;
     moved += free;
   }
   return std::min(moved, length_m);
+}
+
+// The same for a sphere, which may graze: what it does not press into by kTouchM does not stop it.
+double sweep(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
+             const WorldTriangle& triangle) {
+  const double pressed = std::max(radius_m - kTouchM, 0.0);
+  if (advance(from, direction, length_m, pressed, triangle) >= length_m) return length_m;
+  return advance(from, direction, length_m, radius_m, triangle);
 }
 
 }  // namespace
@@ -195,16 +203,16 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
     const glm::dvec3 nearest_on_path = closest_on_segment(instance.center_m, from_m, to_m);
     if (glm::distance(nearest_on_path, instance.center_m) > instance.radius_m + radius_m) continue;
     const Affine& map = instance.world_from_instance;
-    const Sweep sweep{transform_point(collider.instance_from_world, from_m),
+    const Path path{transform_point(collider.instance_from_world, from_m),
                       transform_vector(collider.instance_from_world, to_m - from_m),
                       (radius_m + kPruneSlackM) / collider.min_stretch};
     const auto visit = [&](const Corners& t) {
-      free = std::min(free, advance(from_m, direction, free, radius_m,
-                                    {transform_point(map, t[0]), transform_point(map, t[1]),
-                                     transform_point(map, t[2])}));
+      free = std::min(free, sweep(from_m, direction, free, radius_m,
+                                  {transform_point(map, t[0]), transform_point(map, t[1]),
+                                   transform_point(map, t[2])}));
     };
     for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
-      search(*instance.geometry, *tree, [&](const Aabb& box) { return length * sweep.enters(box); },
+      search(*instance.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
              [&] { return free; }, visit);
   }
   return free / length;

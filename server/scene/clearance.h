@@ -28,8 +28,8 @@ class ClearanceField {
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
   // How far a sphere of `radius_m` (>= 0) can move from `from_m` straight towards `to_m` before it touches anything: a
-  // fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already overlaps (by more than
-  // 1e-9 m: a sphere that just touches may slide along or leave). The path plus `radius_m` must lie inside the gathered
+  // fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already overlaps. Pressing in by
+  // less than 1e-9 m counts as touching: a sphere that touches may slide along and leave. The path plus `radius_m` must lie inside the gathered
   // ball. Conservative advancement per triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems",
   // 1996), which does not stall on a path that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;

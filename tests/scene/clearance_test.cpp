@@ -1,0 +1,296 @@
+#include "server/scene/clearance.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "server/base/random.h"
+#include "server/scene/primitives.h"
+
+namespace sightline {
+namespace {
+
+using Triangle = std::array<glm::dvec3, 3>;
+
+class Draw {
+ public:
+  explicit Draw(uint64_t seed) : random_(seed, 0, RandomPurpose::kTest) {}
+  double in(double low, double high) { return random_.next_in(low, high); }
+  glm::dvec3 vec(double size) { return {in(-size, size), in(-size, size), in(-size, size)}; }
+  glm::dquat rotation() { return glm::normalize(glm::dquat(in(-1, 1), in(-1, 1), in(-1, 1), in(-1, 1))); }
+  // Rotated, unevenly scaled, mirrored or sheared.
+  glm::dmat3 linear() {
+    const glm::dvec3 s(in(0.1, 3), in(0.1, 3), in(-3, -0.1));
+    return glm::mat3_cast(rotation()) * glm::dmat3(s.x, 0, 0, 0, s.y, 0, 0, 0, s.z) * glm::mat3_cast(rotation());
+  }
+
+ private:
+  CounterRandom random_;
+};
+
+std::shared_ptr<const Geometry> random_soup(Draw& draw, uint32_t triangles) {
+  MeshData mesh;
+  for (uint32_t t = 0; t < triangles; ++t) {
+    const glm::dvec3 at = draw.vec(2);
+    for (uint32_t k = 0; k < 3; ++k) {
+      mesh.positions.emplace_back(at + draw.vec(0.4));
+      mesh.indices.push_back(3 * t + k);
+    }
+  }
+  mesh.see_through_first_index = triangles / 2 * 3;
+  return build_geometry(std::move(mesh)).value();
+}
+
+NewInstance placed(uint64_t id, std::shared_ptr<const Geometry> geometry, const Pose& pose = {}) {
+  NewInstance made;
+  made.id = id;
+  made.geometry = std::move(geometry);
+  made.pose = pose;
+  return made;
+}
+
+void add(SceneMirror& mirror, NewInstance instance) {
+  SceneDelta delta;
+  delta.add = {std::move(instance)};
+  ASSERT_TRUE(mirror.apply(delta, {}));
+}
+
+void fill_at_random(SceneMirror& mirror, Draw& draw) {
+  for (uint64_t id = 1; id <= 6; ++id) {
+    NewInstance made = placed(id, random_soup(draw, 150), {draw.vec(4), draw.rotation()});
+    if (id % 2 == 0) made.linear = draw.linear();
+    add(mirror, std::move(made));
+  }
+}
+
+// --- The reference: every triangle, by another formula. ---
+
+double distance_to_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
+  const double t = glm::dot(p - a, b - a) / glm::dot(b - a, b - a);
+  return glm::distance(p, a + (b - a) * std::clamp(t, 0.0, 1.0));
+}
+
+double distance_to_triangle(const glm::dvec3& p, const Triangle& t) {
+  const glm::dvec3 n = glm::normalize(glm::cross(t[1] - t[0], t[2] - t[0]));
+  bool above = true;
+  double edges = INFINITY;
+  for (int i = 0; i < 3; ++i) {
+    const glm::dvec3 &a = t[i], &b = t[(i + 1) % 3];
+    above = above && glm::dot(glm::cross(b - a, p - a), n) >= 0;
+    edges = std::min(edges, distance_to_segment(p, a, b));
+  }
+  return above ? std::abs(glm::dot(p - t[0], n)) : edges;
+}
+
+std::vector<Triangle> world_triangles(const SceneMirror& mirror) {
+  std::vector<Triangle> triangles;
+  for (const Instance& i : mirror.instances()) {
+    if (!i.geometry || !i.collides()) continue;
+    const auto& g = *i.geometry;
+    const auto corner = [&](size_t k) {
+      return i.pose.position_m + i.pose.rotation * (i.linear * glm::dvec3(g.positions[g.indices[k]]));
+    };
+    for (size_t k = 0; k < g.indices.size(); k += 3) triangles.push_back({corner(k), corner(k + 1), corner(k + 2)});
+  }
+  return triangles;
+}
+
+double reference_distance(const std::vector<Triangle>& triangles, const glm::dvec3& p) {
+  double best = INFINITY;
+  for (const Triangle& t : triangles) best = std::min(best, distance_to_triangle(p, t));
+  return best;
+}
+
+// Those that a sphere on the path could touch; keeps dense sampling quick.
+std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from, const glm::dvec3& to,
+                                double reach) {
+  std::vector<Triangle> near;
+  for (const Triangle& t : triangles) {
+    const glm::dvec3 low = glm::min(t[0], glm::min(t[1], t[2])) - reach, high = glm::max(t[0], glm::max(t[1], t[2])) + reach;
+    if (glm::all(glm::lessThan(low, glm::max(from, to))) && glm::all(glm::greaterThan(high, glm::min(from, to))))
+      near.push_back(t);
+  }
+  return near;
+}
+
+ClearanceField gathered(const SceneMirror& mirror, std::vector<uint32_t> ignored = {}) {
+  ClearanceField field;
+  field.gather(mirror, {0, 0, 0}, 1000, ignored);
+  return field;
+}
+
+TEST(ClosestOnTriangle, AgreesWithAnotherFormulaAndLiesOnTheTriangle) {
+  Draw draw(1);
+  for (int i = 0; i < 20'000; ++i) {
+    Triangle t{draw.vec(1), draw.vec(1), draw.vec(1)};
+    if (i % 4 == 0) t[2] = t[0] + (t[1] - t[0]) * draw.in(-1, 2) + draw.vec(1e-7);  // a needle
+    const glm::dvec3 p = draw.vec(2), q = closest_on_triangle(p, t[0], t[1], t[2]);
+    EXPECT_NEAR(glm::distance(p, q), distance_to_triangle(p, t), 1e-9);
+    EXPECT_LT(distance_to_triangle(q, t), 1e-7);
+  }
+}
+
+TEST(ClosestOnTriangle, ATriangleWithoutAreaIsASegmentOrAPoint) {
+  const glm::dvec3 a(0, 0, 0), b(1, 0, 0), c(3, 0, 0);
+  EXPECT_EQ(closest_on_triangle({2, 1, 0}, a, b, c), glm::dvec3(2, 0, 0));
+  EXPECT_EQ(closest_on_triangle({2, 1, 0}, a, a, a), a);
+}
+
+TEST(Clearance, EqualsTheDistanceToEveryTriangleUnderAnyTransform) {
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    Draw draw(seed);
+    SceneMirror mirror;
+    fill_at_random(mirror, draw);
+    const auto triangles = world_triangles(mirror);
+    const ClearanceField field = gathered(mirror);
+    for (int i = 0; i < 60; ++i) {
+      const glm::dvec3 p = draw.vec(i % 2 ? 6 : 15);
+      const double expected = reference_distance(triangles, p);
+      EXPECT_NEAR(field.clearance_m(p, 100), expected, 1e-9);
+      glm::dvec3 surface;
+      ASSERT_TRUE(field.nearest(p, 100, surface));
+      EXPECT_NEAR(glm::distance(p, surface), expected, 1e-9);
+      EXPECT_LT(reference_distance(triangles, surface), 1e-9);
+    }
+  }
+}
+
+TEST(Clearance, IsTheReachWhenNothingIsNearer) {
+  SceneMirror mirror;
+  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value()));
+  const ClearanceField field = gathered(mirror);
+  glm::dvec3 untouched(7);
+  EXPECT_EQ(field.clearance_m({3, 0, 0}, 2.0), 2.0);
+  EXPECT_FALSE(field.nearest({3, 0, 0}, 2.0, untouched));
+  EXPECT_EQ(untouched, glm::dvec3(7));
+  EXPECT_DOUBLE_EQ(field.clearance_m({3, 0, 0}, 3.0), 2.5);
+  EXPECT_EQ(ClearanceField().clearance_m({0, 0, 0}, 5.0), 5.0);
+}
+
+TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
+  const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
+  SceneMirror mirror;
+  NewInstance hidden = placed(2, box), ghost = placed(3, box), glass = placed(4, box, {{0, 5, 0}, {1, 0, 0, 0}});
+  hidden.attributes.visible = false;
+  ghost.attributes.collides = false;
+  glass.attributes.opacity = 0.1f;
+  glass.attributes.occludes = false;
+  for (const NewInstance& i : {placed(1, box, {{100, 0, 0}, {1, 0, 0, 0}}), hidden, ghost, glass}) add(mirror, i);
+  ClearanceField field;
+  field.gather(mirror, {0, 0, 0}, 10, {});
+  EXPECT_EQ(field.collider_count(), 1u);
+  EXPECT_DOUBLE_EQ(field.clearance_m({0, 0, 0}, 10), 4.5);  // glass stops a camera
+  const std::vector<uint32_t> ignored = {*mirror.slot_of(4)};
+  field.gather(mirror, {0, 0, 0}, 10, ignored);
+  EXPECT_EQ(field.collider_count(), 0u);
+  field.gather(mirror, {0, 0, 0}, 99.6, ignored);  // reaches the far box's sphere
+  EXPECT_EQ(field.collider_count(), 1u);
+}
+
+TEST(Clearance, FarFromTheOriginItStaysExact) {
+  SceneMirror mirror;
+  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(), {{50'000, 0, -50'000}, {1, 0, 0, 0}}));
+  ClearanceField field;
+  field.gather(mirror, {50'000, 0, -50'000}, 10, {});
+  EXPECT_NEAR(field.clearance_m({50'001, 0, -50'000}, 10), 0.5, 1e-10);
+}
+
+TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
+  int stopped = 0, free = 0;
+  for (uint64_t seed = 1; seed <= 50; ++seed) {
+    Draw draw(100 + seed);
+    SceneMirror mirror;
+    fill_at_random(mirror, draw);
+    const auto all = world_triangles(mirror);
+    const ClearanceField field = gathered(mirror);
+    for (int i = 0; i < 40; ++i) {
+      const double radius = i % 5 == 0 ? 0.0 : draw.in(0.01, 0.5);
+      const glm::dvec3 from = draw.vec(7), to = from + draw.vec(i % 2 ? 6 : 0.5);
+      const double length = glm::distance(from, to), fraction = field.free_fraction(from, to, radius);
+      ASSERT_TRUE(fraction >= 0 && fraction <= 1);
+      const auto triangles = near_path(all, from, to, radius + 0.1);
+      const auto distance_at = [&](double t) { return reference_distance(triangles, glm::mix(from, to, t)); };
+      if (distance_at(0) < radius) {
+        EXPECT_EQ(fraction, 0.0);
+        continue;
+      }
+      for (int k = 0; k <= 300; ++k) EXPECT_GE(distance_at(fraction * k / 300), radius - 2e-9);
+      ++(fraction < 1 ? stopped : free);
+      if (fraction == 1) continue;
+      double closest = INFINITY;  // somewhere in the next millimetre it touches
+      for (int k = 0; k <= 40; ++k) closest = std::min(closest, distance_at(fraction + 0.001 * k / 40 / length));
+      EXPECT_LE(closest, radius + 2.5e-5);
+    }
+  }
+  EXPECT_GT(stopped, 100);  // both outcomes were really tried
+  EXPECT_GT(free, 100);
+}
+
+// A room's wall: the plane x = 0, 40 m wide.
+class WallTest : public ::testing::Test {
+ protected:
+  WallTest() {
+    MeshData wall;
+    wall.positions = {{0, -20, -20}, {0, 20, -20}, {0, 20, 20}, {0, -20, 20}};
+    wall.indices = {0, 1, 2, 0, 2, 3};
+    add(mirror, placed(1, build_geometry(wall).value()));
+    field.gather(mirror, {0, 0, 0}, 100, {});
+  }
+  SceneMirror mirror;
+  ClearanceField field;
+};
+
+TEST_F(WallTest, AHeadOnMoveStopsAtContact) {
+  EXPECT_NEAR(field.free_fraction({2, 0, 0}, {-2, 0, 0}, 0.3) * 4, 1.7, 1e-6);
+  EXPECT_NEAR(field.free_fraction({-2, 0, 0}, {2, 0, 0}, 0.3) * 4, 1.7, 1e-6);  // both sides alike
+}
+
+TEST_F(WallTest, NoSpeedTunnelsThrough) {
+  EXPECT_NEAR(field.free_fraction({50, 0, 0}, {-50, 0, 0}, 1e-3) * 100, 50 - 1e-3, 1e-6);
+  EXPECT_NEAR(field.free_fraction({50, 1, 2}, {-50, 1, 2}, 0.0) * 100, 50, 1e-6);
+}
+
+TEST_F(WallTest, AMoveAlongTheWallIsFreeHoweverNarrowTheGap) {
+  for (const double gap : {0.1, 1e-3, 1e-6, 1e-10, 0.0})
+    EXPECT_EQ(field.free_fraction({0.3 + gap, 0, -10}, {0.3 + gap, 0, 10}, 0.3), 1.0) << gap;
+}
+
+TEST_F(WallTest, AThousandSlidesInContactNeverGetStuck) {
+  Draw draw(5);
+  const double fraction = field.free_fraction({2, 0.1, 0.2}, {-2, 0.3, -0.1}, 0.3);
+  glm::dvec3 p = glm::mix(glm::dvec3(2, 0.1, 0.2), glm::dvec3(-2, 0.3, -0.1), fraction);
+  for (int i = 0; i < 1000; ++i) {
+    const glm::dvec3 next(p.x, draw.in(-15, 15), draw.in(-15, 15));
+    ASSERT_EQ(field.free_fraction(p, next, 0.3), 1.0) << i;
+    p = next;
+  }
+}
+
+TEST_F(WallTest, AShallowApproachStopsWhereItTouches) {
+  // Down from a gap of 1 mm to -1 mm over 20 m: contact in the middle.
+  const double stop = field.free_fraction({0.301, 0, -10}, {0.299, 0, 10}, 0.3) * 20;
+  EXPECT_LE(stop, 10 + 1e-9);
+  EXPECT_GE(stop, 10 - 1e-3);
+}
+
+TEST_F(WallTest, FromContactItMaySlideAndLeaveButNotPress) {
+  const double fraction = field.free_fraction({2, 0, 0}, {-2, 0, 0}, 0.3);
+  const glm::dvec3 contact(2 - 4 * fraction, 0, 0);
+  EXPECT_EQ(field.free_fraction(contact, contact + glm::dvec3(1, 0, 0), 0.3), 1.0);
+  EXPECT_EQ(field.free_fraction(contact, contact + glm::dvec3(0, 1, 1), 0.3), 1.0);
+  EXPECT_LT(field.free_fraction(contact, contact - glm::dvec3(1, 0, 0), 0.3), 1e-6);
+}
+
+TEST_F(WallTest, AnOverlapIsNeverFree) {
+  EXPECT_EQ(field.free_fraction({0.2, 0, 0}, {5, 0, 0}, 0.3), 0.0);
+  EXPECT_EQ(field.free_fraction({0.2, 0, 0}, {0.2, 0, 0}, 0.3), 0.0);
+}
+
+TEST_F(WallTest, NoMoveIsFreeWhereThereIsRoom) { EXPECT_EQ(field.free_fraction({1, 0, 0}, {1, 0, 0}, 0.3), 1.0); }
+
+TEST(Sweep, NothingInTheWayIsFree) { EXPECT_EQ(ClearanceField().free_fraction({0, 0, 0}, {9, 9, 9}, 1.0), 1.0); }
+
+}  // namespace
+}  // namespace sightline
