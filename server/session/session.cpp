@@ -1,0 +1,268 @@
+#include "server/session/session.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <utility>
+
+namespace sightline {
+namespace {
+
+StageClock or_no_clock(StageClock clock) {
+  return clock ? std::move(clock) : StageClock([] { return int64_t{0}; });
+}
+
+tl::unexpected<Error> below(const std::string& prefix, Error error) {
+  error.field = prefix + error.field;
+  return tl::unexpected(std::move(error));
+}
+
+// The lens at its widest: what the body must contain.
+Lens widest(const Lens& lens, const FramingSettings& framing) {
+  Lens wide = lens;
+  if (framing.zooms()) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
+  return wide;
+}
+
+Status check_options(const SessionOptions& options) {
+  if (Status ok = validate(options.convention); !ok) return below("open.", ok.error());
+  if (Status ok = check_pose(options.camera, "open.camera"); !ok) return ok;
+  if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
+  if (Status ok = validate(options.settings); !ok) return below("open.settings.", ok.error());
+  if (Status ok = validate(options.limits, widest(options.lens, options.settings.framing)); !ok)
+    return below("open.", ok.error());
+  if (options.label.size() > kMaxLabelBytes)
+    return invalid("open.label", "at most 64 bytes, got " + std::to_string(options.label.size()));
+  return {};
+}
+
+// "add[7].id" -> "open.instances[2].id" when the scene file made five; what the file made is the file's fault.
+Error in_open_request(Error error, size_t scene_instances) {
+  if (!error.field.starts_with("add[")) return {error.code, "open.instances", std::move(error.message)};
+  const size_t index = std::stoull(error.field.substr(4));
+  if (index < scene_instances) return {error.code, "open.scene", error.field + ": " + error.message};
+  const std::string named = client_field(error.field);
+  return {error.code, indexed("open.instances", index - scene_instances) + named.substr(named.find(']') + 1),
+          std::move(error.message)};
+}
+
+// The first required target that is steered for, else the first that is; null: none.
+const Target* relative_target(const std::vector<Target>& targets) {
+  const Target* first = nullptr;
+  for (const Target& target : targets) {
+    if (!(target.weight > 0)) continue;
+    if (target.required) return &target;
+    if (!first) first = &target;
+  }
+  return first;
+}
+
+}  // namespace
+
+Session::Session(SessionOptions options, std::unique_ptr<Sampler> sampler, StageClock clock)
+    : options_(std::move(options)), sampler_(std::move(sampler)), clock_(or_no_clock(std::move(clock))) {}
+
+Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::unique_ptr<Sampler> sampler,
+                                               StageClock clock) {
+  if (Status ok = check_options(options); !ok) return tl::unexpected(ok.error());
+  std::unique_ptr<Session> session(new Session(std::move(options), std::move(sampler), std::move(clock)));
+  if (Status ok = session->add_first_instances(); !ok) return tl::unexpected(ok.error());
+  const SceneDelta nothing;
+  const IdsAfter ids(session->mirror_, nothing);
+  if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok) return tl::unexpected(ok.error());
+  place_camera(session->memory_, session->options_.camera, glm::dvec3(0.0));
+  return session;
+}
+
+Status Session::add_first_instances() {
+  SceneDelta delta;
+  delta.asset_ids_allowed = true;
+  delta.add = std::move(options_.instances);
+  options_.instances.clear();
+  if (Status ok = mirror_.apply(delta, {}); !ok)
+    return tl::unexpected(in_open_request(ok.error(), options_.scene_instances));
+  return {};
+}
+
+size_t Session::triangle_count() const {
+  size_t count = 0;
+  for (const Instance& instance : mirror_.instances())
+    if (instance.geometry) count += instance.geometry->triangle_count();
+  return count;
+}
+
+Status Session::apply(const TickInput& tick) {
+  const int64_t start_ns = clock_();
+  const IdsAfter ids(mirror_, tick.delta);
+  if (Status ok = check(tick, ids); !ok) return ok;
+  fill_update(tick, ids);
+  if (Status ok = mirror_.apply(tick.delta, update_); !ok)
+    return fail(ok.error().code, "tick." + client_field(ok.error().field), ok.error().message);
+  commit(tick);  // cannot fail: the tick is whole
+  pending_scene_ns_ += clock_() - start_ns;
+  return {};
+}
+
+Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
+  if (Status ok = check_clock(tick); !ok) return ok;
+  if (Status ok = check_camera(tick); !ok) return ok;
+  for (size_t i = 0; i < tick.transforms.velocities_mps.size(); ++i)
+    if (Status ok = check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocity", 3 * i)); !ok)
+      return ok;
+  if (tick.targets) return check_targets(*tick.targets, ids, "tick.targets.targets");
+  for (size_t i = 0; i < tick.delta.remove.size(); ++i) {
+    const uint64_t id = tick.delta.remove[i];
+    const auto is_it = [id](const Target& target) { return target.instance_id == id; };
+    if (!ids.contains(id) && std::any_of(options_.targets.begin(), options_.targets.end(), is_it))
+      return fail(ErrorCode::kFailedPrecondition, indexed("tick.delta.remove", i),
+                  "is a target; replace the target list in the same tick");
+  }
+  return {};
+}
+
+Status Session::check_clock(const TickInput& tick) const {
+  if (ticked_ && tick.sequence <= sequence_)
+    return invalid("tick.sequence", "must increase, got " + std::to_string(tick.sequence) + " after " +
+                                        std::to_string(sequence_));
+  if (!std::isfinite(tick.time_s)) return invalid("tick.time_s", "must be finite, got " + std::to_string(tick.time_s));
+  if (ticked_ && tick.time_s < time_s_)
+    return invalid("tick.time_s", "must not go back, got " + std::to_string(tick.time_s) + " after " +
+                                      std::to_string(time_s_));
+  if (tick.dt_s && !(*tick.dt_s >= 0 && std::isfinite(*tick.dt_s)))
+    return invalid("tick.dt_s", "must be finite and not negative, got " + std::to_string(*tick.dt_s));
+  return {};
+}
+
+Status Session::check_camera(const TickInput& tick) const {
+  if (tick.observed_camera) {
+    if (Status ok = check_pose(tick.observed_camera->pose, "tick.observed_camera.pose"); !ok) return ok;
+    if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok) return ok;
+  }
+  if (!tick.lens) return {};
+  if (Status ok = check_lens(*tick.lens, "tick.lens"); !ok) return ok;
+  if (Status ok = validate(options_.limits, widest(*tick.lens, options_.settings.framing)); !ok)
+    return invalid("tick.lens", ok.error().field + ": " + ok.error().message);
+  return {};
+}
+
+double Session::step_length_s(const TickInput& tick) const {
+  const double dt_s = tick.dt_s ? *tick.dt_s : ticked_ ? tick.time_s - time_s_ : 0.0;
+  return std::min(dt_s, std::numeric_limits<double>::max());  // two far times may lie infinitely far apart
+}
+
+// What the mirror is told: the tick's transforms with the rotations that stay and the velocities that follow.
+void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
+  const bool derives = tick.transforms.velocities_mps.empty();
+  update_.ids = tick.transforms.ids;
+  update_.poses = tick.transforms.poses;
+  update_.velocities_mps = tick.transforms.velocities_mps;
+  if (tick.transforms.poses.size() != tick.transforms.ids.size()) return;  // the mirror refuses it
+  if (!derives && !tick.keeps_rotations) return stop_unnamed(ids);
+
+  const double dt_s = step_length_s(tick);
+  for (size_t i = 0; i < update_.ids.size(); ++i) {
+    const Instance* before = ids.staying(update_.ids[i]);
+    if (tick.keeps_rotations) {
+      const NewInstance* added = ids.added(update_.ids[i]);
+      update_.poses[i].rotation = added ? added->pose.rotation : before ? before->pose.rotation : Pose{}.rotation;
+    }
+    if (derives)
+      update_.velocities_mps.push_back(derived_velocity_mps(before, update_.poses[i].position_m, dt_s));
+  }
+  if (!derives || dt_s > 0) stop_unnamed(ids);
+}
+
+glm::dvec3 Session::derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const {
+  if (!before) return glm::dvec3(0.0);
+  const glm::dvec3 moved_m = now_m - before->pose.position_m;
+  if (dt_s <= 0) return moved_m == glm::dvec3(0.0) ? before->velocity_mps : glm::dvec3(0.0);
+  const bool teleported = !(glm::length(moved_m) <= kTeleportSpeedMps * dt_s);
+  return teleported ? glm::dvec3(0.0) : moved_m / dt_s;
+}
+
+// Names those that moved by themselves and are no longer named, where they stand and with no velocity.
+void Session::stop_unnamed(const IdsAfter& ids) {
+  if (derived_moving_.empty() || update_.ids == former_ids_) return;
+  std::vector<uint64_t> named = update_.ids;
+  std::sort(named.begin(), named.end());
+  for (const uint64_t id : derived_moving_) {
+    const Instance* instance = ids.staying(id);
+    if (!instance || std::binary_search(named.begin(), named.end(), id)) continue;
+    update_.ids.push_back(id);
+    update_.poses.push_back(instance->pose);
+    update_.velocities_mps.push_back(glm::dvec3(0.0));
+  }
+}
+
+void Session::commit(const TickInput& tick) {
+  const double dt_s = step_length_s(tick);
+  remember_derived(tick, dt_s);
+  if (tick.targets) options_.targets = *tick.targets;
+  if (tick.lens) options_.lens = *tick.lens;
+  pending_dt_s_ = std::min(pending_dt_s_ + dt_s, std::numeric_limits<double>::max());
+  if (tick.observed_camera) observe(*tick.observed_camera, dt_s);
+  ++pending_ticks_;
+  newest_arrival_ns_ = tick.arrival_ns;
+  sequence_ = tick.sequence;
+  time_s_ = tick.time_s;
+  ticked_ = true;
+}
+
+// After a tick of no length what moved still does.
+void Session::remember_derived(const TickInput& tick, double dt_s) {
+  const bool derives = tick.transforms.velocities_mps.empty();
+  if (derives && dt_s <= 0) return;
+  derived_moving_.clear();
+  for (size_t i = 0; derives && i < update_.ids.size(); ++i)
+    if (update_.velocities_mps[i] != glm::dvec3(0.0)) derived_moving_.push_back(update_.ids[i]);
+  former_ids_ = tick.transforms.ids;
+}
+
+void Session::observe(const ObservedCamera& observed, double dt_s) {
+  const StepMemory& m = memory_;
+  const auto wanted = std::make_tuple(m.has_offset, m.desired_offset_m, m.offset_targets, m.horizon_s);
+  place_camera(memory_, observed.pose, observed.velocity_mps);
+  if (!observed.cut)
+    std::tie(memory_.has_offset, memory_.desired_offset_m, memory_.offset_targets, memory_.horizon_s) = wanted;
+  pending_cut_ |= observed.cut;
+  pending_dt_s_ = dt_s;
+}
+
+Result<SessionAnswer> Session::step() {
+  const int64_t start_ns = clock_();
+  const StepInput input{mirror_, options_.targets, options_.limits, options_.settings, options_.lens, options_.seed,
+                        steps_, pending_dt_s_};
+  auto result = take_step(memory_, input, *sampler_, clock_);
+  if (!result) return tl::unexpected(std::move(result.error()));
+  ++steps_;
+
+  SessionAnswer answer;
+  answer.sequence = sequence_;
+  answer.time_s = answer.pose_time_s = time_s_;
+  answer.step = std::move(*result);
+  answer.lens = options_.lens;
+  answer.lens.vertical_fov_rad = answer.step.vertical_fov_rad;
+  answer.cut = std::exchange(pending_cut_, false);
+  if (answer.cut) answer.step.reason = MoveReason::kObservedCut;
+  answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
+  answer.revision = mirror_.revision();
+  answer.hash = mirror_.hash();
+  answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, start_ns - newest_arrival_ns_) : 0;
+  answer.scene_ns = std::exchange(pending_scene_ns_, 0);
+  pending_dt_s_ = 0.0;
+  describe_relative(answer);
+  return answer;
+}
+
+void Session::describe_relative(SessionAnswer& answer) const {
+  const Target* target = relative_target(options_.targets);
+  if (!target) return;
+  const Pose& camera = answer.step.camera.pose;
+  const Pose& world_from_target = mirror_.find(target->instance_id)->pose;
+  answer.relative_target_id = target->instance_id;
+  answer.target_from_camera = {inverse_transform_point(world_from_target, camera.position_m),
+                               glm::normalize(glm::conjugate(world_from_target.rotation) * camera.rotation)};
+}
+
+}  // namespace sightline

@@ -1,5 +1,6 @@
 // A session: one camera over one mirrored scene, in canonical units. It takes ticks, each whole or not at all, and answers
-// steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply` translates answers back.
+// steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply` translates answers back. Its
+// errors speak the client's vocabulary all the same ("open.targets[2].weight", "tick.transforms.id[7]").
 #pragma once
 
 #include <cstdint>
@@ -13,33 +14,51 @@
 #include "server/sample/sampler.h"
 #include "server/scene/mirror.h"
 #include "server/scene/target.h"
+#include "server/session/checks.h"
 #include "server/session/convention.h"
 #include "server/step.h"
 
 namespace sightline {
 
+// Speeds beyond it are refused: squared and multiplied, they would leave no digit of a position.
+inline constexpr double kMaxToldSpeedMps = 1e6;
+// An instance whose positions imply more than this was teleported: its derived velocity is 0. Faster things exist; they
+// send their velocity.
+inline constexpr double kTeleportSpeedMps = 100.0;
+inline constexpr size_t kMaxLabelBytes = 64;
+
+// Which intermediates the client wants in every reply.
+struct DiagnosticsWanted {
+  bool candidates = false;
+  bool depth_maps = false;
+};
+
 struct SessionOptions {
   Convention convention;
   uint64_t seed = 0;
-  std::vector<NewInstance> instances;  // from the scene file and from the client
+  // The scene file, held so that others find it by its hash as long as this session lives; null: none.
+  std::shared_ptr<const SceneAsset> scene;
+  std::vector<NewInstance> instances;  // first those of the scene file, then those of the client
+  size_t scene_instances = 0;          // how many are of the scene file
   std::vector<Target> targets;
   Pose camera;
   Lens lens;
   CameraLimits limits;
   StepSettings settings;
+  DiagnosticsWanted diagnostics;
   std::string label;
 };
 
 struct ObservedCamera {
   Pose pose;
-  glm::dvec3 velocity_mps{0.0};
+  glm::dvec3 velocity_mps{0.0};  // at most kMaxToldSpeedMps
   bool cut = false;
 };
 
 struct TickInput {
-  uint64_t sequence = 0;
-  double time_s = 0.0;
-  std::optional<double> dt_s;
+  uint64_t sequence = 0;       // greater than that of every tick before; the first may be any
+  double time_s = 0.0;         // finite, never goes back
+  std::optional<double> dt_s;  // finite, >= 0; absent: time since the former tick, 0 for the first
   // Transforms without rotations keep the instances' own: `keeps_rotations` says so.
   TransformUpdate transforms;
   bool keeps_rotations = false;
@@ -47,7 +66,7 @@ struct TickInput {
   std::optional<std::vector<Target>> targets;
   std::optional<ObservedCamera> observed_camera;
   std::optional<Lens> lens;
-  int64_t arrival_ns = 0;  // by the stage clock; for queue time only
+  int64_t arrival_ns = 0;  // by the stage clock, for the queue time only; 0: not known
 };
 
 struct SessionAnswer {
@@ -66,33 +85,54 @@ struct SessionAnswer {
 };
 
 // Single-threaded: one thread at a time, any thread.
+//
+// Velocities that the client does not send are derived from successive positions over the tick's dt. They are 0 for an
+// instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that moved and is then no longer
+// named stays, so its derived velocity ends. When dt is 0 nothing is derived: what stands where it stood keeps its
+// velocity, what jumped has none.
 class Session {
  public:
-  // Checks everything; fields are relative to the open request: "instances[2].id", "targets[0].weight",
-  // "limits.max_speed_mps", "settings.bound.horizon_s".
+  // Checks everything: settings and limits in their ranges, ids, targets, the camera's pose, and that the body
+  // contains the near plane's corners at the widest zoom. Fields are paths in the open request:
+  // "open.instances[2].id", "open.targets[0].weight", "open.limits.max_speed_mps", "open.settings.bound.horizon_s".
   static Result<std::unique_ptr<Session>> open(SessionOptions options, std::unique_ptr<Sampler> sampler,
                                                StageClock clock);
 
   // Applies a tick whole, or answers what is wrong (field "tick....") and leaves the session as it was. Several ticks may be
-  // applied before one step: they merge.
+  // applied before one step: they merge. The dt of merged ticks adds up; an observed camera starts it anew, since the
+  // camera is known to be there at that tick.
   Status apply(const TickInput& tick);
 
-  // One step for the newest applied tick. Fails only when the sampler does.
+  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
+  // applied is then part of the next step.
   Result<SessionAnswer> step();
 
   const SceneMirror& mirror() const { return mirror_; }
   const Convention& convention() const { return options_.convention; }
   const std::vector<Target>& targets() const { return options_.targets; }
-  // Intermediates of the last step, for dumps.
-  const StepMemory& memory() const { return memory_; }
   const CameraLimits& limits() const { return options_.limits; }
+  const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
+  const std::string& label() const { return options_.label; }
+  // Intermediates of the last step, for dumps, and the camera.
+  const StepMemory& memory() const { return memory_; }
+  size_t triangle_count() const;  // as instanced, hidden ones too
 
  private:
   Session(SessionOptions options, std::unique_ptr<Sampler> sampler, StageClock clock);
-  Status check(const TickInput& tick) const;
-  Result<double> step_length_s(const TickInput& tick) const;
+  Status add_first_instances();
+  Status check(const TickInput& tick, const IdsAfter& ids) const;
+  Status check_clock(const TickInput& tick) const;
+  Status check_camera(const TickInput& tick) const;
+  double step_length_s(const TickInput& tick) const;
+  void fill_update(const TickInput& tick, const IdsAfter& ids);
+  glm::dvec3 derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const;
+  void stop_unnamed(const IdsAfter& ids);
+  void commit(const TickInput& tick);
+  void remember_derived(const TickInput& tick, double dt_s);
+  void observe(const ObservedCamera& observed, double dt_s);
+  void describe_relative(SessionAnswer& answer) const;
 
-  SessionOptions options_;
+  SessionOptions options_;  // targets and lens as last told
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
   SceneMirror mirror_;
@@ -101,16 +141,18 @@ class Session {
   bool ticked_ = false;          // a tick was applied since the session opened
   uint64_t sequence_ = 0;        // of the newest applied tick
   double time_s_ = 0.0;
-  double pending_dt_s_ = 0.0;    // sum over the ticks applied since the last step
-  uint32_t pending_ticks_ = 0;
   uint64_t steps_ = 0;
-  bool pending_cut_ = false;
-  bool pending_observed_ = false;
-  int64_t newest_arrival_ns_ = 0;
-  int64_t pending_scene_ns_ = 0;
-};
 
-// Checks a target list against a mirror: "targets[i].id" unknown or twice, weights, counts over kMaxTargets.
-Status check_targets(const std::vector<Target>& targets, const SceneMirror& mirror);
+  // Since the last step:
+  double pending_dt_s_ = 0.0;
+  uint32_t pending_ticks_ = 0;
+  bool pending_cut_ = false;
+  int64_t pending_scene_ns_ = 0;
+  int64_t newest_arrival_ns_ = 0;
+
+  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity that is not 0
+  std::vector<uint64_t> former_ids_;      // named by the tick that derived them
+  TransformUpdate update_;                // scratch memory, reused
+};
 
 }  // namespace sightline

@@ -1,0 +1,124 @@
+#include "server/session/checks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string_view>
+
+#include "server/base/check.h"
+#include "server/session/session.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kMaxWeight = 1e6;
+constexpr double kUnitTolerance = 1e-3;
+constexpr double kMinFovRad = 0.01, kMaxFovRad = 3.0;
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+bool is_within(const glm::dvec3& p, double limit) {  // false for NaN
+  return std::abs(p.x) <= limit && std::abs(p.y) <= limit && std::abs(p.z) <= limit;
+}
+
+Status check_known(const std::vector<uint64_t>& named, const IdsAfter& ids, const std::string& field) {
+  for (size_t i = 0; i < named.size(); ++i)
+    if (!ids.contains(named[i]))
+      return fail(ErrorCode::kNotFound, indexed(field, i), "no instance has the id " + std::to_string(named[i]));
+  return {};
+}
+
+Status check_target(const Target& target, const IdsAfter& ids, const std::string& field) {
+  if (!ids.contains(target.instance_id))
+    return fail(ErrorCode::kNotFound, field + ".id",
+                "no instance has the id " + std::to_string(target.instance_id));
+  const std::string weight = field + ".weight";
+  if (Status ok = check_range(weight.c_str(), target.weight, 0.0, kMaxWeight); !ok) return ok;
+  if (target.aim_offset_m && !is_within(*target.aim_offset_m, kMaxCoordinateM))
+    return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m");
+  if (Status ok = check_known(target.attached_ids, ids, field + ".attached"); !ok) return ok;
+  return check_known(target.ignored_ids, ids, field + ".ignored");
+}
+
+// "poses[3].rotation" -> 3.
+size_t index_in(const std::string& field) { return std::stoull(field.substr(field.find('[') + 1)); }
+
+void replace_end(std::string& text, std::string_view end, std::string_view by) {
+  if (text.ends_with(end)) text.replace(text.size() - end.size(), end.size(), by);
+}
+
+}  // namespace
+
+IdsAfter::IdsAfter(const SceneMirror& mirror, const SceneDelta& delta) : mirror_(mirror), delta_(delta) {
+  removed_.insert(delta.remove.begin(), delta.remove.end());
+  for (size_t i = 0; i < delta.add.size(); ++i) added_.emplace(delta.add[i].id, i);
+}
+
+const Instance* IdsAfter::staying(uint64_t id) const {
+  if (!removed_.empty() && removed_.contains(id)) return nullptr;
+  return mirror_.find(id);
+}
+
+const NewInstance* IdsAfter::added(uint64_t id) const {
+  if (added_.empty()) return nullptr;
+  const auto it = added_.find(id);
+  return it == added_.end() ? nullptr : &delta_.add[it->second];
+}
+
+Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list) {
+  if (targets.size() > kMaxTargets)
+    return fail(ErrorCode::kResourceExhausted, list,
+                "at most " + std::to_string(kMaxTargets) + " targets, got " + std::to_string(targets.size()));
+  for (size_t i = 0; i < targets.size(); ++i) {
+    if (Status ok = check_target(targets[i], ids, indexed(list, i)); !ok) return ok;
+    const auto same = [&](const Target& other) { return other.instance_id == targets[i].instance_id; };
+    if (std::any_of(targets.begin(), targets.begin() + static_cast<ptrdiff_t>(i), same))
+      return invalid(indexed(list, i) + ".id", "named twice");
+  }
+  return {};
+}
+
+Status check_pose(const Pose& pose, const std::string& field) {
+  if (!is_within(pose.position_m, kMaxCoordinateM))
+    return invalid(field + ".position", "each coordinate must be finite and within 1e9 m of the world origin");
+  const double length = glm::length(pose.rotation);
+  if (std::abs(length - 1.0) <= kUnitTolerance) return {};
+  return invalid(field + ".rotation", "must have unit length within 1e-3, got length " + number(length));
+}
+
+Status check_speed(const glm::dvec3& velocity_mps, const std::string& field) {
+  const double speed = glm::length(velocity_mps);
+  if (speed <= kMaxToldSpeedMps) return {};
+  return invalid(field, "must be finite and at most 1e6 m/s, got " + number(speed) + " m/s");
+}
+
+Status check_lens(const Lens& lens, const std::string& field) {
+  if (!(lens.vertical_fov_rad > kMinFovRad && lens.vertical_fov_rad < kMaxFovRad))
+    return invalid(field + ".field_of_view", "must be in (0.01, 3) radians measured vertically, got " +
+                                                 number(lens.vertical_fov_rad) + " radians");
+  const std::string aspect = field + ".aspect", near = field + ".near_m";
+  if (Status ok = check_range(aspect.c_str(), lens.aspect, 0.1, 10.0); !ok) return ok;
+  return check_above(near.c_str(), lens.near_m, 0.0, 10.0);
+}
+
+std::string client_field(const std::string& mirror_field) {
+  const auto packed = [&](const char* array, size_t numbers) {
+    return indexed(std::string("transforms.") + array, numbers * index_in(mirror_field));
+  };
+  if (mirror_field.starts_with("ids[")) return packed("id", 1);
+  if (mirror_field.starts_with("velocities_mps[")) return packed("velocity", 3);
+  if (mirror_field.starts_with("poses["))
+    return mirror_field.ends_with("rotation") ? packed("rotation", 4) : packed("position", 3);
+  if (mirror_field == "poses") return "transforms.position";
+  if (mirror_field == "velocities_mps") return "transforms.velocity";
+  std::string field = "delta." + mirror_field;
+  replace_end(field, ".position_m", ".position");
+  replace_end(field, ".linear", ".scale");
+  return field;
+}
+
+}  // namespace sightline

@@ -1,0 +1,50 @@
+// What a session checks before it touches anything, in the client's vocabulary of fields.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/scene/mirror.h"
+#include "server/scene/target.h"
+
+namespace sightline {
+
+// Which instances there will be after a delta. Refers to both; costs nothing when the delta is empty.
+class IdsAfter {
+ public:
+  IdsAfter(const SceneMirror& mirror, const SceneDelta& delta);
+
+  bool contains(uint64_t id) const { return added(id) != nullptr || staying(id) != nullptr; }
+  // The instance as it is now, when the delta neither removes it nor adds it anew; else null.
+  const Instance* staying(uint64_t id) const;
+  // What the delta adds under this id, else null.
+  const NewInstance* added(uint64_t id) const;
+
+ private:
+  const SceneMirror& mirror_;
+  const SceneDelta& delta_;
+  std::unordered_set<uint64_t> removed_;
+  std::unordered_map<uint64_t, size_t> added_;
+};
+
+// Fields "<list>" (more than kMaxTargets), "<list>[i].id" (unknown, or named twice), ".weight", ".aim_offset",
+// ".attached[j]" and ".ignored[j]" (unknown: they must exist when they are named, and may be removed later).
+Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list);
+
+// Fields "<field>.position" and "<field>.rotation".
+Status check_pose(const Pose& pose, const std::string& field);
+// Refuses speeds over kMaxToldSpeedMps.
+Status check_speed(const glm::dvec3& velocity_mps, const std::string& field);
+// Ranges of server/base/camera.h; fields "<field>.field_of_view", ".aspect", ".near_m".
+Status check_lens(const Lens& lens, const std::string& field);
+
+// The mirror's fields as the client calls them: "ids[3]" -> "transforms.id[3]", "poses[3].rotation" ->
+// "transforms.rotation[12]" (packed arrays count numbers), "add[1].linear" -> "delta.add[1].scale".
+std::string client_field(const std::string& mirror_field);
+
+}  // namespace sightline
