@@ -6,6 +6,7 @@
 #include "server/gl/egl_context.h"
 #include "server/sample/draw_list.h"
 #include "server/sample/map_renderer.h"
+#include "server/sample/seen_triangle.h"
 
 namespace sightline {
 namespace {
@@ -36,40 +37,6 @@ ContextResult create_context(const EglOptions& options) {
   return context;
 }
 
-// The plane of one triangle as a map sees it.
-struct SeenTriangle {
-  glm::dvec3 normal{0.0};        // world
-  double offset = 0;             // dot(normal, any corner - eye)
-  double nearest = 0, farthest = 0;  // depth along the view axis of its corners, not before the near plane
-};
-
-SeenTriangle see_triangle(const MapView& view, const Instance& instance, uint32_t vertex) {
-  const Geometry& geometry = *instance.geometry;
-  const uint32_t first = vertex / 3 * 3;
-  std::array<glm::dvec3, 3> corner;
-  SeenTriangle out{.nearest = std::numeric_limits<double>::infinity()};
-  for (uint32_t k = 0; k < 3; ++k) {
-    const glm::dvec3 position(geometry.positions[geometry.indices[first + k]]);
-    corner[k] = transform_point(instance.world_from_instance, position) - view.eye_m;
-    const double depth = -glm::dot(view.world_from_view[2], corner[k]);
-    out.nearest = std::min(out.nearest, depth);
-    out.farthest = std::max(out.farthest, depth);
-  }
-  out.nearest = std::max(out.nearest, view.near_m);
-  out.farthest = std::max(out.farthest, out.nearest);
-  out.normal = glm::cross(corner[1] - corner[0], corner[2] - corner[0]);
-  out.offset = glm::dot(out.normal, corner[0]);
-  return out;
-}
-
-// Depth along the axis where a ray meets the triangle's plane. The sample point may lie a hair outside the triangle as
-// the rasteriser rounds it; the corners' depths bound what an edge-on plane would make of that.
-double depth_along(const SeenTriangle& triangle, const glm::dvec3& direction) {
-  const double slope = glm::dot(triangle.normal, direction);
-  const double depth = slope != 0.0 ? triangle.offset / slope : triangle.nearest;
-  return std::clamp(depth, triangle.nearest, triangle.farthest);
-}
-
 // Fills one map from its tile of the atlas.
 void resolve(const SceneMirror& mirror, const MapView& view, const TexelSource* tile, size_t stride, DepthMap& map) {
   map.view = view;
@@ -86,10 +53,10 @@ void resolve(const SceneMirror& mirror, const MapView& view, const TexelSource* 
       if (source.slot_plus_one == 0) continue;
       // Neighbours often show the same triangle.
       if (source.slot_plus_one != last.slot_plus_one || source.vertex / 3 != last.vertex / 3)
-        seen = see_triangle(view, mirror.instances()[source.slot_plus_one - 1], source.vertex);
+        seen = SeenTriangle(view, mirror.instances()[source.slot_plus_one - 1], source.vertex);
       last = source;
       const glm::dvec3 direction = texel_direction(view, x, y);
-      map.distance_m[texel] = static_cast<float>(depth_along(seen, direction) * glm::length(direction));
+      map.distance_m[texel] = static_cast<float>(seen.depth_along(direction) * glm::length(direction));
     }
 }
 

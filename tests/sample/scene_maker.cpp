@@ -23,7 +23,7 @@ std::shared_ptr<const Geometry> SceneMaker::shape() {
 Pose SceneMaker::pose() {
   glm::dquat q(0, 0, 0, 0);
   while (glm::length(q) < 0.1) q = glm::dquat(random_.next_in(-1, 1), in_cube(1.0));
-  return {origin_m_ + in_cube(6.0), glm::normalize(q)};
+  return {origin_m_ + in_cube(4.0), glm::normalize(q)};
 }
 
 glm::dmat3 SceneMaker::linear() {
@@ -63,7 +63,7 @@ SceneDelta SceneMaker::scene(uint32_t count) {
 
 MapView SceneMaker::view() {
   MapView view;
-  const glm::dvec3 eye = in_cube(9.0), forward = glm::normalize(in_cube(3.0) - eye);
+  const glm::dvec3 eye = in_cube(6.0), forward = glm::normalize(in_cube(3.0) - eye);
   view.eye_m = origin_m_ + eye;
   view.world_from_view = glm::mat3_cast(look_rotation(forward, in_cube(1.0), {1, 0, 0}));
   view.left = random_.next_in(-1.2, 0.2);
