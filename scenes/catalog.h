@@ -1,0 +1,28 @@
+// The scenes by name.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace sightline::scenes {
+
+// What can be set from outside for every scene; the rest has the defaults of the scene's own options.
+struct SceneRequest {
+  uint64_t seed = 1;
+  int arena_targets = 4;
+};
+
+struct CatalogEntry {
+  std::string_view name;  // of the file as well, before ".glb"
+  std::string_view summary;
+  std::vector<std::byte> (*make)(const SceneRequest& request);
+};
+
+std::span<const CatalogEntry> catalog();
+// Null when there is no such scene.
+const CatalogEntry* find_scene(std::string_view name);
+
+}  // namespace sightline::scenes
