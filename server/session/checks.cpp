@@ -82,12 +82,14 @@ Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, co
   return {};
 }
 
+bool is_unit(const glm::dquat& rotation) { return std::abs(glm::length(rotation) - 1.0) <= kUnitTolerance; }
+
 Status check_pose(const Pose& pose, const std::string& field) {
   if (!is_within(pose.position_m, kMaxCoordinateM))
     return invalid(field + ".position", "each coordinate must be finite and within 1e9 m of the world origin");
-  const double length = glm::length(pose.rotation);
-  if (std::abs(length - 1.0) <= kUnitTolerance) return {};
-  return invalid(field + ".rotation", "must have unit length within 1e-3, got length " + number(length));
+  if (is_unit(pose.rotation)) return {};
+  return invalid(field + ".rotation",
+                 "must have unit length within 1e-3, got length " + number(glm::length(pose.rotation)));
 }
 
 Status check_speed(const glm::dvec3& velocity_mps, const std::string& field) {

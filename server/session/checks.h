@@ -36,6 +36,8 @@ class IdsAfter {
 // ".attached[j]" and ".ignored[j]" (unknown: they must exist when they are named, and may be removed later).
 Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list);
 
+// A rotation's length is within 1e-3 of 1; false for NaN.
+bool is_unit(const glm::dquat& rotation);
 // Fields "<field>.position" and "<field>.rotation".
 Status check_pose(const Pose& pose, const std::string& field);
 // Refuses speeds over kMaxToldSpeedMps.

@@ -82,6 +82,8 @@ Status Session::add_first_instances() {
   options_.instances.clear();
   if (Status ok = mirror_.apply(delta, {}); !ok)
     return tl::unexpected(in_open_request(ok.error(), options_.scene_instances));
+  const auto assets = std::exchange(options_.mesh_assets, {});
+  hold(assets);
   return {};
 }
 
@@ -198,6 +200,7 @@ void Session::stop_unnamed(const IdsAfter& ids) {
 void Session::commit(const TickInput& tick) {
   const double dt_s = step_length_s(tick);
   remember_derived(tick, dt_s);
+  hold(tick.mesh_assets);
   if (tick.targets) options_.targets = *tick.targets;
   if (tick.lens) options_.lens = *tick.lens;
   pending_dt_s_ = std::min(pending_dt_s_ + dt_s, std::numeric_limits<double>::max());
@@ -207,6 +210,15 @@ void Session::commit(const TickInput& tick) {
   sequence_ = tick.sequence;
   time_s_ = tick.time_s;
   ticked_ = true;
+}
+
+void Session::hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets) {
+  auto& held = options_.mesh_assets;
+  for (const auto& asset : assets) {
+    std::erase(held, asset);
+    held.push_back(asset);
+  }
+  if (held.size() > kHeldAssets) held.erase(held.begin(), held.end() - static_cast<ptrdiff_t>(kHeldAssets));
 }
 
 // After a tick of no length what moved still does.

@@ -26,6 +26,8 @@ inline constexpr double kMaxToldSpeedMps = 1e6;
 // send their velocity.
 inline constexpr double kTeleportSpeedMps = 100.0;
 inline constexpr size_t kMaxLabelBytes = 64;
+// A session holds the files that its newest meshes came from, so that spawning a mesh again does not read its file again.
+inline constexpr size_t kHeldAssets = 16;
 
 // Which intermediates the client wants in every reply.
 struct DiagnosticsWanted {
@@ -38,6 +40,8 @@ struct SessionOptions {
   uint64_t seed = 0;
   // The scene file, held so that others find it by its hash as long as this session lives; null: none.
   std::shared_ptr<const SceneAsset> scene;
+  // Files that meshes of `instances` came from; see kHeldAssets.
+  std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;
   std::vector<NewInstance> instances;  // first those of the scene file, then those of the client
   size_t scene_instances = 0;          // how many are of the scene file
   std::vector<Target> targets;
@@ -63,6 +67,7 @@ struct TickInput {
   TransformUpdate transforms;
   bool keeps_rotations = false;
   SceneDelta delta;
+  std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;  // files that meshes of delta.add came from
   std::optional<std::vector<Target>> targets;
   std::optional<ObservedCamera> observed_camera;
   std::optional<Lens> lens;
@@ -128,6 +133,7 @@ class Session {
   glm::dvec3 derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const;
   void stop_unnamed(const IdsAfter& ids);
   void commit(const TickInput& tick);
+  void hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets);
   void remember_derived(const TickInput& tick, double dt_s);
   void observe(const ObservedCamera& observed, double dt_s);
   void describe_relative(SessionAnswer& answer) const;

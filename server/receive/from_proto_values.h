@@ -1,0 +1,27 @@
+// The small messages of camera.proto and settings.proto. Every reader fails with `field` or a path below it and then leaves
+// `out` unspecified; an absent value leaves the default that `out` came with.
+#pragma once
+
+#include <string>
+
+#include "server/base/error.h"
+#include "server/base/transform.h"
+#include "server/session/session.h"
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+// "must be one of the values of <the enum>, got 7": proto3 lets unknown numbers through.
+tl::unexpected<Error> unknown_enum(const std::string& field, int value);
+
+Status read_vector(const v1::Vector3& wire, const std::string& field, glm::dvec3& out);  // finite
+// A pose in the client's frame, not converted; finite, unit rotation (normalised).
+Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out);
+// Preset or custom; fields below "<prefix>convention".
+Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out);
+Status read_lens(const v1::Lens& wire, const Convention& convention, const std::string& field, Lens& out);
+// Ranges are checked by the session; here only enums.
+Status read_settings(const v1::Settings& wire, const std::string& field, StepSettings& out);
+void read_limits(const v1::CameraLimits& wire, CameraLimits& out);
+
+}  // namespace sightline
