@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
+#include <string_view>
 
 #include "server/scene/gltf_json.h"
 
@@ -27,6 +29,8 @@ bool supported(std::string_view extension) {
   return extension.starts_with("KHR_materials_") ||
          std::find(kSupported.begin(), kSupported.end(), extension) != kSupported.end();
 }
+
+constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
 
 std::string at(const std::string& path, size_t index) { return path + "[" + std::to_string(index) + "]"; }
 std::string in(const std::string& path, const char* key) { return path.empty() ? key : path + "." + key; }
@@ -80,6 +84,13 @@ class JsonCheck {
   void string(const json& parent, const std::string& path, const char* key) {
     if (const json* value = find(parent, key); value && !value->is_string())
       complain(in(path, key), "must be a string");
+  }
+  void one_of(const json& parent, const std::string& path, const char* key, std::span<const std::string_view> words) {
+    const json* value = find(parent, key);
+    if (!value) return;
+    if (!value->is_string() ||
+        std::find(words.begin(), words.end(), value->get_ref<const std::string&>()) == words.end())
+      complain(in(path, key), "is not a word that glTF knows here");
   }
   void boolean(const json& parent, const std::string& path, const char* key) {
     if (const json* value = find(parent, key); value && !value->is_boolean())
@@ -213,7 +224,7 @@ void check_accessors(JsonCheck& check, const json& document) {
     check_component_type(check, accessor, path);
     check.boolean(accessor, path, "normalized");
     check.whole(accessor, path, "count", 1, kMaxInt);
-    check.string(accessor, path, "type");
+    check.one_of(accessor, path, "type", kAccessorTypes);
     if (!check.failed()) check_sparse(check, accessor, path);
   });
 }

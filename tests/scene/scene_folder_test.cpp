@@ -1,0 +1,221 @@
+#include "server/scene/scene_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "tests/support/glb_builder.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+
+std::vector<std::byte> triangle_glb(float x) {
+  GlbBuilder file;
+  file.mesh_node({{"attributes", {{"POSITION", file.floats({0, 0, 0, x, 0, 0, 0, 1, 0})}}}});
+  return file.glb();
+}
+
+// root/scenes is the library's folder, root/secret.glb lies outside it.
+class SceneFolder : public testing::Test {
+ protected:
+  SceneFolder() {
+    write("secret.glb", triangle_glb(9));
+    write("scenes/hall.glb", triangle_glb(1));
+    write("scenes/levels/one.glb", triangle_glb(2));
+  }
+  ~SceneFolder() override { fs::remove_all(root); }
+
+  static fs::path make_folders() {
+    std::string pattern = (fs::temp_directory_path() / "sightline-scenes-XXXXXX").string();
+    const fs::path made = mkdtemp(pattern.data());
+    fs::create_directories(made / "scenes/levels");
+    return made;
+  }
+  void write(const std::string& path, const std::vector<std::byte>& bytes) {
+    std::ofstream out(root / path, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  }
+  // Moves a file's time on, as an edit a second later would.
+  void touch(const std::string& path) {
+    fs::last_write_time(root / path, fs::last_write_time(root / path) + std::chrono::seconds(1));
+  }
+  Error error_of(const std::string& name) {
+    const auto asset = library.load_named(name);
+    return asset ? Error{ErrorCode::kInternal, "", "was loaded"} : asset.error();
+  }
+
+  const fs::path root = make_folders();
+  GeometryStore store;
+  SceneLibrary library{(root / "scenes").string(), GltfLimits{}, store};
+};
+
+TEST_F(SceneFolder, NamesAreRelativePathsInOrder) {
+  write("scenes/readme.txt", bytes_of("x"));
+  EXPECT_THAT(library.names(10), ElementsAre("hall.glb", "levels/one.glb"));
+  EXPECT_THAT(library.names(1), ElementsAre("hall.glb"));
+}
+
+TEST_F(SceneFolder, TheSameFileIsOneAssetAsLongAsItIsUsed) {
+  const auto first = library.load_named("hall.glb");
+  const auto second = library.load_named("hall.glb");
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(*first, *second);
+  EXPECT_EQ(store.live_count(), 1u);
+}
+
+TEST_F(SceneFolder, NothingIsKeptForNobody) {
+  const std::weak_ptr<const SceneAsset> gone = library.load_named("hall.glb").value();
+  EXPECT_TRUE(gone.expired());
+  EXPECT_EQ(store.live_count(), 0u);
+}
+
+TEST_F(SceneFolder, AChangedFileIsReadAnew) {
+  const auto before = library.load_named("hall.glb");
+  write("scenes/hall.glb", triangle_glb(5));
+  touch("scenes/hall.glb");
+  const auto after = library.load_named("hall.glb");
+  ASSERT_TRUE(before && after);
+  EXPECT_NE((*before)->hash, (*after)->hash);
+  EXPECT_EQ((*after)->meshes.at(0)->bounds.max.x, 5.0f);
+  EXPECT_EQ((*before)->meshes.at(0)->bounds.max.x, 1.0f) << "sessions keep what they opened";
+}
+
+TEST_F(SceneFolder, AChangeBesideTheFileIsSeenToo) {
+  GlbBuilder file;
+  file.triangle_node();
+  write("scenes/levels/two.gltf", file.gltf("two.bin"));
+  write("scenes/levels/two.bin", {file.binary().begin(), file.binary().end()});
+  const auto before = library.load_named("levels/two.gltf");
+  ASSERT_TRUE(before) << to_string(before.error());
+  EXPECT_EQ(*library.load_named("levels/two.gltf"), *before);
+
+  std::vector<std::byte> bytes(file.binary().begin(), file.binary().end());
+  const float x = 7;
+  std::memcpy(bytes.data() + 12, &x, sizeof x);
+  write("scenes/levels/two.bin", bytes);
+  touch("scenes/levels/two.bin");
+  const auto after = library.load_named("levels/two.gltf");
+  ASSERT_TRUE(after);
+  EXPECT_EQ((*after)->meshes.at(0)->bounds.max.x, 7.0f);
+}
+
+TEST_F(SceneFolder, NamesThatLeaveTheFolderAreRefused) {
+  const std::string with_nul("hall.glb\0/../../secret.glb", 26);
+  for (const std::string& name : {std::string("../secret.glb"), std::string("levels/../../secret.glb"), (root / "secret.glb").string(),
+                                  std::string("/secret.glb"), std::string(".."), std::string("../x.glb"), with_nul}) {
+    const Error error = error_of(name);
+    EXPECT_EQ(error.code, ErrorCode::kInvalidArgument) << name;
+    EXPECT_EQ(error.field, "scene.name") << name;
+  }
+}
+
+// A name is a path, not a URI: the escape is not decoded, so it names a folder that does not exist.
+TEST_F(SceneFolder, PercentEscapesInNamesAreNotDecoded) {
+  EXPECT_EQ(error_of("%2e%2e/secret.glb").code, ErrorCode::kNotFound);
+}
+
+TEST_F(SceneFolder, LinksOutOfTheFolderAreRefusedAndLinksWithinFollowed) {
+  fs::create_symlink("../secret.glb", root / "scenes/out.glb");
+  fs::create_symlink(root / "secret.glb", root / "scenes/absolute.glb");
+  fs::create_directory_symlink("..", root / "scenes/up");
+  fs::create_symlink("../hall.glb", root / "scenes/levels/same.glb");
+  for (const char* name : {"out.glb", "absolute.glb", "up/secret.glb", "up/scenes/hall.glb"}) {
+    EXPECT_EQ(error_of(name).code, ErrorCode::kInvalidArgument) << name;
+    EXPECT_EQ(error_of(name).field, "scene.name") << name;
+  }
+  EXPECT_TRUE(library.load_named("levels/same.glb"));
+  EXPECT_THAT(library.names(10), ElementsAre("hall.glb", "levels/one.glb", "levels/same.glb"));
+}
+
+TEST_F(SceneFolder, BuffersMayNotBeReachedThroughALinkOutOfTheFolder) {
+  GlbBuilder file;
+  file.triangle_node();
+  write("scenes/a.gltf", file.gltf("a.bin"));
+  fs::create_symlink("../secret.glb", root / "scenes/a.bin");
+  const Error error = error_of("a.gltf");
+  EXPECT_EQ(error.code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(error.field, "buffers[0].uri");
+}
+
+TEST_F(SceneFolder, MissingFilesAndFoldersAndPipesAreNamedErrors) {
+  fs::create_directory(root / "scenes/folder.glb");
+  ASSERT_EQ(mkfifo((root / "scenes/pipe.glb").c_str(), 0600), 0);
+  EXPECT_EQ(error_of("absent.glb").code, ErrorCode::kNotFound);
+  EXPECT_EQ(error_of("hall.glb/x.glb").code, ErrorCode::kNotFound);
+  EXPECT_EQ(error_of("folder.glb").code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(error_of("pipe.glb").code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(error_of("").code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(error_of("hall.txt").code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(error_of(std::string(5000, 'a') + ".glb").code, ErrorCode::kInvalidArgument);
+}
+
+TEST_F(SceneFolder, ABrokenFileSaysWhatIsBroken) {
+  write("scenes/broken.glb", bytes_of("glTF"));
+  EXPECT_EQ(error_of("broken.glb").field, "glb.header");
+}
+
+TEST_F(SceneFolder, AFileAboveTheLimitIsNotRead) {
+  GltfLimits limits;
+  limits.max_file_bytes = 10;
+  SceneLibrary small((root / "scenes").string(), limits, store);
+  const auto asset = small.load_named("hall.glb");
+  ASSERT_FALSE(asset);
+  EXPECT_EQ(asset.error().code, ErrorCode::kResourceExhausted);
+}
+
+TEST_F(SceneFolder, WithoutAFolderNothingHasAName) {
+  SceneLibrary none("", GltfLimits{}, store);
+  EXPECT_EQ(none.load_named("hall.glb").error().code, ErrorCode::kFailedPrecondition);
+  EXPECT_TRUE(none.names(10).empty());
+  SceneLibrary lost((root / "absent").string(), GltfLimits{}, store);
+  EXPECT_EQ(lost.load_named("hall.glb").error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(SceneFolder, UploadsAreFoundByHashUntilNewerOnesPushThemOut) {
+  const ContentHash first = (*library.add_uploaded(triangle_glb(100)))->hash;
+  EXPECT_TRUE(library.find(first));
+  for (size_t i = 0; i < SceneLibrary::kKeptUploads; ++i)
+    ASSERT_TRUE(library.add_uploaded(triangle_glb(200.0f + static_cast<float>(i))));
+  const auto lost = library.find(first);
+  ASSERT_FALSE(lost);
+  EXPECT_EQ(lost.error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(lost.error().field, "scene.hash");
+}
+
+TEST_F(SceneFolder, AnUploadOfALoadedFileIsTheSameAsset) {
+  const auto named = library.load_named("hall.glb");
+  const auto uploaded = library.add_uploaded(triangle_glb(1));
+  ASSERT_TRUE(named && uploaded);
+  EXPECT_EQ(*named, *uploaded);
+}
+
+TEST_F(SceneFolder, UploadsMayNotReferToFiles) {
+  GlbBuilder file;
+  file.triangle_node();
+  const auto asset = library.add_uploaded(file.gltf("hall.glb"));
+  ASSERT_FALSE(asset);
+  EXPECT_EQ(asset.error().field, "buffers[0].uri");
+}
+
+TEST_F(SceneFolder, ManyThreadsShareOneAsset) {
+  std::vector<std::shared_ptr<const SceneAsset>> assets(8);
+  std::vector<std::thread> threads;
+  for (auto& asset : assets)
+    threads.emplace_back([&] {
+      for (int i = 0; i < 20; ++i) asset = library.load_named("hall.glb").value_or(nullptr);
+    });
+  for (auto& thread : threads) thread.join();
+  for (const auto& asset : assets) EXPECT_EQ(asset, assets[0]);
+  EXPECT_NE(assets[0], nullptr);
+}
+
+}  // namespace
+}  // namespace sightline
