@@ -1,0 +1,171 @@
+#include "client/drive_command.h"
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <thread>
+
+#include "client/contact_sheet.h"
+#include "client/follow.h"
+#include "client/metrics.h"
+#include "client/player.h"
+#include "client/report.h"
+#include "client/scenario_session.h"
+#include "client/trace.h"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+
+Result<std::vector<std::byte>> read_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  const std::string text(std::istreambuf_iterator<char>(in), {});
+  if (!in) return fail(ErrorCode::kUnavailable, path, "cannot be read");
+  const auto bytes = std::as_bytes(std::span(text));
+  return std::vector<std::byte>(bytes.begin(), bytes.end());
+}
+
+// The figures of one path, and the truth that they come from.
+struct Judged {
+  std::vector<FrameTruth> truths;
+  RunMetrics metrics;
+};
+
+class Drive {
+ public:
+  Drive(const DriveOptions& options, std::ostream& out, std::ostream& err)
+      : options_(options), out_(out), bar_(err, options.progress) {}
+
+  Status run() {
+    if (auto done = load(); !done) return done;
+    if (auto done = steer(); !done) return done;
+    if (auto done = judge_run(); !done) return done;
+    return write_files();
+  }
+
+ private:
+  Status load() {
+    auto scenario = Scenario::read(options_.scenario, store_);
+    if (!scenario) return tl::unexpected(scenario.error());
+    scenario_.emplace(std::move(*scenario));
+    for (const std::string& warning : scenario_->asset().warnings) out_ << "warning: " << warning << '\n';
+    auto world = ScenarioWorld::make(*scenario_, store_, device_);
+    if (!world) return tl::unexpected(world.error());
+    world_ = std::move(*world);
+    play_.rate_hz = options_.rate_hz;
+    play_.duration_s = options_.duration_s > 0 ? options_.duration_s : scenario_->duration_s();
+    play_.lockstep = options_.lockstep;
+    play_.on_frame = [this](const auto& frames) { say_frame(frames); };
+    // Found out now rather than after the run.
+    std::error_code trouble;
+    std::filesystem::create_directories(options_.out, trouble);
+    if (trouble) return fail(ErrorCode::kUnavailable, options_.out, trouble.message());
+    return {};
+  }
+
+  Status steer() {
+    auto client = Client::connect(options_.server, 5s);
+    if (!client) return tl::unexpected(client.error());
+    const auto file = read_file(options_.scenario);
+    if (!file) return tl::unexpected(file.error());
+    const auto scene = client->upload_scene(*file, 2min);
+    if (!scene) return tl::unexpected(scene.error());
+    auto session = client->open_session(open_request(*scenario_, scene->hash(), options_.seed), 30s);
+    if (!session) return tl::unexpected(session.error());
+    say_opened((*session)->opened());
+    auto frames = play(*scenario_, **session, play_);
+    bar_.clear();
+    if (!frames) return tl::unexpected(frames.error());
+    frames_ = std::move(*frames);
+    for (const PlayedFrame& played : frames_) path_.push_back(played.frame);
+    return (*session)->close(5s);
+  }
+
+  void say_opened(const v1::SessionOpened& opened) {
+    out_ << "session " << opened.session_id() << ": " << opened.instances() << " instances, " << opened.triangles()
+         << " triangles, " << scenario_->targets().size() << " targets, sampler " << opened.sampler() << '\n';
+    for (const std::string& warning : opened.warnings()) out_ << "warning: " << warning << '\n';
+  }
+
+  void say_frame(const std::vector<PlayedFrame>& frames) {
+    bar_.show("drive", frames.back().reply.sequence(), tick_count(play_));
+    const double second = std::floor(frames.back().frame.time_s + 1e-9);
+    if (second <= said_second_) return;
+    said_second_ = second;
+    bar_.clear();
+    out_ << summary_line(*scenario_, frames.back()) << std::endl;
+  }
+
+  Result<Judged> judge_path(const std::string& what, std::span<const CameraFrame> path) {
+    JudgeOptions options;
+    options.picture_every = options_.truth ? options_.picture_every : 0;
+    options.threads = static_cast<int>(std::thread::hardware_concurrency());
+    options.progress = [&](size_t done) { bar_.show(what, done, path.size()); };
+    auto truths = judge(*scenario_, store_, device_, path, options);
+    bar_.clear();
+    if (!truths) return tl::unexpected(truths.error());
+    Judged judged{std::move(*truths), {}};
+    judged.metrics = summarize(*scenario_, path, judged.truths, CameraLimits{});
+    return judged;
+  }
+
+  Status judge_run() {
+    auto run = judge_path("judge", path_);
+    if (!run) return tl::unexpected(run.error());
+    run_ = std::move(*run);
+    if (!options_.truth || world_->targets().empty()) return {};
+    auto follow = judge_path("follow", follow_path(*world_, path_));
+    if (!follow) return tl::unexpected(follow.error());
+    follow_ = std::move(follow->metrics);
+    return {};
+  }
+
+  Status write_files() {
+    print_table(out_, run_.metrics, follow_, frames_);
+    const std::filesystem::path folder(options_.out);
+    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json", sheet = folder / "contact.png";
+    std::ofstream trace_file(trace), metrics_file(metrics);
+    write_trace(trace_file, *scenario_, frames_, run_.truths);
+    metrics_file << "{\"sightline\": " << to_json(run_.metrics);
+    if (follow_) metrics_file << ", \"follow\": " << to_json(*follow_);
+    metrics_file << "}\n";
+    if (!trace_file.flush()) return fail(ErrorCode::kUnavailable, trace, "cannot be written");
+    if (!metrics_file.flush()) return fail(ErrorCode::kUnavailable, metrics, "cannot be written");
+    bar_.show("picture", 0, 1);
+    const Status written = write_png(contact_sheet(*world_, path_), sheet);
+    bar_.clear();
+    if (!written) return written;
+    out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    return {};
+  }
+
+  const DriveOptions& options_;
+  std::ostream& out_;
+  ProgressBar bar_;
+  GeometryStore store_;
+  EmbreeDevice device_;
+  std::optional<Scenario> scenario_;
+  std::unique_ptr<ScenarioWorld> world_;
+  PlayOptions play_;
+  double said_second_ = -1.0;
+  std::vector<PlayedFrame> frames_;
+  std::vector<CameraFrame> path_;
+  Judged run_;
+  std::optional<RunMetrics> follow_;
+};
+
+}  // namespace
+
+int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err) {
+  if (const Status done = Drive(options, out, err).run(); !done) {
+    err << "sightline drive: " << to_string(done.error()) << '\n';
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace sightline

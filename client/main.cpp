@@ -1,0 +1,55 @@
+// The command `sightline`: flags to options, one file a sub-command.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "client/drive_command.h"
+#include "client/scene_command.h"
+#include "client/sightline_client.h"
+
+namespace {
+
+void add_drive(CLI::App& app, sightline::DriveOptions& options) {
+  CLI::App* drive = app.add_subcommand(
+      "drive", "Play a scenario against a server; print how well the camera did, write a trace and a contact sheet");
+  drive->add_option("scenario", options.scenario, "A .glb whose node extras hold the roles")
+      ->required()
+      ->check(CLI::ExistingFile);
+  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")->capture_default_str();
+  drive->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  drive->add_option("--duration", options.duration_s, "Seconds of scenario time to play (default: its animation)")
+      ->check(CLI::Range(0.0, 86400.0));
+  drive->add_option("--seed", options.seed, "Of all that is random in the session")->capture_default_str();
+  drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")->capture_default_str();
+  drive->add_flag("--fast", options.lockstep, "As fast as replies come, one tick at a time: the same outcome each time");
+  drive->add_flag("!--no-truth", options.truth, "Judge no pictures: no visible shares, no baseline");
+  drive->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Sightline: a camera that keeps several targets in view");
+  app.set_version_flag("--version", "sightline " SIGHTLINE_VERSION);
+  app.require_subcommand(1);
+
+  sightline::DriveOptions drive;
+  drive.server = sightline::kDefaultAddress;
+  drive.progress = isatty(STDERR_FILENO) != 0;
+  add_drive(app, drive);
+
+  std::string scene;
+  app.add_subcommand("scene", "Say what a scene file contains")
+      ->add_option("file", scene, "A .glb or .gltf")
+      ->required()
+      ->check(CLI::ExistingFile);
+
+  CLI11_PARSE(app, argc, argv);
+  if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
+  return sightline::run_scene_command(scene, std::cout, std::cerr);
+}

@@ -1,0 +1,40 @@
+// What a drive prints: a line a second, and the table at the end.
+#pragma once
+
+#include <ostream>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "client/metrics.h"
+#include "client/player.h"
+
+namespace sightline {
+
+// "   3.0 s  (1.20, 2.00, 5.31)  guard 1.00  thief 0.87  S_N 10  S_P 40  S_V 293  TRACKING ...  0.52 ms"
+std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
+
+// One column for the run and, where it was judged, one for `follow`; then latencies.
+void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
+                 std::span<const PlayedFrame> frames);
+
+// A bar on `out` while something long goes on; nothing at all when `enabled` is false (not a terminal).
+class ProgressBar {
+ public:
+  ProgressBar(std::ostream& out, bool enabled) : out_(out), enabled_(enabled) {}
+  ~ProgressBar() { clear(); }
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  void show(const std::string& what, size_t done, size_t of);
+  // Takes the bar away, so that a line can be printed.
+  void clear();
+
+ private:
+  std::ostream& out_;
+  const bool enabled_;
+  int shown_permille_ = -1;
+  std::string shown_what_;
+};
+
+}  // namespace sightline
