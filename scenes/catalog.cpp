@@ -2,17 +2,26 @@
 
 #include <array>
 
+#include "scenes/arena.h"
+#include "scenes/city.h"
+#include "scenes/fence.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
 
 namespace sightline::scenes {
 namespace {
 
-constexpr std::array<CatalogEntry, 2> kCatalog{{
+constexpr std::array<CatalogEntry, 5> kCatalog{{
+    {"fence", "a sparse fence sways before two standing targets (Table 3)",
+     [](const SceneRequest& r) { return make_fence({.seed = r.seed}); }},
     {"hall", "a colonnade, sharp turns, sudden occluders (Table 2)",
      [](const SceneRequest& r) { return make_hall({.seed = r.seed}); }},
     {"rooms", "nine rooms, two targets through the doors",
      [](const SceneRequest& r) { return make_rooms({.seed = r.seed}); }},
+    {"city", "280 K triangles of streets and buildings (Table 1)",
+     [](const SceneRequest& r) { return make_city({.seed = r.seed}); }},
+    {"arena", "two to eight targets run around obstacles",
+     [](const SceneRequest& r) { return make_arena({.seed = r.seed, .targets = r.arena_targets}); }},
 }};
 
 }  // namespace
