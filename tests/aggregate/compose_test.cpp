@@ -1,0 +1,127 @@
+#include "server/aggregate/compose.h"
+
+#include <gtest/gtest.h>
+
+#include "server/base/random.h"
+#include "server/sample/embree_sampler.h"
+#include "server/sample/plan.h"
+#include "server/scene/primitives.h"
+
+namespace sightline {
+namespace {
+
+Bound ball(const glm::dvec3& center, double radius) {
+  Bound bound;
+  bound.center_m = center;
+  bound.radius_m = radius;
+  return bound;
+}
+
+glm::dvec3 random_vector(CounterRandom& random, double size) {
+  return {random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size)};
+}
+
+// Whether a straight line from eye to point crosses a box, by slabs: shares nothing with maps.
+bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center, const glm::dvec3& half) {
+  double enter = 0, leave = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double d = point[axis] - eye[axis];
+    double t0 = (center[axis] - half[axis] - eye[axis]) / d, t1 = (center[axis] + half[axis] - eye[axis]) / d;
+    if (t0 > t1) std::swap(t0, t1);
+    enter = std::max(enter, t0), leave = std::min(leave, t1);
+  }
+  return enter < leave;
+}
+
+class ComposeManyTargets : public testing::TestWithParam<int> {};
+
+// Candidates at texel centres have no quantisation: there the maps must say exactly what straight lines say.
+TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
+  const int n = GetParam();
+  CounterRandom random(21, n, RandomPurpose::kTest);
+  GeometryStore store;
+  SceneMirror mirror;
+  SceneDelta delta;
+  std::vector<std::pair<glm::dvec3, glm::dvec3>> boxes;
+  for (uint64_t id = 1; id <= 30; ++id) {
+    const glm::vec3 half(random.next_in(0.1, 0.6), random.next_in(0.1, 0.6), random.next_in(0.1, 0.6));
+    const glm::dvec3 at = random_vector(random, 3.0);
+    boxes.emplace_back(at, half);
+    delta.add.push_back({id, *store.intern(*tessellate(BoxShape{half})), Pose{at, {1, 0, 0, 0}}, glm::dmat3(1), {}});
+  }
+  ASSERT_TRUE(mirror.apply(delta, {}));
+  const Bound bound = ball({0, 0, 6}, 1.5);
+  std::vector<MapView> views;
+  std::vector<MapRange> ranges;
+  std::vector<glm::dvec3> eyes;
+  for (int t = 0; t < n; ++t) {
+    eyes.push_back(random_vector(random, 3.0) - glm::dvec3(0, 0, 4));
+    const auto first = static_cast<uint32_t>(views.size());
+    ranges.push_back({first, static_cast<uint32_t>(plan_views(eyes[t], bound, {}, {0.5, 0.5}, views))});
+  }
+  std::vector<MapRequest> requests;
+  for (const MapView& view : views) requests.push_back({view, ~0u, {}});
+  const auto device = make_embree_sampler_device();
+  std::vector<DepthMap> maps;
+  ASSERT_TRUE(device->make_sampler()->take(mirror, requests, maps));
+  int visible = 0, hidden = 0;
+  for (int t = 0; t < n; ++t) {
+    CandidateSet candidates;
+    for (int y = 0; y < 7; ++y)
+      for (int x = 0; x < 7; ++x)
+        candidates.add(eyes[t] + glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
+    compose_visibility(maps, ranges, 1e-5, candidates);
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      bool blocked = false;
+      for (const auto& [center, half] : boxes) blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
+      EXPECT_EQ((candidates.visible_targets[i] >> t & 1) == 0, blocked) << "target " << t << " candidate " << i;
+      ++(blocked ? hidden : visible);
+    }
+  }
+  EXPECT_GT(visible, 5);
+  EXPECT_GT(hidden, 5);
+}
+INSTANTIATE_TEST_SUITE_P(Targets, ComposeManyTargets, testing::Values(1, 2, 3, 8, 32));
+
+TEST(Compose, EqualDistanceIsVisible) {
+  MapView view;
+  view.width = view.height = 1;
+  const DepthMap map{view, {5.0f}, {3}};
+  EXPECT_TRUE(look_up({&map, 1}, {0, 0, -5}, 0.0).visible);
+  const Sight beyond = look_up({&map, 1}, {0, 0, -5.01}, 0.0);
+  EXPECT_TRUE(beyond.known);
+  EXPECT_FALSE(beyond.visible);
+  EXPECT_EQ(beyond.occluder, 3u);
+  EXPECT_TRUE(look_up({&map, 1}, {0, 0, -5.01}, 0.01).visible) << "the relative bias gives slack";
+}
+
+TEST(Compose, OutsideEveryWindowIsUnknownAndNotVisible) {
+  MapView view;
+  view.width = view.height = 1;
+  const DepthMap map{view, {std::numeric_limits<float>::infinity()}, {kNoOccluder}};
+  const Sight behind = look_up({&map, 1}, {0, 0, 5}, 0.0), aside = look_up({&map, 1}, {9, 0, -5}, 0.0);
+  EXPECT_FALSE(behind.known || behind.visible);
+  EXPECT_FALSE(aside.known || aside.visible);
+}
+
+TEST(Compose, CountsAreThePapersSetsForTheSteeredTargets) {
+  CandidateSet candidates;
+  for (int i = 0; i < 5; ++i) candidates.add({});
+  candidates.visible_targets = {0b00, 0b01, 0b10, 0b11, 0b111};
+  SightCounts counts;
+  count_sights(candidates, 0b011, 3, counts);
+  EXPECT_EQ(counts.total, 5u);
+  EXPECT_EQ(counts.none_visible, 1u);
+  EXPECT_EQ(counts.some_visible, 2u);
+  EXPECT_EQ(counts.all_visible, 2u);
+  EXPECT_EQ(counts.visible_by_target, (std::vector<uint32_t>{3, 3, 1}));
+}
+
+TEST(Compose, SettingsOutOfRangeAreNamed) {
+  EXPECT_EQ(validate(AggregateSettings{.candidates = 26}).error().field, "aggregate.candidates");
+  EXPECT_EQ(validate(AggregateSettings{.relative_bias = -0.1}).error().field, "aggregate.relative_bias");
+  EXPECT_TRUE(validate(AggregateSettings{}));
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,91 @@
+#include "server/bound/bound.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "server/base/random.h"
+#include "server/move/motion.h"
+
+namespace sightline {
+namespace {
+
+CameraState camera_moving(const glm::dvec3& velocity) {
+  CameraState camera;
+  camera.pose.position_m = {1, 2, 3};
+  camera.velocity_mps = velocity;
+  return camera;
+}
+
+TEST(Bound, HorizonRadiusIsWhatTheAccelerationReaches) {
+  const Bound bound = bound_camera(camera_moving({0, 0, 0}), {}, {}, 0.5, 1.0 / 60);
+  EXPECT_DOUBLE_EQ(bound.radius_m, 0.5 * 10 * 0.25);
+  EXPECT_EQ(bound.center_m, glm::dvec3(1, 2, 3));
+}
+
+TEST(Bound, SpeedLimitCapsTheRadius) {
+  CameraLimits limits;
+  limits.max_speed_mps = 1.0;
+  EXPECT_DOUBLE_EQ(bound_camera(camera_moving({0, 0, 0}), limits, {}, 0.5, 0.01).radius_m, 0.5);
+}
+
+TEST(Bound, PaperModeIsTheSphereAsPrinted) {
+  BoundSettings settings;
+  settings.mode = BoundMode::kPaper;
+  settings.paper_n = 300;
+  const double dt = 1.0 / 60;
+  const Bound bound = bound_camera(camera_moving({0, 0, 2}), {}, settings, settings.horizon_s, dt);
+  EXPECT_NEAR(bound.radius_m, 300 * dt * dt * 10, 1e-12);
+  EXPECT_NEAR(glm::distance(bound.center_m, glm::dvec3(1, 2, 3 + 2 * dt)), 0, 1e-12);
+  EXPECT_NEAR(bound.paper_n, 300, 1e-9);
+}
+
+TEST(Bound, DerivedFactorReproducesTheRadius) {
+  const double dt = 1.0 / 60;
+  const Bound bound = bound_camera(camera_moving({0, 0, 0}), {}, {}, 0.5, dt);
+  EXPECT_NEAR(bound.paper_n * dt * dt * 10, bound.radius_m, 1e-12);
+}
+
+// Every place that the limits let the camera reach within the horizon from rest lies in the ball: random accelerations.
+TEST(Bound, HoldsEveryPlaceThatIsReachedFromRest) {
+  CounterRandom random(3, 0, RandomPurpose::kTest);
+  const CameraLimits limits;
+  for (int trial = 0; trial < 300; ++trial) {
+    CameraState camera = camera_moving({0, 0, 0});
+    const Bound bound = bound_camera(camera, limits, {}, 0.5, 0.01);
+    // Steps move by the new velocity, so n of them cover a n (n + 1) / 2 dt^2: one step less stays within a T^2 / 2.
+    for (int step = 0; step < 49; ++step) {
+      const glm::dvec3 push(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
+      camera.velocity_mps = clamp_velocity(camera.velocity_mps, camera.velocity_mps + push * 100.0, limits, 0.01);
+      camera.pose.position_m += camera.velocity_mps * 0.01;
+      ASSERT_TRUE(bound.contains(camera.pose.position_m));
+    }
+  }
+}
+
+TEST(Bound, AlwaysHoldsTheCameraItself) {
+  for (const double speed : {0.0, 1.0, 5.0, 10.0}) {
+    const CameraState camera = camera_moving({speed, 0, 0});
+    for (const double horizon : {0.05, 0.5, 2.0})
+      EXPECT_TRUE(bound_camera(camera, {}, {}, horizon, 0.01).contains(camera.pose.position_m));
+  }
+}
+
+TEST(Bound, SettingsOutOfRangeAreNamed) {
+  const auto field_of = [](auto change) {
+    BoundSettings settings;
+    change(settings);
+    const Status status = validate(settings);
+    return status ? std::string() : status.error().field;
+  };
+  EXPECT_EQ(field_of([](auto&) {}), "");
+  EXPECT_EQ(field_of([](auto& s) { s.horizon_s = 0.01; }), "bound.horizon_s");
+  EXPECT_EQ(field_of([](auto& s) { s.horizon_s = std::nan(""); }), "bound.horizon_s");
+  EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 0.4; }), "bound.max_horizon_s");
+  EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 2.1; }), "bound.max_horizon_s");
+  EXPECT_EQ(field_of([](auto& s) { s.paper_n = std::numeric_limits<double>::infinity(); }), "bound.paper_n");
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,109 @@
+#include "server/move/body.h"
+
+#include <gtest/gtest.h>
+
+#include "server/base/random.h"
+#include "server/move/motion.h"
+#include "server/sample/embree_scene.h"
+#include "server/scene/primitives.h"
+
+namespace sightline {
+namespace {
+
+class Body : public testing::Test {
+ protected:
+  void add_box(const glm::dvec3& at, const glm::vec3& half, const glm::dquat& rotation = {1, 0, 0, 0}) {
+    SceneDelta delta;
+    delta.add.push_back({next_id_++, *store_.intern(*tessellate(BoxShape{half})), Pose{at, rotation}, glm::dmat3(1), {}});
+    ASSERT_TRUE(mirror_.apply(delta, {}));
+  }
+  void gather() { field_.gather(mirror_, camera_.pose.position_m, 20.0, {}); }
+  void advance(const glm::dvec3& wanted, double dt) {
+    const glm::dvec3 limited = clamp_velocity(camera_.velocity_mps, wanted, limits_, dt);
+    const SafeMove move = make_safe(camera_, limited, limits_, {}, field_, dt);
+    EXPECT_LE(glm::length(move.velocity_mps), limits_.max_speed_mps * (1 + 1e-9));
+    EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps), limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
+    camera_.velocity_mps = move.velocity_mps;
+    camera_.pose.position_m += move.velocity_mps * dt;
+  }
+
+  GeometryStore store_;
+  SceneMirror mirror_;
+  ClearanceField field_;
+  CameraState camera_;
+  CameraLimits limits_;
+  uint64_t next_id_ = 1;
+};
+
+TEST_F(Body, FreeSpaceChangesNothing) {
+  gather();
+  const SafeMove move = make_safe(camera_, {1, 2, 3}, limits_, {}, field_, 0.016);
+  EXPECT_EQ(move.velocity_mps, glm::dvec3(1, 2, 3));
+  EXPECT_FALSE(move.overlap || move.deflected);
+}
+
+TEST_F(Body, StopsBeforeAWall) {
+  add_box({0, 0, -5}, {10, 10, 0.1f});
+  gather();
+  for (int i = 0; i < 300; ++i) advance({0, 0, -10}, 1.0 / 60);
+  EXPECT_GT(camera_.pose.position_m.z, -4.9 + limits_.body_radius_m);
+  EXPECT_LT(camera_.pose.position_m.z, -4.0) << "and comes near it";
+}
+
+TEST_F(Body, SlidesAlongAWall) {
+  add_box({0, 0, -2}, {100, 100, 0.1f});
+  gather();
+  for (int i = 0; i < 120; ++i) {
+    gather();
+    advance({4, 0, -4}, 1.0 / 60);
+  }
+  EXPECT_GT(camera_.pose.position_m.x, 4.0);
+  EXPECT_GT(camera_.pose.position_m.z, -1.9 + limits_.body_radius_m);
+}
+
+// Random steering, random steps, a crowded room: by Embree's own distance query the body never touches anything.
+TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
+  CounterRandom random(71, 0, RandomPurpose::kTest);
+  for (int i = 0; i < 40; ++i) {
+    const glm::dvec3 at(random.next_in(-6, 6), random.next_in(-6, 6), random.next_in(-6, 6));
+    if (glm::length(at) < 2.0) continue;
+    const glm::dquat turn = glm::normalize(glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
+    add_box(at, {random.next_in(0.1, 1), random.next_in(0.1, 1), random.next_in(0.1, 1)}, turn);
+  }
+  EmbreeDevice device;
+  EmbreeScene reference(device, EmbreeScene::Content::kColliders);
+  reference.take_in(mirror_);
+  glm::dvec3 wanted(0);
+  double nearest = 1e9;
+  for (int step = 0; step < 6000; ++step) {
+    if (random.next_below(25) == 0) wanted = {random.next_in(-10, 10), random.next_in(-10, 10), random.next_in(-10, 10)};
+    if (glm::length(camera_.pose.position_m) > 7) wanted = -camera_.pose.position_m;
+    gather();
+    advance(wanted, random.next_below(100) == 0 ? 0.25 : random.next_in(0.004, 0.03));
+    const float clearance = reference.nearest_surface_m(glm::vec3(camera_.pose.position_m), 5.0f);
+    nearest = std::min<double>(nearest, clearance);
+    ASSERT_GE(clearance, limits_.body_radius_m - 1e-4) << "step " << step;
+  }
+  EXPECT_LT(nearest, limits_.body_radius_m + 0.1) << "the walk came near enough to prove something";
+}
+
+TEST_F(Body, ACameraThatAWallWasPutIntoBacksOut) {
+  add_box({0, 0, -0.2}, {5, 5, 0.05f});
+  gather();
+  const SafeMove first = make_safe(camera_, {0, 0, -1}, limits_, {}, field_, 1.0 / 60);
+  EXPECT_TRUE(first.overlap);
+  for (int i = 0; i < 120; ++i) advance({0, 0, 0}, 1.0 / 60);
+  EXPECT_GT(camera_.pose.position_m.z, -0.15 + limits_.body_radius_m);
+  EXPECT_FALSE(make_safe(camera_, {0, 0, 0}, limits_, {}, field_, 1.0 / 60).overlap);
+}
+
+TEST_F(Body, NearPlaneCornersBelongToTheBody) {
+  CameraLimits small;
+  small.body_radius_m = 0.01;
+  Lens lens;
+  lens.near_m = 0.5;
+  EXPECT_DOUBLE_EQ(swept_radius_m(small, lens), near_corner_distance_m(lens));
+}
+
+}  // namespace
+}  // namespace sightline

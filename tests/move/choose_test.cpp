@@ -1,0 +1,189 @@
+#include "server/move/choose.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/base/random.h"
+#include "server/move/framing.h"
+
+namespace sightline {
+namespace {
+
+TargetView target_at(const glm::dvec3& aim, double weight = 1.0, bool required = true) {
+  TargetView view;
+  view.aim_m = aim;
+  view.radius_m = 0.5;
+  view.weight = weight;
+  view.required = required;
+  return view;
+}
+
+const Reachable kAlways = [](const glm::dvec3&) { return true; };
+
+struct Case {
+  CandidateSet candidates;
+  std::vector<TargetView> targets;
+  glm::dvec3 desired{0, 0, 5};
+  MoveSettings settings;
+  std::vector<uint32_t> order;
+
+  void place(const glm::dvec3& at, uint32_t visible) {
+    candidates.add(at);
+    candidates.visible_targets.back() = visible;
+  }
+  Choice choose(const Reachable& reachable = kAlways) {
+    return choose_basic(candidates, targets, desired, settings, reachable, order);
+  }
+};
+
+Case two_targets() {
+  Case c;
+  c.targets = {target_at({-1, 0, 0}), target_at({1, 0, 0})};
+  return c;
+}
+
+TEST(Choose, TakesTheNearestPlaceThatSeesAll) {
+  Case c = two_targets();
+  c.place({0, 0, 5.1}, 0b01);
+  c.place({0, 0, 6}, 0b11);
+  c.place({0, 0, 5.5}, 0b11);
+  const Choice choice = c.choose();
+  EXPECT_EQ(choice.candidate, 2);
+  EXPECT_EQ(choice.status, MoveStatus::kTracking);
+  EXPECT_EQ(choice.reason, MoveReason::kNearestAllVisible);
+}
+
+TEST(Choose, SaysWhenItIsTheDesiredPlaceItself) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0b11);
+  EXPECT_EQ(c.choose().reason, MoveReason::kAtDesiredPlace);
+}
+
+// Brute force over random sets: nobody visible-to-all, reachable and inside the limits is nearer.
+TEST(Choose, AgreesWithBruteForceOnRandomSets) {
+  CounterRandom random(61, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 500; ++trial) {
+    Case c = two_targets();
+    for (int i = 0; i < 20; ++i)
+      c.place({random.next_in(-3, 3), random.next_in(-1, 1), random.next_in(3, 7)}, random.next_below(4));
+    const Choice choice = c.choose();
+    int best = -1;
+    for (int i = 0; i < 20; ++i) {
+      if (c.candidates.visible_targets[i] != 0b11) continue;
+      const auto rank = [&](int k) {
+        return std::make_pair(!within_limits(c.candidates.position_m[k], c.targets, c.settings),
+                              glm::distance(c.candidates.position_m[k], c.desired));
+      };
+      if (best < 0 || rank(i) < rank(best)) best = i;
+    }
+    if (best >= 0) {
+      EXPECT_EQ(choice.candidate, best);
+    } else {
+      EXPECT_NE(choice.status, MoveStatus::kTracking);
+    }
+  }
+}
+
+TEST(Choose, PassesOverPlacesThatTheBodyCannotReach) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0b11);
+  c.place({0, 0, 6}, 0b11);
+  EXPECT_EQ(c.choose([](const glm::dvec3& p) { return p.z > 5.5; }).candidate, 1);
+}
+
+TEST(Choose, FallsToTheBestPartialRequiredBeforeOptional) {
+  Case c;
+  c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false), target_at({0, 0, 0}, 1.0, true)};
+  c.place({0, 0, 5}, 0b010);    // the heavy optional one alone, at the very place
+  c.place({0, 0, 6}, 0b001);    // one required
+  c.place({0, 0, 7}, 0b011);    // one required and the optional
+  const Choice choice = c.choose();
+  EXPECT_EQ(choice.candidate, 2);
+  EXPECT_EQ(choice.status, MoveStatus::kPartial);
+  EXPECT_EQ(choice.reason, MoveReason::kBestPartial);
+}
+
+TEST(Choose, HeavierRequiredTargetWinsAPartialView) {
+  Case c;
+  c.targets = {target_at({-1, 0, 0}, 1.0), target_at({1, 0, 0}, 2.0)};
+  c.place({0, 0, 5}, 0b01);
+  c.place({0, 0, 6}, 0b10);
+  EXPECT_EQ(c.choose().candidate, 1);
+}
+
+TEST(Choose, EscapesWhenNothingIsSeen) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0);
+  EXPECT_EQ(c.choose().status, MoveStatus::kEscaping);
+  EXPECT_EQ(c.choose().reason, MoveReason::kHorizonGrown);
+}
+
+TEST(Choose, HoldsWhenEveryPlaceThatSeesIsOutOfReach) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0b11);
+  c.place({0, 0, 6}, 0b01);
+  const Choice choice = c.choose([](const glm::dvec3&) { return false; });
+  EXPECT_EQ(choice.candidate, -1);
+  EXPECT_EQ(choice.status, MoveStatus::kHolding);
+  EXPECT_EQ(choice.reason, MoveReason::kBlockedByGeometry);
+}
+
+TEST(Choose, TargetsWithoutWeightAreNotSteeredFor) {
+  Case c;
+  c.targets = {target_at({-1, 0, 0}), target_at({1, 0, 0}, 0.0)};
+  c.place({0, 0, 5}, 0b01);
+  EXPECT_EQ(c.choose().status, MoveStatus::kTracking);
+  c.targets[0].weight = 0;
+  EXPECT_EQ(c.choose().reason, MoveReason::kNoTargets);
+}
+
+TEST(Choose, PlacesOutsideTheLimitsComeLast) {
+  Case c = two_targets();
+  c.desired = {0, 0, 0.5};
+  c.settings.min_distance_m = 1.5;
+  c.place({0, 0, 0.1}, 0b11);  // too near the targets
+  c.place({0, 0, 4}, 0b11);
+  EXPECT_EQ(c.choose().candidate, 1);
+  c.candidates.visible_targets[1] = 0;
+  EXPECT_EQ(c.choose().candidate, 0);
+}
+
+TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {
+  const Case c = two_targets();
+  EXPECT_LT(glm::distance(desired_place_m(c.targets, {1, 2, 8}, {}, 0.1, {}), glm::dvec3(1, 2, 8)), 1e-9);
+}
+
+TEST(DesiredPlace, BacksOffUntilTheGroupFitsThePicture) {
+  CounterRandom random(62, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 500; ++trial) {
+    std::vector<TargetView> targets;
+    for (int i = 0; i < 3; ++i)
+      targets.push_back(target_at({random.next_in(-5, 5), random.next_in(-1, 1), random.next_in(-5, 5)}));
+    const glm::dvec3 place = desired_place_m(targets, {0.3, 0.2, 1}, {}, 0.1, {});
+    FramingSettings framing;
+    framing.dead_zone = 0;
+    EXPECT_TRUE(aim_at(place, targets, {}, {}, framing).fits);
+  }
+}
+
+TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
+  const Case c = two_targets();
+  MoveSettings settings;
+  settings.max_distance_m = 10;
+  settings.max_elevation_rad = 0.5;
+  const glm::dvec3 place = desired_place_m(c.targets, {0, 50, 50}, {}, 0.1, settings);
+  EXPECT_NEAR(glm::length(place), 10, 1e-9);
+  EXPECT_NEAR(std::atan2(place.y, place.z), 0.5, 1e-9);
+}
+
+TEST(Choose, SettingsOutOfRangeAreNamed) {
+  EXPECT_EQ(validate(MoveSettings{.min_distance_m = -1}).error().field, "move.min_distance_m");
+  EXPECT_EQ(validate(MoveSettings{.min_distance_m = 5, .max_distance_m = 5}).error().field, "move.max_distance_m");
+  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = -2}).error().field, "move.min_elevation_rad");
+  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = 1, .max_elevation_rad = 0.5}).error().field, "move.max_elevation_rad");
+}
+
+}  // namespace
+}  // namespace sightline

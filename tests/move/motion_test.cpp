@@ -1,0 +1,142 @@
+#include "server/move/motion.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// Jumps of the goal, irregular steps, pauses and gaps: the finite differences of the path never exceed the limits.
+TEST(Motion, PathObeysTheLimitsWhateverTheGoalAndTheTimeStepDo) {
+  CounterRandom random(41, 0, RandomPurpose::kTest);
+  const CameraLimits limits{.max_speed_mps = 4, .max_acceleration_mps2 = 7};
+  CameraState camera;
+  glm::dvec3 goal(0), last_velocity(0);
+  for (int step = 0; step < 20000; ++step) {
+    if (random.next_below(20) == 0)
+      goal = {random.next_in(-30, 30), random.next_in(-30, 30), random.next_in(-30, 30)};
+    const double dt = random.next_below(50) == 0 ? 0.25 : random.next_in(0.001, 0.05);
+    const glm::dvec3 velocity = velocity_towards(camera, goal, {1, 0, -2}, limits, dt);
+    EXPECT_LE(glm::length(velocity), 4 * (1 + 1e-12));
+    EXPECT_LE(glm::length(velocity - last_velocity) / dt, 7 * (1 + 1e-9));
+    camera.velocity_mps = last_velocity = velocity;
+    camera.pose.position_m += velocity * dt;
+  }
+}
+
+TEST(Motion, ArrivesAtAFixedGoalWithoutOvershoot) {
+  for (const double dt : {0.004, 0.016, 0.1}) {
+    CameraState camera;
+    const glm::dvec3 goal(3, 0, 0);
+    for (double t = 0; t < 5; t += dt) {
+      camera.velocity_mps = velocity_towards(camera, goal, {}, {}, dt);
+      camera.pose.position_m += camera.velocity_mps * dt;
+      EXPECT_LE(camera.pose.position_m.x, 3.0 + 1e-9) << dt;
+    }
+    EXPECT_NEAR(camera.pose.position_m.x, 3.0, 1e-3) << dt;
+  }
+}
+
+TEST(Motion, KeepsStationWithAMovingGoal) {
+  CameraState camera;
+  glm::dvec3 goal(2, 0, 0);
+  const glm::dvec3 walk(1.5, 0, 0.5);
+  for (int step = 0; step < 600; ++step, goal += walk / 60.0) {
+    camera.velocity_mps = velocity_towards(camera, goal, walk, {}, 1.0 / 60);
+    camera.pose.position_m += camera.velocity_mps / 60.0;
+  }
+  EXPECT_LT(glm::distance(camera.pose.position_m, goal), 0.05);
+}
+
+TEST(Motion, DiscreteBrakeStopsWithinTheBrakingDistance) {
+  CounterRandom random(42, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 1000; ++trial) {
+    CameraState camera;
+    camera.velocity_mps = {random.next_in(0, 10), random.next_in(0, 1), 0};
+    const double allowed = braking_distance_m(camera.velocity_mps, {});
+    while (glm::length(camera.velocity_mps) > 0) {
+      const double dt = random.next_in(0.001, 0.25);
+      camera.velocity_mps = clamp_velocity(camera.velocity_mps, {}, {}, dt);
+      camera.pose.position_m += camera.velocity_mps * dt;
+    }
+    EXPECT_LE(glm::length(camera.pose.position_m), allowed * (1 + 1e-9));
+  }
+}
+
+TEST(Motion, AnglesAndRotationsAreInverse) {
+  CounterRandom random(43, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 1000; ++trial) {
+    const ViewAngles angles{random.next_in(-3.1, 3.1), random.next_in(-1.5, 1.5), random.next_in(-1, 1)};
+    const ViewAngles back = angles_from_rotation(rotation_from_angles(angles), 0);
+    EXPECT_NEAR(back.yaw_rad, angles.yaw_rad, 1e-9);
+    EXPECT_NEAR(back.pitch_rad, angles.pitch_rad, 1e-9);
+    EXPECT_NEAR(back.roll_rad, angles.roll_rad, 1e-6);
+  }
+}
+
+TEST(Motion, YawTurnsLeftAndPitchLooksUp) {
+  const glm::dvec3 left = rotation_from_angles({kPi / 2, 0, 0}) * glm::dvec3(0, 0, -1);
+  EXPECT_LT(glm::distance(left, glm::dvec3(-1, 0, 0)), 1e-12);
+  const glm::dvec3 up = rotation_from_angles({0, kPi / 2, 0}) * glm::dvec3(0, 0, -1);
+  EXPECT_LT(glm::distance(up, glm::dvec3(0, 1, 0)), 1e-12);
+}
+
+// Through both poles, over half turns, with irregular steps: the rotation between two poses, measured on the quaternions, is
+// within the limits, and there is never any roll.
+TEST(Motion, TurningObeysTheLimitsEvenThroughThePoles) {
+  CounterRandom random(44, 0, RandomPurpose::kTest);
+  const CameraLimits limits{.max_angular_speed_radps = 2, .max_angular_acceleration_radps2 = 9};
+  TurnState state;
+  ViewAngles aim;
+  for (int step = 0; step < 20000; ++step) {
+    if (random.next_below(40) == 0) aim = {random.next_in(-kPi, kPi), random.next_in(-kPi / 2, kPi / 2), 0};
+    const double dt = random.next_in(0.001, 0.04);
+    const TurnState next = turn_towards(state, aim, limits, random.next_in(0, 0.5), dt);
+    const double turned = angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles));
+    EXPECT_LE(turned, 2 * dt * (1 + 1e-6) + 1e-9);
+    const glm::dvec2 change(next.yaw_rate_radps - state.yaw_rate_radps, next.pitch_rate_radps - state.pitch_rate_radps);
+    EXPECT_LE(glm::length(change), 9 * dt * (1 + 1e-9));
+    EXPECT_EQ(next.angles.roll_rad, 0.0);
+    state = next;
+  }
+}
+
+TEST(Motion, AHalfTurnTakesTheShortWayAndSettles) {
+  TurnState state;
+  state.angles.yaw_rad = 3.0;
+  const ViewAngles aim{-3.0, 0, 0};  // 0.283 rad further on across the seam
+  double travelled = 0;
+  for (int i = 0; i < 300; ++i) {
+    const TurnState next = turn_towards(state, aim, {}, 0.2, 1.0 / 60);
+    travelled += std::abs(std::remainder(next.angles.yaw_rad - state.angles.yaw_rad, 2 * kPi));
+    state = next;
+  }
+  EXPECT_NEAR(std::remainder(state.angles.yaw_rad - aim.yaw_rad, 2 * kPi), 0, 1e-4);
+  EXPECT_LT(travelled, 0.3);
+}
+
+TEST(Motion, RollGivenAtTheStartIsLetGoWithinTheLimit) {
+  TurnState state;
+  state.angles.roll_rad = 0.5;
+  const TurnState next = turn_towards(state, {}, {}, 0.2, 0.1);
+  EXPECT_NEAR(next.angles.roll_rad, 0.2, 1e-9);
+}
+
+TEST(Motion, LimitsOutOfRangeAreNamed) {
+  const auto field = [](const CameraLimits& limits) { return validate(limits, Lens{}).error().field; };
+  EXPECT_EQ(field({.max_speed_mps = 0}), "max_speed_mps");
+  EXPECT_EQ(field({.max_acceleration_mps2 = -1}), "max_acceleration_mps2");
+  EXPECT_EQ(field({.max_angular_speed_radps = std::nan("")}), "max_angular_speed_radps");
+  EXPECT_EQ(field({.max_angular_acceleration_radps2 = 1e9}), "max_angular_acceleration_radps2");
+  EXPECT_EQ(field({.body_radius_m = 0.05}), "body_radius_m") << "smaller than the near plane's corners";
+  EXPECT_TRUE(validate(CameraLimits{}, Lens{}));
+}
+
+}  // namespace
+}  // namespace sightline

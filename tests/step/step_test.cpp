@@ -1,0 +1,236 @@
+#include "server/step.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "server/base/random.h"
+#include "tests/support/world.h"
+
+namespace sightline::test {
+namespace {
+
+constexpr double kTick = 1.0 / 60;
+
+// Two people 2 m apart, the camera 6 m in front of them.
+struct TwoPeople : World {
+  TwoPeople() {
+    add_target(1, {-1, 1, 0});
+    add_target(2, {1, 1, 0});
+    place({0, 1.6, 6}, {0, 1, 0});
+  }
+};
+
+bool all_seen(const StepResult& result) {
+  return std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.visible_share == 1.0; });
+}
+
+TEST(Step, StaysWhereItIsWhenEverythingIsSeen) {
+  TwoPeople world;
+  for (int i = 0; i < 60; ++i) {
+    const StepResult result = world.step(kTick);
+    EXPECT_EQ(result.status, MoveStatus::kTracking);
+    EXPECT_EQ(result.reason, MoveReason::kAtDesiredPlace);
+    EXPECT_TRUE(all_seen(result));
+  }
+  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(0, 1.6, 6)), 1e-3);
+}
+
+TEST(Step, FollowsWalkingTargetsAtTheirOffset) {
+  TwoPeople world;
+  for (int i = 0; i < 240; ++i) {
+    const double x = 1.4 * i * kTick;
+    world.move(1, {-1 + x, 1, 0}, {1.4, 0, 0});
+    world.move(2, {1 + x, 1, 0}, {1.4, 0, 0});
+    world.step(kTick);
+  }
+  EXPECT_NEAR(world.memory.camera.pose.position_m.x, 1.4 * 239 * kTick, 0.1);
+  EXPECT_NEAR(world.memory.camera.pose.position_m.z, 6, 0.1);
+}
+
+TEST(Step, GoesRoundAnOccluderUntilBothAreSeen) {
+  TwoPeople world;
+  world.add_box(10, {0.5, 1, 3}, {0.35, 2, 0.05});
+  StepResult result = world.step(kTick);
+  EXPECT_FALSE(all_seen(result));
+  int seen = 0;
+  for (int i = 0; i < 180; ++i) seen += all_seen(result = world.step(kTick));
+  EXPECT_GT(seen, 120);
+  EXPECT_EQ(result.status, MoveStatus::kTracking);
+}
+
+TEST(Step, NamesTheOccluder) {
+  World world;
+  world.add_target(1, {0, 1, 0});
+  world.add_box(77, {0, 1, 3}, {3, 3, 0.05});
+  world.place({0, 1, 6}, {0, 1, 0});
+  const StepResult result = world.step(kTick);
+  EXPECT_EQ(result.targets[0].visible_share, 0.0);
+  EXPECT_EQ(result.targets[0].occluder_id, 77u);
+}
+
+TEST(Step, EscapeGrowsTheHorizonAndShrinksItWhenFound) {
+  World world;
+  world.add_target(1, {0, 1, 0});
+  world.add_box(77, {0, 0, 3}, {4, 8, 0.05});
+  world.place({0, 1, 6}, {0, 1, 0});
+  StepResult result = world.step(kTick);
+  EXPECT_EQ(result.status, MoveStatus::kEscaping);
+  const double first = world.memory.bound.radius_m;
+  for (int i = 0; i < 60; ++i) result = world.step(kTick);
+  EXPECT_GT(world.memory.bound.radius_m, 2 * first);
+  for (int i = 0; i < 60 * 8 && result.status != MoveStatus::kTracking; ++i) result = world.step(kTick);
+  EXPECT_EQ(result.status, MoveStatus::kTracking) << "a place beside the wall was found";
+  world.mirror.apply({.base_revision = {}, .remove = {77}, .add = {}, .change = {}}, {});
+  for (int i = 0; i < 120; ++i) world.step(kTick);
+  EXPECT_NEAR(world.memory.bound.horizon_s, world.settings.bound.horizon_s, 1e-9);
+}
+
+class StepTargets : public testing::TestWithParam<int> {};
+TEST_P(StepTargets, AnyNumberOfTargetsIsSteeredFor) {
+  World world;
+  const int n = GetParam();
+  for (int i = 0; i < n; ++i) world.add_target(i + 1, {2.0 * (i % 8) - 7, 1, -2.0 * (i / 8)});
+  world.add_box(1000, {0, 1, 12}, {0.5, 3, 0.1});
+  world.place({0, 6, 22}, {0, 1, 0});
+  StepResult result = world.step(kTick);
+  for (int i = 0; i < 120; ++i) result = world.step(kTick);
+  ASSERT_EQ(result.targets.size(), static_cast<size_t>(n));
+  EXPECT_EQ(world.memory.counts.visible_by_target.size(), static_cast<size_t>(n));
+  EXPECT_EQ(world.memory.counts.total,
+            world.memory.counts.all_visible + world.memory.counts.some_visible + world.memory.counts.none_visible);
+  EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
+}
+INSTANTIATE_TEST_SUITE_P(Counts, StepTargets, testing::Values(1, 2, 3, 8, 32));
+
+TEST(Step, PairVolumeIsUsedWhenAskedForAndComplete) {
+  TwoPeople world;
+  world.settings.aggregate.volume = Volume::kPair;
+  world.settings.bound.horizon_s = 0.35;
+  const StepResult result = world.step(kTick);
+  EXPECT_EQ(result.volume, Volume::kPair);
+  EXPECT_EQ(result.pair_gap, PairGap::kNone);
+  EXPECT_GT(world.memory.counts.all_visible, 50u);
+}
+
+TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
+  struct Shot {
+    glm::dvec3 a, b, camera;
+    PairGap gap;
+  };
+  const Shot shots[] = {
+      {{-0.2, 1, 0}, {0.2, 1, 0}, {0, 1, 6}, PairGap::kTooClose},         // a close pair
+      {{-1, 1, 0}, {1, 1, 0}, {-4, 1.3, 0}, PairGap::kOnLine},            // over the shoulder
+      {{-4, 1, 0}, {4, 1, 0}, {0, 1.2, 0.1}, PairGap::kOnLine},           // between the targets
+      {{-1, 1, 0}, {1, 1, 0}, {6, 1, 0}, PairGap::kOnLine},               // on the line AB
+      {{-1, 1, 0}, {1.5, 1, 0}, {1.5, 1.1, 0.9}, PairGap::kTargetInBound},  // a target inside the ball
+  };
+  for (const Shot& shot : shots) {
+    World world;
+    world.add_target(1, shot.a);
+    world.add_target(2, shot.b);
+    world.place(shot.camera, {0, 1, 0.01});
+    world.settings.aggregate.volume = Volume::kPair;
+    const StepResult result = world.step(kTick);
+    EXPECT_EQ(result.volume, Volume::kLattice);
+    EXPECT_TRUE(result.pair_asked);
+    EXPECT_EQ(result.pair_gap, shot.gap);
+    EXPECT_GT(world.memory.counts.total, 100u) << "and the lattice was composed";
+  }
+}
+
+TEST(Step, PairVolumeNeedsTwoTargets) {
+  World world;
+  world.add_target(1, {0, 1, 0});
+  world.place({0, 1, 6}, {0, 1, 0});
+  world.settings.aggregate.volume = Volume::kPair;
+  const StepResult result = world.step(kTick);
+  EXPECT_EQ(result.volume, Volume::kLattice);
+  EXPECT_TRUE(result.pair_needs_two);
+}
+
+// The two volumes are two samplings of the same visibility: in a scene of large occluders they agree on how much of the bound
+// sees what.
+TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
+  TwoPeople lattice, pair;
+  for (World* world : {static_cast<World*>(&lattice), static_cast<World*>(&pair)}) {
+    world->settings.bound.horizon_s = 0.35;
+    world->settings.sample.resolution = 32;
+    world->settings.sample.jitter_texels = false;
+    world->settings.aggregate.candidates = 8000;
+    world->add_box(10, {0.55, 1, 3}, {0.2, 2, 0.05});
+  }
+  pair.settings.aggregate.volume = Volume::kPair;
+  lattice.step(kTick);
+  ASSERT_EQ(pair.step(kTick).volume, Volume::kPair);
+  const auto share = [](const SightCounts& c) { return double(c.all_visible) / c.total; };
+  EXPECT_GT(share(lattice.memory.counts), 0.1);
+  EXPECT_LT(share(lattice.memory.counts), 0.9);
+  EXPECT_NEAR(share(lattice.memory.counts), share(pair.memory.counts), 0.08);
+}
+
+// A walk through a crowd of boxes with irregular steps, twice: every double of every pose is the same.
+TEST(Step, EqualInputsGiveEqualResultsBitForBit) {
+  const auto run = [] {
+    TwoPeople world;
+    CounterRandom random(81, 0, RandomPurpose::kTest);
+    for (uint64_t id = 10; id < 30; ++id)
+      world.add_box(id, {random.next_in(-6, 6), 1, random.next_in(1, 4)}, {0.2, 1, 0.2});
+    std::vector<CameraState> path;
+    for (int i = 0; i < 200; ++i) {
+      world.move(1, {-1 + 0.02 * i, 1, 0}, {1.2, 0, 0});
+      path.push_back(world.step(random.next_in(0.005, 0.03)).camera);
+    }
+    return path;
+  };
+  const auto first = run(), second = run();
+  EXPECT_EQ(0, std::memcmp(first.data(), second.data(), first.size() * sizeof first[0]));
+}
+
+TEST(Step, AnotherSeedJittersOtherTexels) {
+  TwoPeople one, other;
+  other.seed = 2;
+  one.step(kTick);
+  other.step(kTick);
+  EXPECT_NE(one.memory.maps[0].view.jitter, other.memory.maps[0].view.jitter);
+}
+
+TEST(Step, AttachedAndIgnoredInstancesDoNotOcclude) {
+  World world;
+  world.add_target(1, {0, 1, 0});
+  world.add_box(10, {0, 1, 2}, {3, 3, 0.05});
+  world.add_box(11, {0, 1, 3}, {3, 3, 0.05});
+  world.place({0, 1, 6}, {0, 1, 0});
+  EXPECT_FALSE(all_seen(world.step(kTick)));
+  world.targets[0].attached_ids = {10};
+  EXPECT_FALSE(all_seen(world.step(kTick)));
+  world.targets[0].ignored_ids = {11};
+  EXPECT_TRUE(all_seen(world.step(kTick)));
+}
+
+TEST(Step, OtherTargetsAreOccluders) {
+  World world;
+  world.add_target(1, {0, 1, 0});
+  world.add_target(2, {0, 1, 2});
+  world.place({0, 1, 6}, {0, 1, 0});
+  const StepResult result = world.step(kTick);
+  EXPECT_EQ(result.targets[0].visible_share, 0.0);
+  EXPECT_EQ(result.targets[0].occluder_id, 2u);
+  EXPECT_EQ(result.targets[1].visible_share, 1.0);
+}
+
+TEST(Step, ASamplerThatFailsLeavesTheCameraWhereItWas) {
+  class Broken : public Sampler {
+    Status take(const SceneMirror&, std::span<const MapRequest>, std::vector<DepthMap>&) override {
+      return fail(ErrorCode::kUnavailable, "", "gone");
+    }
+  } broken;
+  TwoPeople world;
+  const Pose before = world.memory.camera.pose;
+  const StepInput input{world.mirror, world.targets, world.limits, world.settings, world.lens, 1, 1, kTick};
+  EXPECT_FALSE(take_step(world.memory, input, broken, [] { return int64_t{0}; }));
+  EXPECT_EQ(world.memory.camera.pose.position_m, before.position_m);
+}
+
+}  // namespace
+}  // namespace sightline::test
