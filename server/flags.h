@@ -1,0 +1,49 @@
+// The command line of sightlined.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <variant>
+
+#include "server/receive/log.h"
+
+namespace sightline {
+
+enum class SamplerChoice { kEgl, kEmbree };
+
+// Every default works; --help says what each is for.
+struct Flags {
+  std::string listen = "127.0.0.1:50151";  // "none": no TCP
+  std::string listen_unix;
+  unsigned unix_mode = 0660;
+  std::string scene_dir;
+  SamplerChoice sampler = SamplerChoice::kEgl;
+  int egl_device = -1;
+  bool require_gpu = false;
+  unsigned threads = 0;  // 0: as many as there are CPUs to use
+  size_t max_sessions = 64;
+  size_t max_message_mib = 4;
+  size_t max_upload_mib = 256;
+  LogFormat log_format = LogFormat::kText;
+  LogLevel log_level = LogLevel::kInfo;
+  std::string ready_file;
+  double drain_s = 5.0;
+};
+
+struct Serve {
+  Flags flags;
+};
+struct ReportDevices {
+  Flags flags;
+};
+// Nothing more to do: the answer (help, version, configuration, what is wrong) has been printed.
+struct Exit {
+  int code = 0;
+};
+using Command = std::variant<Serve, ReportDevices, Exit>;
+
+// What the arguments, and the file named by --config, ask for. Wrong ones print why to the standard error output and
+// give Exit{2}.
+Command parse_command_line(int argc, const char* const* argv);
+
+}  // namespace sightline

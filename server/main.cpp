@@ -1,0 +1,206 @@
+// sightlined: flags -> parts wired by hand -> run -> orderly stop.
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+
+#include "server/flags.h"
+#include "server/gl/software_renderer.h"
+#include "server/receive/listener.h"
+#include "server/receive/server_info.h"
+#include "server/receive/service.h"
+#include "server/sample/egl_sampler.h"
+#include "server/sample/embree_sampler.h"
+
+namespace sightline {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+// Scenes are read beside the steps, one large file at a time and a small one next to it.
+constexpr unsigned kLoaderThreads = 2;
+constexpr milliseconds kStopGrace{500};
+constexpr milliseconds kDrainPoll{10};
+
+// The signals that stop the daemon, blocked in all threads and taken by sigwait in main.
+sigset_t stop_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  return signals;
+}
+
+// Before any thread is started: all of it is inherited or read once.
+void prepare_process() {
+  const sigset_t signals = stop_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  prepare_software_rendering();
+  // What gRPC would log in a format of its own comes back as an error or a status.
+  setenv("GRPC_VERBOSITY", "NONE", 0);
+}
+
+Result<std::unique_ptr<SamplerDevice>> make_sampler_device(const Flags& flags) {
+  if (flags.sampler == SamplerChoice::kEmbree) return make_embree_sampler_device();
+  return make_egl_sampler_device({.device_index = flags.egl_device, .require_gpu = flags.require_gpu});
+}
+
+ListenOptions listen_options(const Flags& flags) {
+  ListenOptions options;
+  options.tcp = flags.listen == "none" ? "" : flags.listen;
+  options.unix_path = flags.listen_unix;
+  options.unix_mode = flags.unix_mode;
+  options.max_message_bytes = flags.max_message_mib << 20;
+  return options;
+}
+
+ServiceLimits service_limits(const Flags& flags) {
+  ServiceLimits limits;
+  limits.max_upload_bytes = flags.max_upload_mib << 20;
+  return limits;
+}
+
+// Different for each start of a daemon, so that session ids in logs never mean two sessions.
+std::string start_name() {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%08lx%x", static_cast<unsigned long>(std::time(nullptr)),
+                static_cast<unsigned>(getpid()) & 0xFFFu);
+  return text;
+}
+
+int64_t monotonic_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(steady_clock::now().time_since_epoch()).count();
+}
+
+std::string joined(const std::vector<std::string>& words, const char* separator) {
+  std::string text;
+  for (const std::string& word : words) text.append(text.empty() ? "" : separator).append(word);
+  return text;
+}
+
+// Removes the file again when the daemon is no longer ready.
+class ReadyFile {
+ public:
+  explicit ReadyFile(std::string path) : path_(std::move(path)) {}
+  ~ReadyFile() { remove(); }
+
+  // Whoever waits for the file sees it whole: it is written beside and renamed.
+  bool write(const std::string& text) const {
+    if (path_.empty()) return true;
+    const std::string draft = path_ + ".new";
+    std::ofstream(draft) << text << '\n';
+    std::error_code error;
+    std::filesystem::rename(draft, path_, error);
+    return !error;
+  }
+  void remove() const {
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  }
+
+ private:
+  const std::string path_;
+};
+
+void wait_for_stop_signal(const Log& log) {
+  const sigset_t signals = stop_signals();
+  int signal = 0;
+  sigwait(&signals, &signal);
+  log.info("stopping", {{"signal", signal == SIGTERM ? "SIGTERM" : "SIGINT"}});
+}
+
+// A second signal ends the wait.
+bool signalled_again() {
+  const sigset_t signals = stop_signals();
+  const timespec wait{0, std::chrono::nanoseconds(kDrainPoll).count()};
+  return sigtimedwait(&signals, nullptr, &wait) > 0;
+}
+
+void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
+  listener.set_not_serving();
+  streams.drain("the server stops");
+  const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
+  while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
+  }
+  if (streams.size() > 0) log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
+  streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
+  listener.stop(kStopGrace);
+}
+
+int failed_to_start(const Log& log, const Error& error, const std::string& advice) {
+  log.error("cannot start", {{"reason", to_string(error)}, {"advice", advice}});
+  return EXIT_FAILURE;
+}
+
+int serve(const Flags& flags) {
+  Log log(flags.log_format, flags.log_level);
+  const auto sampler = make_sampler_device(flags);
+  if (!sampler) return failed_to_start(log, sampler.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
+
+  GeometryStore geometry;
+  SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
+  StreamRegistry streams(flags.max_sessions);
+  WorkerPool loaders(kLoaderThreads);
+  WorkerPool steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()));
+  CameraControlService service(
+      ServiceParts{scenes, geometry, **sampler, steppers, loaders, streams, log, monotonic_ns, start_name()},
+      service_limits(flags));
+  const auto listener = Listener::start(listen_options(flags), service);
+  if (!listener) return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
+
+  const ReadyFile ready(flags.ready_file);
+  if (!ready.write(joined((*listener)->addresses(), "\n"))) log.error("cannot write", {{"file", flags.ready_file}});
+  log.info("ready", {{"version", kVersion},
+                     {"listen", joined((*listener)->addresses(), " ")},
+                     {"sampler", (*sampler)->kind()},
+                     {"renderer", (*sampler)->description()},
+                     {"threads", std::to_string(steppers.threads())}});
+  wait_for_stop_signal(log);
+  ready.remove();
+  stop_in_order(**listener, streams, flags.drain_s, log);
+  log.info("stopped");
+  return EXIT_SUCCESS;
+}
+
+std::string device_note(const EglDeviceInfo& device) {
+  if (!device.trouble.empty()) return device.trouble;
+  std::string note = device.software ? "software" : "hardware";
+  if (device.robust) note += ", robust";
+  return note;
+}
+
+int report_devices(const Flags& flags) {
+  const EglOptions options{.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
+  const bool egl = flags.sampler == SamplerChoice::kEgl;
+  std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
+  for (const EglDeviceInfo& device : list_egl_devices(options)) {
+    std::printf("%-5s %-6s %-6d %-12s %-20s %s, %s (%s)\n", egl && device.chosen ? "*" : "", "egl", device.index,
+                device.platform.c_str(), device.drm_node.empty() ? "-" : device.drm_node.c_str(),
+                device.renderer.empty() ? "-" : device.renderer.c_str(),
+                device.gl_version.empty() ? "-" : device.gl_version.c_str(), device_note(device).c_str());
+  }
+  std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", egl ? "" : "*", "embree", "-", "cpu", "-",
+              make_embree_sampler_device()->description().c_str());
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+}  // namespace sightline
+
+int main(int argc, char** argv) {
+  using namespace sightline;
+  const Command command = parse_command_line(argc, argv);
+  if (const auto* exit = std::get_if<Exit>(&command)) return exit->code;
+  prepare_process();
+  if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags);
+  return serve(std::get<Serve>(command).flags);
+}

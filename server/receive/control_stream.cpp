@@ -1,0 +1,245 @@
+#include "server/receive/control_stream.h"
+
+#include <new>
+#include <utility>
+
+#include "server/receive/from_proto.h"
+#include "server/receive/retry_info.h"
+#include "server/reply/error_to_proto.h"
+#include "server/reply/to_proto.h"
+
+namespace sightline {
+namespace {
+
+constexpr std::chrono::seconds kRetryDelay{5};
+
+// The reactor of a call that is not taken.
+class RefusedStream final : public ControlStream::Reactor {
+ public:
+  explicit RefusedStream(const grpc::Status& status) { Finish(status); }
+  void OnDone() override { delete this; }
+};
+
+grpc::Status refusal(Admission admission, size_t max_streams) {
+  if (admission == Admission::kDraining) return {grpc::StatusCode::UNAVAILABLE, "the server is going away"};
+  return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)", kRetryDelay);
+}
+
+const Error kNotOpened{ErrorCode::kInvalidArgument, "open", "the first message of a Control call must be `open`"};
+const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is open already"};
+const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
+
+}  // namespace
+
+ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits,
+                                             std::string session_id) {
+  const auto stream = std::make_shared<ControlStream>(parts, limits, std::move(session_id));
+  if (const Admission admission = parts.streams.add(stream); admission != Admission::kAdmitted) {
+    parts.log.warn("session refused", {{"reason", admission == Admission::kFull ? "full" : "draining"}});
+    return new RefusedStream(refusal(admission, parts.streams.max_streams()));
+  }
+  stream->self_ = stream;
+  stream->reading_ = true;
+  stream->StartRead(&stream->request_);
+  return stream.get();
+}
+
+ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id)
+    : parts_(parts), session_id_(std::move(session_id)), inbox_(limits.inbox_messages, limits.inbox_bytes) {}
+
+// --- reactions ---------------------------------------------------------------------------------------------------
+
+void ControlStream::OnReadDone(bool ok) {
+  const std::lock_guard lock(mutex_);
+  reading_ = false;
+  if (ok) {
+    inbox_.push(std::exchange(request_, {}), parts_.clock());
+    read_if_room();
+  } else {
+    reads_done_ = true;
+  }
+  advance();
+}
+
+void ControlStream::OnWriteDone(bool ok) {
+  const std::lock_guard lock(mutex_);
+  writing_ = false;
+  outbox_.pop_front();
+  if (!ok) cancelled_ = true;
+  advance();
+}
+
+void ControlStream::OnCancel() {
+  const std::lock_guard lock(mutex_);
+  cancelled_ = true;
+  advance();
+}
+
+void ControlStream::OnDone() {
+  // A worker may still be on its way out of `run` with a reference of its own; the last one destroys this.
+  std::shared_ptr<ControlStream> last = std::move(self_);
+}
+
+void ControlStream::drain(const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  drain_reason_ = reason;
+  advance();
+}
+
+void ControlStream::end(const grpc::Status& status) {
+  const std::lock_guard lock(mutex_);
+  if (!end_status_) end_status_ = status;
+  advance();
+}
+
+// --- what comes next ---------------------------------------------------------------------------------------------
+
+// gRPC is called with the lock held, so that the order of its operations is the order of our decisions. That is safe
+// because it never runs a reaction inside such a call: reactions come from its own threads.
+void ControlStream::read_if_room() {
+  if (reading_ || reads_done_ || finished_ || inbox_.full()) return;
+  reading_ = true;
+  StartRead(&request_);
+}
+
+bool ControlStream::has_work() const { return !inbox_.empty() || drain_reason_.has_value(); }
+
+void ControlStream::advance() {
+  if (finished_ || busy_ || writing_) return;
+  if (cancelled_) return finish(grpc::Status::CANCELLED);
+  if (!outbox_.empty()) {
+    writing_ = true;
+    return StartWrite(&outbox_.front());
+  }
+  if (end_status_) return finish(*end_status_);
+  if (has_work()) {
+    busy_ = true;
+    WorkerPool& pool = opened_ ? parts_.steppers : parts_.loaders;
+    return pool.post([self = self_] { self->run(); });
+  }
+  if (reads_done_) finish(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
+}
+
+// The session goes first and the place in the registry next, so that a client that has seen the end finds both free.
+void ControlStream::finish(const grpc::Status& status) {
+  finished_ = true;
+  session_.reset();
+  inbox_.take_all();
+  outbox_.clear();
+  parts_.streams.remove(this);
+  parts_.log.info("session closed", {{"session", session_id_},
+                                     {"status", std::to_string(status.error_code())},
+                                     {"reason", status.error_message()},
+                                     {"ticks", std::to_string(tally_.ticks)},
+                                     {"steps", std::to_string(tally_.steps)},
+                                     {"rejections", std::to_string(tally_.rejections)}});
+  Finish(status);
+}
+
+// --- on a worker -------------------------------------------------------------------------------------------------
+
+void ControlStream::run() {
+  Work work = take_work();
+  Outcome outcome;
+  if (work.drain_reason) *outcome.replies.emplace_back().mutable_drain()->mutable_reason() = *work.drain_reason;
+  try {
+    session_ ? take_ticks(work.messages, outcome) : open(work.messages, outcome);
+  } catch (const std::bad_alloc&) {
+    outcome.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
+  }
+  const std::lock_guard lock(mutex_);
+  busy_ = false;
+  opened_ = session_ != nullptr;
+  for (v1::ControlReply& reply : outcome.replies) outbox_.push_back(std::move(reply));
+  if (outcome.end && !end_status_) end_status_ = std::move(outcome.end);
+  advance();
+}
+
+// Opening takes one message, so that the ticks behind it are worked through by the steppers.
+ControlStream::Work ControlStream::take_work() {
+  const std::lock_guard lock(mutex_);
+  Work work;
+  work.drain_reason = std::exchange(drain_reason_, std::nullopt);
+  if (session_) {
+    work.messages = inbox_.take_all();
+  } else if (!inbox_.empty()) {
+    work.messages.push_back(inbox_.take_one());
+  }
+  read_if_room();
+  return work;
+}
+
+void ControlStream::open(const Messages& messages, Outcome& outcome) {
+  if (messages.empty()) return;
+  const v1::ControlRequest& request = messages.front().request;
+  v1::ControlReply reply;
+  const Status opened =
+      request.has_open() ? open_session(request.open(), *reply.mutable_opened()) : tl::unexpected(kNotOpened);
+  if (opened) {
+    outcome.replies.push_back(std::move(reply));
+  } else {
+    parts_.log.warn("open refused", {{"session", session_id_}, {"reason", to_string(opened.error())}});
+    outcome.end = status_from_error(opened.error());
+  }
+}
+
+Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOpened& opened) {
+  std::vector<std::string> warnings;
+  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry}, warnings);
+  if (!options) return tl::unexpected(std::move(options.error()));
+  auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
+  if (!session) return tl::unexpected(std::move(session.error()));
+  session_ = std::move(*session);
+  opened_to_proto(*session_, opened);
+  opened.set_session_id(session_id_);
+  opened.set_sampler(parts_.sampler.kind());
+  for (std::string& warning : warnings) opened.add_warnings(std::move(warning));
+  parts_.log.info("session opened", {{"session", session_id_},
+                                     {"label", request.label()},
+                                     {"instances", std::to_string(opened.instances())},
+                                     {"triangles", std::to_string(opened.triangles())},
+                                     {"targets", std::to_string(session_->targets().size())}});
+  return {};
+}
+
+// Every tick is applied; one step is taken for the newest that was.
+void ControlStream::take_ticks(const Messages& messages, Outcome& outcome) {
+  std::optional<uint64_t> newest;
+  for (const Inbox::Message& message : messages) {
+    const v1::Tick& tick = message.request.tick();
+    if (const Status applied = apply(message)) {
+      newest = tick.sequence();
+    } else {
+      reject(applied.error(), tick.sequence(), outcome);
+    }
+  }
+  if (newest) step(*newest, outcome);
+}
+
+Status ControlStream::apply(const Inbox::Message& message) {
+  if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
+  if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
+  ++tally_.ticks;
+  auto tick = tick_from_proto(message.request.tick(), session_->convention(),
+                              SceneSource{parts_.scenes, parts_.geometry});
+  if (!tick) return tl::unexpected(std::move(tick.error()));
+  tick->arrival_ns = message.arrival_ns;
+  return session_->apply(*tick);
+}
+
+void ControlStream::step(uint64_t newest_sequence, Outcome& outcome) {
+  const auto answer = session_->step();
+  if (!answer) return reject(answer.error(), newest_sequence, outcome);
+  ++tally_.steps;
+  camera_reply_to_proto(*answer, *session_, session_->diagnostics(), *outcome.replies.emplace_back().mutable_camera());
+}
+
+void ControlStream::reject(const Error& error, uint64_t sequence, Outcome& outcome) {
+  ++tally_.rejections;
+  parts_.log.debug("tick refused", {{"session", session_id_},
+                                    {"sequence", std::to_string(sequence)},
+                                    {"reason", to_string(error)}});
+  rejection_to_proto(error, sequence, &session_->mirror(), *outcome.replies.emplace_back().mutable_rejected());
+}
+
+}  // namespace sightline

@@ -1,0 +1,110 @@
+// RPC Control: one session over one stream.
+//
+// Newest tick wins, nothing is lost. The stream reads as long as its inbox has room. A worker takes everything that has
+// arrived, applies every tick in order, and takes ONE step for the newest. No step starts before all replies to the
+// last one are handed to the transport, so a client that stops reading holds on the server at most the replies to one
+// inbox, a full inbox and the transport's window (64 KiB).
+//
+// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and only
+// move messages. `run` runs on a worker, one at a time for one stream (`busy_`). drain and end come from the thread that
+// stops the server. All meet in `advance`, which decides what comes next.
+//
+// Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is called once,
+// when no worker is busy and no write is under way; nothing is started after it.
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "server/receive/inbox.h"
+#include "server/receive/parts.h"
+#include "server/session/session.h"
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>, public Drainable {
+ public:
+  using Reactor = grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>;
+
+  // The reactor of a new call. It is registered and lives until gRPC is done with it. When the registry is full or
+  // drains, it is one that refuses (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE).
+  static Reactor* start(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
+
+  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
+  ~ControlStream() override = default;
+
+  void drain(const std::string& reason) override;
+  void end(const grpc::Status& status) override;
+
+ private:
+  using Messages = std::deque<Inbox::Message>;
+  using Replies = std::deque<v1::ControlReply>;
+
+  struct Work {
+    Messages messages;
+    std::optional<std::string> drain_reason;
+  };
+  struct Outcome {
+    Replies replies;
+    std::optional<grpc::Status> end;  // close the call with it once the replies are written
+  };
+  struct Tally {
+    uint64_t ticks = 0, steps = 0, rejections = 0;
+  };
+
+  // Reactions.
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnCancel() override;
+  void OnDone() override;
+
+  // Need mutex_.
+  void advance();  // starts what can be done next, if anything
+  void read_if_room();
+  bool has_work() const;
+  void finish(const grpc::Status& status);
+
+  // On a worker, while busy_.
+  void run();
+  Work take_work();
+  void open(const Messages& messages, Outcome& outcome);
+  Status open_session(const v1::OpenSession& request, v1::SessionOpened& opened);
+  void take_ticks(const Messages& messages, Outcome& outcome);
+  Status apply(const Inbox::Message& message);
+  void step(uint64_t newest_sequence, Outcome& outcome);
+  void reject(const Error& error, uint64_t sequence, Outcome& outcome);
+
+  // Constant after construction.
+  const ServiceParts& parts_;
+  const std::string session_id_;
+
+  // By the worker while busy_; by finish, which is called only when no worker is busy.
+  std::unique_ptr<Session> session_;
+  Tally tally_;
+
+  // By gRPC while reading_, else guarded by mutex_.
+  v1::ControlRequest request_;
+
+  std::mutex mutex_;
+  // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
+  Inbox inbox_;
+  Replies outbox_;
+  bool opened_ = false;       // session_ exists
+  bool busy_ = false;         // a worker runs, or is about to
+  bool reading_ = false;      // a read is under way
+  bool writing_ = false;      // a write is under way
+  bool reads_done_ = false;   // the client has closed its side, or is gone
+  bool cancelled_ = false;
+  bool finished_ = false;
+  std::optional<std::string> drain_reason_;  // still to be told
+  std::optional<grpc::Status> end_status_;   // close with it once everything in outbox_ is written
+  std::shared_ptr<ControlStream> self_;      // from the start until OnDone
+};
+
+}  // namespace sightline

@@ -1,0 +1,50 @@
+// What happened, for the people who run the service: one line an event, as text or as one JSON object.
+//
+//   log.info("session opened", {{"session", "1f3-7"}, {"label", "arena"}});
+//   text: 2026-03-01T12:00:00.123Z info session opened session=1f3-7 label=arena
+//   json: {"time":"2026-03-01T12:00:00.123Z","level":"info","message":"session opened","session":"1f3-7","label":"arena"}
+#pragma once
+
+#include <initializer_list>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace spdlog {
+class logger;
+namespace sinks {
+class sink;
+}
+}  // namespace spdlog
+
+namespace sightline {
+
+enum class LogFormat { kText, kJson };
+enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
+
+// Thread-safe. Values may hold any bytes: what is not UTF-8 is replaced in JSON, control characters in both formats are
+// escaped, so that one event is always one line.
+class Log {
+ public:
+  using Field = std::pair<std::string_view, std::string>;
+  using Fields = std::initializer_list<Field>;
+
+  // To the standard error output.
+  Log(LogFormat format, LogLevel level);
+  // To `sink`: tests listen here.
+  Log(LogFormat format, LogLevel level, std::shared_ptr<spdlog::sinks::sink> sink);
+
+  void debug(std::string_view message, Fields fields = {}) const { write(LogLevel::kDebug, message, fields); }
+  void info(std::string_view message, Fields fields = {}) const { write(LogLevel::kInfo, message, fields); }
+  void warn(std::string_view message, Fields fields = {}) const { write(LogLevel::kWarning, message, fields); }
+  void error(std::string_view message, Fields fields = {}) const { write(LogLevel::kError, message, fields); }
+
+ private:
+  void write(LogLevel level, std::string_view message, Fields fields) const;
+
+  const LogFormat format_;
+  const std::shared_ptr<spdlog::logger> logger_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,14 @@
+// "Full; try again later", in the form that gRPC clients know.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <chrono>
+#include <string>
+
+namespace sightline {
+
+// RESOURCE_EXHAUSTED with a google.rpc.RetryInfo in its details.
+grpc::Status exhausted_status(const std::string& message, std::chrono::seconds retry_delay);
+
+}  // namespace sightline

@@ -1,0 +1,22 @@
+#include "server/receive/server_info.h"
+
+#include <grpcpp/server_context.h>
+
+namespace sightline {
+
+grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
+                                          v1::ServerInfo& info) {
+  info.set_version(kVersion);
+  info.set_sampler(parts.sampler.kind());
+  info.set_renderer(parts.sampler.description());
+  info.set_open_sessions(static_cast<uint32_t>(parts.streams.size()));
+  info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
+  info.set_geometry_count(parts.geometry.live_count());
+  info.set_geometry_bytes(parts.geometry.live_bytes());
+  info.set_sampler_bytes(parts.sampler.geometry_bytes());
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(grpc::Status::OK);
+  return reactor;
+}
+
+}  // namespace sightline

@@ -1,0 +1,16 @@
+// RPC GetServerInfo: what runs here and what it holds.
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include "server/receive/parts.h"
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+inline constexpr const char* kVersion = SIGHTLINE_VERSION;
+
+grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
+                                          v1::ServerInfo& info);
+
+}  // namespace sightline

@@ -1,0 +1,52 @@
+// The streams that are open now: how many there may be, and whom to tell when the server goes away.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// What the registry asks of a stream. Both are called from any thread and return at once.
+class Drainable {
+ public:
+  virtual ~Drainable() = default;
+  // Tell the client that the server goes away, and go on answering what it has sent until it closes its side.
+  virtual void drain(const std::string& reason) = 0;
+  // Close as soon as no step and no write is under way.
+  virtual void end(const grpc::Status& status) = 0;
+};
+
+enum class Admission { kAdmitted, kFull, kDraining };
+
+// Thread-safe.
+class StreamRegistry {
+ public:
+  explicit StreamRegistry(size_t max_streams) : max_streams_(max_streams) {}
+
+  // Counts the stream until it is removed. Streams are named by their address.
+  Admission add(const std::shared_ptr<Drainable>& stream);
+  void remove(const Drainable* stream);
+
+  // From now on no stream is admitted, and every open one is told.
+  void drain(const std::string& reason);
+  void end_all(const grpc::Status& status);
+
+  size_t size() const;
+  size_t max_streams() const { return max_streams_; }
+
+ private:
+  std::vector<std::shared_ptr<Drainable>> alive() const;
+
+  const size_t max_streams_;
+  mutable std::mutex mutex_;
+  bool draining_ = false;                                         // guarded by mutex_
+  std::map<const Drainable*, std::weak_ptr<Drainable>> streams_;  // guarded by mutex_
+};
+
+}  // namespace sightline
