@@ -200,6 +200,29 @@ TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   for (const MeshData& mesh : meshes) check_trees(*build(mesh));
 }
 
+// Single triangles on the three axes, each 32 times nearer to the origin than the one before: every plane of the
+// heuristic peels off one, 78 in a row.
+TEST(Geometry, NestedScalesKeepTheDepthBounded) {
+  MeshData mesh;
+  const auto add = [&](const glm::vec3& at) {
+    const auto i = static_cast<uint32_t>(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), {at, at + glm::vec3(1e-32f, 0, 0), at + glm::vec3(0, 1e-32f, 1e-32f)});
+    mesh.positions[i + 1][at.x != 0 ? 1 : 0] += 1e-32f;  // off the axis, where it is not rounded away
+    mesh.positions[i + 2][at.z != 0 ? 0 : 2] += 1e-32f;
+    mesh.indices.insert(mesh.indices.end(), {i, i + 1, i + 2});
+  };
+  for (int level = 0; level < 26; ++level)
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::vec3 at(0.0f);
+      at[axis] = std::ldexp(1.0f, 29 - 5 * level);
+      add(at);
+    }
+  for (int i = 0; i < 200; ++i) add(glm::vec3(0.0f));
+  const auto g = build(mesh);
+  EXPECT_EQ(g->triangle_count(), 278u);
+  check_trees(*g);
+}
+
 void expect_refused(const MeshData& mesh, const std::string& field) {
   const auto result = build_geometry(mesh);
   ASSERT_FALSE(result) << field;

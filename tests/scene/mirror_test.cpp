@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <functional>
+#include <map>
 #include <new>
 
 #include "server/base/random.h"
@@ -408,6 +409,52 @@ TEST(MirrorHash, IsTheSameAfterAWayThereAndBack) {
   EXPECT_EQ(mirror.hash(), before);
   ASSERT_TRUE(mirror.apply(removing({1, 2}), {}));
   EXPECT_EQ(mirror.hash(), 0u);
+}
+
+// What a mirror should hold, kept as plainly as can be, and the next random message for both.
+struct Model {
+  std::map<uint64_t, NewInstance> by_id;
+  CounterRandom random{3, 0, RandomPurpose::kTest};
+
+  Pose pose() { return at(random.next_in(-9, 9), random.next_in(-9, 9), random.next_in(-9, 9)); }
+  uint64_t some_id() { return 1 + random.next_below(30); }
+
+  void tell(SceneMirror& mirror) {
+    SceneDelta delta;
+    TransformUpdate update;
+    if (const uint64_t id = some_id(); by_id.erase(id)) delta.remove = {id};
+    if (const uint64_t id = some_id(); !by_id.contains(id)) {
+      delta.add = {instance(id, pose())};
+      by_id[id] = delta.add[0];
+    }
+    if (const auto it = by_id.find(some_id()); it != by_id.end()) {
+      it->second.attributes.layers = random.next_u32();
+      delta.change = {{it->first, it->second.attributes}};
+    }
+    if (const auto it = by_id.find(some_id()); it != by_id.end()) {
+      it->second.pose = pose();
+      update = moving({it->first}, {it->second.pose});
+    }
+    ASSERT_TRUE(mirror.apply(delta, update));
+  }
+};
+
+TEST(MirrorHash, ALongHistoryEqualsAFreshMirrorOfItsOutcome) {
+  Model model;
+  SceneMirror mirror;
+  for (int i = 0; i < 500; ++i) {
+    model.tell(mirror);
+    SceneMirror fresh;
+    SceneDelta all;
+    for (const auto& [id, made] : model.by_id) all.add.push_back(made);
+    ASSERT_TRUE(fresh.apply(all, {}));
+    ASSERT_EQ(mirror.hash(), fresh.hash()) << i;
+    ASSERT_EQ(mirror.size(), model.by_id.size());
+    for (const auto& [id, made] : model.by_id) {
+      ASSERT_EQ(mirror.find(id)->pose.position_m, made.pose.position_m);
+      ASSERT_EQ(mirror.find(id)->attributes, made.attributes);
+    }
+  }
 }
 
 uint64_t hash_of(const NewInstance& only) {
