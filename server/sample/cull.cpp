@@ -6,48 +6,68 @@
 namespace sightline {
 namespace {
 
-enum class Side { kOutside, kAcross, kInside };
-
-// A plane with the absolute value of its normal, in single precision with slack for the rounding of both.
-struct BoxPlane {
-  glm::vec3 normal, absolute;
+// One row of the projection with what interval arithmetic over a box needs. The slack covers the rounding of positions
+// and rows to single precision.
+struct Row {
+  glm::vec3 slope, absolute;
   float offset, slack;
+
+  Row(const glm::vec4& row, float reach)
+      : slope(row), absolute(glm::abs(slope)), offset(row.w),
+        slack(1e-6f * (glm::length(slope) * reach + std::abs(row.w))) {}
 };
-using BoxPlanes = std::array<BoxPlane, 5>;
-
-// The slack covers rounding on boxes about `reach` from the origin of the frame.
-BoxPlanes box_planes(const Frustum& frustum, float reach) {
-  BoxPlanes out;
-  for (size_t i = 0; i < out.size(); ++i) {
-    const glm::vec3 normal(frustum.planes[i]);
-    const float offset = static_cast<float>(frustum.planes[i].w);
-    out[i] = {normal, glm::abs(normal), offset, 1e-6f * (glm::length(normal) * reach + std::abs(offset))};
-  }
-  return out;
+struct Interval {
+  float low, high;
+};
+Interval over_box(const Row& row, const glm::vec3& center, const glm::vec3& half) {
+  const float middle = glm::dot(row.slope, center) + row.offset;
+  const float reach = glm::dot(row.absolute, half) + row.slack;
+  return {middle - reach, middle + reach};
 }
 
-Side side_of(const BoxPlanes& planes, const Aabb& box) {
-  const glm::vec3 center = box.center(), half = box.half_extent();
-  Side side = Side::kInside;
-  for (const BoxPlane& plane : planes) {
-    const float distance = glm::dot(plane.normal, center) + plane.offset;
-    const float reach = glm::dot(plane.absolute, half) + plane.slack;
-    if (distance < -reach) return Side::kOutside;
-    if (distance < reach) side = Side::kAcross;
-  }
-  return side;
+// The whole numbers in [0, count) that a quotient numerator / depth may come within the margin of.
+struct SampleRange {
+  int first = 0, last = -1;
+  bool empty() const { return last < first; }
+};
+SampleRange samples_met(const Interval& numerator, const Interval& depth, int count) {
+  constexpr float kMargin = static_cast<float>(kFrustumMarginTexels);
+  const float low = numerator.low / (numerator.low < 0 ? depth.low : depth.high) - kMargin;
+  const float high = numerator.high / (numerator.high < 0 ? depth.high : depth.low) + kMargin;
+  const float end = static_cast<float>(count - 1);
+  if (!(high >= 0 && low <= end)) return {};
+  return {static_cast<int>(std::ceil(std::max(low, 0.0f))), static_cast<int>(std::floor(std::min(high, end)))};
 }
 
-void append_range(const TreeNode& node, uint32_t bridge_indices, size_t begin, std::vector<IndexRange>& ranges) {
-  if (ranges.size() > begin) {
-    IndexRange& last = ranges.back();
-    if (node.first_index - (last.first_index + last.index_count) <= bridge_indices) {
-      last.index_count = node.first_index + node.index_count - last.first_index;
-      return;
+class BoxTest {
+ public:
+  BoxTest(const SampleGrid& grid, float reach)
+      : x_(grid.x, reach), y_(grid.y, reach), w_(grid.w, reach), grid_(grid) {}
+
+  // False when no sample can show the box. Fills in where it can and how near it can be.
+  bool may_show(const Aabb& box, VisibleCluster& where) const {
+    const glm::vec3 center = box.center(), half = box.half_extent();
+    const Interval depth = over_box(w_, center, half);
+    if (depth.high < grid_.near_m) return false;
+    SampleRange x{0, grid_.width - 1}, y{0, grid_.height - 1};
+    // A box that reaches behind the near plane has no bounded projection.
+    if (depth.low >= 0.5f * grid_.near_m) {
+      x = samples_met(over_box(x_, center, half), depth, grid_.width);
+      y = samples_met(over_box(y_, center, half), depth, grid_.height);
     }
+    where.near_depth_m = std::max(depth.low, grid_.near_m);
+    where.x0 = static_cast<uint8_t>(x.first), where.x1 = static_cast<uint8_t>(x.last);
+    where.y0 = static_cast<uint8_t>(y.first), where.y1 = static_cast<uint8_t>(y.last);
+    return !x.empty() && !y.empty();
   }
-  ranges.push_back({node.first_index, node.index_count});
-}
+
+ private:
+  const Row x_, y_, w_;
+  const SampleGrid& grid_;
+};
+
+// Rasterisers order surfaces in single precision: one so little nearer does not hide for certain.
+constexpr float kHidingMargin = 1e-3f;
 
 float reach_of(const Aabb& box) {
   const glm::vec3 far = glm::max(glm::abs(box.min), glm::abs(box.max));
@@ -77,44 +97,50 @@ Frustum sample_frustum(const MapView& view) {
   return out;
 }
 
-Frustum to_local(const Frustum& frustum, const Affine& world_from_local) {
-  Frustum out;
-  for (size_t i = 0; i < out.planes.size(); ++i) {
-    const glm::dvec3 normal(frustum.planes[i]);
-    out.planes[i] = {glm::dot(normal, world_from_local[0]), glm::dot(normal, world_from_local[1]),
-                     glm::dot(normal, world_from_local[2]),
-                     glm::dot(normal, world_from_local[3]) + frustum.planes[i].w};
-  }
-  return out;
-}
-
 bool sphere_is_outside(const Frustum& frustum, const glm::dvec3& center_m, double radius_m) {
   for (const glm::dvec4& plane : frustum.planes)
     if (glm::dot(glm::dvec3(plane), center_m) + plane.w < -radius_m) return true;
   return false;
 }
 
-void append_visible_ranges(const TriangleTree& tree, const Frustum& local, uint32_t bridge_indices,
-                           std::vector<IndexRange>& ranges) {
+SampleGrid sample_grid(const glm::dvec4& clip_x, const glm::dvec4& clip_y, const glm::dvec4& clip_w,
+                       const MapView& view) {
+  const double half_width = 0.5 * view.width, half_height = 0.5 * view.height;
+  return {glm::vec4(half_width * clip_x + (half_width - 0.5) * clip_w),
+          glm::vec4(half_height * clip_y + (half_height - 0.5) * clip_w),
+          glm::vec4(clip_w),
+          static_cast<float>(view.near_m),
+          view.width,
+          view.height};
+}
+
+void append_visible_clusters(const TriangleTree& tree, const SampleGrid& grid, std::vector<VisibleCluster>& clusters) {
   if (tree.empty()) return;
-  const BoxPlanes planes = box_planes(local, reach_of(tree[0].bounds));
-  const size_t begin = ranges.size();
-  // Depth first, left before right: ranges come in order. One right child waits for each level.
+  const BoxTest test(grid, reach_of(tree[0].bounds));
+  // Depth first, left before right: one right child waits for each level.
   std::array<uint32_t, kMaxTreeDepth + 2> waiting;
   size_t count = 0;
   waiting[count++] = 0;
   while (count > 0) {
     const uint32_t index = waiting[--count];
     const TreeNode& node = tree[index];
-    const Side side = side_of(planes, node.bounds);
-    if (side == Side::kOutside) continue;
-    if (side == Side::kInside || node.is_leaf()) {
-      append_range(node, bridge_indices, begin, ranges);
+    VisibleCluster cluster{.first_index = node.first_index, .index_count = node.index_count};
+    if (!test.may_show(node.bounds, cluster)) continue;
+    if (node.is_leaf()) {
+      clusters.push_back(cluster);
     } else {
       waiting[count++] = node.right;
       waiting[count++] = index + 1;
     }
   }
+}
+
+bool is_hidden(const VisibleCluster& cluster, const float* depth_m, int width) {
+  const float hiding_m = cluster.near_depth_m * (1.0f - kHidingMargin);
+  for (int y = cluster.y0; y <= cluster.y1; ++y)
+    for (int x = cluster.x0; x <= cluster.x1; ++x)
+      if (!(depth_m[y * width + x] < hiding_m)) return false;
+  return true;
 }
 
 }  // namespace sightline

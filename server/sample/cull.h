@@ -1,5 +1,8 @@
-// What a map cannot see is not drawn: instances by bounding sphere, then clusters by the geometry's tree. Pure
+// What a map cannot show is not drawn: instances by bounding sphere, then clusters by the geometry's tree. Pure
 // functions on the CPU; nothing here knows OpenGL.
+//
+// A map is a few dozen sample points, not a picture: a cluster between them cannot show however plainly it stands in
+// the frustum. Away from the eye that is most of a scene.
 #pragma once
 
 #include <array>
@@ -25,23 +28,36 @@ struct Frustum {
 inline constexpr double kFrustumMarginTexels = 1.0 / 32;  // llvmpipe rounds vertices to 1/256 of a pixel
 Frustum sample_frustum(const MapView& view);
 
-// The same half-spaces in another frame.
-Frustum to_local(const Frustum& frustum, const Affine& world_from_local);
-
 // True only when no point of the sphere is inside. `frustum` has unit normals.
 bool sphere_is_outside(const Frustum& frustum, const glm::dvec3& center_m, double radius_m);
 
-// A piece of Geometry::indices.
-struct IndexRange {
-  uint32_t first_index = 0;
-  uint32_t index_count = 0;
-  bool operator==(const IndexRange&) const = default;
+// A projection and the sample points behind it. For a position p = (xyz, 1) of the geometry,
+// (dot(x, p), dot(y, p)) / dot(w, p) are sample coordinates: whole numbers in [0, width) x [0, height) are the sample
+// points. dot(w, p) is the depth along the view axis; what lies before near_m is not seen.
+struct SampleGrid {
+  glm::vec4 x, y, w;
+  float near_m;
+  int width, height;
 };
+// clip_* are rows of clip_from_instance: (dot(clip_x, p), dot(clip_y, p)) / dot(clip_w, p) is [-1, 1] over the map.
+SampleGrid sample_grid(const glm::dvec4& clip_x, const glm::dvec4& clip_y, const glm::dvec4& clip_w,
+                       const MapView& view);
 
-// Appends ranges of whole clusters to `ranges`, ascending: every cluster that has a triangle touching the frustum
-// (local to the geometry) is covered. Ranges that touch are one; so are ranges with at most `bridge_indices` between
-// them, because a draw costs more than a few culled triangles.
-void append_visible_ranges(const TriangleTree& tree, const Frustum& local, uint32_t bridge_indices,
-                           std::vector<IndexRange>& ranges);
+// One cluster of a geometry, and where in the map it can show: samples [x0, x1] x [y0, y1], nothing nearer than
+// near_depth_m along the view axis.
+struct VisibleCluster {
+  uint32_t first_index = 0, index_count = 0;  // of Geometry::indices
+  float near_depth_m = 0.0f;
+  uint8_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+};
+static_assert(kMaxMapSize <= 256);
+
+// Appends every cluster with a triangle that covers a sample point, to within kFrustumMarginTexels, in the order of
+// the tree; others may be among them.
+void append_visible_clusters(const TriangleTree& tree, const SampleGrid& grid, std::vector<VisibleCluster>& clusters);
+
+// Whether every sample that the cluster can show already shows something nearer. `depth_m` holds the depth along the
+// view axis of each sample, row-major, `width` a row, +infinity where nothing is seen yet.
+bool is_hidden(const VisibleCluster& cluster, const float* depth_m, int width);
 
 }  // namespace sightline

@@ -5,9 +5,6 @@
 namespace sightline {
 namespace {
 
-// About what one more draw costs in llvmpipe, in triangles (tests/bench/sample_bench).
-constexpr uint32_t kBridgeIndices = 3 * 64;
-
 // clip_from_view with the window shifted so that the centre of pixel (x, y) shows the jittered point of texel (x, y).
 struct ClipMap {
   glm::dvec3 view_x, view_y, view_z;  // rows of view_from_world
@@ -34,16 +31,16 @@ glm::dvec4 row_over_instance(const glm::dvec3& direction, const Affine& world_fr
           glm::dot(direction, world_from_instance[2]), glm::dot(direction, from_eye)};
 }
 
-void set_clip_rows(const ClipMap& clip, const MapView& view, const Instance& instance, InstanceDraw& draw) {
-  const Affine& to_world = instance.world_from_instance;
-  const glm::dvec3 from_eye = to_world[3] - view.eye_m;
-  const glm::dvec4 x = row_over_instance(clip.view_x, to_world, from_eye),
-                   y = row_over_instance(clip.view_y, to_world, from_eye),
-                   z = row_over_instance(clip.view_z, to_world, from_eye);
-  draw.clip_x = glm::vec4(clip.scale_x * x + clip.skew_x * z);
-  draw.clip_y = glm::vec4(clip.scale_y * y + clip.skew_y * z);
-  draw.clip_w = glm::vec4(-z);
-  draw.near_m = static_cast<float>(view.near_m);
+struct ClipRows {
+  glm::dvec4 x, y, w;  // of clip_from_instance
+};
+
+ClipRows clip_rows(const ClipMap& clip, const MapView& view, const Affine& world_from_instance) {
+  const glm::dvec3 from_eye = world_from_instance[3] - view.eye_m;
+  const glm::dvec4 x = row_over_instance(clip.view_x, world_from_instance, from_eye),
+                   y = row_over_instance(clip.view_y, world_from_instance, from_eye),
+                   z = row_over_instance(clip.view_z, world_from_instance, from_eye);
+  return {clip.scale_x * x + clip.skew_x * z, clip.scale_y * y + clip.skew_y * z, -z};
 }
 
 }  // namespace
@@ -70,17 +67,20 @@ void OccluderTable::take_in(const SceneMirror& mirror) {
   static_version_ = mirror.static_version();
 }
 
-void OccluderTable::append_map(const SceneMirror& mirror, const MapRequest& request, DrawList& list) const {
-  MapDraw map{.first_instance = static_cast<uint32_t>(list.instances.size())};
+void OccluderTable::append_map(const SceneMirror& mirror, const MapRequest& request, DrawList& list) {
+  const uint32_t first = static_cast<uint32_t>(list.clusters.size());
   const Frustum frustum = sample_frustum(request.view);
   append_visible(mirror, request, frustum, fixed_, list);
   append_visible(mirror, request, frustum, moving_, list);
-  map.instance_count = static_cast<uint32_t>(list.instances.size()) - map.first_instance;
-  list.maps.push_back(map);
+  // Equal depths keep the order of slots and trees, so that a replay draws in the same order.
+  std::stable_sort(list.clusters.begin() + first, list.clusters.end(), [](const ClusterDraw& a, const ClusterDraw& b) {
+    return a.cluster.near_depth_m < b.cluster.near_depth_m;
+  });
+  list.maps.push_back({first, static_cast<uint32_t>(list.clusters.size())});
 }
 
 void OccluderTable::append_visible(const SceneMirror& mirror, const MapRequest& request, const Frustum& frustum,
-                                   std::span<const Occluder> occluders, DrawList& list) const {
+                                   std::span<const Occluder> occluders, DrawList& list) {
   const ClipMap clip = clip_map(request.view);
   const auto& ignored = request.ignored_slots;
   for (const Occluder& occluder : occluders) {
@@ -88,16 +88,14 @@ void OccluderTable::append_visible(const SceneMirror& mirror, const MapRequest& 
     if (sphere_is_outside(frustum, occluder.center_m, occluder.radius_m)) continue;
     if (std::binary_search(ignored.begin(), ignored.end(), occluder.slot)) continue;
     const Instance& instance = mirror.instances()[occluder.slot];
-    InstanceDraw draw;
-    draw.first_range = static_cast<uint32_t>(list.ranges.size());
-    append_visible_ranges(instance.geometry->occluding, to_local(frustum, instance.world_from_instance),
-                          kBridgeIndices, list.ranges);
-    draw.range_count = static_cast<uint32_t>(list.ranges.size()) - draw.first_range;
-    if (draw.range_count == 0) continue;
-    draw.slot = occluder.slot;
-    draw.instance = &instance;
-    set_clip_rows(clip, request.view, instance, draw);
-    list.instances.push_back(draw);
+    const ClipRows rows = clip_rows(clip, request.view, instance.world_from_instance);
+    visible_.clear();
+    append_visible_clusters(instance.geometry->occluding, sample_grid(rows.x, rows.y, rows.w, request.view), visible_);
+    if (visible_.empty()) continue;
+    const uint32_t index = static_cast<uint32_t>(list.instances.size());
+    list.instances.push_back({glm::vec4(rows.x), glm::vec4(rows.y), glm::vec4(rows.w),
+                              static_cast<float>(request.view.near_m), occluder.slot, &instance});
+    for (const VisibleCluster& cluster : visible_) list.clusters.push_back({cluster, index});
   }
 }
 

@@ -18,20 +18,25 @@ struct InstanceDraw {
   glm::vec4 clip_x, clip_y, clip_w;
   float near_m = 0.0f;
   uint32_t slot = 0;
-  const Instance* instance = nullptr;         // of the mirror; valid until it changes
-  uint32_t first_range = 0, range_count = 0;  // into DrawList::ranges
+  const Instance* instance = nullptr;  // of the mirror; valid until it changes
 };
 
+struct ClusterDraw {
+  VisibleCluster cluster;
+  uint32_t instance = 0;  // into DrawList::instances
+};
+
+// What may show in one map: clusters [first_cluster, end_cluster) of DrawList::clusters, nearest first.
 struct MapDraw {
-  uint32_t first_instance = 0, instance_count = 0;  // into DrawList::instances
+  uint32_t first_cluster = 0, end_cluster = 0;
 };
 
 // Filled anew for each take; its memory is reused.
 struct DrawList {
   std::vector<MapDraw> maps;
   std::vector<InstanceDraw> instances;
-  std::vector<IndexRange> ranges;
-  void clear() { maps.clear(), instances.clear(), ranges.clear(); }
+  std::vector<ClusterDraw> clusters;
+  void clear() { maps.clear(), instances.clear(), clusters.clear(); }
 };
 
 // The occluding instances of one mirror, kept small for the scan of every map. Static ones are gathered anew only when
@@ -40,8 +45,8 @@ class OccluderTable {
  public:
   void take_in(const SceneMirror& mirror);
 
-  // Appends the draws of one map. `mirror` is the one last taken in, unchanged since.
-  void append_map(const SceneMirror& mirror, const MapRequest& request, DrawList& list) const;
+  // Appends what one map may show. `mirror` is the one last taken in, unchanged since.
+  void append_map(const SceneMirror& mirror, const MapRequest& request, DrawList& list);
 
  private:
   struct Occluder {
@@ -52,11 +57,12 @@ class OccluderTable {
   };
   static void gather(const Instance& instance, uint32_t slot, std::vector<Occluder>& into);
   void append_visible(const SceneMirror& mirror, const MapRequest& request, const Frustum& frustum,
-                      std::span<const Occluder> occluders, DrawList& list) const;
+                      std::span<const Occluder> occluders, DrawList& list);
 
   uint64_t identity_ = 0, version_ = 0, static_version_ = 0;
   bool taken_in_ = false;
   std::vector<Occluder> fixed_, moving_;
+  std::vector<VisibleCluster> visible_;  // scratch
 };
 
 }  // namespace sightline

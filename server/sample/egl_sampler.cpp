@@ -1,7 +1,10 @@
 #include "server/sample/egl_sampler.h"
 
 #include <algorithm>
+#include <functional>
+#include <limits>
 #include <mutex>
+#include <utility>
 
 #include "server/gl/egl_context.h"
 #include "server/sample/draw_list.h"
@@ -37,26 +40,104 @@ ContextResult create_context(const EglOptions& options) {
   return context;
 }
 
-// Fills one map from its tile of the atlas.
-void resolve(const SceneMirror& mirror, const MapView& view, const TexelSource* tile, size_t stride, DepthMap& map) {
-  map.view = view;
-  map.distance_m.resize(static_cast<size_t>(view.width) * view.height);
-  map.occluder.resize(map.distance_m.size());
+// Triangles that a software renderer draws for each map before what they hide is dropped; each further pass draws
+// twice as many. On hardware one pass draws everything: there a read-back costs more than triangles.
+constexpr uint32_t kFirstPassTriangles = 512;
+
+// The maps of one take while passes are drawn, nearest clusters first. What a pass shows hides clusters of the next
+// ones, so that a few of many thousand triangles are drawn; the result is that of drawing all.
+class FrontToBack {
+ public:
+  void start(const DrawList& list, std::span<const MapRequest> requests, std::span<DepthMap> maps,
+             uint32_t first_pass_triangles);
+  // Chooses the clusters of the next pass; false when none is left.
+  bool next_pass(const DrawList& list, DrawPass& pass);
+  // Takes in what the atlas shows after a pass.
+  void take_in(const SceneMirror& mirror, std::span<const TexelSource> texels, const AtlasLayout& layout);
+
+ private:
+  // Texels of all maps stand one after another in depth_m_ and sources_.
+  struct Progress {
+    DepthMap* map;
+    size_t first_texel;
+    uint32_t next_cluster;
+  };
+  void select(const DrawList& list, uint32_t end_cluster, Progress& map, DrawPass& pass) const;
+  void resolve(const SceneMirror& mirror, const TexelSource* tile, size_t stride, const Progress& map);
+
+  uint32_t triangles_ = 0;  // of the next pass, for each map
+  std::vector<Progress> progress_;
+  std::vector<float> depth_m_;         // along the view axis
+  std::vector<TexelSource> sources_;
+};
+
+void FrontToBack::start(const DrawList& list, std::span<const MapRequest> requests, std::span<DepthMap> maps,
+                        uint32_t first_pass_triangles) {
+  triangles_ = first_pass_triangles;
+  progress_.clear();
+  size_t texels = 0;
+  for (size_t i = 0; i < maps.size(); ++i) {
+    const MapView& view = requests[i].view;
+    const size_t count = static_cast<size_t>(view.width) * view.height;
+    maps[i].view = view;
+    maps[i].distance_m.assign(count, std::numeric_limits<float>::infinity());
+    maps[i].occluder.assign(count, kNoOccluder);
+    progress_.push_back({&maps[i], texels, list.maps[i].first_cluster});
+    texels += count;
+  }
+  depth_m_.assign(texels, std::numeric_limits<float>::infinity());
+  sources_.assign(texels, {});
+}
+
+bool FrontToBack::next_pass(const DrawList& list, DrawPass& pass) {
+  pass.clusters.clear();
+  pass.first_of_map.assign(1, 0);
+  for (size_t i = 0; i < progress_.size(); ++i) {
+    select(list, list.maps[i].end_cluster, progress_[i], pass);
+    pass.first_of_map.push_back(static_cast<uint32_t>(pass.clusters.size()));
+  }
+  triangles_ = triangles_ > UINT32_MAX / 2 ? UINT32_MAX : 2 * triangles_;
+  return !pass.clusters.empty();
+}
+
+void FrontToBack::select(const DrawList& list, uint32_t end_cluster, Progress& map, DrawPass& pass) const {
+  const float* depth_m = depth_m_.data() + map.first_texel;
+  for (uint32_t triangles = 0; map.next_cluster < end_cluster && triangles < triangles_; ++map.next_cluster) {
+    const VisibleCluster& cluster = list.clusters[map.next_cluster].cluster;
+    if (is_hidden(cluster, depth_m, map.map->view.width)) continue;
+    pass.clusters.push_back(map.next_cluster);
+    triangles += cluster.index_count / 3;
+  }
+}
+
+void FrontToBack::take_in(const SceneMirror& mirror, std::span<const TexelSource> texels, const AtlasLayout& layout) {
+  const size_t stride = static_cast<size_t>(layout.width);
+  for (size_t i = 0; i < progress_.size(); ++i) {
+    const AtlasTile& tile = layout.tiles[i];
+    resolve(mirror, texels.data() + static_cast<size_t>(tile.y) * stride + tile.x, stride, progress_[i]);
+  }
+}
+
+void FrontToBack::resolve(const SceneMirror& mirror, const TexelSource* tile, size_t stride, const Progress& progress) {
+  DepthMap& map = *progress.map;
   SeenTriangle seen;
   TexelSource last;
   size_t texel = 0;
-  for (int y = 0; y < view.height; ++y)
-    for (int x = 0; x < view.width; ++x, ++texel) {
+  for (int y = 0; y < map.view.height; ++y)
+    for (int x = 0; x < map.view.width; ++x, ++texel) {
       const TexelSource& source = tile[static_cast<size_t>(y) * stride + x];
-      map.occluder[texel] = source.slot_plus_one - 1;  // 0 wraps to kNoOccluder
-      map.distance_m[texel] = std::numeric_limits<float>::infinity();
-      if (source.slot_plus_one == 0) continue;
+      TexelSource& known = sources_[progress.first_texel + texel];
+      if (source == known) continue;
+      known = source;
       // Neighbours often show the same triangle.
       if (source.slot_plus_one != last.slot_plus_one || source.vertex / 3 != last.vertex / 3)
-        seen = SeenTriangle(view, mirror.instances()[source.slot_plus_one - 1], source.vertex);
+        seen = SeenTriangle(map.view, mirror.instances()[source.slot_plus_one - 1], source.vertex);
       last = source;
-      const glm::dvec3 direction = texel_direction(view, x, y);
-      map.distance_m[texel] = static_cast<float>(seen.depth_along(direction) * glm::length(direction));
+      const glm::dvec3 direction = texel_direction(map.view, x, y);
+      const double depth = seen.depth_along(direction);
+      map.occluder[texel] = source.slot_plus_one - 1;
+      map.distance_m[texel] = static_cast<float>(depth * glm::length(direction));
+      depth_m_[progress.first_texel + texel] = static_cast<float>(depth);
     }
 }
 
@@ -72,16 +153,16 @@ class SharedEglDevice final : public EglSamplerDevice {
   void simulate_context_loss() override;
   uint64_t context_rebuilds() const override;
 
-  // Any thread. When the context is lost, makes another and tries once more.
-  Status render(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                std::vector<TexelSource>& texels);
+  // Calls `work` with the renderer, its context current, nobody else using it. Any thread. When the context is lost,
+  // makes another and calls `work` once more, which must therefore start from its inputs.
+  using Work = std::function<Status(MapRenderer&, const EglContextInfo&)>;
+  Status with_renderer(const Work& work);
 
  private:
   explicit SharedEglDevice(const EglOptions& options) : options_(options) {}
   Status build();
   void drop_renderer();
-  Status render_once(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                     std::vector<TexelSource>& texels);
+  Status work_once(const Work& work);
 
   const EglOptions options_;
   mutable std::mutex mutex_;
@@ -102,9 +183,10 @@ class EglSampler final : public Sampler {
 
   SharedEglDevice& device_;
   OccluderTable occluders_;
-  DrawList list_;                    // scratch, as the next two
-  AtlasLayout layout_;
-  std::vector<TexelSource> texels_;
+  // Scratch.
+  DrawList list_;
+  DrawPass pass_;
+  FrontToBack front_to_back_;
 };
 
 Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptions& options) {
@@ -158,26 +240,24 @@ uint64_t SharedEglDevice::context_rebuilds() const {
   return rebuilds_;
 }
 
-Status SharedEglDevice::render(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                               std::vector<TexelSource>& texels) {
+Status SharedEglDevice::with_renderer(const Work& work) {
   const std::lock_guard lock(mutex_);
-  Status done = render_once(list, requests, layout, texels);
+  Status done = work_once(work);
   if (done || done.error().code != ErrorCode::kUnavailable) return done;
   // Geometry is uploaded again as it is drawn: the mirrors still hold it.
   drop_renderer();
   context_.reset();
   ++rebuilds_;
   if (Status built = build(); !built) return built;
-  return render_once(list, requests, layout, texels);
+  return work_once(work);
 }
 
-Status SharedEglDevice::render_once(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                                    std::vector<TexelSource>& texels) {
+Status SharedEglDevice::work_once(const Work& work) {
   if (!renderer_) return fail(ErrorCode::kUnavailable, "", "there is no OpenGL context");
   const CurrentContext current(*context_);
   if (!current) return fail(ErrorCode::kUnavailable, "", "EGL refuses to make the context current");
   if (++takes_ % kSweepEveryTakes == 0) renderer_->sweep();
-  Status done = renderer_->render(list, requests, layout, texels);
+  Status done = work(*renderer_, context_->info());
   if (context_->was_reset() || std::exchange(loss_simulated_, false))
     return fail(ErrorCode::kUnavailable, "", "the OpenGL context was lost");
   return done;
@@ -199,13 +279,16 @@ Status EglSampler::take_some(const SceneMirror& mirror, std::span<const MapReque
                              std::span<DepthMap> maps) {
   list_.clear();
   for (const MapRequest& request : requests) occluders_.append_map(mirror, request, list_);
-  if (Status rendered = device_.render(list_, requests, layout_, texels_); !rendered) return rendered;
-  for (size_t i = 0; i < requests.size(); ++i) {
-    const AtlasTile& tile = layout_.tiles[i];
-    const size_t stride = static_cast<size_t>(layout_.width);
-    resolve(mirror, requests[i].view, texels_.data() + static_cast<size_t>(tile.y) * stride + tile.x, stride, maps[i]);
-  }
-  return {};
+  return device_.with_renderer([&](MapRenderer& renderer, const EglContextInfo& info) -> Status {
+    front_to_back_.start(list_, requests, maps, info.software ? kFirstPassTriangles : UINT32_MAX);
+    if (Status begun = renderer.begin(list_, requests); !begun) return begun;
+    while (front_to_back_.next_pass(list_, pass_)) {
+      const auto texels = renderer.draw(list_, requests, pass_);
+      if (!texels) return tl::unexpected(texels.error());
+      front_to_back_.take_in(mirror, *texels, renderer.layout());
+    }
+    return {};
+  });
 }
 
 EglDeviceInfo describe(int index, const ContextResult& context) {

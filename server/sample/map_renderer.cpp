@@ -100,22 +100,30 @@ void MapRenderer::set_up_vertex_array() {
   glVertexArrayBindingDivisor(array, kInstances, 1);
 }
 
-Status MapRenderer::render(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                           std::vector<TexelSource>& texels) {
+Status MapRenderer::begin(const DrawList& list, std::span<const MapRequest> requests) {
   assert(requests.size() <= kMaxMaps && requests.size() == list.maps.size());
-  lay_out(requests, layout);
-  texels.resize(static_cast<size_t>(layout.width) * layout.height);
-  if (texels.empty()) return {};
+  lay_out(requests, layout_);
+  texels_.resize(static_cast<size_t>(layout_.width) * layout_.height);
   if (Status placed = place_geometry(list); !placed) return placed;
-  build_batches(list);
-  if (Status uploaded = upload_draws(); !uploaded) return uploaded;
-  const Result<const Atlas*> atlas = atlas_of(layout.width, power_of_two_at_least(std::max(16, layout.height)));
+  build_instance_data(list);
+  const Status written =
+      write(instance_buffer_, instance_data_.data(), instance_data_.size() * sizeof(InstanceData));
+  if (!written) return written;
+  const Result<const Atlas*> atlas = atlas_of(layout_.width, power_of_two_at_least(std::max(16, layout_.height)));
   if (!atlas) return tl::unexpected(atlas.error());
   glBindFramebuffer(GL_FRAMEBUFFER, (*atlas)->framebuffer.name());
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-  draw(requests, layout);
-  glReadPixels(0, 0, layout.width, layout.height, GL_RG_INTEGER, GL_UNSIGNED_INT, texels.data());
   return {};
+}
+
+Result<std::span<const TexelSource>> MapRenderer::draw(const DrawList& list, std::span<const MapRequest> requests,
+                                                       const DrawPass& pass) {
+  build_batches(list, pass);
+  const Status written = write(command_buffer_, commands_.data(), commands_.size() * sizeof(DrawCommand));
+  if (!written) return tl::unexpected(written.error());
+  draw_batches(requests);
+  glReadPixels(0, 0, layout_.width, layout_.height, GL_RG_INTEGER, GL_UNSIGNED_INT, texels_.data());
+  return std::span<const TexelSource>(texels_);
 }
 
 Status MapRenderer::place_geometry(const DrawList& list) {
@@ -128,32 +136,36 @@ Status MapRenderer::place_geometry(const DrawList& list) {
   return {};
 }
 
-void MapRenderer::build_batches(const DrawList& list) {
+void MapRenderer::build_instance_data(const DrawList& list) {
   instance_data_.clear();
-  commands_.clear();
-  batches_.clear();
   for (size_t i = 0; i < list.instances.size(); ++i) {
     const InstanceDraw& draw = list.instances[i];
-    instance_data_.push_back({draw.clip_x, draw.clip_y, draw.clip_w, draw.slot + 1, slices_[i].first_vertex,
-                              draw.near_m, 0});
+    instance_data_.push_back(
+        {draw.clip_x, draw.clip_y, draw.clip_w, draw.slot + 1, slices_[i].first_vertex, draw.near_m, 0});
   }
+}
+
+void MapRenderer::build_batches(const DrawList& list, const DrawPass& pass) {
+  commands_.clear();
+  batches_.clear();
   for (uint32_t map = 0; map < list.maps.size(); ++map) {
-    const MapDraw& part = list.maps[map];
+    const std::span clusters(pass.clusters.data() + pass.first_of_map[map],
+                             pass.first_of_map[map + 1] - pass.first_of_map[map]);
     for (uint32_t page = 0; page < arena_.page_count(); ++page) {
       const uint32_t first = static_cast<uint32_t>(commands_.size());
-      for (uint32_t i = part.first_instance; i < part.first_instance + part.instance_count; ++i)
-        if (slices_[i].page == page) append_commands(list, i);
+      append_commands(list, clusters, page);
       const uint32_t count = static_cast<uint32_t>(commands_.size()) - first;
       if (count > 0) batches_.push_back({map, page, first, count});
     }
   }
 }
 
-void MapRenderer::append_commands(const DrawList& list, uint32_t instance) {
-  const InstanceDraw& draw = list.instances[instance];
-  for (uint32_t r = draw.first_range; r < draw.first_range + draw.range_count; ++r) {
-    const IndexRange& range = list.ranges[r];
-    commands_.push_back({range.index_count, 1, slices_[instance].first_vertex + range.first_index, instance});
+void MapRenderer::append_commands(const DrawList& list, std::span<const uint32_t> clusters, uint32_t page) {
+  for (const uint32_t index : clusters) {
+    const ClusterDraw& draw = list.clusters[index];
+    const ArenaSlice& slice = slices_[draw.instance];
+    if (slice.page != page) continue;
+    commands_.push_back({draw.cluster.index_count, 1, slice.first_vertex + draw.cluster.first_index, draw.instance});
   }
 }
 
@@ -172,12 +184,6 @@ Status MapRenderer::write(MappedBuffer& buffer, const void* data, size_t bytes) 
   return {};
 }
 
-Status MapRenderer::upload_draws() {
-  if (Status s = write(instance_buffer_, instance_data_.data(), instance_data_.size() * sizeof(InstanceData)); !s)
-    return s;
-  return write(command_buffer_, commands_.data(), commands_.size() * sizeof(DrawCommand));
-}
-
 Result<const MapRenderer::Atlas*> MapRenderer::atlas_of(int width, int height) {
   for (const Atlas& atlas : atlases_)
     if (atlas.width == width && atlas.height == height) return &atlas;
@@ -193,12 +199,12 @@ Result<const MapRenderer::Atlas*> MapRenderer::atlas_of(int width, int height) {
   return &atlases_.back();
 }
 
-void MapRenderer::draw(std::span<const MapRequest> requests, const AtlasLayout& layout) const {
+void MapRenderer::draw_batches(std::span<const MapRequest> requests) const {
   glVertexArrayVertexBuffer(vertex_array_.name(), kInstances, instance_buffer_.buffer.name(), 0, sizeof(InstanceData));
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, command_buffer_.buffer.name());
   for (const Batch& batch : batches_) {
     const MapView& view = requests[batch.map].view;
-    const AtlasTile& tile = layout.tiles[batch.map];
+    const AtlasTile& tile = layout_.tiles[batch.map];
     glViewport(tile.x, tile.y, view.width, view.height);
     glVertexArrayVertexBuffer(vertex_array_.name(), kPositions, arena_.buffer(batch.page), 0,
                               GeometryArena::kVertexBytes);

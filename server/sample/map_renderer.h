@@ -1,4 +1,4 @@
-// Renders draw lists: every map into one tile of an atlas, and one read-back for all. A texel holds which triangle of
+// Renders draw lists: every map into one tile of an atlas, one read-back a pass for all of them. A texel holds which triangle of
 // which instance its sample point shows; distances are worked out on the CPU (egl_sampler.cpp), in double: a
 // rasteriser's interpolated depth is off by up to 1e-3 on slanted triangles, because it rounds vertices to 1/256 pixel.
 #pragma once
@@ -21,6 +21,7 @@ namespace sightline {
 struct TexelSource {
   uint32_t vertex = 0;         // any of the triangle's three, counted in Geometry::indices
   uint32_t slot_plus_one = 0;  // 0: nothing
+  bool operator==(const TexelSource&) const = default;
 };
 
 // Where one map stands in the atlas, in texels.
@@ -35,6 +36,13 @@ struct AtlasLayout {
 // Every map is at most kMaxMapSize a side.
 void lay_out(std::span<const MapRequest> requests, AtlasLayout& layout);
 
+// Which clusters a pass draws: for map i clusters[first_of_map[i]] up to clusters[first_of_map[i + 1]], indices into
+// DrawList::clusters.
+struct DrawPass {
+  std::vector<uint32_t> clusters;
+  std::vector<uint32_t> first_of_map;
+};
+
 // The OpenGL half of the sampler: needs its context current in every call, its making and its end included.
 class MapRenderer {
  public:
@@ -43,10 +51,15 @@ class MapRenderer {
   // Maps in one call; more are the caller's to split.
   static constexpr size_t kMaxMaps = 1024;
 
-  // Renders list.maps[i] into a tile of the size of requests[i]. `texels` gets the whole atlas, row-major from the
-  // bottom; `layout` says where the tiles are. Fails with kResourceExhausted when the device has no memory.
-  Status render(const DrawList& list, std::span<const MapRequest> requests, AtlasLayout& layout,
-                std::vector<TexelSource>& texels);
+  // Makes ready for passes over `list`: an empty atlas with a tile of the size of requests[i] for list.maps[i]. Fails
+  // with kResourceExhausted when the device has no memory.
+  Status begin(const DrawList& list, std::span<const MapRequest> requests);
+  const AtlasLayout& layout() const { return layout_; }
+
+  // Draws the clusters of one pass on top of the passes since begin(), and reads the atlas back: row-major from the
+  // bottom, layout().width a row; valid until the next call.
+  Result<std::span<const TexelSource>> draw(const DrawList& list, std::span<const MapRequest> requests,
+                                            const DrawPass& pass);
 
   void sweep() { arena_.sweep(); }
   size_t geometry_bytes() const { return arena_.bytes(); }
@@ -81,12 +94,12 @@ class MapRenderer {
   MapRenderer() = default;
   void set_up_vertex_array();
   Status place_geometry(const DrawList& list);
-  void build_batches(const DrawList& list);
-  void append_commands(const DrawList& list, uint32_t instance);
+  void build_instance_data(const DrawList& list);
+  void build_batches(const DrawList& list, const DrawPass& pass);
+  void append_commands(const DrawList& list, std::span<const uint32_t> clusters, uint32_t page);
   Status write(MappedBuffer& buffer, const void* data, size_t bytes);
-  Status upload_draws();
   Result<const Atlas*> atlas_of(int width, int height);
-  void draw(std::span<const MapRequest> requests, const AtlasLayout& layout) const;
+  void draw_batches(std::span<const MapRequest> requests) const;
 
   GlProgram program_;
   GlVertexArray vertex_array_;
@@ -94,9 +107,13 @@ class MapRenderer {
   MappedBuffer instance_buffer_, command_buffer_;
   std::vector<Atlas> atlases_;  // by size; both sides are powers of two, so they stay few
 
-  // Scratch of one call.
+  // From begin() to the last draw().
+  AtlasLayout layout_;
   std::vector<ArenaSlice> slices_;  // of list.instances
   std::vector<InstanceData> instance_data_;
+  std::vector<TexelSource> texels_;
+
+  // Scratch of one call.
   std::vector<DrawCommand> commands_;
   std::vector<Batch> batches_;
 };

@@ -57,6 +57,14 @@ int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings
   return count;
 }
 
+MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
+  // The window's size does not matter to its one centred sample, but it has to be one that a rasteriser can draw.
+  constexpr double kHalfWidth = 1e-3;
+  const glm::dvec3 to_place = place_m - eye_m;
+  const glm::dvec3 forward = glm::length(to_place) > 1e-9 ? to_place : glm::dvec3(0, 0, -1);
+  return square_view(eye_m, frame_along(forward), kHalfWidth, {.resolution = 1}, {0.5, 0.5});
+}
+
 Status validate(const SampleSettings& s) {
   return check_range("sample.resolution", s.resolution, 2, kMaxMapSize);
 }

@@ -28,4 +28,8 @@ inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
 int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
                std::vector<MapView>& views);
 
+// A single-texel view from `eye_m` straight to `place_m`: the exact line of sight to one place, which a map over the whole
+// bound knows only to a texel. `place_m` differs from `eye_m`, or the view looks along -Z.
+MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m);
+
 }  // namespace sightline

@@ -1,0 +1,184 @@
+// What depth maps cost over a city of 400 blocks and about 280 K triangles (design 10): both samplers, by map size,
+// number of maps and what changes between takes. EGL runs in the environment as it is: compare LP_NUM_THREADS=0, 1, 2.
+#include <benchmark/benchmark.h>
+
+#include <cstdlib>
+
+#include "server/base/random.h"
+#include "server/gl/software_renderer.h"
+#include "server/sample/egl_sampler.h"
+#include "server/sample/embree_sampler.h"
+#include "server/sample/embree_scene.h"
+#include "server/scene/mirror.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kBlocksASide = 20;
+constexpr int kMovers = 10;
+constexpr double kBlockSpacingM = 30.0;
+
+// A box with every face cut into n x n cells: 12 n^2 triangles.
+MeshData subdivided_box(const glm::vec3& half, int n) {
+  MeshData mesh;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float side : {-1.0f, 1.0f}) {
+      const uint32_t base = static_cast<uint32_t>(mesh.positions.size());
+      for (int j = 0; j <= n; ++j)
+        for (int i = 0; i <= n; ++i) {
+          glm::vec3 p;
+          p[axis] = side;
+          p[(axis + 1) % 3] = -1.0f + 2.0f * static_cast<float>(i) / static_cast<float>(n);
+          p[(axis + 2) % 3] = -1.0f + 2.0f * static_cast<float>(j) / static_cast<float>(n);
+          mesh.positions.push_back(p * half);
+        }
+      const uint32_t row = static_cast<uint32_t>(n) + 1;
+      for (uint32_t j = 0; j + 1 < row; ++j)
+        for (uint32_t i = 0; i + 1 < row; ++i) {
+          const uint32_t a = base + j * row + i;
+          mesh.indices.insert(mesh.indices.end(), {a, a + 1, a + row + 1, a, a + row + 1, a + row});
+        }
+    }
+  return mesh;
+}
+
+struct City {
+  SceneMirror mirror;
+  std::vector<uint64_t> movers;
+  std::vector<uint32_t> target_slots;
+
+  explicit City(uint64_t seed = 1) {
+    CounterRandom random(seed, 0, RandomPurpose::kTest);
+    SceneDelta delta;
+    uint64_t id = 1;
+    // 8 * 8 * 11 = 704 triangles a block would need unequal cells: 12 * 7.64^2; alternate 7 and 8.
+    for (int z = 0; z < kBlocksASide; ++z)
+      for (int x = 0; x < kBlocksASide; ++x, ++id) {
+        const glm::vec3 half(random.next_in(6, 11), random.next_in(5, 30), random.next_in(6, 11));
+        const int cells = id % 3 == 0 ? 7 : 8;
+        delta.add.push_back({.id = id,
+                             .geometry = build_geometry(subdivided_box(half, cells)).value(),
+                             .pose = {{(x - 9.5) * kBlockSpacingM, half.y, (z - 9.5) * kBlockSpacingM}},
+                             .attributes = {}});
+      }
+    const auto mover = build_geometry(subdivided_box({0.4f, 0.9f, 0.4f}, 3)).value();
+    for (int i = 0; i < kMovers; ++i, ++id) {
+      movers.push_back(id);
+      delta.add.push_back({.id = id, .geometry = mover, .pose = pose_of(i, 0), .attributes = {}, .moving = true});
+    }
+    if (!mirror.apply(delta, {})) std::abort();
+    for (const uint64_t mover_id : movers) target_slots.push_back(*mirror.slot_of(mover_id));
+  }
+
+  // Movers walk the streets, which run between the blocks.
+  static Pose pose_of(int mover, int tick) {
+    const double street = (mover % 5 - 2) * kBlockSpacingM;
+    return {{street, 1.7, mover * 7.0 - 30.0 + 0.05 * tick}};
+  }
+  void walk(int tick) {
+    TransformUpdate update;
+    update.ids = movers;
+    for (int i = 0; i < kMovers; ++i) update.poses.push_back(pose_of(i, tick));
+    if (!mirror.apply({}, update)) std::abort();
+  }
+};
+
+// A frustum from each of the first targets around a bound 6 m behind and above it.
+std::vector<MapRequest> requests_for(const City& city, int maps, int resolution, int tick) {
+  std::vector<MapRequest> requests;
+  CounterRandom random(7, static_cast<uint64_t>(tick), RandomPurpose::kTexelJitter);
+  for (int i = 0; i < maps; ++i) {
+    const size_t target = static_cast<size_t>(i) % city.movers.size();
+    MapView view;
+    view.eye_m = city.mirror.find(city.movers[target])->pose.position_m;
+    const glm::dvec3 forward = glm::normalize(glm::dvec3(0.6 + 0.1 * i, 0.5, 5.5));
+    view.world_from_view = glm::mat3_cast(look_rotation(forward, {0, 1, 0}, {1, 0, 0}));
+    view.left = view.bottom = -0.25;
+    view.right = view.top = 0.25;
+    view.width = view.height = resolution;
+    view.jitter = {random.next_unit(), random.next_unit()};
+    requests.push_back({.view = view, .ignored_slots = std::span(&city.target_slots[target], 1)});
+  }
+  return requests;
+}
+
+void take_city(benchmark::State& state, SamplerDevice& device) {
+  City city;
+  const auto sampler = device.make_sampler();
+  std::vector<DepthMap> maps;
+  const int map_count = static_cast<int>(state.range(0)), resolution = static_cast<int>(state.range(1));
+  int tick = 0;
+  for (auto _ : state) {
+    city.walk(++tick);
+    const auto requests = requests_for(city, map_count, resolution, tick);
+    if (!sampler->take(city.mirror, requests, maps)) return state.SkipWithError("take failed");
+    benchmark::DoNotOptimize(maps.data());
+  }
+  state.SetLabel(device.description());
+}
+
+void egl_city(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({});
+  if (!device) return state.SkipWithError("no EGL context");
+  take_city(state, **device);
+}
+
+void embree_city(benchmark::State& state) {
+  take_city(state, *make_embree_sampler_device());
+}
+
+// The least that any render costs: nothing to draw, cleared and read back.
+void egl_nothing(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({});
+  if (!device) return state.SkipWithError("no EGL context");
+  SceneMirror mirror;
+  const auto sampler = (*device)->make_sampler();
+  std::vector<DepthMap> maps;
+  const std::vector<MapRequest> requests(2);
+  for (auto _ : state)
+    if (!sampler->take(mirror, requests, maps)) return state.SkipWithError("take failed");
+}
+
+void embree_take_in_moved(benchmark::State& state) {
+  City city;
+  EmbreeDevice device;
+  EmbreeScene scene(device, EmbreeScene::Content::kOccluders);
+  int tick = 0;
+  for (auto _ : state) {
+    city.walk(++tick);
+    scene.take_in(city.mirror);
+  }
+}
+
+void embree_take_in_static(benchmark::State& state) {
+  City city;
+  EmbreeDevice device;
+  EmbreeScene scene(device, EmbreeScene::Content::kOccluders);
+  scene.take_in(city.mirror);
+  SceneDelta delta;
+  delta.change.push_back({1, {}});
+  for (auto _ : state) {
+    delta.change[0].attributes.visible = !delta.change[0].attributes.visible;
+    if (!city.mirror.apply(delta, {})) std::abort();
+    scene.take_in(city.mirror);
+  }
+}
+
+void maps_and_sizes(benchmark::internal::Benchmark* bench) {
+  for (const int maps : {2, 16})
+    for (const int resolution : {5, 7, 10, 15, 32}) bench->Args({maps, resolution});
+  bench->ArgNames({"maps", "r"})->Unit(benchmark::kMicrosecond)->UseRealTime();
+}
+
+BENCHMARK(egl_city)->Apply(maps_and_sizes);
+BENCHMARK(egl_nothing)->Unit(benchmark::kMicrosecond)->UseRealTime();
+BENCHMARK(embree_city)->Apply(maps_and_sizes);
+BENCHMARK(embree_take_in_moved)->Unit(benchmark::kMicrosecond)->UseRealTime();
+BENCHMARK(embree_take_in_static)->Unit(benchmark::kMicrosecond)->UseRealTime();
+
+}  // namespace
+}  // namespace sightline
+
+BENCHMARK_MAIN();
