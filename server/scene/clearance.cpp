@@ -8,7 +8,8 @@
 namespace sightline {
 namespace {
 
-// A sphere that overlaps by less than this is taken to touch: one that a sweep brought into contact can slide away.
+// A sphere that overlaps by less than this is taken to touch: one that a sweep brought into contact can slide
+// away.
 constexpr double kTouchM = 1e-9;
 // A sweep ends when it can advance no further than this; what it may then fall short by is far below 1 mm.
 constexpr double kLeastAdvanceM = 1e-7;
@@ -19,7 +20,8 @@ glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const gl
   return squared > 0 ? a + ab * std::clamp(glm::dot(p - a, ab) / squared, 0.0, 1.0) : a;
 }
 
-glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
+                            const glm::dvec3& c) {
   glm::dvec3 best = closest_on_segment(p, a, b);
   for (const glm::dvec3& q : {closest_on_segment(p, b, c), closest_on_segment(p, c, a)})
     if (glm::distance(p, q) < glm::distance(p, best)) best = q;
@@ -68,8 +70,8 @@ Aabb bounds_of(const Corners& t) {
   return {glm::min(t[0], glm::min(t[1], t[2])), glm::max(t[0], glm::max(t[1], t[2]))};
 }
 
-// Visits the triangles of `tree` whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes first.
-// `limit` may fall while `visit(corners)` is called.
+// Visits the triangles of `tree` whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes
+// first. `limit` may fall while `visit(corners)` is called.
 template <typename Bound, typename Limit, typename Visit>
 void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Limit limit, Visit visit) {
   struct Entry {
@@ -85,7 +87,8 @@ void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Lim
     if (!(entry.bound < limit())) continue;
     const TreeNode& node = tree[entry.node];
     if (!node.is_leaf()) {
-      Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)}, far{node.right, bound(tree[node.right].bounds)};
+      Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)},
+          far{node.right, bound(tree[node.right].bounds)};
       if (far.bound < near.bound) std::swap(near, far);
       assert(depth + 2 <= stack.size());
       stack[depth++] = far;
@@ -101,10 +104,11 @@ void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Lim
 
 using WorldTriangle = std::array<glm::dvec3, 3>;
 
-// How far a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle, at most
-// `length_m`. The distance of a moving point from a convex set is convex in time, so Newton's method from the left
-// never oversteps the first contact, and a distance that grows will never shrink again: conservative advancement with
-// the directional bound (van den Bergen, "Ray casting against general convex objects", 2004).
+// How far a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle, at
+// most `length_m`. The distance of a moving point from a convex set is convex in time, so Newton's method
+// from the left never oversteps the first contact, and a distance that grows will never shrink again:
+// conservative advancement with the directional bound (van den Bergen, "Ray casting against general convex
+// objects", 2004).
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
                const WorldTriangle& triangle) {
   double moved = 0.0;
@@ -133,7 +137,8 @@ double sweep(const glm::dvec3& from, const glm::dvec3& direction, double length_
 
 }  // namespace
 
-glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
+                               const glm::dvec3& c) {
   const glm::dvec3 ab = b - a, ac = c - a, ap = p - a;
   const double d1 = glm::dot(ab, ap), d2 = glm::dot(ac, ap);
   if (d1 <= 0 && d2 <= 0) return a;
@@ -181,18 +186,20 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
       const Affine& map = instance.world_from_instance;
-      const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]), transform_point(map, t[1]),
-                                               transform_point(map, t[2]));
+      const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]),
+                                               transform_point(map, t[1]), transform_point(map, t[2]));
       const double distance = glm::distance(point_m, q);
       if (distance < best) best = distance, surface_m = q, found = true;
     };
     for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
-      search(*instance.geometry, *tree, bound, [&] { return best; }, visit);
+      search(
+          *instance.geometry, *tree, bound, [&] { return best; }, visit);
   }
   return found;
 }
 
-double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const {
+double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m,
+                                     double radius_m) const {
   const double length = glm::distance(from_m, to_m);
   const glm::dvec3 direction = length > 0 ? (to_m - from_m) / length : glm::dvec3(0.0);
   // A path too short to have a direction is free or not as its start is.
@@ -204,16 +211,17 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
     if (glm::distance(nearest_on_path, instance.center_m) > instance.radius_m + radius_m) continue;
     const Affine& map = instance.world_from_instance;
     const Path path{transform_point(collider.instance_from_world, from_m),
-                      transform_vector(collider.instance_from_world, to_m - from_m),
-                      (radius_m + kPruneSlackM) / collider.min_stretch};
+                    transform_vector(collider.instance_from_world, to_m - from_m),
+                    (radius_m + kPruneSlackM) / collider.min_stretch};
     const auto visit = [&](const Corners& t) {
-      free = std::min(free, sweep(from_m, direction, free, radius_m,
-                                  {transform_point(map, t[0]), transform_point(map, t[1]),
-                                   transform_point(map, t[2])}));
+      free = std::min(
+          free, sweep(from_m, direction, free, radius_m,
+                      {transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])}));
     };
     for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
-      search(*instance.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
-             [&] { return free; }, visit);
+      search(
+          *instance.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
+          [&] { return free; }, visit);
   }
   return free / length;
 }

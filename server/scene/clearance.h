@@ -10,10 +10,10 @@
 
 namespace sightline {
 
-// The colliders near one place, gathered once a step, then asked many times. Exact: distances are to triangles, both
-// sides alike, see-through ones too; a point inside a solid is as far from it as from its surface.
-// Not thread-safe; keep one per session and call gather again, it reuses its memory. The mirror must outlive the
-// queries and not change between gather and them.
+// The colliders near one place, gathered once a step, then asked many times. Exact: distances are to
+// triangles, both sides alike, see-through ones too; a point inside a solid is as far from it as from its
+// surface. Not thread-safe; keep one per session and call gather again, it reuses its memory. The mirror must
+// outlive the queries and not change between gather and them.
 class ClearanceField {
  public:
   // Collects colliding instances whose bounding sphere comes within `reach_m` of `center_m`, except those in
@@ -21,17 +21,18 @@ class ClearanceField {
   void gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
               std::span<const uint32_t> ignored_slots);
 
-  // Distance in metres from `point_m` to the nearest collider surface, or `reach_m` when nothing is nearer. `point_m`
-  // plus `reach_m` must lie inside the gathered ball for the answer to be complete.
+  // Distance in metres from `point_m` to the nearest collider surface, or `reach_m` when nothing is nearer.
+  // `point_m` plus `reach_m` must lie inside the gathered ball for the answer to be complete.
   double clearance_m(const glm::dvec3& point_m, double reach_m) const;
   // The same with the nearest surface point; false when nothing is within reach.
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
-  // How far a sphere of `radius_m` (>= 0) can move from `from_m` straight towards `to_m` before it touches anything: a
-  // fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already overlaps. Pressing in by
-  // less than 1e-9 m counts as touching: a sphere that touches may slide along and leave. The path plus `radius_m` must lie inside the gathered
-  // ball. Conservative advancement per triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems",
-  // 1996), which does not stall on a path that grazes a wall as advancement by the bare distance would.
+  // How far a sphere of `radius_m` (>= 0) can move from `from_m` straight towards `to_m` before it touches
+  // anything: a fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already
+  // overlaps. Pressing in by less than 1e-9 m counts as touching: a sphere that touches may slide along and
+  // leave. The path plus `radius_m` must lie inside the gathered ball. Conservative advancement per triangle
+  // (Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996), which does not stall on a path
+  // that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
   size_t collider_count() const { return colliders_.size(); }
@@ -45,8 +46,9 @@ class ClearanceField {
   std::vector<Collider> colliders_;
 };
 
-// Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision Detection,
-// 5.1.5).
-glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
+// Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision
+// Detection, 5.1.5).
+glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
+                               const glm::dvec3& c);
 
 }  // namespace sightline

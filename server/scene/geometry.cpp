@@ -19,7 +19,9 @@ struct Part {
   glm::vec3 centroid() const { return bounds.min + bounds.max; }
 };
 
-Aabb joined(const Aabb& a, const Aabb& b) { return {glm::min(a.min, b.min), glm::max(a.max, b.max)}; }
+Aabb joined(const Aabb& a, const Aabb& b) {
+  return {glm::min(a.min, b.min), glm::max(a.max, b.max)};
+}
 
 float half_area(const Aabb& box) {
   const glm::vec3 d = box.max - box.min;
@@ -58,13 +60,14 @@ void try_axis(const std::array<Bin, kBins>& bins, int axis, float& best_cost, st
   std::array<Bin, kBins> from_right;
   from_right[kBins - 1] = bins[kBins - 1];
   for (int i = kBins - 2; i > 0; --i)
-    from_right[i] = {joined(bins[i].bounds, from_right[i + 1].bounds), bins[i].count + from_right[i + 1].count};
+    from_right[i] = {joined(bins[i].bounds, from_right[i + 1].bounds),
+                     bins[i].count + from_right[i + 1].count};
   Bin left;
   for (int i = 1; i < kBins; ++i) {
     left = {joined(left.bounds, bins[i - 1].bounds), left.count + bins[i - 1].count};
     if (left.count == 0 || from_right[i].count == 0) continue;
-    const float cost =
-        cost_in_clusters(left.bounds, left.count) + cost_in_clusters(from_right[i].bounds, from_right[i].count);
+    const float cost = cost_in_clusters(left.bounds, left.count) +
+                       cost_in_clusters(from_right[i].bounds, from_right[i].count);
     if (cost < best_cost) best_cost = cost, best = Plane{axis, i};
   }
 }
@@ -103,9 +106,9 @@ class TreeBuilder {
     const Binning bin_of(centroids);
     const auto plane = depth < kHeuristicDepth ? best_plane(begin, end, bin_of) : std::nullopt;
     if (!plane) return split_at_median(begin, end, centroids);
-    const auto middle =
-        std::partition(parts_.begin() + static_cast<ptrdiff_t>(begin), parts_.begin() + static_cast<ptrdiff_t>(end),
-                       [&](const Part& part) { return bin_of(part, plane->axis) < plane->first_right_bin; });
+    const auto middle = std::partition(
+        parts_.begin() + static_cast<ptrdiff_t>(begin), parts_.begin() + static_cast<ptrdiff_t>(end),
+        [&](const Part& part) { return bin_of(part, plane->axis) < plane->first_right_bin; });
     return static_cast<size_t>(middle - parts_.begin());
   }
 
@@ -123,7 +126,8 @@ class TreeBuilder {
     return best;
   }
 
-  // Halves by count, the left half in whole clusters. Always parts the range, even when all centroids are equal.
+  // Halves by count, the left half in whole clusters. Always parts the range, even when all centroids are
+  // equal.
   size_t split_at_median(size_t begin, size_t end, const Aabb& centroids) {
     const glm::vec3 extent = centroids.max - centroids.min;
     const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
@@ -176,7 +180,8 @@ std::vector<Part> parts_of(const MeshData& mesh, size_t first, size_t last) {
   return parts;
 }
 
-void append_in_order(const std::vector<Part>& parts, const std::vector<uint32_t>& from, std::vector<uint32_t>& to) {
+void append_in_order(const std::vector<Part>& parts, const std::vector<uint32_t>& from,
+                     std::vector<uint32_t>& to) {
   for (const Part& part : parts)
     to.insert(to.end(), {from[3 * part.triangle], from[3 * part.triangle + 1], from[3 * part.triangle + 2]});
 }
@@ -228,8 +233,13 @@ ContentHash hash_mesh(const MeshData& mesh) {
   const ContentHash positions = hash_bytes(std::as_bytes(std::span(mesh.positions)));
   const ContentHash indices = hash_bytes(std::as_bytes(std::span(mesh.indices)));
   const std::array<uint64_t, 7> parts = {
-      positions.high,        positions.low,       indices.high, indices.low, mesh.positions.size(),
-      mesh.indices.size(), std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
+      positions.high,
+      positions.low,
+      indices.high,
+      indices.low,
+      mesh.positions.size(),
+      mesh.indices.size(),
+      std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
   return hash_bytes(std::as_bytes(std::span(parts)));
 }
 
@@ -273,8 +283,8 @@ size_t GeometryStore::live_bytes() const {
 
 size_t GeometryStore::live_count() const {
   const std::lock_guard lock(mutex_);
-  return static_cast<size_t>(
-      std::count_if(by_hash_.begin(), by_hash_.end(), [](const auto& entry) { return !entry.second.expired(); }));
+  return static_cast<size_t>(std::count_if(by_hash_.begin(), by_hash_.end(),
+                                           [](const auto& entry) { return !entry.second.expired(); }));
 }
 
 }  // namespace sightline

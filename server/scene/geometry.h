@@ -1,8 +1,9 @@
 // Triangle geometry: immutable once made, named by its content, shared by every session of the process.
 //
-// Triangles stand in clusters of at most kMaxClusterTriangles, each a contiguous range of `indices`, under a binary
-// bounding-volume hierarchy. The EGL sampler culls with it, the clearance query of `move` searches it. See-through
-// triangles (material opacity below kOccludingOpacity) have a tree of their own: they collide but do not occlude.
+// Triangles stand in clusters of at most kMaxClusterTriangles, each a contiguous range of `indices`, under a
+// binary bounding-volume hierarchy. The EGL sampler culls with it, the clearance query of `move` searches it.
+// See-through triangles (material opacity below kOccludingOpacity) have a tree of their own: they collide but
+// do not occlude.
 #pragma once
 
 #include <array>
@@ -25,7 +26,8 @@ inline constexpr float kOccludingOpacity = 0.75f;
 inline constexpr uint32_t kMaxClusterTriangles = 64;
 // No leaf lies deeper below its root: a traversal's stack may have this fixed size.
 inline constexpr int kMaxTreeDepth = 64;
-// Largest magnitude of any coordinate of a mesh, and of any instance's position: beyond it float bounds overflow.
+// Largest magnitude of any coordinate of a mesh, and of any instance's position: beyond it float bounds
+// overflow.
 inline constexpr float kMaxCoordinateM = 1e9f;
 
 struct Aabb {
@@ -38,8 +40,8 @@ struct Aabb {
   glm::vec3 half_extent() const { return 0.5f * (max - min); }
 };
 
-// A node covers the index range [first_index, first_index + index_count). The left child of an inner node is the
-// next node in the array, the right child is `right`; a leaf has right == 0 and is one cluster.
+// A node covers the index range [first_index, first_index + index_count). The left child of an inner node is
+// the next node in the array, the right child is `right`; a leaf has right == 0 and is one cluster.
 struct TreeNode {
   Aabb bounds;
   uint32_t first_index = 0;
@@ -51,8 +53,8 @@ struct TreeNode {
 // Depth-first order, root first; empty when there are no triangles.
 using TriangleTree = std::vector<TreeNode>;
 
-// What a geometry is made from. `indices` are triples into `positions`. Triangles from `see_through_first_index` (a
-// multiple of 3, or beyond the end) on are see-through; by default none is.
+// What a geometry is made from. `indices` are triples into `positions`. Triangles from
+// `see_through_first_index` (a multiple of 3, or beyond the end) on are see-through; by default none is.
 struct MeshData {
   std::vector<glm::vec3> positions;  // metres, in the mesh's own frame
   std::vector<uint32_t> indices;
@@ -65,11 +67,11 @@ class Geometry {
   std::vector<glm::vec3> positions;  // metres, mesh frame
   std::vector<uint32_t> indices;     // in cluster order; occluding triangles first
   uint32_t occluding_index_count = 0;
-  TriangleTree occluding;            // over [0, occluding_index_count)
-  TriangleTree see_through;          // over [occluding_index_count, indices.size())
-  Aabb bounds;                       // of all triangles
-  glm::vec3 center{0.0f};            // of the bounding sphere, mesh frame
-  float radius_m = 0.0f;             // of the bounding sphere
+  TriangleTree occluding;    // over [0, occluding_index_count)
+  TriangleTree see_through;  // over [occluding_index_count, indices.size())
+  Aabb bounds;               // of all triangles
+  glm::vec3 center{0.0f};    // of the bounding sphere, mesh frame
+  float radius_m = 0.0f;     // of the bounding sphere
 
   size_t triangle_count() const { return indices.size() / 3; }
   size_t bytes() const;
@@ -78,16 +80,16 @@ class Geometry {
 // The name of a mesh's content: equal for equal positions, indices and see-through split.
 ContentHash hash_mesh(const MeshData& mesh);
 
-// Builds clusters and trees: top-down, binned surface-area heuristic (Wald, "On fast construction of SAH-based bounding
-// volume hierarchies", 2007) with the cost counted in clusters, so that leaves are well filled. Triangles of zero area
-// are dropped; unused positions are kept. A mesh without triangles gives empty trees and an empty `bounds`.
-// Fails with kInvalidArgument (field "indices", "positions" or "see_through_first_index") on an index out of range, an
-// index count that is not a multiple of 3, or a position that is not finite or beyond kMaxCoordinateM.
-// Deterministic: equal input gives equal output.
+// Builds clusters and trees: top-down, binned surface-area heuristic (Wald, "On fast construction of
+// SAH-based bounding volume hierarchies", 2007) with the cost counted in clusters, so that leaves are well
+// filled. Triangles of zero area are dropped; unused positions are kept. A mesh without triangles gives empty
+// trees and an empty `bounds`. Fails with kInvalidArgument (field "indices", "positions" or
+// "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
+// position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input gives equal output.
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
-// Keeps one copy of each geometry as long as somebody holds it. Thread-safe; building happens outside the lock. Need
-// not outlive what it handed out.
+// Keeps one copy of each geometry as long as somebody holds it. Thread-safe; building happens outside the
+// lock. Need not outlive what it handed out.
 class GeometryStore {
  public:
   // The geometry of this content: the living copy, or a new one. Fails as build_geometry does.

@@ -25,7 +25,9 @@ bool position_is_valid(const glm::dvec3& p) {
   return a.x <= kMaxCoordinateM && a.y <= kMaxCoordinateM && a.z <= kMaxCoordinateM;  // false for NaN
 }
 
-bool rotation_is_valid(const glm::dquat& q) { return std::abs(glm::length(q) - 1.0) <= kUnitTolerance; }
+bool rotation_is_valid(const glm::dquat& q) {
+  return std::abs(glm::length(q) - 1.0) <= kUnitTolerance;
+}
 
 Status check_pose(const Pose& pose, const std::string& field) {
   if (!position_is_valid(pose.position_m))
@@ -53,9 +55,22 @@ uint64_t hash_record(const Instance& instance) {
       instance.geometry->hash.low,
       uint64_t{std::bit_cast<uint32_t>(a.opacity)} << 32 | a.layers,
       uint64_t{a.occludes} | uint64_t{a.collides} << 1 | uint64_t{a.visible} << 2,
-      bits(p.x), bits(p.y), bits(p.z), bits(q.x), bits(q.y), bits(q.z), bits(q.w),
-      bits(m[0].x), bits(m[0].y), bits(m[0].z), bits(m[1].x), bits(m[1].y), bits(m[1].z),
-      bits(m[2].x), bits(m[2].y), bits(m[2].z)};
+      bits(p.x),
+      bits(p.y),
+      bits(p.z),
+      bits(q.x),
+      bits(q.y),
+      bits(q.z),
+      bits(q.w),
+      bits(m[0].x),
+      bits(m[0].y),
+      bits(m[0].z),
+      bits(m[1].x),
+      bits(m[1].y),
+      bits(m[1].z),
+      bits(m[2].x),
+      bits(m[2].y),
+      bits(m[2].z)};
   return hash64_bytes(std::as_bytes(std::span(record)));
 }
 
@@ -140,14 +155,16 @@ Status SceneMirror::check_structure(const SceneDelta& delta, Pending& pending) c
   return {};
 }
 
-Status SceneMirror::check_add(const NewInstance& instance, const std::string& field, bool asset_ids_allowed) const {
+Status SceneMirror::check_add(const NewInstance& instance, const std::string& field,
+                              bool asset_ids_allowed) const {
   if (instance.id == 0) return invalid(field + ".id", "0 is not an id");
   if (!asset_ids_allowed && (instance.id & kAssetIdBit) != 0)
     return invalid(field + ".id", "ids from 2^63 up belong to the nodes of a loaded scene");
   if (!instance.geometry) return invalid(field + ".geometry", "is missing");
   if (Status ok = check_pose(instance.pose, field + ".pose"); !ok) return ok;
   if (!is_valid_linear(instance.linear))
-    return invalid(field + ".linear", "must be finite and invertible, no entry beyond 1e6, no axis shorter than 1e-9");
+    return invalid(field + ".linear",
+                   "must be finite and invertible, no entry beyond 1e6, no axis shorter than 1e-9");
   return check_attributes(instance.attributes, field + ".attributes");
 }
 
@@ -162,8 +179,9 @@ Status SceneMirror::check_transforms(const TransformUpdate& transforms, Pending&
     const bool stays = slot != slot_by_id_.end() && !pending.removed.contains(ids[i]);
     if (!stays && !pending.added.contains(ids[i]))
       return fail(ErrorCode::kNotFound, indexed("ids", i), "no such instance");
-    const bool is_first = slot == slot_by_id_.end() ? pending.added_and_moved.insert(ids[i]).second
-                                                    : std::exchange(named_in_[slot->second], message_) != message_;
+    const bool is_first = slot == slot_by_id_.end()
+                              ? pending.added_and_moved.insert(ids[i]).second
+                              : std::exchange(named_in_[slot->second], message_) != message_;
     if (!is_first) return invalid(indexed("ids", i), "named twice");
     if (!position_is_valid(poses[i].position_m) || !rotation_is_valid(poses[i].rotation))
       return check_pose(poses[i], indexed("poses", i));
@@ -240,7 +258,9 @@ void SceneMirror::move(uint32_t slot, const Pose& pose, const glm::dvec3* veloci
   moving_slots_untidy_ = true;
 }
 
-void SceneMirror::touch(const Instance& instance) { ++(instance.moving ? moving_version_ : static_version_); }
+void SceneMirror::touch(const Instance& instance) {
+  ++(instance.moving ? moving_version_ : static_version_);
+}
 
 void SceneMirror::place(uint32_t slot) {
   Instance& instance = slots_[slot];

@@ -6,7 +6,7 @@
 namespace sightline {
 namespace {
 
-constexpr int kSegments = 32;                // around the axis
+constexpr int kSegments = 32;                    // around the axis
 constexpr int kRingsPerQuarter = kSegments / 4;  // from pole to equator: facets about as high as wide
 
 // A point of a profile in the half-plane through the axis. Radius 0 is a pole: one vertex.
@@ -30,7 +30,8 @@ void add_ring(const ProfilePoint& point, std::vector<glm::vec3>& positions) {
 }
 
 // Triangles between two consecutive rings; either may be a pole.
-void add_band(uint32_t low, bool low_is_pole, uint32_t high, bool high_is_pole, std::vector<uint32_t>& indices) {
+void add_band(uint32_t low, bool low_is_pole, uint32_t high, bool high_is_pole,
+              std::vector<uint32_t>& indices) {
   for (uint32_t i = 0; i < kSegments; ++i) {
     const uint32_t j = (i + 1) % kSegments;
     if (!low_is_pole) indices.insert(indices.end(), {low + i, low + j, high_is_pole ? high : high + j});
@@ -45,7 +46,8 @@ MeshData revolve(const std::vector<ProfilePoint>& profile) {
   for (size_t k = 0; k < profile.size(); ++k) {
     const auto first = static_cast<uint32_t>(mesh.positions.size());
     add_ring(profile[k], mesh.positions);
-    if (k > 0) add_band(previous, profile[k - 1].radius_m == 0, first, profile[k].radius_m == 0, mesh.indices);
+    if (k > 0)
+      add_band(previous, profile[k - 1].radius_m == 0, first, profile[k].radius_m == 0, mesh.indices);
     previous = first;
   }
   return mesh;
@@ -67,7 +69,8 @@ MeshData revolve_capsule(double radius_m, double half_height_m) {
 
 Result<MeshData> make(const BoxShape& box) {
   for (int axis = 0; axis < 3; ++axis)
-    if (Status ok = check_size("half_extent_m", box.half_extent_m[axis]); !ok) return tl::unexpected(ok.error());
+    if (Status ok = check_size("half_extent_m", box.half_extent_m[axis]); !ok)
+      return tl::unexpected(ok.error());
   MeshData mesh;
   // Corner number: bit 0 = +x, bit 1 = +y, bit 2 = +z.
   for (int i = 0; i < 8; ++i)
@@ -86,7 +89,8 @@ Result<MeshData> make(const SphereShape& sphere) {
 Result<MeshData> make(const CapsuleShape& capsule) {
   if (Status ok = check_size("radius_m", capsule.radius_m); !ok) return tl::unexpected(ok.error());
   if (capsule.half_height_m != 0)
-    if (Status ok = check_size("half_height_m", capsule.half_height_m); !ok) return tl::unexpected(ok.error());
+    if (Status ok = check_size("half_height_m", capsule.half_height_m); !ok)
+      return tl::unexpected(ok.error());
   return revolve_capsule(capsule.radius_m, capsule.half_height_m);
 }
 

@@ -1,9 +1,9 @@
-// Shapes without a mesh: box, sphere, capsule, cylinder. They become ordinary triangle geometry, so that both samplers,
-// the clearance query and the truth renderer see the same surface.
+// Shapes without a mesh: box, sphere, capsule, cylinder. They become ordinary triangle geometry, so that both
+// samplers, the clearance query and the truth renderer see the same surface.
 //
-// Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round shapes are
-// inscribed polyhedra with vertices on the true surface (32 segments around); the greatest distance between the true
-// and the tessellated surface is under 1 % of the radius.
+// Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round
+// shapes are inscribed polyhedra with vertices on the true surface (32 segments around); the greatest
+// distance between the true and the tessellated surface is under 1 % of the radius.
 #pragma once
 
 #include <variant>
@@ -29,8 +29,8 @@ struct CylinderShape {
 };
 using Shape = std::variant<BoxShape, SphereShape, CapsuleShape, CylinderShape>;
 
-// Tessellates `shape`, outward facing counter-clockwise. Fails (kInvalidArgument, field = the parameter's name) on a
-// size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may also be 0).
+// Tessellates `shape`, outward facing counter-clockwise. Fails (kInvalidArgument, field = the parameter's
+// name) on a size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may also be 0).
 Result<MeshData> tessellate(const Shape& shape);
 
 }  // namespace sightline

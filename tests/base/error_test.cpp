@@ -11,7 +11,9 @@ TEST(Error, TextNamesCodeFieldAndReason) {
   EXPECT_EQ(to_string(Error{ErrorCode::kUnavailable, "", "no device"}), "unavailable: no device");
 }
 
-TEST(Error, AnElementIsNamedByItsIndex) { EXPECT_EQ(indexed("poses", 12), "poses[12]"); }
+TEST(Error, AnElementIsNamedByItsIndex) {
+  EXPECT_EQ(indexed("poses", 12), "poses[12]");
+}
 
 TEST(Error, AFailureConvertsToAnyResult) {
   const Result<int> result = invalid("field", "reason");

@@ -8,7 +8,9 @@
 namespace sightline {
 namespace {
 
-std::span<const std::byte> bytes(std::string_view text) { return std::as_bytes(std::span(text)); }
+std::span<const std::byte> bytes(std::string_view text) {
+  return std::as_bytes(std::span(text));
+}
 
 // The value of xxhsum -H2 on no input.
 TEST(Hash, EmptyInputHasThePublishedValue) {

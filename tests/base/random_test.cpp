@@ -29,9 +29,12 @@ TEST(CounterRandom, EqualKeysGiveEqualNumbersAndEveryKeyPartMatters) {
   const auto kTest = RandomPurpose::kTest;
   const auto base = first_numbers({1, 2, kTest});
   EXPECT_EQ(base, first_numbers({1, 2, kTest}));
-  const std::set<std::vector<uint32_t>> others = {
-      base, first_numbers({2, 2, kTest}), first_numbers({1, 3, kTest}), first_numbers({1, 2, RandomPurpose::kTexelJitter}),
-      first_numbers({1 + (uint64_t{1} << 32), 2, kTest}), first_numbers({1, 2 + (uint64_t{1} << 32), kTest})};
+  const std::set<std::vector<uint32_t>> others = {base,
+                                                  first_numbers({2, 2, kTest}),
+                                                  first_numbers({1, 3, kTest}),
+                                                  first_numbers({1, 2, RandomPurpose::kTexelJitter}),
+                                                  first_numbers({1 + (uint64_t{1} << 32), 2, kTest}),
+                                                  first_numbers({1, 2 + (uint64_t{1} << 32), kTest})};
   EXPECT_EQ(others.size(), 6u);
 }
 

@@ -23,7 +23,8 @@ class Draw {
   // Rotated, unevenly scaled, mirrored or sheared.
   glm::dmat3 linear() {
     const glm::dvec3 s(in(0.1, 3), in(0.1, 3), in(-3, -0.1));
-    return glm::mat3_cast(rotation()) * glm::dmat3(s.x, 0, 0, 0, s.y, 0, 0, 0, s.z) * glm::mat3_cast(rotation());
+    return glm::mat3_cast(rotation()) * glm::dmat3(s.x, 0, 0, 0, s.y, 0, 0, 0, s.z) *
+           glm::mat3_cast(rotation());
   }
 
  private:
@@ -92,7 +93,8 @@ std::vector<Triangle> world_triangles(const SceneMirror& mirror) {
     const auto corner = [&](size_t k) {
       return i.pose.position_m + i.pose.rotation * (i.linear * glm::dvec3(g.positions[g.indices[k]]));
     };
-    for (size_t k = 0; k < g.indices.size(); k += 3) triangles.push_back({corner(k), corner(k + 1), corner(k + 2)});
+    for (size_t k = 0; k < g.indices.size(); k += 3)
+      triangles.push_back({corner(k), corner(k + 1), corner(k + 2)});
   }
   return triangles;
 }
@@ -104,12 +106,14 @@ double reference_distance(const std::vector<Triangle>& triangles, const glm::dve
 }
 
 // Those that a sphere on the path could touch; keeps dense sampling quick.
-std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from, const glm::dvec3& to,
-                                double reach) {
+std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from,
+                                const glm::dvec3& to, double reach) {
   std::vector<Triangle> near;
   for (const Triangle& t : triangles) {
-    const glm::dvec3 low = glm::min(t[0], glm::min(t[1], t[2])) - reach, high = glm::max(t[0], glm::max(t[1], t[2])) + reach;
-    if (glm::all(glm::lessThan(low, glm::max(from, to))) && glm::all(glm::greaterThan(high, glm::min(from, to))))
+    const glm::dvec3 low = glm::min(t[0], glm::min(t[1], t[2])) - reach,
+                     high = glm::max(t[0], glm::max(t[1], t[2])) + reach;
+    if (glm::all(glm::lessThan(low, glm::max(from, to))) &&
+        glm::all(glm::greaterThan(high, glm::min(from, to))))
       near.push_back(t);
   }
   return near;
@@ -172,12 +176,14 @@ TEST(Clearance, IsTheReachWhenNothingIsNearer) {
 TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
   SceneMirror mirror;
-  NewInstance hidden = placed(2, box), ghost = placed(3, box), glass = placed(4, box, {{0, 5, 0}, {1, 0, 0, 0}});
+  NewInstance hidden = placed(2, box), ghost = placed(3, box),
+              glass = placed(4, box, {{0, 5, 0}, {1, 0, 0, 0}});
   hidden.attributes.visible = false;
   ghost.attributes.collides = false;
   glass.attributes.opacity = 0.1f;
   glass.attributes.occludes = false;
-  for (const NewInstance& i : {placed(1, box, {{100, 0, 0}, {1, 0, 0, 0}}), hidden, ghost, glass}) add(mirror, i);
+  for (const NewInstance& i : {placed(1, box, {{100, 0, 0}, {1, 0, 0, 0}}), hidden, ghost, glass})
+    add(mirror, i);
   ClearanceField field;
   field.gather(mirror, {0, 0, 0}, 10, {});
   EXPECT_EQ(field.collider_count(), 1u);
@@ -191,7 +197,8 @@ TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
 
 TEST(Clearance, FarFromTheOriginItStaysExact) {
   SceneMirror mirror;
-  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(), {{50'000, 0, -50'000}, {1, 0, 0, 0}}));
+  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(),
+                     {{50'000, 0, -50'000}, {1, 0, 0, 0}}));
   ClearanceField field;
   field.gather(mirror, {50'000, 0, -50'000}, 10, {});
   EXPECT_NEAR(field.clearance_m({50'001, 0, -50'000}, 10), 0.5, 1e-10);
@@ -220,7 +227,8 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
       ++(fraction < 1 ? stopped : free);
       if (fraction == 1) continue;
       double closest = INFINITY;  // somewhere in the next millimetre it touches
-      for (int k = 0; k <= 40; ++k) closest = std::min(closest, distance_at(fraction + 0.001 * k / 40 / length));
+      for (int k = 0; k <= 40; ++k)
+        closest = std::min(closest, distance_at(fraction + 0.001 * k / 40 / length));
       EXPECT_LE(closest, radius + 2.5e-5);
     }
   }
@@ -288,9 +296,13 @@ TEST_F(WallTest, AnOverlapIsNeverFree) {
   EXPECT_EQ(field.free_fraction({0.2, 0, 0}, {0.2, 0, 0}, 0.3), 0.0);
 }
 
-TEST_F(WallTest, NoMoveIsFreeWhereThereIsRoom) { EXPECT_EQ(field.free_fraction({1, 0, 0}, {1, 0, 0}, 0.3), 1.0); }
+TEST_F(WallTest, NoMoveIsFreeWhereThereIsRoom) {
+  EXPECT_EQ(field.free_fraction({1, 0, 0}, {1, 0, 0}, 0.3), 1.0);
+}
 
-TEST(Sweep, NothingInTheWayIsFree) { EXPECT_EQ(ClearanceField().free_fraction({0, 0, 0}, {9, 9, 9}, 1.0), 1.0); }
+TEST(Sweep, NothingInTheWayIsFree) {
+  EXPECT_EQ(ClearanceField().free_fraction({0, 0, 0}, {9, 9, 9}, 1.0), 1.0);
+}
 
 }  // namespace
 }  // namespace sightline

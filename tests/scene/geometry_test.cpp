@@ -18,7 +18,8 @@ namespace {
 MeshData random_soup(uint64_t seed, uint32_t triangles, double size_m = 1.0) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   const auto vec = [&](double range) {
-    return glm::vec3(random.next_in(-range, range), random.next_in(-range, range), random.next_in(-range, range));
+    return glm::vec3(random.next_in(-range, range), random.next_in(-range, range),
+                     random.next_in(-range, range));
   };
   MeshData mesh;
   for (uint32_t t = 0; t < triangles; ++t) {
@@ -31,13 +32,16 @@ MeshData random_soup(uint64_t seed, uint32_t triangles, double size_m = 1.0) {
   return mesh;
 }
 
-std::shared_ptr<const Geometry> build(const MeshData& mesh) { return build_geometry(mesh).value(); }
+std::shared_ptr<const Geometry> build(const MeshData& mesh) {
+  return build_geometry(mesh).value();
+}
 
 using Triangle = std::array<uint32_t, 3>;
 
 std::vector<Triangle> sorted_triangles(std::span<const uint32_t> indices) {
   std::vector<Triangle> triangles;
-  for (size_t i = 0; i < indices.size(); i += 3) triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
+  for (size_t i = 0; i < indices.size(); i += 3)
+    triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
   std::sort(triangles.begin(), triangles.end());
   return triangles;
 }
@@ -67,7 +71,9 @@ int check_tree(const Geometry& g, const TriangleTree& tree, uint32_t node, uint3
 
 void check_trees(const Geometry& g) {
   uint32_t next = 0;
-  const auto depth = [&](const TriangleTree& tree) { return tree.empty() ? 0 : check_tree(g, tree, 0, next); };
+  const auto depth = [&](const TriangleTree& tree) {
+    return tree.empty() ? 0 : check_tree(g, tree, 0, next);
+  };
   EXPECT_LE(depth(g.occluding), kMaxTreeDepth);
   EXPECT_EQ(next, g.occluding_index_count);
   EXPECT_LE(depth(g.see_through), kMaxTreeDepth);
@@ -85,12 +91,14 @@ TEST(Geometry, EveryTriangleStandsInExactlyOneLeafWhoseBoundsContainIt) {
 
 TEST(Geometry, ClustersAreAtLeastHalfFullOnAverage) {
   const auto g = build(random_soup(7, 20'000));
-  const auto leaves = std::count_if(g->occluding.begin(), g->occluding.end(), [](const TreeNode& n) { return n.is_leaf(); });
+  const auto leaves =
+      std::count_if(g->occluding.begin(), g->occluding.end(), [](const TreeNode& n) { return n.is_leaf(); });
   EXPECT_LT(static_cast<size_t>(leaves), g->triangle_count() / (kMaxClusterTriangles / 2));
 }
 
 TEST(Geometry, TheTreeSeparatesSpace) {
-  // A node of a useful tree is far smaller than the whole: here 313 clusters would ideally be 1/7 as wide each.
+  // A node of a useful tree is far smaller than the whole: here 313 clusters would ideally be 1/7 as wide
+  // each.
   const auto g = build(random_soup(8, 20'000, 0.05));
   double volume = 0, count = 0;
   for (const TreeNode& n : g->occluding)
@@ -174,7 +182,8 @@ TEST(Geometry, TheHashTellsPositionsIndicesAndSplitApart) {
   moved.positions[5].y = std::nextafter(moved.positions[5].y, 100.0f);
   std::swap(turned.indices[0], turned.indices[1]);
   split.see_through_first_index = 3;
-  const std::set<ContentHash> hashes = {hash_mesh(mesh), hash_mesh(moved), hash_mesh(turned), hash_mesh(split)};
+  const std::set<ContentHash> hashes = {hash_mesh(mesh), hash_mesh(moved), hash_mesh(turned),
+                                        hash_mesh(split)};
   EXPECT_EQ(hashes.size(), 4u);
   MeshData same_split = mesh;
   same_split.see_through_first_index = 12;  // beyond the end, as by default
@@ -186,10 +195,12 @@ TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   std::vector<MeshData> meshes(4);
   for (uint32_t t = 0; t < 20'000; ++t) {
     const uint32_t i = 3 * t;
-    const float spread = std::ldexp(1.0f, -static_cast<int>(t % 100)), far = std::ldexp(1.0f, static_cast<int>(t % 29));
+    const float spread = std::ldexp(1.0f, -static_cast<int>(t % 100)),
+                far = std::ldexp(1.0f, static_cast<int>(t % 29));
     // All in one place; ever closer to a point; ever farther away; all centroids equal, sizes unlike.
     const auto add = [&](MeshData& mesh, const glm::vec3& at, float size) {
-      mesh.positions.insert(mesh.positions.end(), {at, at + glm::vec3(size, 0, 0), at + glm::vec3(0, size, size)});
+      mesh.positions.insert(mesh.positions.end(),
+                            {at, at + glm::vec3(size, 0, 0), at + glm::vec3(0, size, size)});
       mesh.indices.insert(mesh.indices.end(), {i, i + 1, i + 2});
     };
     add(meshes[0], glm::vec3(1), 1);
@@ -200,13 +211,14 @@ TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   for (const MeshData& mesh : meshes) check_trees(*build(mesh));
 }
 
-// Single triangles on the three axes, each 32 times nearer to the origin than the one before: every plane of the
-// heuristic peels off one, 78 in a row.
+// Single triangles on the three axes, each 32 times nearer to the origin than the one before: every plane of
+// the heuristic peels off one, 78 in a row.
 TEST(Geometry, NestedScalesKeepTheDepthBounded) {
   MeshData mesh;
   const auto add = [&](const glm::vec3& at) {
     const auto i = static_cast<uint32_t>(mesh.positions.size());
-    mesh.positions.insert(mesh.positions.end(), {at, at + glm::vec3(1e-32f, 0, 0), at + glm::vec3(0, 1e-32f, 1e-32f)});
+    mesh.positions.insert(mesh.positions.end(),
+                          {at, at + glm::vec3(1e-32f, 0, 0), at + glm::vec3(0, 1e-32f, 1e-32f)});
     mesh.positions[i + 1][at.x != 0 ? 1 : 0] += 1e-32f;  // off the axis, where it is not rounded away
     mesh.positions[i + 2][at.z != 0 ? 0 : 2] += 1e-32f;
     mesh.indices.insert(mesh.indices.end(), {i, i + 1, i + 2});

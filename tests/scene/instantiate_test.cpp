@@ -12,7 +12,9 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-glm::dquat about_y(double angle) { return {std::cos(angle / 2), 0, std::sin(angle / 2), 0}; }
+glm::dquat about_y(double angle) {
+  return {std::cos(angle / 2), 0, std::sin(angle / 2), 0};
+}
 
 // A scene made by hand: node 0 and so on in the order of add().
 class InstantiateTest : public ::testing::Test {
@@ -75,7 +77,9 @@ std::vector<std::array<std::array<double, 3>, 3>> world_triangles(const NewInsta
 double signed_volume(const NewInstance& i) {
   double volume = 0;
   for (size_t k = 0; k < i.geometry->indices.size(); k += 3) {
-    const auto corner = [&](size_t c) { return i.linear * glm::dvec3(i.geometry->positions[i.geometry->indices[k + c]]); };
+    const auto corner = [&](size_t c) {
+      return i.linear * glm::dvec3(i.geometry->positions[i.geometry->indices[k + c]]);
+    };
     volume += glm::dot(corner(0), glm::cross(corner(1), corner(2))) / 6;
   }
   return volume;
@@ -185,7 +189,8 @@ TEST_F(InstantiateTest, AssetIdsDoNotDependOnTheBindings) {
 
 TEST_F(InstantiateTest, GpuInstancesStandEachForThemselvesOrAreMergedWhenBound) {
   const int trees = add("trees", -1, 0, {100, 0, 0});
-  for (int i = 0; i < 3; ++i) asset.nodes[trees].gpu_instances.push_back(make_affine({i, 0, 0}, about_y(i), {1, 2, 1}));
+  for (int i = 0; i < 3; ++i)
+    asset.nodes[trees].gpu_instances.push_back(make_affine({i, 0, 0}, about_y(i), {1, 2, 1}));
   add("rock", -1, 1);
   const auto made = run();
   ASSERT_EQ(made.size(), 4u);
@@ -211,8 +216,8 @@ TEST_F(InstantiateTest, AZeroScaleFlattensOrLeavesOut) {
 
 TEST_F(InstantiateTest, AShearedMatrixIsKeptAndItsPoseIsRigid) {
   const int node = add("sheared", -1, 0);
-  asset.nodes[node].parent_from_node =
-      compose(make_affine({1, 2, 3}, about_y(0.8), {1, 1, 1}), Affine({1, 0, 0}, {0.5, 1, 0}, {0, 0, 2}, {0, 0, 0}));
+  asset.nodes[node].parent_from_node = compose(make_affine({1, 2, 3}, about_y(0.8), {1, 1, 1}),
+                                               Affine({1, 0, 0}, {0.5, 1, 0}, {0, 0, 2}, {0, 0, 0}));
   const auto made = run();
   EXPECT_LT(angle_between(made[0].pose.rotation, about_y(0.8)), 1e-9);
   EXPECT_NEAR(made[0].linear[1].x, 0.5, 1e-12);
@@ -253,7 +258,9 @@ TEST_F(InstantiateTest, BadBindingsAreRefusedByField) {
   expect_refused({{"a", 1}, {"empty", 1}}, ErrorCode::kInvalidArgument, "bindings[1].id");
 }
 
-TEST_F(InstantiateTest, AnEmptySceneHasNoInstances) { EXPECT_TRUE(run().empty()); }
+TEST_F(InstantiateTest, AnEmptySceneHasNoInstances) {
+  EXPECT_TRUE(run().empty());
+}
 
 }  // namespace
 }  // namespace sightline

@@ -20,8 +20,12 @@ static std::atomic<size_t> allocations{0};
   if (void* memory = std::malloc(size ? size : 1)) return memory;
   throw std::bad_alloc();
 }
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
+  std::free(memory);
+}
 
 namespace sightline {
 namespace {
@@ -31,7 +35,9 @@ std::shared_ptr<const Geometry> box() {
   return geometry;
 }
 
-Pose at(double x, double y = 0, double z = 0) { return {{x, y, z}, {1, 0, 0, 0}}; }
+Pose at(double x, double y = 0, double z = 0) {
+  return {{x, y, z}, {1, 0, 0, 0}};
+}
 
 NewInstance instance(uint64_t id, const Pose& pose = {}) {
   NewInstance made;
@@ -47,7 +53,9 @@ SceneDelta adding(std::vector<NewInstance> instances) {
   return delta;
 }
 
-TransformUpdate moving(std::vector<uint64_t> ids, std::vector<Pose> poses) { return {std::move(ids), std::move(poses), {}}; }
+TransformUpdate moving(std::vector<uint64_t> ids, std::vector<Pose> poses) {
+  return {std::move(ids), std::move(poses), {}};
+}
 
 SceneDelta changing(uint64_t id, const InstanceAttributes& attributes) {
   SceneDelta delta;
@@ -65,7 +73,8 @@ SceneDelta removing(std::vector<uint64_t> ids) {
 class MirrorTest : public ::testing::Test {
  protected:
   MirrorTest() {
-    for (uint64_t id = 1; id <= 4; ++id) EXPECT_TRUE(mirror.apply(adding({instance(id, at(double(id)))}), {}));
+    for (uint64_t id = 1; id <= 4; ++id)
+      EXPECT_TRUE(mirror.apply(adding({instance(id, at(double(id)))}), {}));
   }
 
   struct Snapshot {
@@ -80,7 +89,8 @@ class MirrorTest : public ::testing::Test {
             mirror.moving_version(), mirror.size(), mirror.instances().size(), {slots.begin(), slots.end()}};
   }
 
-  void expect_refused(const SceneDelta& delta, const TransformUpdate& transforms, ErrorCode code, const std::string& field) {
+  void expect_refused(const SceneDelta& delta, const TransformUpdate& transforms, ErrorCode code,
+                      const std::string& field) {
     const Snapshot before = snapshot();
     const Status status = mirror.apply(delta, transforms);
     ASSERT_FALSE(status) << field;
@@ -143,12 +153,14 @@ TEST_F(MirrorTest, WhatADeltaRemovesIsGoneForTheRestOfIt) {
 
 TEST_F(MirrorTest, AnIdNamedTwiceInOneListIsRefused) {
   expect_refused(removing({1, 2, 1}), {}, ErrorCode::kInvalidArgument, "remove[2]");
-  expect_refused(adding({instance(7), instance(8), instance(7)}), {}, ErrorCode::kInvalidArgument, "add[2].id");
+  expect_refused(adding({instance(7), instance(8), instance(7)}), {}, ErrorCode::kInvalidArgument,
+                 "add[2].id");
   SceneDelta twice = changing(1, {});
   twice.change.push_back({1, {}});
   expect_refused(twice, {}, ErrorCode::kInvalidArgument, "change[1].id");
   expect_refused({}, moving({1, 2, 1}, {at(1), at(2), at(3)}), ErrorCode::kInvalidArgument, "ids[2]");
-  expect_refused(adding({instance(7)}), moving({7, 7}, {at(1), at(2)}), ErrorCode::kInvalidArgument, "ids[1]");
+  expect_refused(adding({instance(7)}), moving({7, 7}, {at(1), at(2)}), ErrorCode::kInvalidArgument,
+                 "ids[1]");
   EXPECT_TRUE(mirror.apply({}, moving({1, 2}, {at(1), at(2)})));  // and a refusal leaves no trace
 }
 
@@ -171,9 +183,11 @@ const double kBad[] = {NAN, INFINITY, -INFINITY, 2e9};
 TEST_F(MirrorTest, BadPosesAreRefused) {
   for (const double bad : kBad) {
     const Pose misplaced = at(0, bad, 0), turned{{0, 0, 0}, {1, bad, 0, 0}};
-    expect_refused({}, moving({1, 2}, {at(1), misplaced}), ErrorCode::kInvalidArgument, "poses[1].position_m");
+    expect_refused({}, moving({1, 2}, {at(1), misplaced}), ErrorCode::kInvalidArgument,
+                   "poses[1].position_m");
     expect_refused({}, moving({1}, {turned}), ErrorCode::kInvalidArgument, "poses[0].rotation");
-    expect_refused(adding({instance(7, misplaced)}), {}, ErrorCode::kInvalidArgument, "add[0].pose.position_m");
+    expect_refused(adding({instance(7, misplaced)}), {}, ErrorCode::kInvalidArgument,
+                   "add[0].pose.position_m");
     expect_refused(adding({instance(7, turned)}), {}, ErrorCode::kInvalidArgument, "add[0].pose.rotation");
   }
   for (const glm::dquat& q : {glm::dquat(0, 0, 0, 0), glm::dquat(1.002, 0, 0, 0), glm::dquat(0.998, 0, 0, 0)})
@@ -213,7 +227,8 @@ TEST_F(MirrorTest, LinearMustBeInvertibleAndFinite) {
     added.linear = bad;
     expect_refused(adding({added}), {}, ErrorCode::kInvalidArgument, "add[0].linear");
   }
-  for (const glm::dmat3& good : {glm::dmat3(1e-6), glm::dmat3(1e5), glm::dmat3(-1), glm::dmat3(1, 0, 0, 5, 1, 0, 0, 0, 1e-3)})
+  for (const glm::dmat3& good :
+       {glm::dmat3(1e-6), glm::dmat3(1e5), glm::dmat3(-1), glm::dmat3(1, 0, 0, 5, 1, 0, 0, 0, 1e-3)})
     EXPECT_TRUE(is_valid_linear(good));
 }
 
@@ -368,7 +383,9 @@ TEST_F(MirrorTest, TheBoundingSphereFollowsPoseAndLinear) {
   }
 }
 
-TEST(MirrorIdentity, IsUnique) { EXPECT_NE(SceneMirror().identity(), SceneMirror().identity()); }
+TEST(MirrorIdentity, IsUnique) {
+  EXPECT_NE(SceneMirror().identity(), SceneMirror().identity());
+}
 
 // Random walks of a mirror, told in any order.
 TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
@@ -385,7 +402,8 @@ TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
 
   std::vector<uint64_t> ids;
   std::vector<Pose> poses;
-  for (uint64_t id = 1; id <= 50; id += 3) ids.push_back(id), poses.push_back(at(random.next_in(-10, 10), 1, 2));
+  for (uint64_t id = 1; id <= 50; id += 3)
+    ids.push_back(id), poses.push_back(at(random.next_in(-10, 10), 1, 2));
   ASSERT_TRUE(forward.apply({}, moving(ids, poses)));
   EXPECT_NE(forward.hash(), backward.hash());
   for (size_t i = ids.size(); i-- > 0;) ASSERT_TRUE(backward.apply({}, moving({ids[i]}, {poses[i]})));

@@ -36,7 +36,9 @@ double distance_from(const BoxShape& s, const glm::dvec3& p) {
   const glm::dvec3 q = glm::abs(p) - glm::dvec3(s.half_extent_m);
   return glm::length(glm::max(q, glm::dvec3(0))) + std::min(0.0, std::max({q.x, q.y, q.z}));
 }
-double distance_from(const SphereShape& s, const glm::dvec3& p) { return glm::length(p) - s.radius_m; }
+double distance_from(const SphereShape& s, const glm::dvec3& p) {
+  return glm::length(p) - s.radius_m;
+}
 double distance_from(const CapsuleShape& s, const glm::dvec3& p) {
   const double h = s.half_height_m;
   return glm::length(p - glm::dvec3(0, std::clamp(p.y, -h, h), 0)) - s.radius_m;
@@ -49,7 +51,9 @@ double distance_from(const Shape& shape, const glm::dvec3& p) {
   return std::visit([&](const auto& s) { return distance_from(s, p); }, shape);
 }
 
-glm::dvec3 corner(const MeshData& mesh, size_t i) { return mesh.positions[mesh.indices[i]]; }
+glm::dvec3 corner(const MeshData& mesh, size_t i) {
+  return mesh.positions[mesh.indices[i]];
+}
 
 TEST(Primitives, EveryVertexLiesOnTheTrueSurface) {
   for (const Case& c : cases()) {
@@ -96,7 +100,8 @@ TEST(Primitives, FacetsStayWithinOnePercentOfTheRadius) {
         // Edges too: their middles are the deepest points.
         double u = k < 20 ? 0.5 : random.next_unit(), v = k < 20 ? 0.025 * k : random.next_unit();
         if (u + v > 1) u = 1 - u, v = 1 - v;
-        const glm::dvec3 p = (1 - u - v) * corner(mesh, i) + u * corner(mesh, i + 1) + v * corner(mesh, i + 2);
+        const glm::dvec3 p =
+            (1 - u - v) * corner(mesh, i) + u * corner(mesh, i + 1) + v * corner(mesh, i + 2);
         EXPECT_LT(distance_from(c.shape, p), 1e-6 * glm::length(p)) << c.name;  // inscribed
         deepest = std::max(deepest, -distance_from(c.shape, p));
       }
