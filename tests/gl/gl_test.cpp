@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "server/gl/egl_context.h"
+#include "server/gl/program.h"
+#include "server/gl/software_renderer.h"
+
+namespace sightline {
+namespace {
+
+// The first context that can be made at all; null when there is none.
+std::unique_ptr<EglContext> any_context() {
+  prepare_software_rendering();
+  for (int index = egl_device_count() - 1; index >= kSurfacelessIndex; --index)
+    if (auto context = EglContext::create(index)) return std::move(*context);
+  return nullptr;
+}
+
+TEST(EglContextTest, HasOpenGl45AndSaysWhatItIs) {
+  const auto context = any_context();
+  if (!context) GTEST_SKIP() << "no EGL context";
+  const CurrentContext current(*context);
+  ASSERT_TRUE(current);
+  EXPECT_GE(epoxy_gl_version(), 45);
+  EXPECT_FALSE(context->info().renderer.empty());
+  EXPECT_EQ(context->info().software, is_software_renderer(context->info().renderer));
+  EXPECT_FALSE(context->was_reset());
+}
+
+TEST(EglContextTest, IsRefusedToASecondThreadWhileItIsCurrentOnOne) {
+  const auto context = any_context();
+  if (!context) GTEST_SKIP() << "no EGL context";
+  bool second = true, later = false;
+  {
+    const CurrentContext current(*context);
+    ASSERT_TRUE(current);
+    std::thread([&] { second = static_cast<bool>(CurrentContext(*context)); }).join();
+  }
+  std::thread([&] { later = static_cast<bool>(CurrentContext(*context)); }).join();
+  EXPECT_FALSE(second);
+  EXPECT_TRUE(later);
+}
+
+TEST(EglContextTest, AnIndexWithoutADeviceIsUnavailable) {
+  const auto context = EglContext::create(egl_device_count());
+  ASSERT_FALSE(context);
+  EXPECT_EQ(context.error().code, ErrorCode::kUnavailable);
+}
+
+TEST(ProgramTest, CompilerComplaintsAreValuesThatNameTheStage) {
+  const auto context = any_context();
+  if (!context) GTEST_SKIP() << "no EGL context";
+  const CurrentContext current(*context);
+  const std::string vertex = "#version 450 core\nout vec4 a; void main() { gl_Position = a = vec4(1); }";
+  const std::string fragment = "#version 450 core\nin vec4 a; out vec4 c; void main() { c = a; }";
+  EXPECT_TRUE(make_program(vertex, fragment));
+  EXPECT_EQ(make_program("nonsense", fragment).error().field, "vertex shader");
+  EXPECT_EQ(make_program(vertex, "#version 450 core\nvoid main() { missing(); }").error().field, "fragment shader");
+  const auto unlinked = make_program(vertex, "#version 450 core\nin vec2 a; out vec4 c; void main() { c = a.xyxy; }");
+  ASSERT_FALSE(unlinked);
+  EXPECT_EQ(unlinked.error().field, "program");
+  EXPECT_FALSE(unlinked.error().message.empty());
+}
+
+TEST(SoftwareRendererTest, KnowsMesasNames) {
+  EXPECT_TRUE(is_software_renderer("llvmpipe (LLVM 15.0.6, 256 bits)"));
+  EXPECT_TRUE(is_software_renderer("softpipe"));
+  EXPECT_TRUE(is_software_renderer("Gallium 0.4 on swrast"));
+  EXPECT_FALSE(is_software_renderer("NVIDIA H200/PCIe/SSE2"));
+  EXPECT_FALSE(is_software_renderer("Mesa Intel(R) Graphics (ADL GT2)"));
+}
+
+TEST(SoftwareRendererTest, ReadsCpuQuotas) {
+  EXPECT_EQ(parse_cpu_max("200000 100000\n"), 2.0);
+  EXPECT_EQ(parse_cpu_max("50000 100000"), 0.5);
+  for (const char* none : {"max 100000\n", "", "-1 100000", "100000", "100000 0", "x y"})
+    EXPECT_FALSE(parse_cpu_max(none)) << none;
+  EXPECT_GE(cpu_budget(), 1);
+}
+
+TEST(SoftwareRendererTest, TheEnvironmentsOwnValuesStand) {
+  ASSERT_EQ(setenv("LP_NUM_THREADS", "7", 1), 0);
+  prepare_software_rendering();
+  EXPECT_STREQ(getenv("LP_NUM_THREADS"), "7");
+  unsetenv("LP_NUM_THREADS");
+  prepare_software_rendering();
+  EXPECT_STRNE(getenv("LP_NUM_THREADS"), nullptr);
+}
+
+}  // namespace
+}  // namespace sightline
