@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "scenes/exact.h"
-#include "scenes/scenario.h"
+#include "scenes/scenario_builder.h"
 #include "scenes/shapes.h"
 
 namespace sightline::scenes {
@@ -29,13 +29,13 @@ bool is_in_arena(const Node& n) {
   return std::max(std::abs(n.x), std::abs(n.z)) <= kReach && std::abs(n.x) + std::abs(n.z) < 2 * kReach;
 }
 
-// The step of one target: a free neighbour, not straight back unless there is no other; else it stays.
+// The step of one target: a free neighbour, never straight back; it waits for a step when there is none.
 Node choose_step(const Node& here, const Node& before, const std::vector<Node>& taken, CounterRandom& random) {
   std::vector<Node> free;
   for (const Node& next : {Node{here.x + 1, here.z}, Node{here.x, here.z + 1}, Node{here.x - 1, here.z},
                            Node{here.x, here.z - 1}})
     if (is_in_arena(next) && std::find(taken.begin(), taken.end(), next) == taken.end()) free.push_back(next);
-  if (free.size() > 1) std::erase(free, before);
+  std::erase(free, before);  // of one that has waited, `before` is `here`
   return free.empty() ? here : free[random.next_below(static_cast<uint32_t>(free.size()))];
 }
 
@@ -67,7 +67,7 @@ TimedPath path_of(const std::vector<Node>& run) {
   return {corners, times_s};
 }
 
-void add_obstacles(Scenario& scene, CounterRandom& random) {
+void add_obstacles(ScenarioBuilder& scene, CounterRandom& random) {
   const double heights[] = {1.0, 1.75, 2.5, 3.5};
   std::vector<int> meshes;
   for (double height : heights) {
@@ -86,7 +86,7 @@ void add_obstacles(Scenario& scene, CounterRandom& random) {
     }
 }
 
-void add_shell(Scenario& scene) {
+void add_shell(ScenarioBuilder& scene) {
   const int ground = scene.add_mesh("ground", standing_box(60, 0.25, 60), colors::kFloor);
   scene.add_static("ground", ground, {0, -0.25, 0});
   // 2 r tan(pi / 32), and a little to close the corners.
@@ -110,7 +110,7 @@ Motion circle(double radius_m, double speed_mps, double phase_turns, double dura
 }
 
 // Between the outermost nodes and the wall: a slow cart that one can bump into, and two quick screens.
-void add_movers(Scenario& scene, double duration_s, CounterRandom& random) {
+void add_movers(ScenarioBuilder& scene, double duration_s, CounterRandom& random) {
   const int cart = scene.add_mesh("cart", standing_box(1.5, 1.75, 0.875), colors::kMetal);
   const int screen = scene.add_mesh("screen", standing_box(2.5, 3.0, 0.125), colors::kCurtain);
   InstanceAttributes passable;
@@ -128,7 +128,7 @@ std::vector<std::byte> make_arena(const ArenaOptions& options) {
   CounterRandom run_random(options.seed, 0, RandomPurpose::kSceneGeneration);
   CounterRandom obstacle_random(options.seed, 1, RandomPurpose::kSceneGeneration);
   CounterRandom mover_random(options.seed, 2, RandomPurpose::kSceneGeneration);
-  Scenario scene(options.duration_s);
+  ScenarioBuilder scene(options.duration_s);
   add_shell(scene);
   add_obstacles(scene, obstacle_random);
   scene.add_camera({0, 5, 16}, {0, 1, 0});

@@ -4,7 +4,7 @@
 
 #include "scenes/building.h"
 #include "scenes/exact.h"
-#include "scenes/scenario.h"
+#include "scenes/scenario_builder.h"
 #include "scenes/shapes.h"
 
 namespace sightline::scenes {
@@ -49,7 +49,7 @@ glm::dvec2 block_corner(int bx, int bz) {
   return {bx * kPitchX_m, bz * kPitchZ_m};
 }
 
-void add_buildings(Scenario& scene, CounterRandom& random) {
+void add_buildings(ScenarioBuilder& scene, CounterRandom& random) {
   std::vector<int> meshes;
   for (size_t k = 0; k < kPlans.size(); ++k) {
     const int mesh = scene.add_mesh(numbered("building", static_cast<int>(k)), make_building(kPlans[k]),
@@ -118,7 +118,7 @@ MeshData car_mesh(double length_m, double height_m) {
   return mesh;
 }
 
-void add_street_furniture(Scenario& scene, CounterRandom& random) {
+void add_street_furniture(ScenarioBuilder& scene, CounterRandom& random) {
   const int tree = scene.add_mesh("tree", tree_mesh(), colors::kLeaf);
   const int lamp = scene.add_mesh("lamp", lamp_mesh(), colors::kMetal);
   const int car = scene.add_mesh("car", car_mesh(4.25, 1.5), colors::kCar);
@@ -160,7 +160,7 @@ Motion drive(const glm::dvec3& from_m, const glm::dvec3& to_m, int turn, double 
 }
 
 // Two vans that drive past: along the first street, and along the second one after the corner.
-void add_traffic(Scenario& scene, const glm::dvec2& corner, double duration_s, CounterRandom& random) {
+void add_traffic(ScenarioBuilder& scene, const glm::dvec2& corner, double duration_s, CounterRandom& random) {
   const int van = scene.add_mesh("van", car_mesh(5.5, 2.5), colors::kCar);
   InstanceAttributes attributes;
   attributes.collides = false;  // faster than a camera can evade
@@ -173,7 +173,7 @@ void add_traffic(Scenario& scene, const glm::dvec2& corner, double duration_s, C
                      attributes);
 }
 
-void add_ground(Scenario& scene) {
+void add_ground(ScenarioBuilder& scene) {
   const double width = kBlocksX * kPitchX_m + 3 * kStreet_m, depth = kBlocksZ * kPitchZ_m + 3 * kStreet_m;
   const int ground = scene.add_mesh("ground", standing_box(width, 0.25, depth), colors::kFloor);
   scene.add_static("ground", ground, {(kBlocksX * kPitchX_m - kStreet_m) / 2, -0.25, (kBlocksZ * kPitchZ_m - kStreet_m) / 2});
@@ -185,7 +185,7 @@ std::vector<std::byte> make_city(const CityOptions& options) {
   CounterRandom building_random(options.seed, 0, RandomPurpose::kSceneGeneration);
   CounterRandom street_random(options.seed, 1, RandomPurpose::kSceneGeneration);
   CounterRandom traffic_random(options.seed, 2, RandomPurpose::kSceneGeneration);
-  Scenario scene(options.duration_s);
+  ScenarioBuilder scene(options.duration_s);
   add_ground(scene);
   add_buildings(scene, building_random);
   add_street_furniture(scene, street_random);

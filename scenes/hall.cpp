@@ -1,11 +1,14 @@
 #include "scenes/hall.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
 #include <set>
 #include <utility>
 
 #include "scenes/exact.h"
-#include "scenes/scenario.h"
+#include "scenes/scenario_builder.h"
 #include "scenes/shapes.h"
 
 namespace sightline::scenes {
@@ -31,6 +34,8 @@ constexpr double kSlowest_mps = 2.0;   // of the middle of the pair; the inner o
 constexpr double kFastest_mps = 2.35;
 constexpr double kCurtainWidth_m = 3.5;
 constexpr double kCurtainHeight_m = 3.0;
+constexpr double kComing_s = 0.25;
+constexpr double kLeaving_s = 0.4;
 
 double bay_x(int bay) {
   return (bay + 0.5) * kBay_m;
@@ -104,7 +109,7 @@ MeshData column_mesh(double height_m) {
   return mesh;
 }
 
-void add_shell(Scenario& scene, double hall_length_m, double ceiling_m) {
+void add_shell(ScenarioBuilder& scene, double hall_length_m, double ceiling_m) {
   const double half_width = 1.5 * kLane_m, middle = hall_length_m / 2;
   const int slab = scene.add_mesh("slab", standing_box(hall_length_m, 0.25, 2 * half_width), colors::kFloor);
   scene.add_static("floor", slab, {middle, -0.25, 0});
@@ -117,7 +122,7 @@ void add_shell(Scenario& scene, double hall_length_m, double ceiling_m) {
   scene.add_static("wall-east", end, {hall_length_m + kWallThickness_m / 2, 0, 0});
 }
 
-void add_columns(Scenario& scene, int bays, double ceiling_m) {
+void add_columns(ScenarioBuilder& scene, int bays, double ceiling_m) {
   const int mesh = scene.add_mesh("column", column_mesh(ceiling_m), colors::kStone);
   for (int row : {0, 1})
     for (int boundary = 1; boundary < bays; ++boundary)
@@ -126,7 +131,7 @@ void add_columns(Scenario& scene, int bays, double ceiling_m) {
 }
 
 // Walls up openings that the way does not need: across a lane, and between two columns of a row.
-void add_inner_walls(Scenario& scene, const Way& way, const HallOptions& options, CounterRandom& random) {
+void add_inner_walls(ScenarioBuilder& scene, const Way& way, const HallOptions& options, CounterRandom& random) {
   const double height = options.ceiling_m;
   const int across = scene.add_mesh("wall-across", standing_box(kWallThickness_m, height, kLane_m), colors::kWall);
   const int along = scene.add_mesh("wall-along", standing_box(kBay_m, height, kWallThickness_m), colors::kWall);
@@ -142,35 +147,67 @@ void add_inner_walls(Scenario& scene, const Way& way, const HallOptions& options
                          {bay_x(bay), 0, row_z(row)});
 }
 
-// Hidden above the ceiling or below the floor, in place within a quarter of a second, and gone again: across the way
-// where the pair was 0.9 s before.
-Motion sudden_motion(const TimedPath& middle, double time_s, double hold_s, bool from_above, double ceiling_m) {
-  const double passed_s = time_s - 0.9;
-  const glm::dvec2 p = middle.position_m(passed_s), v = middle.velocity_mps(passed_s);
-  const glm::dquat rotation = facing(v / length(v));
-  const double hidden = from_above ? ceiling_m + 0.5 : -kCurtainHeight_m - 0.5;
+// A curtain: where it stands, which way it faces, when it comes, and when it is gone.
+struct Curtain {
+  glm::dvec2 middle_m;
+  glm::dvec2 facing_xz;
+  double comes_s;
+  double leaves_s;
+  double gone_s() const { return leaves_s + kLeaving_s; }
+};
+
+// True when both targets stay clear of the curtain as long as it is there.
+bool is_clear(const Curtain& curtain, const std::array<Motion, 2>& walks) {
+  const glm::dvec2 along{curtain.facing_xz.y, -curtain.facing_xz.x};
+  for (const Motion& walker : walks)
+    for (size_t k = 0; k < walker.times_s.size(); ++k) {
+      if (walker.times_s[k] < curtain.comes_s || walker.times_s[k] > curtain.gone_s()) continue;
+      const glm::dvec2 p = glm::dvec2(walker.positions_m[k].x, walker.positions_m[k].z) - curtain.middle_m;
+      const double beside = std::abs(p.x * along.x + p.y * along.y) - kCurtainWidth_m / 2;
+      const double before = std::abs(p.x * curtain.facing_xz.x + p.y * curtain.facing_xz.y);
+      if (length({std::max(beside, 0.0), before}) < kBodyRadius_m + 0.15) return false;
+    }
+  return true;
+}
+
+// Across the way where the pair was 0.9 s before, or earlier where it would stand in their way after a corner.
+std::optional<Curtain> place_curtain(const TimedPath& middle, const std::array<Motion, 2>& walks, double comes_s,
+                                     double hold_s) {
+  for (double ago_s = 0.9; ago_s < 1.7; ago_s += 0.1) {
+    const glm::dvec2 v = middle.velocity_mps(comes_s - ago_s);
+    const Curtain curtain{middle.position_m(comes_s - ago_s), v / length(v), comes_s, comes_s + kComing_s + hold_s};
+    if (is_clear(curtain, walks)) return curtain;
+  }
+  return std::nullopt;
+}
+
+// Hidden above the ceiling or below the floor, in place at once, and gone again.
+Motion sudden_motion(const Curtain& curtain, double hidden_y_m) {
+  const std::pair<double, double> keys[] = {{0.0, hidden_y_m},
+                                            {curtain.comes_s, hidden_y_m},
+                                            {curtain.comes_s + kComing_s, 0.0},
+                                            {curtain.leaves_s, 0.0},
+                                            {curtain.gone_s(), hidden_y_m}};
   Motion motion;
-  const std::pair<double, double> keys[] = {{0.0, hidden},
-                                            {time_s, hidden},
-                                            {time_s + 0.25, 0.0},
-                                            {time_s + 0.25 + hold_s, 0.0},
-                                            {time_s + 0.65 + hold_s, hidden}};
-  for (const auto& [t, y] : keys) motion.add(t, {p.x, y, p.y}, rotation);
+  for (const auto& [time_s, y_m] : keys)
+    motion.add(time_s, {curtain.middle_m.x, y_m, curtain.middle_m.y}, facing(curtain.facing_xz));
   return motion;
 }
 
-void add_sudden_occluders(Scenario& scene, const TimedPath& middle, const HallOptions& options,
-                          CounterRandom& random) {
+void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const std::array<Motion, 2>& walks,
+                  const HallOptions& options, CounterRandom& random) {
   const int mesh = scene.add_mesh("curtain", standing_box(kCurtainWidth_m, kCurtainHeight_m, 0.0625), colors::kCurtain);
   InstanceAttributes attributes;
   attributes.collides = false;
   int count = 0;
   for (double time_s = 2.0; time_s < options.duration_s - 2.5; time_s += options.curtain_period_s) {
-    const double start_s = time_s + random.next_in(0.0, 0.4);
+    const double comes_s = time_s + random.next_in(0.0, 0.4);
     const double hold_s = random.next_in(0.8, 1.4);
     const bool from_above = random.next_below(2) == 0;
-    scene.add_occluder(numbered("curtain", ++count), mesh,
-                       sudden_motion(middle, start_s, hold_s, from_above, options.ceiling_m), attributes);
+    if (const auto curtain = place_curtain(middle, walks, comes_s, hold_s))
+      scene.add_occluder(numbered("curtain", ++count), mesh,
+                         sudden_motion(*curtain, from_above ? options.ceiling_m + 0.5 : -kCurtainHeight_m - 0.5),
+                         attributes);
   }
 }
 
@@ -183,15 +220,17 @@ std::vector<std::byte> make_hall(const HallOptions& options) {
   const Way way = WayMaker(way_random).make(options.duration_s);
   const TimedPath middle(way.middle, way.times_s);
 
-  Scenario scene(options.duration_s);
+  ScenarioBuilder scene(options.duration_s);
   add_shell(scene, way.bays * kBay_m, options.ceiling_m);
   add_columns(scene, way.bays, options.ceiling_m);
   add_inner_walls(scene, way, options, wall_random);
   const glm::dvec2 start = way.middle.front();
   scene.add_camera({start.x - 5, 2.0, start.y + 0.6}, {start.x, 1.2, start.y});
-  scene.add_character("target-1", walk({parallel(way.middle, kHalfGap_m), way.times_s}, options.duration_s));
-  scene.add_character("target-2", walk({parallel(way.middle, -kHalfGap_m), way.times_s}, options.duration_s));
-  add_sudden_occluders(scene, middle, options, curtain_random);
+  const std::array<Motion, 2> walks{walk({parallel(way.middle, kHalfGap_m), way.times_s}, options.duration_s),
+                                    walk({parallel(way.middle, -kHalfGap_m), way.times_s}, options.duration_s)};
+  scene.add_character("target-1", walks[0]);
+  scene.add_character("target-2", walks[1]);
+  add_curtains(scene, middle, walks, options, curtain_random);
   return scene.write();
 }
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "scenes/exact.h"
-#include "scenes/scenario.h"
+#include "scenes/scenario_builder.h"
 #include "scenes/shapes.h"
 
 namespace sightline::scenes {
@@ -107,7 +107,7 @@ MeshData wall_with_door(double offset_m) {
   return mesh;
 }
 
-void add_inner_walls(Scenario& scene, const Doors& doors) {
+void add_inner_walls(ScenarioBuilder& scene, const Doors& doors) {
   for (int across : {0, 1})
     for (int i = 0; i < kRooms; ++i)
       for (int j = 0; j < kRooms; ++j) {
@@ -122,7 +122,7 @@ void add_inner_walls(Scenario& scene, const Doors& doors) {
       }
 }
 
-void add_shell(Scenario& scene) {
+void add_shell(ScenarioBuilder& scene) {
   const double size = kRooms * kRoom_m, middle = size / 2;
   const int floor = scene.add_mesh("floor", standing_box(size + 4, 0.25, size + 4), colors::kFloor);
   scene.add_static("floor", floor, {middle, -0.25, middle});
@@ -156,7 +156,7 @@ bool is_clear(const Footprint& piece, const std::vector<glm::dvec2>& kept_free_m
                      [&](const glm::dvec2& p) { return piece.distance_m(p) >= kFreeWay_m; });
 }
 
-void add_furniture(Scenario& scene, int tries_per_room, const std::vector<glm::dvec2>& kept_free_m,
+void add_furniture(ScenarioBuilder& scene, int tries_per_room, const std::vector<glm::dvec2>& kept_free_m,
                    CounterRandom& random) {
   std::array<int, kFurniture.size()> meshes{};
   for (size_t k = 0; k < meshes.size(); ++k) {
@@ -207,7 +207,7 @@ std::vector<std::byte> make_rooms(const RoomsOptions& options) {
   const std::array<Motion, 2> walks{walk(at_even_speed(way, -kFollowing_s), options.duration_s),
                                     walk(at_even_speed(way, 0), options.duration_s)};
 
-  Scenario scene(options.duration_s);
+  ScenarioBuilder scene(options.duration_s);
   add_shell(scene);
   add_inner_walls(scene, doors);
   const glm::dvec2 start = way[0], forward = (way[1] - way[0]) / length(way[1] - way[0]);

@@ -32,9 +32,9 @@ Motion walk(const TimedPath& path, double duration_s);
 // "column", 3 -> "column-3".
 std::string numbered(std::string name, int number);
 
-class Scenario {
+class ScenarioBuilder {
  public:
-  explicit Scenario(double duration_s) : duration_s_(duration_s) {}
+  explicit ScenarioBuilder(double duration_s) : duration_s_(duration_s) {}
 
   int add_mesh(const std::string& name, const MeshData& mesh, const glm::vec3& color);
   void add_static(const std::string& name, int mesh, const glm::dvec3& position_m,

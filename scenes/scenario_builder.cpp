@@ -1,4 +1,4 @@
-#include "scenes/scenario.h"
+#include "scenes/scenario_builder.h"
 
 #include <cmath>
 
@@ -24,6 +24,15 @@ Json extras_of(const Json& role) {
   return role.empty() ? Json() : Json::object({{"sightline", role}});
 }
 
+// Turns the unit direction `from` towards `to`, by no more in one key than a body can.
+glm::dvec2 turned(const glm::dvec2& from, const glm::dvec2& to) {
+  constexpr double kFastestTurn_radps = 8.0;  // a little more than the sharpest corner of a walk asks for
+  const glm::dvec2 step = circle_point(kFastestTurn_radps / kKeysPerSecond / (2 * std::numbers::pi));
+  if (from.x * to.x + from.y * to.y >= step.x) return to;
+  const double sine = from.x * to.y - from.y * to.x >= 0 ? step.y : -step.y;
+  return {from.x * step.x - from.y * sine, from.x * sine + from.y * step.x};
+}
+
 }  // namespace
 
 std::string numbered(std::string name, int number) {
@@ -42,30 +51,31 @@ void Motion::add(double time_s, const glm::dvec3& position_m, const glm::dquat& 
 
 Motion walk(const TimedPath& path, double duration_s) {
   Motion motion;
-  glm::dquat rotation{1, 0, 0, 0};
+  const glm::dvec2 first = path.velocity_mps(0);
+  glm::dvec2 heading = length(first) > 0.01 ? first / length(first) : glm::dvec2(0, 1);
   const auto last = static_cast<int>(std::floor(duration_s * kKeysPerSecond + 0.5));
   for (int i = 0; i <= last; ++i) {
     const double time_s = i / kKeysPerSecond;
     const glm::dvec2 p = path.position_m(time_s), v = path.velocity_mps(time_s);
     const double speed = length(v);
-    if (speed > 0.01) rotation = facing(v / speed);  // who stands still goes on facing the same way
-    motion.add(time_s, {p.x, 0, p.y}, rotation);
+    if (speed > 0.01) heading = turned(heading, v / speed);  // who stands still goes on facing the same way
+    motion.add(time_s, {p.x, 0, p.y}, facing(heading));
   }
   return motion;
 }
 
-int Scenario::add_mesh(const std::string& name, const MeshData& mesh, const glm::vec3& color) {
+int ScenarioBuilder::add_mesh(const std::string& name, const MeshData& mesh, const glm::vec3& color) {
   return writer_.add_mesh(name, mesh, color);
 }
 
-void Scenario::add_static(const std::string& name, int mesh, const glm::dvec3& position_m,
+void ScenarioBuilder::add_static(const std::string& name, int mesh, const glm::dvec3& position_m,
                           const glm::dquat& rotation, const InstanceAttributes& attributes) {
   Json role = Json::object();
   put_attributes(role, attributes);
   writer_.add_node({name, -1, mesh, -1, snap(position_m), rotation, extras_of(role)});
 }
 
-int Scenario::add_moving(const std::string& name, int mesh, const Motion& motion, Json role) {
+int ScenarioBuilder::add_moving(const std::string& name, int mesh, const Motion& motion, Json role) {
   const int node = writer_.add_node(
       {name, -1, mesh, -1, motion.positions_m.front(), motion.rotations.front(), extras_of(role)});
   const std::vector<float> times(motion.times_s.begin(), motion.times_s.end());
@@ -75,7 +85,7 @@ int Scenario::add_moving(const std::string& name, int mesh, const Motion& motion
   return node;
 }
 
-void Scenario::add_character(const std::string& name, const Motion& motion) {
+void ScenarioBuilder::add_character(const std::string& name, const Motion& motion) {
   if (body_mesh_ < 0) {
     MeshData body, visor;
     append_capsule(body, {0, 0, 0}, kBodyRadius_m, kBodyHeight_m, 16, 4);
@@ -87,14 +97,14 @@ void Scenario::add_character(const std::string& name, const Motion& motion) {
   writer_.add_node({name + "-visor", node, visor_mesh_, -1, {}, {1, 0, 0, 0}, {}});
 }
 
-void Scenario::add_occluder(const std::string& name, int mesh, const Motion& motion,
+void ScenarioBuilder::add_occluder(const std::string& name, int mesh, const Motion& motion,
                             const InstanceAttributes& attributes) {
   Json role = Json::object({{"role", "occluder"}});
   put_attributes(role, attributes);
   add_moving(name, mesh, motion, std::move(role));
 }
 
-void Scenario::add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m) {
+void ScenarioBuilder::add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m) {
   const int camera = writer_.add_camera(0.6981317007977318, 16.0 / 9.0, 0.1);  // 40 degrees
   writer_.add_node({"camera", -1, -1, camera, snap(eye_m), looking(snap(eye_m), snap(at_m)),
                     extras_of(Json::object({{"role", "camera"}}))});
