@@ -31,7 +31,7 @@ Status check_options(const SessionOptions& options) {
   if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
   if (Status ok = validate(options.settings); !ok) return below("open.settings.", ok.error());
   if (Status ok = validate(options.limits, widest(options.lens, options.settings.framing)); !ok)
-    return below("open.", ok.error());
+    return below("open.limits.", ok.error());
   if (options.label.size() > kMaxLabelBytes)
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(options.label.size()));
   return {};
@@ -144,12 +144,13 @@ Status Session::check_camera(const TickInput& tick) const {
   if (!tick.lens) return {};
   if (Status ok = check_lens(*tick.lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(options_.limits, widest(*tick.lens, options_.settings.framing)); !ok)
-    return invalid("tick.lens", ok.error().field + ": " + ok.error().message);
+    return invalid("tick.lens", "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
   return {};
 }
 
 double Session::step_length_s(const TickInput& tick) const {
   const double dt_s = tick.dt_s ? *tick.dt_s : ticked_ ? tick.time_s - time_s_ : 0.0;
+  if (dt_s < kShortestStepS) return 0.0;
   return std::min(dt_s, std::numeric_limits<double>::max());  // two far times may lie infinitely far apart
 }
 

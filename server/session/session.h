@@ -22,6 +22,8 @@ namespace sightline {
 
 // Speeds beyond it are refused: squared and multiplied, they would leave no digit of a position.
 inline constexpr double kMaxToldSpeedMps = 1e6;
+// A shorter dt counts as 0: rates over it are noise.
+inline constexpr double kShortestStepS = 1e-6;
 // An instance whose positions imply more than this was teleported: its derived velocity is 0. Faster things exist; they
 // send their velocity.
 inline constexpr double kTeleportSpeedMps = 100.0;

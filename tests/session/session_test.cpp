@@ -1,0 +1,608 @@
+#include "server/session/session.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/session/game.h"
+
+namespace sightline::test {
+namespace {
+
+void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double tolerance = 1e-12) {
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
+}
+
+glm::dvec3 place_of(const SessionAnswer& answer) { return answer.step.camera.pose.position_m; }
+
+// ---- time and merging ----
+
+TEST(SessionClock, TheFirstTickWithoutDtIsPaused) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.time_s = 1234.5;
+  tick.dt_s.reset();
+  const SessionAnswer answer = game.play(tick);
+  EXPECT_EQ(answer.step.reason, MoveReason::kPaused);
+  EXPECT_EQ(answer.pose_time_s, 1234.5);
+  expect_near(place_of(answer), {0, 1.6, 6});
+}
+
+TEST(SessionClock, WithoutDtTheTimeDifferenceIsTaken) {
+  Game told, silent;
+  told.play(told.tick());
+  silent.play(silent.tick());
+  for (int i = 0; i < 20; ++i) {
+    TickMaker tick = silent.tick(1.0 / 32);
+    tick.dt_s.reset();
+    EXPECT_EQ(place_of(told.play(told.tick(1.0 / 32))), place_of(silent.play(tick)));
+  }
+}
+
+TEST(SessionClock, ADtOfZeroIsPausedAndDefined) {
+  Game game;
+  for (int i = 0; i < 10; ++i) game.play(game.tick());
+  const Pose before = game.session->memory().camera.pose;
+  const SessionAnswer answer = game.play(game.tick(0.0));
+  EXPECT_EQ(answer.step.status, MoveStatus::kHolding);
+  EXPECT_EQ(answer.step.reason, MoveReason::kPaused);
+  EXPECT_EQ(answer.step.camera.pose.position_m, before.position_m);
+  EXPECT_EQ(answer.step.targets.size(), 2u);
+}
+
+TEST(SessionClock, ADtTooShortToDivideByIsPaused) {
+  Game game;
+  game.play(game.tick());
+  const SessionAnswer answer = game.play(game.tick(1e-300).move(kAnn, {-0.5, 1, 0}));
+  EXPECT_EQ(answer.step.reason, MoveReason::kPaused);
+  EXPECT_TRUE(is_finite(answer.step.camera.angular_velocity_radps));
+}
+
+TEST(SessionClock, AGapIsCappedAndFlagged) {
+  Game game;
+  game.play(game.tick());
+  EXPECT_FALSE(game.play(game.tick(0.25)).step.flags.dt_capped);
+  EXPECT_TRUE(game.play(game.tick(0.26)).step.flags.dt_capped);
+  EXPECT_TRUE(game.play(game.tick(1e300)).step.flags.dt_capped);
+}
+
+TEST(SessionClock, TimesThatLieInfinitelyFarApartStayFinite) {
+  Game game;
+  TickMaker early = game.tick(), late = game.tick();
+  early.time_s = -1.7e308;
+  late.time_s = 1.7e308;
+  late.dt_s.reset();
+  game.play(early);
+  const SessionAnswer answer = game.play(late);
+  EXPECT_TRUE(answer.step.flags.dt_capped);
+  EXPECT_TRUE(is_finite(place_of(answer)));
+}
+
+TEST(SessionClock, TheFirstSequenceMayBeAny) {
+  for (const uint64_t first : {uint64_t{0}, uint64_t{77}, UINT64_MAX}) {
+    Game game;
+    TickMaker tick = game.tick();
+    tick.sequence = first;
+    EXPECT_EQ(game.play(tick).sequence, first);
+  }
+}
+
+TEST(SessionMerge, MergedTicksSayTheNewestAndSumTheirTime) {
+  Game merged, single;
+  merged.play(merged.tick());
+  single.play(single.tick());
+  for (int i = 1; i <= 5; ++i)
+    merged.apply(merged.tick(1.0 / 64).move(kAnn, {-1 + 0.01 * i, 1, 0}).at_speed({0.64, 0, 0}));
+  const SessionAnswer five = merged.answer();
+  const SessionAnswer one = single.play(single.tick(5.0 / 64).move(kAnn, {-1 + 0.01 * 5, 1, 0}).at_speed({0.64, 0, 0}));
+
+  EXPECT_EQ(five.merged_ticks, 4u);
+  EXPECT_EQ(one.merged_ticks, 0u);
+  EXPECT_EQ(five.sequence, 6u);
+  EXPECT_EQ(five.time_s, one.time_s);
+  EXPECT_EQ(five.hash, one.hash);
+  EXPECT_EQ(place_of(five), place_of(one));
+  EXPECT_EQ(five.step.camera.velocity_mps, one.step.camera.velocity_mps);
+}
+
+TEST(SessionMerge, AStepWithoutATickIsPaused) {
+  Game game;
+  game.play(game.tick());
+  const SessionAnswer again = game.answer();
+  EXPECT_EQ(again.step.reason, MoveReason::kPaused);
+  EXPECT_EQ(again.merged_ticks, 0u);
+  EXPECT_EQ(again.sequence, 1u);
+}
+
+// ---- velocities ----
+
+TEST(SessionVelocity, IsDerivedFromSuccessivePositions) {
+  Game game;
+  game.apply(game.tick(0.5).move(kAnn, {-1, 1, 0}));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
+  game.apply(game.tick(0.5).move(kAnn, {0.5, 1, -1}));
+  expect_near(game.instance(kAnn).velocity_mps, {3, 0, -2});
+}
+
+TEST(SessionVelocity, ToldOnesAreTakenAsTold) {
+  Game game;
+  game.apply(game.tick(0.5).move(kAnn, {5, 1, 0}).at_speed({0, 0, 7}));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
+  game.apply(game.tick(0.5));  // not named: it keeps what was told
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
+}
+
+TEST(SessionVelocity, ATeleportHasNone) {
+  Game game;
+  game.apply(game.tick(0.1).move(kAnn, {-1 + 0.099 * kTeleportSpeedMps, 1, 0}));
+  expect_near(game.instance(kAnn).velocity_mps, {0.99 * kTeleportSpeedMps, 0, 0}, 1e-9);
+  game.apply(game.tick(0.1).move(kAnn, {500, 1, 0}));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
+}
+
+TEST(SessionVelocity, WhatIsNoLongerNamedHasStopped) {
+  Game game;
+  game.apply(game.tick(0.5).move(kAnn, {0, 1, 0}).move(kBob, {2, 1, 0}));
+  game.apply(game.tick(0.5).move(kBob, {3, 1, 0}));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
+  expect_near(game.instance(kAnn).pose.position_m, {0, 1, 0});
+  expect_near(game.instance(kBob).velocity_mps, {2, 0, 0});
+  game.apply(game.tick(0.5));
+  EXPECT_EQ(game.instance(kBob).velocity_mps, glm::dvec3(0.0));
+}
+
+TEST(SessionVelocity, NothingIsDerivedWhenNoTimePasses) {
+  Game game;
+  game.apply(game.tick(0.5).move(kAnn, {0, 1, 0}).move(kBob, {2, 1, 0}));
+  game.apply(game.tick(0.0).move(kAnn, {0, 1, 0}).move(kBob, {4, 1, 0}));
+  expect_near(game.instance(kAnn).velocity_mps, {2, 0, 0});           // stands where it stood
+  EXPECT_EQ(game.instance(kBob).velocity_mps, glm::dvec3(0.0));       // jumped
+  game.apply(game.tick(0.0));
+  expect_near(game.instance(kAnn).velocity_mps, {2, 0, 0});
+  game.apply(game.tick(0.5));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
+}
+
+TEST(SessionVelocity, ANewInstanceStandsStill) {
+  Game game;
+  TickMaker tick = game.tick(0.5);
+  tick.delta.add = {game.make(20, SphereShape{0.2f}, {0, 0, 0})};
+  game.apply(tick.move(20, {3, 0, 0}));
+  EXPECT_EQ(game.instance(20).velocity_mps, glm::dvec3(0.0));
+}
+
+TEST(SessionRotation, StaysWhenNotTold) {
+  Game game;
+  TickMaker turned = game.tick();
+  turned.move(kCrate, {0, 1, -4});
+  turned.transforms.poses[0].rotation = glm::angleAxis(0.7, glm::dvec3(0, 1, 0));
+  game.apply(turned);
+  TickMaker moved = game.tick();
+  moved.move(kCrate, {0, 2, -4}).keeps_rotations = true;
+  game.apply(moved);
+  EXPECT_NEAR(glm::angle(game.instance(kCrate).pose.rotation), 0.7, 1e-12);
+  expect_near(game.instance(kCrate).pose.position_m, {0, 2, -4});
+}
+
+TEST(SessionRotation, OfAnAddedInstanceIsWhatItWasAddedWith) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.delta.remove = {kCrate};
+  tick.delta.add = {game.make(kCrate, SphereShape{0.2f}, {0, 0, 0})};
+  tick.delta.add[0].pose.rotation = glm::angleAxis(0.4, glm::dvec3(1, 0, 0));
+  tick.move(kCrate, {3, 0, 0}).keeps_rotations = true;
+  game.apply(tick);
+  EXPECT_NEAR(glm::angle(game.instance(kCrate).pose.rotation), 0.4, 1e-12);
+}
+
+// ---- the observed camera ----
+
+ObservedCamera seen_at(const glm::dvec3& place, bool cut) { return {{place, {1, 0, 0, 0}}, glm::dvec3(0.0), cut}; }
+
+TEST(SessionObserved, ACutIsSaidAndTheWantedPlaceIsTakenAnew) {
+  Game game;
+  for (int i = 0; i < 5; ++i) game.play(game.tick());
+  const glm::dvec3 wanted = game.session->memory().desired_offset_m;
+  TickMaker tick = game.tick();
+  tick.observed_camera = seen_at({8, 2, 8}, true);
+  const SessionAnswer answer = game.play(tick);
+  EXPECT_TRUE(answer.cut);
+  EXPECT_EQ(answer.step.reason, MoveReason::kObservedCut);
+  EXPECT_LT(glm::distance(place_of(answer), glm::dvec3(8, 2, 8)), 0.01);
+  EXPECT_GT(glm::distance(game.session->memory().desired_offset_m, wanted), 1.0);
+  EXPECT_FALSE(game.play(game.tick()).cut);
+}
+
+TEST(SessionObserved, APushKeepsTheWantedPlace) {
+  Game game;
+  for (int i = 0; i < 5; ++i) game.play(game.tick());
+  const glm::dvec3 wanted = game.session->memory().desired_offset_m;
+  TickMaker tick = game.tick();
+  tick.observed_camera = seen_at({1, 2, 7}, false);
+  const SessionAnswer answer = game.play(tick);
+  EXPECT_FALSE(answer.cut);
+  EXPECT_LT(glm::distance(place_of(answer), glm::dvec3(1, 2, 7)), 0.01);
+  EXPECT_EQ(game.session->memory().desired_offset_m, wanted);
+}
+
+TEST(SessionObserved, StartsTheMergedTimeAnew) {
+  Game merged, single;
+  merged.play(merged.tick());
+  single.play(single.tick());
+  merged.apply(merged.tick(0.2));
+  TickMaker late = merged.tick(1.0 / 64), only = single.tick(1.0 / 64);
+  late.observed_camera = only.observed_camera = seen_at({2, 2, 7}, false);
+  EXPECT_EQ(place_of(merged.play(late)), place_of(single.play(only)));
+}
+
+TEST(SessionObserved, ACutInAMergedTickIsNotLost) {
+  Game game;
+  game.play(game.tick());
+  TickMaker cut = game.tick();
+  cut.observed_camera = seen_at({8, 2, 8}, true);
+  game.apply(cut);
+  EXPECT_TRUE(game.play(game.tick()).cut);
+}
+
+// ---- targets, lens, relative pose ----
+
+TEST(SessionTargets, AreReplacedWithTheTickThatRemovesOne) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.delta.remove = {kBob};
+  tick.targets = {Game::target(kAnn)};
+  EXPECT_EQ(game.play(tick).step.targets.size(), 1u);
+}
+
+TEST(SessionTargets, MayNameWhatTheSameTickAdds) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.delta.add = {game.make(20, SphereShape{0.2f}, {0, 1, 0})};
+  tick.targets = {Game::target(20)};
+  EXPECT_EQ(game.play(tick).step.targets[0].id, 20u);
+}
+
+TEST(SessionTargets, OneThatIsRemovedAndAddedAnewStays) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.delta.remove = {kBob};
+  tick.delta.add = {game.make(kBob, SphereShape{0.2f}, {1, 1, 0})};
+  EXPECT_EQ(game.play(tick).step.targets.size(), 2u);
+}
+
+TEST(SessionTargets, NoneIsAnAnswerToo) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.targets.emplace();
+  const SessionAnswer answer = game.play(tick);
+  EXPECT_EQ(answer.step.reason, MoveReason::kNoTargets);
+  EXPECT_FALSE(answer.relative_target_id.has_value());
+}
+
+TEST(SessionTargets, AttachedInstancesMayBeRemovedLater) {
+  Game game;
+  TickMaker attach = game.tick(), remove = game.tick();
+  attach.targets = {Game::target(kAnn)};
+  attach.targets->front().attached_ids = {kCrate};
+  remove.delta.remove = {kCrate};
+  game.play(attach);
+  game.play(remove);
+}
+
+TEST(SessionRelative, IsSeenFromTheFirstRequiredTarget) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.targets = {Game::target(kWall), Game::target(kCrate), Game::target(kBob), Game::target(kAnn)};
+  (*tick.targets)[0].weight = 0;
+  (*tick.targets)[1].required = false;
+  tick.move(kBob, {1, 1, 0}).transforms.poses[0].rotation = glm::angleAxis(0.8, glm::dvec3(0, 1, 0));
+  const SessionAnswer answer = game.play(tick);
+  ASSERT_EQ(answer.relative_target_id, kBob);
+  const Pose& bob = game.instance(kBob).pose;
+  expect_near(transform_point(bob, answer.target_from_camera.position_m), place_of(answer), 1e-9);
+  EXPECT_LT(angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation), 1e-7);
+}
+
+TEST(SessionRelative, FallsBackToAnOptionalTarget) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.targets = {Game::target(kAnn), Game::target(kBob)};
+  (*tick.targets)[0].weight = 0;
+  (*tick.targets)[1].required = false;
+  EXPECT_EQ(game.play(tick).relative_target_id, kBob);
+}
+
+TEST(SessionLens, StaysUntilAnotherIsTold) {
+  Game game;
+  TickMaker tick = game.tick();
+  tick.lens.emplace().vertical_fov_rad = 1.0;
+  EXPECT_EQ(game.play(tick).lens.vertical_fov_rad, 1.0);
+  EXPECT_EQ(game.play(game.tick()).lens.vertical_fov_rad, 1.0);
+}
+
+// ---- wrong ticks ----
+
+struct WrongTick {
+  const char* field;
+  ErrorCode code;
+  void (*spoil)(Game&, TickMaker&);
+};
+
+void PrintTo(const WrongTick& wrong, std::ostream* out) { *out << wrong.field; }
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+using E = ErrorCode;
+
+Target broken_target(void (*breaks)(Target&)) {
+  Target target = Game::target(kAnn);
+  breaks(target);
+  return target;
+}
+
+const WrongTick kWrongTicks[] = {
+    {"tick.sequence", E::kInvalidArgument, [](Game&, TickMaker& t) { t.sequence = 3; }},
+    {"tick.sequence", E::kInvalidArgument, [](Game&, TickMaker& t) { t.sequence = 0; }},
+    {"tick.time_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.time_s = 0.0; }},
+    {"tick.time_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.time_s = kNan; }},
+    {"tick.time_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.time_s = kInf; }},
+    {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = -0.01; }},
+    {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kNan; }},
+    {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kInf; }},
+    {"tick.transforms.id[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
+    {"tick.transforms.id[1]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
+    {"tick.transforms.position[3]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kBob, {kNan, 0, 0}); }},
+    {"tick.transforms.position[0]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {2e9, 0, 0}); }},
+    {"tick.transforms.rotation[0]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.poses[0].rotation = {2, 0, 0, 0}; }},
+    {"tick.transforms.velocity[0]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {}).at_speed({0, 2e6, 0}); }},
+    {"tick.transforms.velocity", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.velocities_mps.resize(2); }},
+    {"tick.transforms.position", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
+    {"tick.delta.base_revision", E::kFailedPrecondition, [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
+    {"tick.delta.remove[1]", E::kNotFound, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, 99}; }},
+    {"tick.delta.remove[1]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, kCrate}; }},
+    {"tick.delta.remove[1]", E::kFailedPrecondition, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, kBob}; }},
+    {"tick.delta.add[0].id", E::kAlreadyExists,
+     [](Game& g, TickMaker& t) { t.delta.add = {g.make(kWall, SphereShape{}, {})}; }},
+    {"tick.delta.add[0].id", E::kInvalidArgument,
+     [](Game& g, TickMaker& t) { t.delta.add = {g.make(kAssetIdBit | 3, SphereShape{}, {})}; }},
+    {"tick.delta.add[0].pose.position", E::kInvalidArgument,
+     [](Game& g, TickMaker& t) { t.delta.add = {g.make(20, SphereShape{}, {0, kInf, 0})}; }},
+    {"tick.delta.add[0].scale", E::kInvalidArgument,
+     [](Game& g, TickMaker& t) {
+       t.delta.add = {g.make(20, SphereShape{}, {})};
+       t.delta.add[0].linear = glm::dmat3(0.0);
+     }},
+    {"tick.delta.change[0].id", E::kNotFound, [](Game&, TickMaker& t) { t.delta.change = {{99, {}}}; }},
+    {"tick.targets.targets", E::kResourceExhausted,
+     [](Game&, TickMaker& t) { t.targets.emplace(33, Game::target(kAnn)); }},
+    {"tick.targets.targets[1].id", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets.emplace(2, Game::target(kAnn)); }},
+    {"tick.targets.targets[0].id", E::kNotFound, [](Game&, TickMaker& t) { t.targets = {Game::target(99)}; }},
+    {"tick.targets.targets[0].id", E::kNotFound,
+     [](Game&, TickMaker& t) {
+       t.delta.remove = {kBob};
+       t.targets = {Game::target(kBob)};
+     }},
+    {"tick.targets.targets[0].weight", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = -1; })}; }},
+    {"tick.targets.targets[0].weight", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = kNan; })}; }},
+    {"tick.targets.targets[0].aim_offset", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })}; }},
+    {"tick.targets.targets[0].attached[1]", E::kNotFound,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.attached_ids = {kWall, 99}; })}; }},
+    {"tick.targets.targets[0].ignored[0]", E::kNotFound,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.ignored_ids = {99}; })}; }},
+    {"tick.observed_camera.pose.position", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.observed_camera = seen_at({kNan, 0, 0}, true); }},
+    {"tick.observed_camera.pose.rotation", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.observed_camera = {{{0, 0, 0}, {0.9, 0, 0, 0}}, {}, true}; }},
+    {"tick.observed_camera.velocity", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.observed_camera = {{}, {0, 1e200, 0}, true}; }},
+    {"tick.lens.field_of_view", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().vertical_fov_rad = 3; }},
+    {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},
+    {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
+    {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
+};
+
+void expect_same_session(const Session& a, const Session& b) {
+  EXPECT_EQ(a.mirror().revision(), b.mirror().revision());
+  EXPECT_EQ(a.mirror().hash(), b.mirror().hash());
+  EXPECT_EQ(a.mirror().size(), b.mirror().size());
+  EXPECT_EQ(a.mirror().find(kAnn)->velocity_mps, b.mirror().find(kAnn)->velocity_mps);
+  EXPECT_EQ(a.memory().camera.pose.position_m, b.memory().camera.pose.position_m);
+  EXPECT_EQ(a.memory().camera.pose.rotation, b.memory().camera.pose.rotation);
+  EXPECT_EQ(a.memory().camera.velocity_mps, b.memory().camera.velocity_mps);
+  EXPECT_EQ(a.memory().has_offset, b.memory().has_offset);
+  ASSERT_EQ(a.targets().size(), b.targets().size());
+  for (size_t i = 0; i < a.targets().size(); ++i) {
+    EXPECT_EQ(a.targets()[i].instance_id, b.targets()[i].instance_id);
+    EXPECT_EQ(a.targets()[i].weight, b.targets()[i].weight);
+  }
+}
+
+void expect_same_answer(const SessionAnswer& a, const SessionAnswer& b) {
+  EXPECT_EQ(a.sequence, b.sequence);
+  EXPECT_EQ(a.time_s, b.time_s);
+  EXPECT_EQ(a.merged_ticks, b.merged_ticks);
+  EXPECT_EQ(a.revision, b.revision);
+  EXPECT_EQ(a.hash, b.hash);
+  EXPECT_EQ(a.cut, b.cut);
+  EXPECT_EQ(a.lens.vertical_fov_rad, b.lens.vertical_fov_rad);
+  EXPECT_EQ(place_of(a), place_of(b));
+  EXPECT_EQ(a.step.camera.pose.rotation, b.step.camera.pose.rotation);
+  EXPECT_EQ(a.step.camera.velocity_mps, b.step.camera.velocity_mps);
+  EXPECT_EQ(a.step.reason, b.step.reason);
+  EXPECT_EQ(a.step.chosen_candidate, b.step.chosen_candidate);
+}
+
+class WrongTicks : public testing::TestWithParam<WrongTick> {};
+
+TEST_P(WrongTicks, AreNamedAndLeaveNoTrace) {
+  Game tried, spared;  // the second never hears of the wrong tick
+  const auto both = [&](auto play) { play(tried), play(spared); };
+  for (int i = 1; i <= 3; ++i)
+    both([&](Game& g) { g.play(g.tick().move(kAnn, {-1 + 0.02 * i, 1, 0})); });
+
+  TickMaker wrong = tried.tick();
+  GetParam().spoil(tried, wrong);
+  const Status refused = tried.session->apply(wrong);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().field, GetParam().field) << refused.error().message;
+  EXPECT_EQ(refused.error().code, GetParam().code) << to_string(refused.error());
+  EXPECT_FALSE(refused.error().message.empty());
+  expect_same_session(*tried.session, *spared.session);
+
+  tried.sequence = spared.sequence, tried.time_s = spared.time_s;
+  for (int i = 4; i <= 6; ++i) {
+    const auto good = [i](Game& g) { return g.play(g.tick().move(kAnn, {-1 + 0.02 * i, 1, 0})); };
+    expect_same_answer(good(tried), good(spared));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongTicks, testing::ValuesIn(kWrongTicks));
+
+// ---- opening ----
+
+struct WrongOpen {
+  const char* field;
+  ErrorCode code;
+  void (*spoil)(SessionOptions&);
+};
+
+void PrintTo(const WrongOpen& wrong, std::ostream* out) { *out << wrong.field; }
+
+const WrongOpen kWrongOpens[] = {
+    {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
+     [](SessionOptions& o) { o.convention.metres_per_unit = 0; }},
+    {"open.camera.position", E::kInvalidArgument, [](SessionOptions& o) { o.camera.position_m.x = kNan; }},
+    {"open.camera.rotation", E::kInvalidArgument, [](SessionOptions& o) { o.camera.rotation = {0, 0, 0, 0}; }},
+    {"open.lens.aspect", E::kInvalidArgument, [](SessionOptions& o) { o.lens.aspect = 0.05; }},
+    {"open.limits.max_speed_mps", E::kInvalidArgument, [](SessionOptions& o) { o.limits.max_speed_mps = 0; }},
+    {"open.limits.body_radius_m", E::kInvalidArgument, [](SessionOptions& o) { o.limits.body_radius_m = 0.1; }},
+    {"open.limits.body_radius_m", E::kInvalidArgument,
+     [](SessionOptions& o) {  // fits as it is, but not at the widest zoom
+       o.settings.framing.min_vertical_fov_rad = 0.5;
+       o.settings.framing.max_vertical_fov_rad = 2.6;
+     }},
+    {"open.settings.bound.horizon_s", E::kInvalidArgument, [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
+    {"open.settings.sample.resolution", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.sample.resolution = 65; }},
+    {"open.settings.aggregate.candidates", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.aggregate.candidates = 26; }},
+    {"open.settings.move.max_distance_m", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.move.max_distance_m = 0.5; }},
+    {"open.settings.framing.margin", E::kInvalidArgument, [](SessionOptions& o) { o.settings.framing.margin = 1; }},
+    {"open.label", E::kInvalidArgument, [](SessionOptions& o) { o.label.assign(65, 'x'); }},
+    {"open.instances[2].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[2].id = 0; }},
+    {"open.instances[3].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[3].id = kAnn; }},
+    {"open.instances[1].id", E::kInvalidArgument,
+     [](SessionOptions& o) {  // two of the four are the scene file's
+       o.scene_instances = 2;
+       o.instances[3].id = kAnn;
+     }},
+    {"open.scene", E::kInvalidArgument,
+     [](SessionOptions& o) {
+       o.scene_instances = 2;
+       o.instances[0].pose.position_m.z = 2e9;
+     }},
+    {"open.targets[1].id", E::kNotFound, [](SessionOptions& o) { o.targets[1].instance_id = 99; }},
+    {"open.targets[1].id", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].instance_id = kAnn; }},
+    {"open.targets", E::kResourceExhausted, [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
+};
+
+class WrongOpens : public testing::TestWithParam<WrongOpen> {};
+
+TEST_P(WrongOpens, AreNamed) {
+  Game game;
+  SessionOptions options = game.make_options();
+  GetParam().spoil(options);
+  const auto device = make_embree_sampler_device();
+  const auto opened = Session::open(std::move(options), device->make_sampler(), nullptr);
+  ASSERT_FALSE(opened.has_value());
+  EXPECT_EQ(opened.error().field, GetParam().field) << opened.error().message;
+  EXPECT_EQ(opened.error().code, GetParam().code);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongOpens, testing::ValuesIn(kWrongOpens));
+
+TEST(SessionOpen, TakesThe32TargetsThatItPromises) {
+  Game game([](SessionOptions& o) {
+    const NewInstance person = o.instances[0];
+    for (uint64_t id = 100; o.targets.size() < kMaxTargets; ++id) {
+      o.instances.push_back(person);
+      o.instances.back().id = id;
+      o.targets.push_back(Game::target(id));
+    }
+  });
+  EXPECT_EQ(game.play(game.tick()).step.targets.size(), 32u);
+}
+
+TEST(SessionOpen, TheSceneIsOneRevision) {
+  Game game;
+  EXPECT_EQ(game.session->mirror().revision(), 1u);
+  EXPECT_EQ(game.session->mirror().size(), 4u);
+  EXPECT_GT(game.session->triangle_count(), 24u);
+}
+
+// ---- a device that fails ----
+
+class FlakySampler : public Sampler {
+ public:
+  Status take(const SceneMirror&, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+    if (fails) return fail(ErrorCode::kUnavailable, "", "the device was lost");
+    maps.resize(requests.size());
+    for (size_t i = 0; i < maps.size(); ++i) {
+      const size_t texels = static_cast<size_t>(requests[i].view.width) * static_cast<size_t>(requests[i].view.height);
+      maps[i] = {requests[i].view, std::vector<float>(texels, std::numeric_limits<float>::infinity()),
+                 std::vector<uint32_t>(texels, kNoOccluder)};
+    }
+    return {};
+  }
+  bool fails = false;
+};
+
+TEST(SessionSampler, WhatAFailedStepMissedIsInTheNext) {
+  Game game;
+  auto made = std::make_unique<FlakySampler>();
+  FlakySampler& sampler = *made;
+  auto opened = Session::open(game.make_options(), std::move(made), nullptr);
+  ASSERT_TRUE(opened.has_value());
+  Session& session = **opened;
+  TickMaker cut = game.tick();
+  cut.observed_camera = seen_at({8, 2, 8}, true);
+  sampler.fails = true;
+  ASSERT_TRUE(session.apply(cut).has_value());
+  const auto failed = session.step();
+  ASSERT_FALSE(failed.has_value());
+  EXPECT_EQ(failed.error().code, E::kUnavailable);
+
+  sampler.fails = false;
+  ASSERT_TRUE(session.apply(game.tick()).has_value());
+  const auto answer = session.step();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->merged_ticks, 1u);
+  EXPECT_TRUE(answer->cut);
+}
+
+TEST(SessionTimes, AreTakenFromTheClockThatIsGiven) {
+  Game game;
+  int64_t now_ns = 1000;
+  auto opened = Session::open(game.make_options(), std::make_unique<FlakySampler>(), [&] { return now_ns += 10; });
+  ASSERT_TRUE(opened.has_value());
+  TickMaker tick = game.tick();
+  tick.arrival_ns = now_ns - 500;
+  ASSERT_TRUE((*opened)->apply(tick).has_value());
+  const int64_t before_step_ns = now_ns;
+  const auto answer = (*opened)->step();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->scene_ns, 10);
+  EXPECT_EQ(answer->queue_ns, before_step_ns + 10 - tick.arrival_ns);
+}
+
+}  // namespace
+}  // namespace sightline::test
