@@ -25,6 +25,11 @@ Interval over_box(const Row& row, const glm::vec3& center, const glm::vec3& half
   return {middle - reach, middle + reach};
 }
 
+float reach_of(const Aabb& box) {
+  const glm::vec3 far = glm::max(glm::abs(box.min), glm::abs(box.max));
+  return glm::length(far);
+}
+
 // The whole numbers in [0, count) that a quotient numerator / depth may come within the margin of.
 struct SampleRange {
   int first = 0, last = -1;
@@ -66,13 +71,75 @@ class BoxTest {
   const SampleGrid& grid_;
 };
 
+// Corners of one triangle in the coordinates of a SampleGrid.
+struct ProjectedTriangle {
+  std::array<float, 3> x, y, w;
+};
+
+ProjectedTriangle project_corners(const Geometry& geometry, uint32_t first_index, const SampleGrid& grid) {
+  ProjectedTriangle out;
+  for (uint32_t k = 0; k < 3; ++k) {
+    const glm::vec3& p = geometry.positions[geometry.indices[first_index + k]];
+    out.x[k] = grid.x.x * p.x + grid.x.y * p.y + grid.x.z * p.z + grid.x.w;
+    out.y[k] = grid.y.x * p.x + grid.y.y * p.y + grid.y.z * p.z + grid.y.w;
+    out.w[k] = grid.w.x * p.x + grid.w.y * p.y + grid.w.z * p.z + grid.w.w;
+  }
+  return out;
+}
+
+float least(const std::array<float, 3>& v) {
+  return std::min(v[0], std::min(v[1], v[2]));
+}
+float greatest(const std::array<float, 3>& v) {
+  return std::max(v[0], std::max(v[1], v[2]));
+}
+
+// The samples between the least and the greatest of three quotients, `slack` being their rounding.
+SampleRange samples_between(const std::array<float, 3>& q, float slack, int count) {
+  return samples_met({least(q) - slack, greatest(q) + slack}, {1.0f, 1.0f}, count);
+}
+
+// Drops single triangles. One object serves a cluster.
+class TriangleTest {
+ public:
+  TriangleTest(const SampleGrid& grid, const Aabb& bounds)
+      : grid_(grid), slack_x_(Row(grid.x, reach_of(bounds)).slack), slack_y_(Row(grid.y, reach_of(bounds)).slack),
+        slack_w_(Row(grid.w, reach_of(bounds)).slack) {}
+
+  bool may_show(const Geometry& geometry, uint32_t first_index, const float* depth_m) const {
+    ProjectedTriangle t = project_corners(geometry, first_index, grid_);
+    if (greatest(t.w) + slack_w_ < grid_.near_m) return false;
+    const float nearest = least(t.w) - slack_w_;
+    // A triangle that reaches behind the near plane has no bounded projection.
+    if (nearest < 0.5f * grid_.near_m) return true;
+    const float inverse_nearest = 1.0f / nearest;
+    for (int k = 0; k < 3; ++k) {
+      const float inverse = 1.0f / t.w[k];
+      t.x[k] *= inverse;
+      t.y[k] *= inverse;
+    }
+    const SampleRange x = samples_between(t.x, slack_in_samples(t.x, slack_x_, inverse_nearest), grid_.width);
+    if (x.empty()) return false;
+    const SampleRange y = samples_between(t.y, slack_in_samples(t.y, slack_y_, inverse_nearest), grid_.height);
+    if (y.empty()) return false;
+    const VisibleCluster where{0, 0, std::max(nearest, grid_.near_m), static_cast<uint8_t>(x.first),
+                               static_cast<uint8_t>(x.last), static_cast<uint8_t>(y.first),
+                               static_cast<uint8_t>(y.last)};
+    return !is_hidden(where, depth_m, grid_.width);
+  }
+
+ private:
+  // Of numerator / depth: what the rounding of both can move the quotient by.
+  float slack_in_samples(const std::array<float, 3>& q, float slack, float inverse_nearest) const {
+    return (slack + std::max(std::abs(least(q)), std::abs(greatest(q))) * slack_w_) * inverse_nearest;
+  }
+
+  const SampleGrid& grid_;
+  const float slack_x_, slack_y_, slack_w_;
+};
+
 // Rasterisers order surfaces in single precision: one so little nearer does not hide for certain.
 constexpr float kHidingMargin = 1e-3f;
-
-float reach_of(const Aabb& box) {
-  const glm::vec3 far = glm::max(glm::abs(box.min), glm::abs(box.max));
-  return glm::length(far);
-}
 
 }  // namespace
 
@@ -141,6 +208,13 @@ bool is_hidden(const VisibleCluster& cluster, const float* depth_m, int width) {
     for (int x = cluster.x0; x <= cluster.x1; ++x)
       if (!(depth_m[y * width + x] < hiding_m)) return false;
   return true;
+}
+
+void append_visible_triangles(const Geometry& geometry, const VisibleCluster& cluster, const SampleGrid& grid,
+                              const float* depth_m, std::vector<uint32_t>& indices) {
+  const TriangleTest test(grid, geometry.bounds);
+  for (uint32_t i = cluster.first_index; i < cluster.first_index + cluster.index_count; i += 3)
+    if (test.may_show(geometry, i, depth_m)) indices.insert(indices.end(), {i, i + 1, i + 2});
 }
 
 }  // namespace sightline

@@ -90,11 +90,12 @@ void OccluderTable::append_visible(const SceneMirror& mirror, const MapRequest& 
     const Instance& instance = mirror.instances()[occluder.slot];
     const ClipRows rows = clip_rows(clip, request.view, instance.world_from_instance);
     visible_.clear();
-    append_visible_clusters(instance.geometry->occluding, sample_grid(rows.x, rows.y, rows.w, request.view), visible_);
+    const SampleGrid grid = sample_grid(rows.x, rows.y, rows.w, request.view);
+    append_visible_clusters(instance.geometry->occluding, grid, visible_);
     if (visible_.empty()) continue;
     const uint32_t index = static_cast<uint32_t>(list.instances.size());
     list.instances.push_back({glm::vec4(rows.x), glm::vec4(rows.y), glm::vec4(rows.w),
-                              static_cast<float>(request.view.near_m), occluder.slot, &instance});
+                              static_cast<float>(request.view.near_m), occluder.slot, &instance, grid});
     for (const VisibleCluster& cluster : visible_) list.clusters.push_back({cluster, index});
   }
 }

@@ -19,6 +19,7 @@ struct InstanceDraw {
   float near_m = 0.0f;
   uint32_t slot = 0;
   const Instance* instance = nullptr;  // of the mirror; valid until it changes
+  SampleGrid grid{};
 };
 
 struct ClusterDraw {

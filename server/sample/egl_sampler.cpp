@@ -90,23 +90,32 @@ void FrontToBack::start(const DrawList& list, std::span<const MapRequest> reques
 }
 
 bool FrontToBack::next_pass(const DrawList& list, DrawPass& pass) {
-  pass.clusters.clear();
+  pass.indices.clear();
+  pass.parts.clear();
   pass.first_of_map.assign(1, 0);
   for (size_t i = 0; i < progress_.size(); ++i) {
     select(list, list.maps[i].end_cluster, progress_[i], pass);
-    pass.first_of_map.push_back(static_cast<uint32_t>(pass.clusters.size()));
+    pass.first_of_map.push_back(static_cast<uint32_t>(pass.parts.size()));
   }
   triangles_ = triangles_ > UINT32_MAX / 2 ? UINT32_MAX : 2 * triangles_;
-  return !pass.clusters.empty();
+  return !pass.parts.empty();
 }
 
 void FrontToBack::select(const DrawList& list, uint32_t end_cluster, Progress& map, DrawPass& pass) const {
   const float* depth_m = depth_m_.data() + map.first_texel;
-  for (uint32_t triangles = 0; map.next_cluster < end_cluster && triangles < triangles_; ++map.next_cluster) {
-    const VisibleCluster& cluster = list.clusters[map.next_cluster].cluster;
-    if (is_hidden(cluster, depth_m, map.map->view.width)) continue;
-    pass.clusters.push_back(map.next_cluster);
-    triangles += cluster.index_count / 3;
+  const size_t first = pass.indices.size(), first_part = pass.parts.size();
+  for (; map.next_cluster < end_cluster && pass.indices.size() - first < 3 * size_t{triangles_}; ++map.next_cluster) {
+    const ClusterDraw& draw = list.clusters[map.next_cluster];
+    if (is_hidden(draw.cluster, depth_m, map.map->view.width)) continue;
+    const InstanceDraw& instance = list.instances[draw.instance];
+    const uint32_t begin = static_cast<uint32_t>(pass.indices.size());
+    append_visible_triangles(*instance.instance->geometry, draw.cluster, instance.grid, depth_m, pass.indices);
+    const uint32_t count = static_cast<uint32_t>(pass.indices.size()) - begin;
+    if (count == 0) continue;
+    if (pass.parts.size() > first_part && pass.parts.back().instance == draw.instance)
+      pass.parts.back().count += count;
+    else
+      pass.parts.push_back({draw.instance, begin, count});
   }
 }
 
@@ -283,7 +292,7 @@ Status EglSampler::take_some(const SceneMirror& mirror, std::span<const MapReque
     front_to_back_.start(list_, requests, maps, info.software ? kFirstPassTriangles : UINT32_MAX);
     if (Status begun = renderer.begin(list_, requests); !begun) return begun;
     while (front_to_back_.next_pass(list_, pass_)) {
-      const auto texels = renderer.draw(list_, requests, pass_);
+      const auto texels = renderer.draw(requests, pass_);
       if (!texels) return tl::unexpected(texels.error());
       front_to_back_.take_in(mirror, *texels, renderer.layout());
     }

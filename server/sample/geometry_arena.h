@@ -1,8 +1,8 @@
 // Where geometry stands on the OpenGL device: pages of one vertex format, so that instances of different geometries are
 // drawn by one call. A geometry is uploaded once for all sessions and freed when it dies.
 //
-// Triangles are stored without indices: gl_VertexID / 3 then names the triangle, at no cost in the pipeline.
-// gl_PrimitiveID would make llvmpipe assemble primitives one by one.
+// Triangles share no vertices: gl_VertexID / 3 then names the triangle, at no cost in the pipeline. gl_PrimitiveID
+// would count from the start of each draw, and make llvmpipe assemble primitives one by one.
 #pragma once
 
 #include <cstdint>

@@ -116,10 +116,10 @@ Status MapRenderer::begin(const DrawList& list, std::span<const MapRequest> requ
   return {};
 }
 
-Result<std::span<const TexelSource>> MapRenderer::draw(const DrawList& list, std::span<const MapRequest> requests,
-                                                       const DrawPass& pass) {
-  build_batches(list, pass);
-  const Status written = write(command_buffer_, commands_.data(), commands_.size() * sizeof(DrawCommand));
+Result<std::span<const TexelSource>> MapRenderer::draw(std::span<const MapRequest> requests, const DrawPass& pass) {
+  build_batches(pass);
+  Status written = write(index_buffer_, pass.indices.data(), pass.indices.size() * sizeof(uint32_t));
+  if (written) written = write(command_buffer_, commands_.data(), commands_.size() * sizeof(DrawCommand));
   if (!written) return tl::unexpected(written.error());
   draw_batches(requests);
   glReadPixels(0, 0, layout_.width, layout_.height, GL_RG_INTEGER, GL_UNSIGNED_INT, texels_.data());
@@ -145,27 +145,25 @@ void MapRenderer::build_instance_data(const DrawList& list) {
   }
 }
 
-void MapRenderer::build_batches(const DrawList& list, const DrawPass& pass) {
+void MapRenderer::build_batches(const DrawPass& pass) {
   commands_.clear();
   batches_.clear();
-  for (uint32_t map = 0; map < list.maps.size(); ++map) {
-    const std::span clusters(pass.clusters.data() + pass.first_of_map[map],
-                             pass.first_of_map[map + 1] - pass.first_of_map[map]);
+  for (uint32_t map = 0; map + 1 < pass.first_of_map.size(); ++map) {
+    const std::span parts(pass.parts.data() + pass.first_of_map[map],
+                          pass.first_of_map[map + 1] - pass.first_of_map[map]);
     for (uint32_t page = 0; page < arena_.page_count(); ++page) {
       const uint32_t first = static_cast<uint32_t>(commands_.size());
-      append_commands(list, clusters, page);
+      append_commands(parts, page);
       const uint32_t count = static_cast<uint32_t>(commands_.size()) - first;
       if (count > 0) batches_.push_back({map, page, first, count});
     }
   }
 }
 
-void MapRenderer::append_commands(const DrawList& list, std::span<const uint32_t> clusters, uint32_t page) {
-  for (const uint32_t index : clusters) {
-    const ClusterDraw& draw = list.clusters[index];
-    const ArenaSlice& slice = slices_[draw.instance];
-    if (slice.page != page) continue;
-    commands_.push_back({draw.cluster.index_count, 1, slice.first_vertex + draw.cluster.first_index, draw.instance});
+void MapRenderer::append_commands(std::span<const DrawPass::Part> parts, uint32_t page) {
+  for (const DrawPass::Part& part : parts) {
+    const ArenaSlice& slice = slices_[part.instance];
+    if (slice.page == page) commands_.push_back({part.count, 1, part.first, slice.first_vertex, part.instance});
   }
 }
 
@@ -201,6 +199,7 @@ Result<const MapRenderer::Atlas*> MapRenderer::atlas_of(int width, int height) {
 
 void MapRenderer::draw_batches(std::span<const MapRequest> requests) const {
   glVertexArrayVertexBuffer(vertex_array_.name(), kInstances, instance_buffer_.buffer.name(), 0, sizeof(InstanceData));
+  glVertexArrayElementBuffer(vertex_array_.name(), index_buffer_.buffer.name());
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, command_buffer_.buffer.name());
   for (const Batch& batch : batches_) {
     const MapView& view = requests[batch.map].view;
@@ -208,8 +207,9 @@ void MapRenderer::draw_batches(std::span<const MapRequest> requests) const {
     glViewport(tile.x, tile.y, view.width, view.height);
     glVertexArrayVertexBuffer(vertex_array_.name(), kPositions, arena_.buffer(batch.page), 0,
                               GeometryArena::kVertexBytes);
-    glMultiDrawArraysIndirect(GL_TRIANGLES, reinterpret_cast<const void*>(batch.first_command * sizeof(DrawCommand)),
-                              static_cast<GLsizei>(batch.command_count), 0);
+    glMultiDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT,
+                                reinterpret_cast<const void*>(batch.first_command * sizeof(DrawCommand)),
+                                static_cast<GLsizei>(batch.command_count), 0);
   }
 }
 

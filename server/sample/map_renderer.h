@@ -36,11 +36,16 @@ struct AtlasLayout {
 // Every map is at most kMaxMapSize a side.
 void lay_out(std::span<const MapRequest> requests, AtlasLayout& layout);
 
-// Which clusters a pass draws: for map i clusters[first_of_map[i]] up to clusters[first_of_map[i + 1]], indices into
-// DrawList::clusters.
+// The triangles that a pass draws.
 struct DrawPass {
-  std::vector<uint32_t> clusters;
-  std::vector<uint32_t> first_of_map;
+  // Triangles of one instance: indices [first, first + count).
+  struct Part {
+    uint32_t instance;  // into DrawList::instances
+    uint32_t first, count;
+  };
+  std::vector<uint32_t> indices;       // positions in Geometry::indices of the part's instance, three a triangle
+  std::vector<Part> parts;
+  std::vector<uint32_t> first_of_map;  // map i has parts [first_of_map[i], first_of_map[i + 1])
 };
 
 // The OpenGL half of the sampler: needs its context current in every call, its making and its end included.
@@ -56,10 +61,9 @@ class MapRenderer {
   Status begin(const DrawList& list, std::span<const MapRequest> requests);
   const AtlasLayout& layout() const { return layout_; }
 
-  // Draws the clusters of one pass on top of the passes since begin(), and reads the atlas back: row-major from the
+  // Draws the triangles of one pass on top of the passes since begin(), and reads the atlas back: row-major from the
   // bottom, layout().width a row; valid until the next call.
-  Result<std::span<const TexelSource>> draw(const DrawList& list, std::span<const MapRequest> requests,
-                                            const DrawPass& pass);
+  Result<std::span<const TexelSource>> draw(std::span<const MapRequest> requests, const DrawPass& pass);
 
   void sweep() { arena_.sweep(); }
   size_t geometry_bytes() const { return arena_.bytes(); }
@@ -72,8 +76,8 @@ class MapRenderer {
     float near_m;
     uint32_t unused;
   };
-  struct DrawCommand {  // DrawArraysIndirectCommand
-    uint32_t count, instance_count, first, base_instance;
+  struct DrawCommand {  // DrawElementsIndirectCommand
+    uint32_t count, instance_count, first_index, base_vertex, base_instance;
   };
   // One multi-draw: commands of one map that read one page.
   struct Batch {
@@ -95,8 +99,8 @@ class MapRenderer {
   void set_up_vertex_array();
   Status place_geometry(const DrawList& list);
   void build_instance_data(const DrawList& list);
-  void build_batches(const DrawList& list, const DrawPass& pass);
-  void append_commands(const DrawList& list, std::span<const uint32_t> clusters, uint32_t page);
+  void build_batches(const DrawPass& pass);
+  void append_commands(std::span<const DrawPass::Part> parts, uint32_t page);
   Status write(MappedBuffer& buffer, const void* data, size_t bytes);
   Result<const Atlas*> atlas_of(int width, int height);
   void draw_batches(std::span<const MapRequest> requests) const;
@@ -104,7 +108,7 @@ class MapRenderer {
   GlProgram program_;
   GlVertexArray vertex_array_;
   GeometryArena arena_;
-  MappedBuffer instance_buffer_, command_buffer_;
+  MappedBuffer instance_buffer_, index_buffer_, command_buffer_;
   std::vector<Atlas> atlases_;  // by size; both sides are powers of two, so they stay few
 
   // From begin() to the last draw().
