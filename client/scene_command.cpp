@@ -24,7 +24,7 @@ std::string formatted(const char* format, Values... values) {
 // 1234567 -> "1,234,567"
 std::string grouped(size_t value) {
   std::string text = std::to_string(value);
-  for (size_t i = text.size(); i > 3; i -= 3) text.insert(i - 3, ",");
+  for (size_t i = text.size(); i > 3; i -= 3) text.insert(i - 3, 1, ',');
   return text;
 }
 
@@ -63,7 +63,7 @@ class Table {
       std::string line;
       for (size_t c = 0; c < row.size(); ++c) {
         const std::string gap(widths[c] - row[c].size(), ' ');
-        line += "  " + (columns_[c].number ? gap + row[c] : row[c] + gap);
+        line.append("  ").append(columns_[c].number ? gap + row[c] : row[c] + gap);
       }
       line.erase(line.find_last_not_of(' ') + 1);
       out << line << '\n';
@@ -75,7 +75,9 @@ class Table {
   std::vector<std::vector<std::string>> rows_;
 };
 
-size_t placements(const AssetNode& node) { return node.mesh < 0 ? 0 : std::max<size_t>(1, node.gpu_instances.size()); }
+size_t placements(const AssetNode& node) {
+  return node.mesh < 0 ? 0 : std::max<size_t>(1, node.gpu_instances.size());
+}
 
 const Geometry* geometry_of(const SceneAsset& asset, const AssetNode& node) {
   return node.mesh < 0 ? nullptr : asset.meshes[static_cast<size_t>(node.mesh)].get();
@@ -112,24 +114,26 @@ std::string extents_text(const SceneAsset& asset) {
   const Extents e = extents_of(asset);
   if (e.min_m.x > e.max_m.x) return "none";
   const glm::dvec3 size = e.max_m - e.min_m;
-  return formatted("%.2f x %.2f x %.2f m, from (%.2f, %.2f, %.2f) to (%.2f, %.2f, %.2f)", size.x, size.y, size.z,
-                   e.min_m.x, e.min_m.y, e.min_m.z, e.max_m.x, e.max_m.y, e.max_m.z);
+  return formatted("%.2f x %.2f x %.2f m, from (%.2f, %.2f, %.2f) to (%.2f, %.2f, %.2f)", size.x, size.y,
+                   size.z, e.min_m.x, e.min_m.y, e.min_m.z, e.max_m.x, e.max_m.y, e.max_m.z);
 }
 
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + printable(word);
+  for (const std::string& word : words) text.append(text.empty() ? "" : ", ").append(printable(word));
   return text.empty() ? "none" : text;
 }
 
-void print_summary(std::ostream& out, const std::string& path, const SceneAsset& asset, const GeometryStore& store) {
+void print_summary(std::ostream& out, const std::string& path, const SceneAsset& asset,
+                   const GeometryStore& store) {
   size_t stored = 0, meshes = 0;
   for (const auto& mesh : asset.meshes)
     if (mesh) stored += mesh->triangle_count(), ++meshes;
   out << "file        " << path << '\n'
       << "hash        " << to_hex(asset.hash) << '\n'
       << "extents     " << extents_text(asset) << '\n'
-      << "triangles   " << grouped(stored) << " stored, " << grouped(asset.triangle_count()) << " as instanced\n"
+      << "triangles   " << grouped(stored) << " stored, " << grouped(asset.triangle_count())
+      << " as instanced\n"
       << "memory      " << bytes_text(store.live_bytes()) << " for " << grouped(store.live_count())
       << " different geometries of " << grouped(meshes) << " meshes\n"
       << "extensions  " << joined(asset.extensions_used) << '\n';
@@ -163,7 +167,8 @@ std::string attributes_text(const InstanceAttributes& attributes) {
 
 int depth_of(const SceneAsset& asset, const AssetNode& node) {
   int depth = 0;
-  for (int parent = node.parent; parent >= 0; parent = asset.nodes[static_cast<size_t>(parent)].parent) ++depth;
+  for (int parent = node.parent; parent >= 0; parent = asset.nodes[static_cast<size_t>(parent)].parent)
+    ++depth;
   return depth;
 }
 
@@ -197,15 +202,22 @@ void print_meshes(std::ostream& out, const SceneAsset& asset) {
   std::vector<size_t> uses(asset.meshes.size(), 0);
   for (const AssetNode& node : asset.nodes)
     if (node.mesh >= 0) uses[static_cast<size_t>(node.mesh)] += placements(node);
-  Table table({{"", true}, {"name"}, {"triangles", true}, {"see-through", true}, {"instances", true}, {"memory", true}});
+  Table table({{"", true},
+               {"name"},
+               {"triangles", true},
+               {"see-through", true},
+               {"instances", true},
+               {"memory", true}});
   for (size_t i = 0; i < std::min(asset.meshes.size(), kMaxRows); ++i) {
     const Geometry* mesh = asset.meshes[i].get();
-    table.row({std::to_string(i), printable(asset.mesh_names[i]), mesh ? grouped(mesh->triangle_count()) : "none",
-               mesh ? grouped(mesh->triangle_count() - mesh->occluding_index_count / 3) : "", grouped(uses[i]),
-               mesh ? bytes_text(mesh->bytes()) : ""});
+    table.row({std::to_string(i), printable(asset.mesh_names[i]),
+               mesh ? grouped(mesh->triangle_count()) : "none",
+               mesh ? grouped(mesh->triangle_count() - mesh->occluding_index_count / 3) : "",
+               grouped(uses[i]), mesh ? bytes_text(mesh->bytes()) : ""});
   }
   table.print(out);
-  if (asset.meshes.size() > kMaxRows) out << "  ... and " << grouped(asset.meshes.size() - kMaxRows) << " more\n";
+  if (asset.meshes.size() > kMaxRows)
+    out << "  ... and " << grouped(asset.meshes.size() - kMaxRows) << " more\n";
 }
 
 void print_cameras(std::ostream& out, const SceneAsset& asset) {
@@ -214,8 +226,9 @@ void print_cameras(std::ostream& out, const SceneAsset& asset) {
   Table table({{"", true}, {"vertical field of view", true}, {"aspect", true}, {"near", true}});
   for (size_t i = 0; i < std::min(asset.cameras.size(), kMaxRows); ++i) {
     const AssetCamera& camera = asset.cameras[i];
-    table.row({std::to_string(i), formatted("%.1f degrees", camera.vertical_fov_rad * 180.0 / std::numbers::pi),
-               camera.aspect ? formatted("%.3f", *camera.aspect) : "free", formatted("%.3f m", camera.near_m)});
+    table.row(
+        {std::to_string(i), formatted("%.1f degrees", camera.vertical_fov_rad * 180.0 / std::numbers::pi),
+         camera.aspect ? formatted("%.3f", *camera.aspect) : "free", formatted("%.3f m", camera.near_m)});
   }
   table.print(out);
 }
@@ -228,8 +241,8 @@ void print_animations(std::ostream& out, const SceneAsset& asset) {
     const AssetAnimation& animation = asset.animations[i];
     size_t keys = 0;
     for (const AssetChannel& channel : animation.channels) keys += channel.times_s.size();
-    table.row({printable(animation.name), formatted("%.2f s", animation.duration_s), grouped(animation.channels.size()),
-               grouped(keys)});
+    table.row({printable(animation.name), formatted("%.2f s", animation.duration_s),
+               grouped(animation.channels.size()), grouped(keys)});
   }
   table.print(out);
 }

@@ -6,9 +6,10 @@
 
 namespace sightline {
 
-// Prints to `out`: hash, extents, triangles, memory, extensions; then tables of nodes (with roles and attributes),
-// meshes, cameras and animations; then warnings. Long tables are cut, but a node with a role or attributes of its own
-// is always listed. Returns 0, or 1 with the reason on `err` when the file cannot be read.
+// Prints to `out`: hash, extents, triangles, memory, extensions; then tables of nodes (with roles and
+// attributes), meshes, cameras and animations; then warnings. Long tables are cut, but a node with a role or
+// attributes of its own is always listed. Returns 0, or 1 with the reason on `err` when the file cannot be
+// read.
 int run_scene_command(const std::string& path, std::ostream& out, std::ostream& err);
 
 }  // namespace sightline

@@ -8,7 +8,9 @@ namespace {
 
 using Interpolation = AssetChannel::Interpolation;
 
-size_t width_of(const AssetChannel& channel) { return channel.path == AssetChannel::Path::kRotation ? 4 : 3; }
+size_t width_of(const AssetChannel& channel) {
+  return channel.path == AssetChannel::Path::kRotation ? 4 : 3;
+}
 
 // x, y, z (and w) of key `key`; `part` is 0 except in cubic splines: in-tangent 0, value 1, out-tangent 2.
 glm::dvec4 value_at(const AssetChannel& channel, size_t key, size_t part) {
@@ -22,7 +24,8 @@ glm::dvec4 key_value(const AssetChannel& channel, size_t key) {
   return value_at(channel, key, channel.interpolation == Interpolation::kCubicSpline ? 1 : 0);
 }
 
-// Between unit quaternions the short way round; nearly equal ones are mixed straight, where sin(angle) is noise.
+// Between unit quaternions the short way round; nearly equal ones are mixed straight, where sin(angle) is
+// noise.
 glm::dvec4 slerp(glm::dvec4 a, glm::dvec4 b, double s) {
   a = glm::normalize(a), b = glm::normalize(b);
   double cosine = glm::dot(a, b);
@@ -45,15 +48,19 @@ glm::dvec4 sample(const AssetChannel& channel, double time_s) {
   const std::vector<float>& times = channel.times_s;
   if (!(time_s > times.front())) return key_value(channel, 0);
   if (time_s >= times.back()) return key_value(channel, times.size() - 1);
-  const auto after = std::upper_bound(times.begin(), times.end(), time_s,
-                                      [](double t, float key_time) { return t < static_cast<double>(key_time); });
+  const auto after = std::upper_bound(times.begin(), times.end(), time_s, [](double t, float key_time) {
+    return t < static_cast<double>(key_time);
+  });
   const auto key = static_cast<size_t>(after - times.begin()) - 1;
   const double interval_s = static_cast<double>(times[key + 1]) - static_cast<double>(times[key]);
   const double s = (time_s - static_cast<double>(times[key])) / interval_s;
   switch (channel.interpolation) {
-    case Interpolation::kStep: return key_value(channel, key);
-    case Interpolation::kCubicSpline: return cubic(channel, key, s, interval_s);
-    case Interpolation::kLinear: break;
+    case Interpolation::kStep:
+      return key_value(channel, key);
+    case Interpolation::kCubicSpline:
+      return cubic(channel, key, s, interval_s);
+    case Interpolation::kLinear:
+      break;
   }
   const glm::dvec4 a = key_value(channel, key), b = key_value(channel, key + 1);
   return channel.path == AssetChannel::Path::kRotation ? slerp(a, b, s) : a + (b - a) * s;
@@ -71,12 +78,17 @@ void apply(const AssetChannel& channel, double time_s, Placement& placement) {
   const glm::dvec4 v = sample(channel, time_s);
   placement.animated = true;
   switch (channel.path) {
-    case AssetChannel::Path::kTranslation: placement.translation_m = glm::dvec3(v); break;
-    case AssetChannel::Path::kScale: placement.scale = glm::dvec3(v); break;
+    case AssetChannel::Path::kTranslation:
+      placement.translation_m = glm::dvec3(v);
+      break;
+    case AssetChannel::Path::kScale:
+      placement.scale = glm::dvec3(v);
+      break;
     case AssetChannel::Path::kRotation: {
       // A cubic spline may pass through zero; there the rest rotation is as good as any.
       const double length = glm::length(v);
-      if (length > 1e-9) placement.rotation = glm::dquat(v.w / length, v.x / length, v.y / length, v.z / length);
+      if (length > 1e-9)
+        placement.rotation = glm::dquat(v.w / length, v.x / length, v.y / length, v.z / length);
       break;
     }
   }
@@ -96,7 +108,8 @@ size_t SceneAsset::triangle_count() const {
   size_t count = 0;
   for (const AssetNode& node : nodes)
     if (node.mesh >= 0 && meshes[static_cast<size_t>(node.mesh)])
-      count += meshes[static_cast<size_t>(node.mesh)]->triangle_count() * std::max<size_t>(1, node.gpu_instances.size());
+      count += meshes[static_cast<size_t>(node.mesh)]->triangle_count() *
+               std::max<size_t>(1, node.gpu_instances.size());
   return count;
 }
 
@@ -107,10 +120,12 @@ std::vector<Affine> rest_world_from_node(const SceneAsset& asset) {
   return to_world(asset, std::move(parent_from_node));
 }
 
-std::vector<Affine> animated_world_from_node(const SceneAsset& asset, const AssetAnimation& animation, double time_s) {
+std::vector<Affine> animated_world_from_node(const SceneAsset& asset, const AssetAnimation& animation,
+                                             double time_s) {
   std::vector<Placement> placements;
   placements.reserve(asset.nodes.size());
-  for (const AssetNode& node : asset.nodes) placements.push_back({node.translation_m, node.rotation, node.scale});
+  for (const AssetNode& node : asset.nodes)
+    placements.push_back({node.translation_m, node.rotation, node.scale});
   for (const AssetChannel& channel : animation.channels)
     apply(channel, time_s, placements[static_cast<size_t>(channel.node)]);
   std::vector<Affine> parent_from_node;

@@ -1,6 +1,6 @@
 // Reading files below one folder and nowhere else. The path is resolved by the kernel with RESOLVE_BENEATH
-// (openat2(2), Linux 5.6); where that call is missing the opened file's own path is compared with the folder's, so
-// that a link swapped between check and use gains nothing.
+// (openat2(2), Linux 5.6); where that call is missing the opened file's own path is compared with the
+// folder's, so that a link swapped between check and use gains nothing.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,8 @@ struct FileContent {
   FileStamp stamp;
 };
 
-// Owns a descriptor of the folder. Thread-safe. Errors carry no field; the caller knows which name was asked for.
+// Owns a descriptor of the folder. Thread-safe. Errors carry no field; the caller knows which name was asked
+// for.
 class ConfinedFolder {
  public:
   // kNotFound when `path` is not a folder that can be opened.
@@ -32,8 +33,9 @@ class ConfinedFolder {
   ConfinedFolder& operator=(ConfinedFolder&&) = delete;
   ~ConfinedFolder();
 
-  // `relative_path` without ".." and not absolute, else kInvalidArgument; so is one that leaves the folder through a
-  // link. kNotFound, kInvalidArgument for what is not an ordinary file, kResourceExhausted above `max_bytes`.
+  // `relative_path` without ".." and not absolute, else kInvalidArgument; so is one that leaves the folder
+  // through a link. kNotFound, kInvalidArgument for what is not an ordinary file, kResourceExhausted above
+  // `max_bytes`.
   Result<FileContent> read(const std::string& relative_path, size_t max_bytes) const;
   // The stamp alone, for asking whether a file changed.
   Result<FileStamp> stamp(const std::string& relative_path) const;

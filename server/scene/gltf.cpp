@@ -18,13 +18,15 @@ void forbid_io(tinygltf::TinyGLTF& reader) {
   tinygltf::FsCallbacks none{};
   none.FileExists = [](const std::string&, void*) { return false; };
   none.ExpandFilePath = [](const std::string&, void*) { return std::string(); };
-  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) {
+    return false;
+  };
   none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
     return false;
   };
   reader.SetFsCallbacks(none);
-  reader.SetImageLoader([](tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*, int,
-                           void*) { return true; },
+  reader.SetImageLoader([](tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*,
+                           int, void*) { return true; },
                         nullptr);
 }
 
@@ -33,8 +35,8 @@ Status parse_model(const nlohmann::json& json, tinygltf::Model& model) {
   tinygltf::TinyGLTF reader;
   forbid_io(reader);
   std::string errors, warnings;
-  const bool parsed =
-      reader.LoadASCIIFromString(&model, &errors, &warnings, text.data(), static_cast<unsigned>(text.size()), "");
+  const bool parsed = reader.LoadASCIIFromString(&model, &errors, &warnings, text.data(),
+                                                 static_cast<unsigned>(text.size()), "");
   // tinygltf reports some members that it dropped only in the text.
   if (!parsed || !errors.empty()) return invalid("json", errors.empty() ? "cannot be read" : errors);
   return {};
@@ -70,8 +72,9 @@ void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
   for (const auto& name : json["extensionsUsed"]) asset.extensions_used.push_back(name.get<std::string>());
 }
 
-Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes, const ExternalFile& external,
-                                                        GeometryStore& store, const GltfLimits& limits) {
+Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes,
+                                                        const ExternalFile& external, GeometryStore& store,
+                                                        const GltfLimits& limits) {
   // 1. The container: which bytes are JSON.
   const auto container = split_gltf_container(bytes);
   if (!container) return tl::unexpected(container.error());
@@ -91,9 +94,11 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   asset->hash = hash_of(bytes, document.external_hashes);
   note_extensions(*json, *asset);
   std::vector<int> asset_node_of;
-  if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s) return tl::unexpected(s.error());
+  if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s)
+    return tl::unexpected(s.error());
   if (const Status s = read_gltf_meshes(document, store, *asset); !s) return tl::unexpected(s.error());
-  if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s) return tl::unexpected(s.error());
+  if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s)
+    return tl::unexpected(s.error());
   asset->warnings = document.warnings.take();
   return asset;
 }
@@ -101,13 +106,15 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
 }  // namespace
 
 void GltfWarnings::add(std::string text) {
-  if (texts_.size() < kMax) texts_.push_back(std::move(text));
+  if (texts_.size() < kMax)
+    texts_.push_back(std::move(text));
   else if (texts_.size() == kMax)
     texts_.push_back("further warnings left out");
 }
 
 Status GltfBudget::take(size_t& left, size_t amount, const std::string& field, const char* what) {
-  if (amount > left) return fail(ErrorCode::kResourceExhausted, field, std::string("too many ") + what + " in one file");
+  if (amount > left)
+    return fail(ErrorCode::kResourceExhausted, field, std::string("too many ") + what + " in one file");
   left -= amount;
   return {};
 }
@@ -116,11 +123,12 @@ std::string gltf_path(const char* collection, size_t index) {
   return std::string(collection) + "[" + std::to_string(index) + "]";
 }
 
-Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes, const ExternalFile& external,
-                                                    GeometryStore& store, const GltfLimits& limits) {
+Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes,
+                                                    const ExternalFile& external, GeometryStore& store,
+                                                    const GltfLimits& limits) {
   if (bytes.size() > limits.max_file_bytes)
-    return fail(ErrorCode::kResourceExhausted, "", "the file is larger than " + std::to_string(limits.max_file_bytes) +
-                                                       " bytes");
+    return fail(ErrorCode::kResourceExhausted, "",
+                "the file is larger than " + std::to_string(limits.max_file_bytes) + " bytes");
   try {
     return read_document(bytes, external, store, limits);
   } catch (const std::bad_alloc&) {
@@ -135,7 +143,8 @@ Result<std::shared_ptr<const SceneAsset>> read_gltf_file(const std::string& path
   const std::filesystem::path file(path);
   const auto folder = ConfinedFolder::open(file.has_parent_path() ? file.parent_path().string() : ".");
   if (!folder) return tl::unexpected(folder.error());
-  // The file itself was named by the user and may be a link to anywhere; what it refers to may not leave its folder.
+  // The file itself was named by the user and may be a link to anywhere; what it refers to may not leave its
+  // folder.
   auto bytes = read_whole_file(path, limits.max_file_bytes);
   if (!bytes) return tl::unexpected(std::move(bytes.error()));
   const ExternalFile external = [&](const std::string& relative) -> Result<std::vector<std::byte>> {

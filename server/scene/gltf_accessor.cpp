@@ -51,20 +51,29 @@ float decode(const std::byte* from, bool normalized) {
 
 float decode_component(const std::byte* from, int component_type, bool normalized) {
   switch (component_type) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE: return decode<int8_t>(from, normalized);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return decode<uint8_t>(from, normalized);
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return decode<int16_t>(from, normalized);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return decode<uint16_t>(from, normalized);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: return static_cast<float>(load<uint32_t>(from));
-    default: return load<float>(from);
+    case TINYGLTF_COMPONENT_TYPE_BYTE:
+      return decode<int8_t>(from, normalized);
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return decode<uint8_t>(from, normalized);
+    case TINYGLTF_COMPONENT_TYPE_SHORT:
+      return decode<int16_t>(from, normalized);
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return decode<uint16_t>(from, normalized);
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+      return static_cast<float>(load<uint32_t>(from));
+    default:
+      return load<float>(from);
   }
 }
 
 uint32_t decode_index(const std::byte* from, int component_type) {
   switch (component_type) {
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return load<uint8_t>(from);
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return load<uint16_t>(from);
-    default: return load<uint32_t>(from);
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return load<uint8_t>(from);
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return load<uint16_t>(from);
+    default:
+      return load<uint32_t>(from);
   }
 }
 
@@ -94,11 +103,13 @@ Status locate_sparse(const GltfDocument& document, const tinygltf::Accessor& acc
   if (count > accessor.count) return invalid(field + ".sparse.count", "is larger than the accessor's count");
   if (!is_index_type(sparse.indices.componentType))
     return invalid(field + ".sparse.indices.componentType", "must be an unsigned type");
-  const auto indices = strided(document, sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset), count,
-                               component_bytes(sparse.indices.componentType), field + ".sparse.indices");
+  const auto indices =
+      strided(document, sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset), count,
+              component_bytes(sparse.indices.componentType), field + ".sparse.indices");
   if (!indices) return tl::unexpected(indices.error());
-  const auto values = strided(document, sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
-                              element_bytes, field + ".sparse.values");
+  const auto values =
+      strided(document, sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
+              element_bytes, field + ".sparse.values");
   if (!values) return tl::unexpected(values.error());
   sources.sparse_indices = *indices;
   sources.sparse_values = *values;
@@ -111,7 +122,8 @@ Result<Sources> locate(const GltfDocument& document, int index, size_t element_b
   const std::string field = gltf_path("accessors", static_cast<size_t>(index));
   Sources sources;
   if (accessor.bufferView >= 0) {
-    const auto base = strided(document, accessor.bufferView, accessor.byteOffset, accessor.count, element_bytes, field);
+    const auto base =
+        strided(document, accessor.bufferView, accessor.byteOffset, accessor.count, element_bytes, field);
     if (!base) return tl::unexpected(base.error());
     sources.base = *base;
   } else if (accessor.count > kMaxUnbackedElements) {
@@ -163,17 +175,20 @@ Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int in
   std::vector<float> values(accessor.count * width, 0.0f);
   const auto decode_element = [&](size_t element, const std::byte* from) {
     for (size_t c = 0; c < width; ++c)
-      values[element * width + c] = decode_component(from + c * step, accessor.componentType, accessor.normalized);
+      values[element * width + c] =
+          decode_component(from + c * step, accessor.componentType, accessor.normalized);
   };
   if (sources->base)
-    for (size_t i = 0; i < accessor.count; ++i) decode_element(i, sources->base->first + i * sources->base->stride);
-  const Status status = substitute(*sources, accessor.count, gltf_path("accessors", static_cast<size_t>(index)),
-                                   decode_element);
+    for (size_t i = 0; i < accessor.count; ++i)
+      decode_element(i, sources->base->first + i * sources->base->stride);
+  const Status status = substitute(*sources, accessor.count,
+                                   gltf_path("accessors", static_cast<size_t>(index)), decode_element);
   if (!status) return tl::unexpected(status.error());
   return values;
 }
 
-Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, int index, const std::string& field) {
+Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, int index,
+                                                const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (accessor.type != TINYGLTF_TYPE_SCALAR || !is_index_type(accessor.componentType) || accessor.normalized)
     return invalid(field, "accessors[" + std::to_string(index) + "] must be a scalar of an unsigned type");
@@ -185,9 +200,10 @@ Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, in
     values[element] = decode_index(from, accessor.componentType);
   };
   if (sources->base)
-    for (size_t i = 0; i < accessor.count; ++i) decode_element(i, sources->base->first + i * sources->base->stride);
-  const Status status = substitute(*sources, accessor.count, gltf_path("accessors", static_cast<size_t>(index)),
-                                   decode_element);
+    for (size_t i = 0; i < accessor.count; ++i)
+      decode_element(i, sources->base->first + i * sources->base->stride);
+  const Status status = substitute(*sources, accessor.count,
+                                   gltf_path("accessors", static_cast<size_t>(index)), decode_element);
   if (!status) return tl::unexpected(status.error());
   const uint32_t restart = largest_index(accessor.componentType);
   for (size_t i = 0; i < values.size(); ++i)

@@ -1,5 +1,5 @@
-// Numbers out of accessors (glTF 2.0 sections 3.6.2 and 3.11, KHR_mesh_quantization). Every range is checked against
-// the buffer with arithmetic that cannot overflow before anything is allocated.
+// Numbers out of accessors (glTF 2.0 sections 3.6.2 and 3.11, KHR_mesh_quantization). Every range is checked
+// against the buffer with arithmetic that cannot overflow before anything is allocated.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,21 @@
 
 namespace sightline {
 
-// The most elements of an accessor that no bytes stand behind (no buffer view: all zero before sparse substitution).
+// The most elements of an accessor that no bytes stand behind (no buffer view: all zero before sparse
+// substitution).
 inline constexpr size_t kMaxUnbackedElements = size_t{1} << 20;
 
 enum class GltfComponents { kFloatOnly, kFloatOrNormalized, kFloatOrAnyInteger };
 
-// The elements as floats, `components` a piece, flat. Normalised integers become [0, 1] or [-1, 1]; plain ones keep
-// their value. Sparse values are substituted. `field` names whoever refers to the accessor; fails with
-// kInvalidArgument on the wrong type and kDataLoss on a range that leaves the buffer.
+// The elements as floats, `components` a piece, flat. Normalised integers become [0, 1] or [-1, 1]; plain
+// ones keep their value. Sparse values are substituted. `field` names whoever refers to the accessor; fails
+// with kInvalidArgument on the wrong type and kDataLoss on a range that leaves the buffer.
 Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int accessor, int components,
                                             GltfComponents allowed, const std::string& field);
 
-// A scalar accessor of unsigned bytes, shorts or ints. An index equal to the type's largest value (a restart in other
-// formats, forbidden in glTF) is kInvalidArgument.
-Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, int accessor, const std::string& field);
+// A scalar accessor of unsigned bytes, shorts or ints. An index equal to the type's largest value (a restart
+// in other formats, forbidden in glTF) is kInvalidArgument.
+Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, int accessor,
+                                                const std::string& field);
 
 }  // namespace sightline

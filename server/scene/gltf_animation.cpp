@@ -37,7 +37,8 @@ Status check_times(const std::vector<float>& times_s, const std::string& field) 
 // Finite, and for rotations long enough to have a direction (tangents may be anything finite).
 Status check_values(const AssetChannel& channel, const std::string& field) {
   for (size_t i = 0; i < channel.values.size(); ++i)
-    if (!(std::abs(channel.values[i]) <= 1e9f)) return invalid(gltf_path(field.c_str(), i), "must be finite and within 1e9");
+    if (!(std::abs(channel.values[i]) <= 1e9f))
+      return invalid(gltf_path(field.c_str(), i), "must be finite and within 1e9");
   if (channel.path != AssetChannel::Path::kRotation) return {};
   const bool cubic = channel.interpolation == AssetChannel::Interpolation::kCubicSpline;
   const size_t step = cubic ? 12 : 4;
@@ -58,7 +59,8 @@ Status read_keys(GltfDocument& document, const tinygltf::AnimationSampler& sampl
   if (accessors[static_cast<size_t>(sampler.output)].count != keys * per_key)
     return invalid(field + ".output", "must have " + std::to_string(keys * per_key) + " elements");
   if (const Status s = GltfBudget::take(document.budget.animation_values, keys * (1 + width * per_key), field,
-                                        "animation values"); !s)
+                                        "animation values");
+      !s)
     return s;
   auto times = read_gltf_floats(document, sampler.input, 1, GltfComponents::kFloatOnly, field + ".input");
   if (!times) return tl::unexpected(std::move(times.error()));
@@ -76,7 +78,8 @@ Status read_keys(GltfDocument& document, const tinygltf::AnimationSampler& sampl
 std::optional<std::string> reason_to_skip(const tinygltf::AnimationChannel& channel, int asset_node,
                                           const SceneAsset& asset) {
   if (channel.target_path == "weights") return "morph targets stay at rest";
-  if (!path_of(channel.target_path)) return "target.path \"" + channel.target_path.substr(0, 40) + "\" is not known";
+  if (!path_of(channel.target_path))
+    return "target.path \"" + channel.target_path.substr(0, 40) + "\" is not known";
   if (asset_node < 0) return "the node is not part of the scene";
   if (!asset.nodes[static_cast<size_t>(asset_node)].decomposed) return "the node's matrix shears or flattens";
   return std::nullopt;
@@ -109,18 +112,21 @@ class AnimationReader {
   }
 
  private:
-  Result<AssetChannel> read_channel(const tinygltf::Animation& source, const tinygltf::AnimationChannel& target,
-                                    int node, const std::string& field) {
+  Result<AssetChannel> read_channel(const tinygltf::Animation& source,
+                                    const tinygltf::AnimationChannel& target, int node,
+                                    const std::string& field) {
     const auto sampler_index = static_cast<size_t>(target.sampler);
     const std::string sampler_field = field + "." + gltf_path("samplers", sampler_index);
     const tinygltf::AnimationSampler& sampler = source.samplers[sampler_index];
     const auto interpolation = interpolation_of(sampler.interpolation);
-    if (!interpolation) return invalid(sampler_field + ".interpolation", "must be STEP, LINEAR or CUBICSPLINE");
+    if (!interpolation)
+      return invalid(sampler_field + ".interpolation", "must be STEP, LINEAR or CUBICSPLINE");
     AssetChannel channel;
     channel.node = node;
     channel.path = *path_of(target.target_path);
     channel.interpolation = *interpolation;
-    if (const Status s = read_keys(document_, sampler, sampler_field, channel); !s) return tl::unexpected(s.error());
+    if (const Status s = read_keys(document_, sampler, sampler_field, channel); !s)
+      return tl::unexpected(s.error());
     return channel;
   }
 
@@ -131,7 +137,8 @@ class AnimationReader {
 
 }  // namespace
 
-Status read_gltf_animations(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset) {
+Status read_gltf_animations(GltfDocument& document, const std::vector<int>& asset_node_of,
+                            SceneAsset& asset) {
   AnimationReader reader(document, asset_node_of, asset);
   for (size_t i = 0; i < document.model.animations.size(); ++i) {
     auto animation = reader.read(document.model.animations[i], gltf_path("animations", i));

@@ -46,8 +46,9 @@ class BufferLoader {
     const std::string field = gltf_path("buffers", index);
     const size_t length = buffer["byteLength"].get<size_t>();
     if (length > limits_.max_file_bytes - total_)
-      return fail(ErrorCode::kResourceExhausted, field + ".byteLength",
-                  "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
+      return fail(
+          ErrorCode::kResourceExhausted, field + ".byteLength",
+          "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
     total_ += length;
     const auto source = source_of(buffer, index, field);
     if (!source) return tl::unexpected(source.error());
@@ -120,8 +121,8 @@ Result<std::string> relative_path_of_uri(const std::string& uri, const std::stri
   return path;
 }
 
-Status load_gltf_buffers(const nlohmann::json& json, const GltfContainer& container, const ExternalFile& external,
-                         const GltfLimits& limits, GltfDocument& document) {
+Status load_gltf_buffers(const nlohmann::json& json, const GltfContainer& container,
+                         const ExternalFile& external, const GltfLimits& limits, GltfDocument& document) {
   if (!json.contains("buffers")) return {};
   BufferLoader loader(container, external, limits, document);
   for (size_t i = 0; i < json["buffers"].size(); ++i)

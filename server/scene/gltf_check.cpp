@@ -1,5 +1,5 @@
-// Every key that the reader uses, checked for type, length and reference (glTF 2.0 section 5 and the two geometry
-// extensions). The order of the functions is the order of the document's arrays.
+// Every key that the reader uses, checked for type, length and reference (glTF 2.0 section 5 and the two
+// geometry extensions). The order of the functions is the order of the document's arrays.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,21 +21,27 @@ constexpr size_t kMaxMaterials = 65'536;      // "{}" is a valid one, and tinygl
 
 // Extensions that may be required: two that we read, and those that leave every triangle where it is.
 constexpr std::array<std::string_view, 12> kSupported = {
-    "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_lights_punctual",  "KHR_xmp_json_ld",
-    "KHR_texture_basisu",    "KHR_texture_transform",   "EXT_texture_webp",     "EXT_texture_avif",
-    "MSFT_texture_dds",      "EXT_lights_image_based",  "EXT_lights_ies",       "KHR_xmp"};
+    "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_lights_punctual", "KHR_xmp_json_ld",
+    "KHR_texture_basisu",    "KHR_texture_transform",   "EXT_texture_webp",    "EXT_texture_avif",
+    "MSFT_texture_dds",      "EXT_lights_image_based",  "EXT_lights_ies",      "KHR_xmp"};
 
 bool supported(std::string_view extension) {
   return extension.starts_with("KHR_materials_") ||
          std::find(kSupported.begin(), kSupported.end(), extension) != kSupported.end();
 }
 
-constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
+constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4",
+                                                            "MAT2",   "MAT3", "MAT4"};
 
-std::string at(const std::string& path, size_t index) { return path + "[" + std::to_string(index) + "]"; }
-std::string in(const std::string& path, const char* key) { return path.empty() ? key : path + "." + key; }
+std::string at(const std::string& path, size_t index) {
+  return path + "[" + std::to_string(index) + "]";
+}
+std::string in(const std::string& path, const char* key) {
+  return path.empty() ? key : path + "." + key;
+}
 
-// Notes the first thing wrong and lets the rest pass. Absent keys are right unless `required` is called first.
+// Notes the first thing wrong and lets the rest pass. Absent keys are right unless `required` is called
+// first.
 class JsonCheck {
  public:
   explicit JsonCheck(const json& document) : document_(document) {}
@@ -85,7 +91,8 @@ class JsonCheck {
     if (const json* value = find(parent, key); value && !value->is_string())
       complain(in(path, key), "must be a string");
   }
-  void one_of(const json& parent, const std::string& path, const char* key, std::span<const std::string_view> words) {
+  void one_of(const json& parent, const std::string& path, const char* key,
+              std::span<const std::string_view> words) {
     const json* value = find(parent, key);
     if (!value) return;
     if (!value->is_string() ||
@@ -106,7 +113,8 @@ class JsonCheck {
   void numbers(const json& parent, const std::string& path, const char* key, size_t count) {
     const json* values = array(parent, path, key);
     if (!values) return;
-    if (values->size() != count) return complain(in(path, key), "must have " + std::to_string(count) + " numbers");
+    if (values->size() != count)
+      return complain(in(path, key), "must have " + std::to_string(count) + " numbers");
     for (size_t i = 0; i < count; ++i)
       if (!(*values)[i].is_number() || !std::isfinite((*values)[i].get<double>()))
         complain(at(in(path, key), i), "must be a finite number");
@@ -120,11 +128,13 @@ class JsonCheck {
 
   // An index into the document's own array `collection`, or into `items`.
   void index(const json& parent, const std::string& path, const char* key, const char* collection) {
-    if (const json* value = find(parent, key)) index_value(*value, in(path, key), collection, size_of(collection));
+    if (const json* value = find(parent, key))
+      index_value(*value, in(path, key), collection, size_of(collection));
   }
   void index_value(const json& value, const std::string& path, const char* collection, size_t size) {
     if (!value.is_number_unsigned() || value.get<uint64_t>() >= size)
-      complain(path, "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
+      complain(path,
+               "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
   }
   void indices(const json& parent, const std::string& path, const char* key, const char* collection) {
     const json* values = array(parent, path, key);
@@ -290,15 +300,18 @@ void check_cameras(JsonCheck& check, const json& document) {
     if (!lens) return;
     for (const char* name : {"yfov", "aspectRatio", "znear", "zfar"})
       if (perspective) check.positive(*lens, in(path, key), name);
-    if (perspective) check.required(*lens, in(path, key), {"yfov", "znear"});
+    if (perspective)
+      check.required(*lens, in(path, key), {"yfov", "znear"});
     else
       check.required(*lens, in(path, key), {"xmag", "ymag", "znear", "zfar"});
   });
 }
 
 void check_materials(JsonCheck& check, const json& document) {
-  if (const json* materials = check.array(document, "", "materials"); materials && materials->size() > kMaxMaterials)
-    return check.complain("materials", "more than " + std::to_string(kMaxMaterials), ErrorCode::kResourceExhausted);
+  if (const json* materials = check.array(document, "", "materials");
+      materials && materials->size() > kMaxMaterials)
+    return check.complain("materials", "more than " + std::to_string(kMaxMaterials),
+                          ErrorCode::kResourceExhausted);
   check.each(document, "", "materials", [&](const json& material, const std::string& path) {
     check.string(material, path, "name");
     check.string(material, path, "alphaMode");

@@ -6,8 +6,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint32_t kMagic = 0x46546C67;       // "glTF"
-constexpr uint32_t kJsonChunk = 0x4E4F534A;   // "JSON"
+constexpr uint32_t kMagic = 0x46546C67;        // "glTF"
+constexpr uint32_t kJsonChunk = 0x4E4F534A;    // "JSON"
 constexpr uint32_t kBinaryChunk = 0x004E4942;  // "BIN\0"
 constexpr size_t kHeaderBytes = 12;
 constexpr size_t kChunkHeaderBytes = 8;
@@ -57,8 +57,7 @@ Result<GltfContainer> split_glb(std::span<const std::byte> bytes) {
     if ((index == 0) != (chunk->type == kJsonChunk))
       return fail(ErrorCode::kDataLoss, "glb.chunks[" + std::to_string(index) + "]",
                   "the first chunk and no other must be JSON");
-    if (index == 0)
-      container.json = {reinterpret_cast<const char*>(chunk->data.data()), chunk->data.size()};
+    if (index == 0) container.json = {reinterpret_cast<const char*>(chunk->data.data()), chunk->data.size()};
     if (index == 1 && chunk->type == kBinaryChunk) container.binary_chunk = chunk->data;
     offset += kChunkHeaderBytes + chunk->data.size();
   }

@@ -1,4 +1,5 @@
-// The outermost layer of a glTF file: which bytes are JSON and which are the binary chunk (glTF 2.0 section 4.4).
+// The outermost layer of a glTF file: which bytes are JSON and which are the binary chunk (glTF 2.0
+// section 4.4).
 #pragma once
 
 #include <cstddef>
@@ -16,8 +17,9 @@ struct GltfContainer {
   std::optional<std::span<const std::byte>> binary_chunk;  // absent in a .gltf and in a .glb without BIN
 };
 
-// Told apart by the magic "glTF". A .glb whose header or chunks promise more than `bytes` holds is kDataLoss (fields
-// "glb.header", "glb.chunks[i]"). Chunks of unknown type are skipped, bytes after the stated length ignored.
+// Told apart by the magic "glTF". A .glb whose header or chunks promise more than `bytes` holds is kDataLoss
+// (fields "glb.header", "glb.chunks[i]"). Chunks of unknown type are skipped, bytes after the stated length
+// ignored.
 Result<GltfContainer> split_gltf_container(std::span<const std::byte> bytes);
 
 }  // namespace sightline

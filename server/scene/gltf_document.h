@@ -12,8 +12,8 @@
 
 namespace sightline {
 
-// Collects what a person should know about a file that was read all the same; bounded, so that a hostile file cannot
-// fill the log.
+// Collects what a person should know about a file that was read all the same; bounded, so that a hostile file
+// cannot fill the log.
 class GltfWarnings {
  public:
   void add(std::string text);
@@ -38,11 +38,11 @@ struct GltfBudget {
 // References inside `model` are known to exist (gltf_check.cpp); the ranges of accessors are not yet checked.
 struct GltfDocument {
   tinygltf::Model model;
-  std::vector<std::span<const std::byte>> buffers;      // one per buffer, exactly byteLength long
-  std::vector<std::vector<std::byte>> owned;            // what buffers from files and data URIs point into
-  std::vector<ContentHash> external_hashes;             // of each file read, in order
-  std::vector<std::string> node_extras;                 // one per node; empty when absent
-  std::vector<InstanceAttributes> node_attributes;      // one per node
+  std::vector<std::span<const std::byte>> buffers;  // one per buffer, exactly byteLength long
+  std::vector<std::vector<std::byte>> owned;        // what buffers from files and data URIs point into
+  std::vector<ContentHash> external_hashes;         // of each file read, in order
+  std::vector<std::string> node_extras;             // one per node; empty when absent
+  std::vector<InstanceAttributes> node_attributes;  // one per node
   GltfBudget budget;
   GltfWarnings warnings;
 };
@@ -53,8 +53,8 @@ std::string gltf_path(const char* collection, size_t index);
 // gltf_mesh.cpp: every mesh as one geometry.
 Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset);
 
-// gltf_nodes.cpp: cameras and the hierarchy of the default scene. `asset_node_of` gives the index in asset.nodes of a
-// node of the file, -1 for one outside the scene.
+// gltf_nodes.cpp: cameras and the hierarchy of the default scene. `asset_node_of` gives the index in
+// asset.nodes of a node of the file, -1 for one outside the scene.
 Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAsset& asset,
                        std::vector<int>& asset_node_of);
 

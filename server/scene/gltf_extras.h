@@ -1,5 +1,5 @@
-// Our own part of a node's extras: {"sightline": {"layers": 1, "opacity": 1, "occludes": true, "collides": true,
-// "visible": true}}. Other members of the object belong to whoever plays the scene and are left alone.
+// Our own part of a node's extras: {"sightline": {"layers": 1, "opacity": 1, "occludes": true, "collides":
+// true, "visible": true}}. Other members of the object belong to whoever plays the scene and are left alone.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,6 +10,7 @@
 namespace sightline {
 
 // `node_field` is e.g. "nodes[3]". kInvalidArgument with a field such as "nodes[3].extras.sightline.opacity".
-Result<InstanceAttributes> read_instance_attributes(const nlohmann::json& node, const std::string& node_field);
+Result<InstanceAttributes> read_instance_attributes(const nlohmann::json& node,
+                                                    const std::string& node_field);
 
 }  // namespace sightline

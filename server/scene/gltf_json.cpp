@@ -65,17 +65,28 @@ json keep_each(const json& document, const char* collection, std::initializer_li
   return kept;
 }
 
+json reduce_primitives(const json& mesh) {
+  json primitives = keep_each(mesh, "primitives", {"attributes", "material", "mode", "targets"});
+  for (size_t i = 0; i < primitives.size(); ++i) {
+    json& attributes = primitives[i]["attributes"];
+    attributes.erase(kIndicesAttribute);
+    if (const json& primitive = mesh["primitives"][i]; primitive.contains("indices"))
+      attributes[kIndicesAttribute] = primitive["indices"];
+  }
+  return primitives;
+}
+
 json reduce_meshes(const json& document) {
   json meshes = keep_each(document, "meshes", {"name"});
   for (size_t i = 0; i < meshes.size(); ++i)
-    meshes[i]["primitives"] = keep_each(document["meshes"][i], "primitives",
-                                        {"attributes", "indices", "material", "mode", "targets"});
+    meshes[i]["primitives"] = reduce_primitives(document["meshes"][i]);
   return meshes;
 }
 
 json reduce_nodes(const json& document) {
-  json nodes = keep_each(document, "nodes",
-                         {"name", "children", "mesh", "camera", "skin", "matrix", "translation", "rotation", "scale"});
+  json nodes =
+      keep_each(document, "nodes",
+                {"name", "children", "mesh", "camera", "skin", "matrix", "translation", "rotation", "scale"});
   for (size_t i = 0; i < nodes.size(); ++i) {
     const json& node = document["nodes"][i];
     if (!node.contains("extensions")) continue;
@@ -126,10 +137,11 @@ Result<json> parse_gltf_json(std::string_view text, const GltfLimits& limits) {
 json reduce_gltf_json(const json& document) {
   json reduced = keep(document, {"scene"});
   reduced["asset"] = keep(document["asset"], {"version"});
-  reduced["bufferViews"] = keep_each(document, "bufferViews", {"buffer", "byteOffset", "byteLength", "byteStride"});
-  reduced["accessors"] = keep_each(
-      document, "accessors",
-      {"bufferView", "byteOffset", "componentType", "normalized", "count", "type", "sparse"});
+  reduced["bufferViews"] =
+      keep_each(document, "bufferViews", {"buffer", "byteOffset", "byteLength", "byteStride"});
+  reduced["accessors"] =
+      keep_each(document, "accessors",
+                {"bufferView", "byteOffset", "componentType", "normalized", "count", "type", "sparse"});
   reduced["cameras"] = keep_each(document, "cameras", {"name", "type", "perspective", "orthographic"});
   reduced["scenes"] = keep_each(document, "scenes", {"name", "nodes"});
   reduced["meshes"] = reduce_meshes(document);

@@ -1,15 +1,24 @@
-// Primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the occluding ones
-// first; only vertices that a triangle uses are kept.
+// Primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the
+// occluding ones first; only vertices that a triangle uses are kept.
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
+#include "server/scene/gltf_json.h"
 
 namespace sightline {
 namespace {
 
-constexpr float kMaxCoordinate = 1e9f;  // metres; further out single precision is useless, and squares overflow
+constexpr float kMaxCoordinate =
+    1e9f;  // metres; further out single precision is useless, and squares overflow
+
+// The accessor of an attribute, -1 when absent.
+int accessor_of(const tinygltf::Primitive& primitive, const char* attribute) {
+  const auto it = primitive.attributes.find(attribute);
+  return it == primitive.attributes.end() ? -1 : it->second;
+}
 
 struct Triangles {
   std::vector<glm::vec3> positions;
@@ -19,27 +28,31 @@ struct Triangles {
 bool is_see_through(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
   if (primitive.material < 0) return false;
   const tinygltf::Material& material = model.materials[static_cast<size_t>(primitive.material)];
-  return material.alphaMode == "BLEND" && material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
+  return material.alphaMode == "BLEND" &&
+         material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
 }
 
 // How many triangles `count` vertices make; an Error when the count does not suit the mode.
 Result<size_t> triangles_of(int mode, size_t count, const std::string& field) {
   if (mode == TINYGLTF_MODE_TRIANGLES) {
-    if (count % 3 != 0) return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
+    if (count % 3 != 0)
+      return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
     return count / 3;
   }
   if (count < 3) return invalid(field, "a strip or fan needs 3 vertices, got " + std::to_string(count));
   return count - 2;
 }
 
-// Corners of triangle `t` as places in the vertex sequence, counter-clockwise as the specification orders them.
+// Corners of triangle `t` as places in the vertex sequence, counter-clockwise as the specification orders
+// them.
 std::array<size_t, 3> corners(int mode, size_t t) {
   if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) return {t, t + 1 + t % 2, t + 2 - t % 2};
   if (mode == TINYGLTF_MODE_TRIANGLE_FAN) return {t + 1, t + 2, 0};
   return {3 * t, 3 * t + 1, 3 * t + 2};
 }
 
-Result<std::vector<glm::vec3>> read_positions(const GltfDocument& document, int accessor, const std::string& field) {
+Result<std::vector<glm::vec3>> read_positions(const GltfDocument& document, int accessor,
+                                              const std::string& field) {
   const auto flat = read_gltf_floats(document, accessor, 3, GltfComponents::kFloatOrAnyInteger, field);
   if (!flat) return tl::unexpected(flat.error());
   std::vector<glm::vec3> positions(flat->size() / 3);
@@ -53,20 +66,20 @@ Result<std::vector<glm::vec3>> read_positions(const GltfDocument& document, int 
 }
 
 // The vertex sequence that the mode runs over: the index accessor, or 0, 1, 2 ...
-Result<std::vector<uint32_t>> read_sequence(const GltfDocument& document, const tinygltf::Primitive& primitive,
-                                            size_t vertex_count, const std::string& field) {
-  if (primitive.indices >= 0) {
-    auto indices = read_gltf_indices(document, primitive.indices, field + ".indices");
-    if (!indices) return indices;
-    for (size_t i = 0; i < indices->size(); ++i)
-      if ((*indices)[i] >= vertex_count)
-        return invalid(gltf_path((field + ".indices").c_str(), i),
-                       "is " + std::to_string((*indices)[i]) + ", there are " + std::to_string(vertex_count) + " vertices");
-    return indices;
+Result<std::vector<uint32_t>> read_sequence(const GltfDocument& document, int accessor, size_t vertex_count,
+                                            const std::string& field) {
+  if (accessor < 0) {
+    std::vector<uint32_t> sequence(vertex_count);
+    std::iota(sequence.begin(), sequence.end(), 0u);
+    return sequence;
   }
-  std::vector<uint32_t> sequence(vertex_count);
-  for (size_t i = 0; i < vertex_count; ++i) sequence[i] = static_cast<uint32_t>(i);
-  return sequence;
+  auto indices = read_gltf_indices(document, accessor, field);
+  if (!indices) return indices;
+  for (size_t i = 0; i < indices->size(); ++i)
+    if ((*indices)[i] >= vertex_count)
+      return invalid(gltf_path(field.c_str(), i), "is " + std::to_string((*indices)[i]) + ", there are " +
+                                                      std::to_string(vertex_count) + " vertices");
+  return indices;
 }
 
 // Appends the triangles, copying each used vertex once, in its original order.
@@ -84,14 +97,14 @@ void append(const std::vector<glm::vec3>& positions, const std::vector<uint32_t>
     for (const size_t corner : corners(mode, t)) out.indices.push_back(place[sequence[corner]]);
 }
 
-// What the limits say before any of the primitive's data is read.
-Result<size_t> plan_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, int position,
+// What the limits say before any of the primitive's data is read: the number of its triangles.
+Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, int indices,
                               const std::string& field) {
   const auto& accessors = document.model.accessors;
   const size_t vertices = accessors[static_cast<size_t>(position)].count;
-  const size_t length = primitive.indices >= 0 ? accessors[static_cast<size_t>(primitive.indices)].count : vertices;
+  const size_t length = indices >= 0 ? accessors[static_cast<size_t>(indices)].count : vertices;
   const auto triangles =
-      triangles_of(primitive.mode, length, primitive.indices >= 0 ? field + ".indices" : field + ".attributes.POSITION");
+      triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"));
   if (!triangles) return triangles;
   if (const Status s = GltfBudget::take(document.budget.triangles, *triangles, field, "triangles"); !s)
     return tl::unexpected(s.error());
@@ -100,27 +113,32 @@ Result<size_t> plan_primitive(GltfDocument& document, const tinygltf::Primitive&
   return triangles;
 }
 
+Status read_triangles(GltfDocument& document, int mode, int position, int indices, const std::string& field,
+                      Triangles& out) {
+  const auto triangle_count = plan_primitive(document, mode, position, indices, field);
+  if (!triangle_count) return tl::unexpected(triangle_count.error());
+  const auto positions = read_positions(document, position, field + ".attributes.POSITION");
+  if (!positions) return tl::unexpected(positions.error());
+  const auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
+  if (!sequence) return tl::unexpected(sequence.error());
+  append(*positions, *sequence, mode, *triangle_count, out);
+  return {};
+}
+
 Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, const std::string& field,
                       Triangles& out) {
+  const int position = accessor_of(primitive, "POSITION");
   if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
     document.warnings.add(field + ": points and lines are skipped");
     return {};
   }
-  const auto position = primitive.attributes.find("POSITION");
-  if (position == primitive.attributes.end()) {
+  if (position < 0) {
     document.warnings.add(field + ": has no POSITION and is skipped");
     return {};
   }
   if (!primitive.targets.empty()) document.warnings.add(field + ".targets: morph targets are drawn at rest");
-
-  const auto triangle_count = plan_primitive(document, primitive, position->second, field);
-  if (!triangle_count) return tl::unexpected(triangle_count.error());
-  const auto positions = read_positions(document, position->second, field + ".attributes.POSITION");
-  if (!positions) return tl::unexpected(positions.error());
-  const auto sequence = read_sequence(document, primitive, positions->size(), field);
-  if (!sequence) return tl::unexpected(sequence.error());
-  append(*positions, *sequence, primitive.mode, *triangle_count, out);
-  return {};
+  return read_triangles(document, primitive.mode, position, accessor_of(primitive, kIndicesAttribute), field,
+                        out);
 }
 
 MeshData join(Triangles occluding, const Triangles& see_through) {

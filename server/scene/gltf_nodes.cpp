@@ -34,7 +34,8 @@ bool decompose(const Affine& a, AssetNode& node) {
   return true;
 }
 
-Status read_matrix(const std::vector<double>& m, const std::string& field, GltfWarnings& warnings, AssetNode& node) {
+Status read_matrix(const std::vector<double>& m, const std::string& field, GltfWarnings& warnings,
+                   AssetNode& node) {
   if (m[3] != 0.0 || m[7] != 0.0 || m[11] != 0.0 || m[15] != 1.0)
     return invalid(field + ".matrix", "must have the last row 0 0 0 1");
   node.parent_from_node = Affine(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10], m[12], m[13], m[14]);
@@ -79,11 +80,14 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
     const int accessor = attributes.Get(attribute->name).GetNumberAsInt();
     const size_t elements = document.model.accessors[static_cast<size_t>(accessor)].count;
     const std::string attribute_field = field + ".attributes." + attribute->name;
-    if (count.value_or(elements) != elements) return invalid(attribute_field, "must be as long as the others");
+    if (count.value_or(elements) != elements)
+      return invalid(attribute_field, "must be as long as the others");
     if (!count)
-      if (const Status s = GltfBudget::take(document.budget.instances, elements, field, "instances"); !s) return s;
+      if (const Status s = GltfBudget::take(document.budget.instances, elements, field, "instances"); !s)
+        return s;
     count = elements;
-    auto values = read_gltf_floats(document, accessor, attribute->components, attribute->allowed, attribute_field);
+    auto values =
+        read_gltf_floats(document, accessor, attribute->components, attribute->allowed, attribute_field);
     if (!values) return tl::unexpected(std::move(values.error()));
     attribute->values = std::move(*values);
   }
@@ -92,17 +96,21 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
       return v.empty() ? glm::dvec3(otherwise) : glm::dvec3(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
     };
     glm::dquat r(1.0, 0.0, 0.0, 0.0);
-    if (const auto& v = rotation.values; !v.empty()) r = glm::dquat(v[4 * i + 3], v[4 * i], v[4 * i + 1], v[4 * i + 2]);
-    if (!normalize(r)) return invalid(gltf_path((field + ".attributes.ROTATION").c_str(), i), "must be a unit quaternion");
+    if (const auto& v = rotation.values; !v.empty())
+      r = glm::dquat(v[4 * i + 3], v[4 * i], v[4 * i + 1], v[4 * i + 2]);
+    if (!normalize(r))
+      return invalid(gltf_path((field + ".attributes.ROTATION").c_str(), i), "must be a unit quaternion");
     instances.push_back(make_affine(vec3_at(translation.values, 0.0), r, vec3_at(scale.values, 1.0)));
   }
   return {};
 }
 
-Status read_instances(GltfDocument& document, const tinygltf::Node& source, const std::string& field, AssetNode& node) {
+Status read_instances(GltfDocument& document, const tinygltf::Node& source, const std::string& field,
+                      AssetNode& node) {
   if (source.mesh < 0) return {};
   if (const auto it = source.extensions.find("EXT_mesh_gpu_instancing"); it != source.extensions.end())
-    return read_gpu_instances(document, it->second, field + ".extensions.EXT_mesh_gpu_instancing", node.gpu_instances);
+    return read_gpu_instances(document, it->second, field + ".extensions.EXT_mesh_gpu_instancing",
+                              node.gpu_instances);
   return GltfBudget::take(document.budget.instances, 1, field, "instances");
 }
 
@@ -128,14 +136,17 @@ Result<std::vector<int>> find_parents(const tinygltf::Model& model) {
   for (size_t i = 0; i < model.nodes.size(); ++i)
     for (const int child : model.nodes[i].children) {
       int& known = parent[static_cast<size_t>(child)];
-      if (known >= 0) return invalid(gltf_path("nodes", i) + ".children", "node " + std::to_string(child) + " has two parents");
+      if (known >= 0)
+        return invalid(gltf_path("nodes", i) + ".children",
+                       "node " + std::to_string(child) + " has two parents");
       known = static_cast<int>(i);
     }
   return parent;
 }
 
-// With one parent each, the nodes that no root reaches are exactly those on or below a cycle. The walk visits each
-// node once because `parent` is a function; depth is bounded because a daemon's stack and a hostile file meet here.
+// With one parent each, the nodes that no root reaches are exactly those on or below a cycle. The walk visits
+// each node once because `parent` is a function; depth is bounded because a daemon's stack and a hostile file
+// meet here.
 Status check_hierarchy(const tinygltf::Model& model, const std::vector<int>& parent, int max_depth) {
   std::vector<int> depth(parent.size(), 0);
   std::vector<size_t> open;
@@ -170,7 +181,8 @@ Result<std::vector<int>> find_roots(const tinygltf::Model& model, const std::vec
   for (const int node : model.scenes[scene].nodes) {
     const auto index = static_cast<size_t>(node);
     if (parent[index] >= 0 || listed[index])
-      return invalid(gltf_path("scenes", scene) + ".nodes", "node " + std::to_string(node) + " must be a root, listed once");
+      return invalid(gltf_path("scenes", scene) + ".nodes",
+                     "node " + std::to_string(node) + " must be a root, listed once");
     listed[index] = true;
     roots.push_back(node);
   }
@@ -210,7 +222,8 @@ Status check_world(const SceneAsset& asset, const std::vector<int>& asset_node_o
     bool sound = within_reach(world_from_node[node]);
     for (const Affine& instance : asset.nodes[node].gpu_instances)
       sound = sound && within_reach(compose(world_from_node[node], instance));
-    if (!sound) return invalid(gltf_path("nodes", i), "its transform in the world is not finite or beyond 1e12 m");
+    if (!sound)
+      return invalid(gltf_path("nodes", i), "its transform in the world is not finite or beyond 1e12 m");
   }
   return {};
 }

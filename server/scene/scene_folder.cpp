@@ -15,7 +15,9 @@ std::optional<ConfinedFolder> open_or_nothing(const std::string& path) {
   return std::move(*folder);
 }
 
-bool is_scene_name(const std::string& name) { return name.ends_with(".glb") || name.ends_with(".gltf"); }
+bool is_scene_name(const std::string& name) {
+  return name.ends_with(".glb") || name.ends_with(".gltf");
+}
 
 Error with_field(Error error, const std::string& field) {
   if (error.field.empty()) error.field = field;
@@ -67,7 +69,8 @@ SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
   return asset;
 }
 
-Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name, std::vector<Source>& sources) const {
+Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
+                                                     std::vector<Source>& sources) const {
   auto file = opened_->read(name, limits_.max_file_bytes);
   if (!file) return tl::unexpected(with_field(std::move(file.error()), kField));
   sources.push_back({name, file->stamp});
@@ -117,7 +120,8 @@ std::vector<std::string> SceneLibrary::names(size_t limit) const {
   if (!opened_) return found;
   std::error_code error;
   const auto skip = fs::directory_options::skip_permission_denied;
-  for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end; it.increment(error)) {
+  for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end;
+       it.increment(error)) {
     const std::string name = it->path().lexically_relative(folder_).generic_string();
     if (is_scene_name(name) && opened_->stamp(name)) found.push_back(name);
   }

@@ -1,5 +1,6 @@
-// Scenes by name from one folder (--scene-dir). Nothing outside that folder can be reached: names are relative paths
-// without "..", and after symbolic links are resolved the file must still lie inside (checked on the opened file).
+// Scenes by name from one folder (--scene-dir). Nothing outside that folder can be reached: names are
+// relative paths without "..", and after symbolic links are resolved the file must still lie inside (checked
+// on the opened file).
 #pragma once
 
 #include <map>
@@ -19,16 +20,16 @@ namespace sightline {
 // Keeps loaded assets as long as some session uses them. Thread-safe.
 class SceneLibrary {
  public:
-  // `folder` may be empty: then nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). One that
-  // cannot be opened says so at every load_named. `store` must outlive the library.
+  // `folder` may be empty: then nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not
+  // set"). One that cannot be opened says so at every load_named. `store` must outlive the library.
   SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store);
 
-  // "hall.glb" or "levels/one.gltf". Errors carry field "scene.name": kInvalidArgument for a name that leaves the
-  // folder, kNotFound, or what read_gltf says with its own field. A file that changed on disk, or one of the files that
-  // it refers to, is read anew (told by modification time and size).
+  // "hall.glb" or "levels/one.gltf". Errors carry field "scene.name": kInvalidArgument for a name that leaves
+  // the folder, kNotFound, or what read_gltf says with its own field. A file that changed on disk, or one of
+  // the files that it refers to, is read anew (told by modification time and size).
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
-  // Reads uploaded bytes (no external files) and keeps the asset under its hash while it is used, and the newest
-  // `kKeptUploads` ones even when unused, so that an upload is still there when the session opens.
+  // Reads uploaded bytes (no external files) and keeps the asset under its hash while it is used, and the
+  // newest `kKeptUploads` ones even when unused, so that an upload is still there when the session opens.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes);
   // kNotFound (field "scene.hash") when no such asset is alive.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
@@ -59,9 +60,9 @@ class SceneLibrary {
   const GltfLimits limits_;
   GeometryStore& store_;
   std::mutex mutex_;
-  std::map<std::string, Named> named_;                                        // guarded by mutex_
-  std::map<ContentHash, std::weak_ptr<const SceneAsset>> by_hash_;            // guarded by mutex_
-  std::vector<std::shared_ptr<const SceneAsset>> kept_uploads_;               // guarded by mutex_
+  std::map<std::string, Named> named_;                              // guarded by mutex_
+  std::map<ContentHash, std::weak_ptr<const SceneAsset>> by_hash_;  // guarded by mutex_
+  std::vector<std::shared_ptr<const SceneAsset>> kept_uploads_;     // guarded by mutex_
 };
 
 }  // namespace sightline

@@ -61,7 +61,8 @@ struct PlainGlb {
     const json& positions = document["accessors"][primitive["attributes"]["POSITION"].get<size_t>()];
     size_t with_area = 0;
     for (size_t i = 0; i < indices["count"].get<size_t>(); i += 3) {
-      const glm::dvec3 a = position(positions, index(indices, i)), b = position(positions, index(indices, i + 1)),
+      const glm::dvec3 a = position(positions, index(indices, i)),
+                       b = position(positions, index(indices, i + 1)),
                        c = position(positions, index(indices, i + 2));
       if (glm::cross(b - a, c - a) != glm::dvec3(0.0)) ++with_area;
     }
@@ -72,7 +73,8 @@ struct PlainGlb {
     const json& n = document["nodes"][node];
     size_t sum = 0;
     if (n.contains("mesh"))
-      for (const json& primitive : document["meshes"][n["mesh"].get<size_t>()]["primitives"]) sum += count(primitive);
+      for (const json& primitive : document["meshes"][n["mesh"].get<size_t>()]["primitives"])
+        sum += count(primitive);
     for (const json& child : n.value("children", json::array())) sum += count_below(child.get<size_t>());
     return sum;
   }
@@ -85,7 +87,8 @@ struct PlainGlb {
 };
 
 TEST(GltfAssets, EveryFileLoadsWithTheTrianglesThatAPlainReaderCounts) {
-  if (!fs::is_directory(assets_folder())) GTEST_SKIP() << "no assets at " << assets_folder() << "; set SIGHTLINE_ASSETS";
+  if (!fs::is_directory(assets_folder()))
+    GTEST_SKIP() << "no assets at " << assets_folder() << "; set SIGHTLINE_ASSETS";
   GeometryStore store;
   size_t files = 0;
   for (const auto& entry : fs::directory_iterator(assets_folder())) {

@@ -1,5 +1,5 @@
-// Files that nobody means well with. The property: an Error that names the place, no crash, no more memory than the
-// limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
+// Files that nobody means well with. The property: an Error that names the place, no crash, no more memory
+// than the limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -25,10 +25,13 @@ GlbBuilder rich_file() {
   const std::vector<float> sparse_value = {2, 0, 0};
   file.json["accessors"][0]["sparse"] = {
       {"count", 1},
-      {"indices", {{"bufferView", file.view(std::as_bytes(std::span(sparse_index)))}, {"componentType", 5123}}},
+      {"indices",
+       {{"bufferView", file.view(std::as_bytes(std::span(sparse_index)))}, {"componentType", 5123}}},
       {"values", {{"bufferView", file.view(std::as_bytes(std::span(sparse_value)))}}}};
-  file.json["meshes"][0]["primitives"][0]["indices"] = file.accessor<uint8_t>({0, 1, 2}, "SCALAR", kUnsignedByte);
-  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.2}}}}});
+  file.json["meshes"][0]["primitives"][0]["indices"] =
+      file.accessor<uint8_t>({0, 1, 2}, "SCALAR", kUnsignedByte);
+  file.add("materials",
+           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.2}}}}});
   file.json["meshes"][0]["primitives"][0]["material"] = 0;
   file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
       file.floats({1, 2, 3, 4, 5, 6});
@@ -47,9 +50,12 @@ Error error_of(const std::vector<std::byte>& bytes, const GltfLimits& limits = {
   if (asset) return {ErrorCode::kInternal, "", "was read without an error"};
   return asset.error();
 }
-Error error_of(const GlbBuilder& file, const GltfLimits& limits = {}) { return error_of(file.glb(), limits); }
+Error error_of(const GlbBuilder& file, const GltfLimits& limits = {}) {
+  return error_of(file.glb(), limits);
+}
 
-// The most memory that the process ever held. Sanitizers keep freed memory back, so there the question is not asked.
+// The most memory that the process ever held. Sanitizers keep freed memory back, so there the question is not
+// asked.
 size_t peak_bytes() {
 #ifdef __SANITIZE_ADDRESS__
   return 0;
@@ -91,7 +97,8 @@ TEST(GltfHostile, ATruncatedBinaryChunkIsAnError) {
   document["buffers"] = json::array({{{"byteLength", file.binary().size()}}});
   for (size_t length = 0; length + 4 <= file.binary().size(); length += 4) {
     const auto binary = file.binary().first(length);
-    EXPECT_NE(error_of(make_glb(document.dump(), {binary.begin(), binary.end()})).code, ErrorCode::kInternal) << length;
+    EXPECT_NE(error_of(make_glb(document.dump(), {binary.begin(), binary.end()})).code, ErrorCode::kInternal)
+        << length;
   }
 }
 
@@ -105,11 +112,13 @@ TEST(GltfHostile, RandomByteDamageNeverCrashes) {
     auto damaged = whole;
     const uint32_t count = 1 + random.next_below(4);
     for (uint32_t i = 0; i < count; ++i)
-      damaged[random.next_below(static_cast<uint32_t>(damaged.size()))] = static_cast<std::byte>(random.next_below(256));
+      damaged[random.next_below(static_cast<uint32_t>(damaged.size()))] =
+          static_cast<std::byte>(random.next_below(256));
     GeometryStore store;
     if (const auto asset = read_gltf(damaged, nullptr, store)) {
       ++read;
-      for (const AssetAnimation& animation : (*asset)->animations) animated_world_from_node(**asset, animation, 0.5);
+      for (const AssetAnimation& animation : (*asset)->animations)
+        animated_world_from_node(**asset, animation, 0.5);
     }
   }
   EXPECT_GT(read, 0u);
@@ -117,13 +126,36 @@ TEST(GltfHostile, RandomByteDamageNeverCrashes) {
   EXPECT_LT(peak_bytes() - before, size_t{256} << 20);
 }
 
-// Digits for digits and keys for keys: damage that keeps the JSON well formed reaches deeper than random bytes.
+// Digits for digits and keys for keys: damage that keeps the JSON well formed reaches deeper than random
+// bytes.
 TEST(GltfHostile, RandomNumbersInWellFormedJsonNeverCrash) {
   const GlbBuilder file = rich_file();
   CounterRandom random(8, 0, RandomPurpose::kTest);
-  const std::vector<json> values = {-1, 0, 1, 2, 3, 7, 255, 65535, 2147483647, 4294967295u, 1099511627776, 1e300, -1e300,
-                                    0.5, 5120, 5121, 5125, 5126, "", "VEC4", "SCALAR", nullptr, true,
-                                    json::array(), json::object()};
+  const std::vector<json> values = {-1,
+                                    0,
+                                    1,
+                                    2,
+                                    3,
+                                    7,
+                                    255,
+                                    65535,
+                                    2147483647,
+                                    4294967295u,
+                                    1099511627776,
+                                    1e300,
+                                    -1e300,
+                                    0.5,
+                                    5120,
+                                    5121,
+                                    5125,
+                                    5126,
+                                    "",
+                                    "VEC4",
+                                    "SCALAR",
+                                    nullptr,
+                                    true,
+                                    json::array(),
+                                    json::object()};
   json document = file.json;
   document["buffers"] = json::array({{{"byteLength", file.binary().size()}}});
   const json flat = document.flatten();
@@ -134,8 +166,7 @@ TEST(GltfHostile, RandomNumbersInWellFormedJsonNeverCrash) {
   for (int round = 0; round < 10'000; ++round) {
     json damaged = document;
     const uint32_t count = 1 + random.next_below(2);
-    for (uint32_t i = 0; i < count; ++i)
-      try {
+    for (uint32_t i = 0; i < count; ++i) try {
         damaged[json::json_pointer(paths[random.next_below(static_cast<uint32_t>(paths.size()))])] =
             values[random.next_below(static_cast<uint32_t>(values.size()))];
       } catch (const json::exception&) {  // the first damage removed the place of the second
@@ -154,7 +185,9 @@ struct Hostile {
   const char* field;
 };
 
-void PrintTo(const Hostile& hostile, std::ostream* out) { *out << hostile.name; }
+void PrintTo(const Hostile& hostile, std::ostream* out) {
+  *out << hostile.name;
+}
 
 class GltfHostileFile : public testing::TestWithParam<Hostile> {};
 
@@ -172,13 +205,19 @@ constexpr ErrorCode kInvalid = ErrorCode::kInvalidArgument;
 constexpr ErrorCode kLoss = ErrorCode::kDataLoss;
 constexpr ErrorCode kTooMuch = ErrorCode::kResourceExhausted;
 
-json& accessor0(GlbBuilder& f) { return f.json["accessors"][0]; }
-json& primitive0(GlbBuilder& f) { return f.json["meshes"][0]["primitives"][0]; }
+json& accessor0(GlbBuilder& f) {
+  return f.json["accessors"][0];
+}
+json& primitive0(GlbBuilder& f) {
+  return f.json["meshes"][0]["primitives"][0];
+}
 
 const Hostile kHostile[] = {
     {"NoAsset", [](auto& f) { f.json.erase("asset"); }, kInvalid, "asset"},
-    {"OldVersion", [](auto& f) { f.json["asset"]["version"] = "1.0"; }, ErrorCode::kUnsupported, "asset.version"},
-    {"NewMinVersion", [](auto& f) { f.json["asset"]["minVersion"] = "2.1"; }, ErrorCode::kUnsupported, "asset.minVersion"},
+    {"OldVersion", [](auto& f) { f.json["asset"]["version"] = "1.0"; }, ErrorCode::kUnsupported,
+     "asset.version"},
+    {"NewMinVersion", [](auto& f) { f.json["asset"]["minVersion"] = "2.1"; }, ErrorCode::kUnsupported,
+     "asset.minVersion"},
     {"NodesNotAnArray", [](auto& f) { f.json["nodes"] = 3; }, kInvalid, "nodes"},
     {"NodeNotAnObject", [](auto& f) { f.json["nodes"][1] = 3; }, kInvalid, "nodes[1]"},
     {"SelfCycle", [](auto& f) { f.json["nodes"][0]["children"] = {0}; }, kInvalid, "nodes[1].children"},
@@ -188,26 +227,53 @@ const Hostile kHostile[] = {
        f.add("nodes", {{"children", {2}}});
      },
      kInvalid, "nodes[2]"},
-    {"TwoParents", [](auto& f) { f.add("nodes", {{"children", {0}}}); }, kInvalid, "nodes[2].children"},
-    {"SameChildTwice", [](auto& f) { f.json["nodes"][1]["children"] = {0, 0}; }, kInvalid, "nodes[1].children"},
+    {"TwoParents",
+     [](auto& f) {
+       f.add("nodes", {{"children", {0}}});
+     },
+     kInvalid, "nodes[2].children"},
+    {"SameChildTwice",
+     [](auto& f) {
+       f.json["nodes"][1]["children"] = {0, 0};
+     },
+     kInvalid, "nodes[1].children"},
     {"SceneRootIsAChild", [](auto& f) { f.json["scenes"][0]["nodes"] = {0}; }, kInvalid, "scenes[0].nodes"},
-    {"SceneRootTwice", [](auto& f) { f.json["scenes"][0]["nodes"] = {1, 1}; }, kInvalid, "scenes[0].nodes"},
+    {"SceneRootTwice",
+     [](auto& f) {
+       f.json["scenes"][0]["nodes"] = {1, 1};
+     },
+     kInvalid, "scenes[0].nodes"},
     {"TooDeep",
      [](auto& f) {
        for (int i = 0; i < 70; ++i) f.add("nodes", {{"children", {f.json["nodes"].size() + 1}}});
        f.add("nodes", json::object());
      },
      kTooMuch, "nodes[66]"},
-    {"ChildOutOfRange", [](auto& f) { f.json["nodes"][1]["children"] = {9}; }, kInvalid, "nodes[1].children[0]"},
-    {"NegativeChild", [](auto& f) { f.json["nodes"][1]["children"] = {-1}; }, kInvalid, "nodes[1].children[0]"},
-    {"ChildWrapsAround", [](auto& f) { f.json["nodes"][1]["children"] = {4294967296}; }, kInvalid, "nodes[1].children[0]"},
+    {"ChildOutOfRange", [](auto& f) { f.json["nodes"][1]["children"] = {9}; }, kInvalid,
+     "nodes[1].children[0]"},
+    {"NegativeChild", [](auto& f) { f.json["nodes"][1]["children"] = {-1}; }, kInvalid,
+     "nodes[1].children[0]"},
+    {"ChildWrapsAround", [](auto& f) { f.json["nodes"][1]["children"] = {4294967296}; }, kInvalid,
+     "nodes[1].children[0]"},
     {"MeshOutOfRange", [](auto& f) { f.json["nodes"][0]["mesh"] = 1; }, kInvalid, "nodes[0].mesh"},
     {"MeshIsAString", [](auto& f) { f.json["nodes"][0]["mesh"] = "0"; }, kInvalid, "nodes[0].mesh"},
     {"CameraOutOfRange", [](auto& f) { f.json["nodes"][1]["camera"] = 1; }, kInvalid, "nodes[1].camera"},
     {"SceneOutOfRange", [](auto& f) { f.json["scene"] = 1; }, kInvalid, "scene"},
-    {"ZeroRotation", [](auto& f) { f.json["nodes"][1]["rotation"] = {0, 0, 0, 0}; }, kInvalid, "nodes[1].rotation"},
-    {"ShortRotation", [](auto& f) { f.json["nodes"][1]["rotation"] = {0, 0, 1}; }, kInvalid, "nodes[1].rotation"},
-    {"WordInTranslation", [](auto& f) { f.json["nodes"][1]["translation"] = {0, "x", 1}; }, kInvalid, "nodes[1].translation[1]"},
+    {"ZeroRotation",
+     [](auto& f) {
+       f.json["nodes"][1]["rotation"] = {0, 0, 0, 0};
+     },
+     kInvalid, "nodes[1].rotation"},
+    {"ShortRotation",
+     [](auto& f) {
+       f.json["nodes"][1]["rotation"] = {0, 0, 1};
+     },
+     kInvalid, "nodes[1].rotation"},
+    {"WordInTranslation",
+     [](auto& f) {
+       f.json["nodes"][1]["translation"] = {0, "x", 1};
+     },
+     kInvalid, "nodes[1].translation[1]"},
     {"ScaleOverflowsDownTheHierarchy",
      [](auto& f) {
        f.json["nodes"][1]["scale"] = {1e200, 1, 1};
@@ -215,67 +281,150 @@ const Hostile kHostile[] = {
      },
      kInvalid, "nodes[0]"},
     {"ProjectiveMatrix",
-     [](auto& f) { f.json["nodes"][0]["matrix"] = {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }, kInvalid, "nodes[0].matrix"},
-    {"ViewBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, kLoss, "bufferViews[0]"},
-    {"ViewOffsetBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = 1099511627776; }, kLoss, "bufferViews[0]"},
-    {"ViewOffsetNearTheLargestNumber", [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = UINT64_MAX - 8; }, kInvalid, "bufferViews[0].byteOffset"},
-    {"ViewOfNoBuffer", [](auto& f) { f.json["bufferViews"][0]["buffer"] = 1; }, kInvalid, "bufferViews[0].buffer"},
-    {"OddStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 13; }, kInvalid, "bufferViews[0].byteStride"},
-    {"StrideBelowElement", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 4; }, kInvalid, "accessors[0]"},
-    {"HugeStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 256; }, kInvalid, "bufferViews[0].byteStride"},
-    {"StrideReachesBeyondView", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 16; }, kLoss, "accessors[0]"},
-    {"AccessorBeyondView", [](auto& f) { accessor0(f)["count"] = 6; primitive0(f).erase("indices"); }, kLoss, "accessors[0]"},
-    {"AccessorOffsetBeyondView", [](auto& f) { accessor0(f)["byteOffset"] = 1099511627776; }, kLoss, "accessors[0]"},
+     [](auto& f) { f.json["nodes"][0]["matrix"] = {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; },
+     kInvalid, "nodes[0].matrix"},
+    {"ViewBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, kLoss,
+     "bufferViews[0]"},
+    {"ViewOffsetBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = 1099511627776; }, kLoss,
+     "bufferViews[0]"},
+    {"ViewOffsetNearTheLargestNumber",
+     [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = UINT64_MAX - 8; }, kInvalid,
+     "bufferViews[0].byteOffset"},
+    {"ViewOfNoBuffer", [](auto& f) { f.json["bufferViews"][0]["buffer"] = 1; }, kInvalid,
+     "bufferViews[0].buffer"},
+    {"OddStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 13; }, kInvalid,
+     "bufferViews[0].byteStride"},
+    {"StrideBelowElement", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 4; }, kInvalid,
+     "accessors[0]"},
+    {"HugeStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 256; }, kInvalid,
+     "bufferViews[0].byteStride"},
+    {"StrideReachesBeyondView", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 16; }, kLoss,
+     "accessors[0]"},
+    {"AccessorBeyondView",
+     [](auto& f) {
+       accessor0(f)["count"] = 6;
+       primitive0(f).erase("indices");
+     },
+     kLoss, "accessors[0]"},
+    {"AccessorOffsetBeyondView", [](auto& f) { accessor0(f)["byteOffset"] = 1099511627776; }, kLoss,
+     "accessors[0]"},
     {"ZeroCount", [](auto& f) { accessor0(f)["count"] = 0; }, kInvalid, "accessors[0].count"},
     {"NegativeCount", [](auto& f) { accessor0(f)["count"] = -3; }, kInvalid, "accessors[0].count"},
     {"FractionalCount", [](auto& f) { accessor0(f)["count"] = 3.5; }, kInvalid, "accessors[0].count"},
     {"CountOfBillions", [](auto& f) { accessor0(f)["count"] = 4000000000u; }, kInvalid, "accessors[0].count"},
-    {"CountNearTwoBillion", [](auto& f) { accessor0(f)["count"] = 2147483646; primitive0(f).erase("indices"); }, kTooMuch, "meshes[0].primitives[0]"},
+    {"CountNearTwoBillion",
+     [](auto& f) {
+       accessor0(f)["count"] = 2147483646;
+       primitive0(f).erase("indices");
+     },
+     kTooMuch, "meshes[0].primitives[0]"},
     {"SparseOverNothingOfMillions",
      [](auto& f) {
        accessor0(f).erase("bufferView");
        accessor0(f)["count"] = 120'000'000;
      },
      kTooMuch, "accessors[0].count"},
-    {"SparseCountAboveCount", [](auto& f) { accessor0(f)["sparse"]["count"] = 4; }, kInvalid, "accessors[0].sparse.count"},
-    {"SparseCountOfMillions", [](auto& f) { accessor0(f)["sparse"]["count"] = 2147483647; }, kInvalid, "accessors[0].sparse.count"},
-    {"SparseIndicesMissing", [](auto& f) { accessor0(f)["sparse"].erase("indices"); }, kInvalid, "accessors[0].sparse.indices"},
-    {"SparseIndicesOfFloats", [](auto& f) { accessor0(f)["sparse"]["indices"]["componentType"] = 5126; }, kInvalid, "accessors[0].sparse.indices.componentType"},
-    {"SparseIndicesBeyondView", [](auto& f) { accessor0(f)["sparse"]["indices"]["byteOffset"] = 2; }, kLoss, "accessors[0].sparse.indices"},
-    {"SparseValuesBeyondView", [](auto& f) { accessor0(f)["sparse"]["values"]["byteOffset"] = 4; }, kLoss, "accessors[0].sparse.values"},
-    {"PositionsOfTwoNumbers", [](auto& f) { accessor0(f)["type"] = "VEC2"; }, kInvalid, "meshes[0].primitives[0].attributes.POSITION"},
-    {"PositionsOfUnsignedInts", [](auto& f) { accessor0(f)["componentType"] = 5125; }, kInvalid, "meshes[0].primitives[0].attributes.POSITION"},
-    {"UnknownComponentType", [](auto& f) { accessor0(f)["componentType"] = 5124; }, kInvalid, "accessors[0].componentType"},
-    {"DoubleComponentType", [](auto& f) { accessor0(f)["componentType"] = 5130; }, kInvalid, "accessors[0].componentType"},
+    {"SparseCountAboveCount", [](auto& f) { accessor0(f)["sparse"]["count"] = 4; }, kInvalid,
+     "accessors[0].sparse.count"},
+    {"SparseCountOfMillions", [](auto& f) { accessor0(f)["sparse"]["count"] = 2147483647; }, kInvalid,
+     "accessors[0].sparse.count"},
+    {"SparseIndicesMissing", [](auto& f) { accessor0(f)["sparse"].erase("indices"); }, kInvalid,
+     "accessors[0].sparse.indices"},
+    {"SparseIndicesOfFloats", [](auto& f) { accessor0(f)["sparse"]["indices"]["componentType"] = 5126; },
+     kInvalid, "accessors[0].sparse.indices.componentType"},
+    {"SparseIndicesBeyondView", [](auto& f) { accessor0(f)["sparse"]["indices"]["byteOffset"] = 2; }, kLoss,
+     "accessors[0].sparse.indices"},
+    {"SparseValuesBeyondView", [](auto& f) { accessor0(f)["sparse"]["values"]["byteOffset"] = 4; }, kLoss,
+     "accessors[0].sparse.values"},
+    {"PositionsOfTwoNumbers", [](auto& f) { accessor0(f)["type"] = "VEC2"; }, kInvalid,
+     "meshes[0].primitives[0].attributes.POSITION"},
+    {"PositionsOfUnsignedInts", [](auto& f) { accessor0(f)["componentType"] = 5125; }, kInvalid,
+     "meshes[0].primitives[0].attributes.POSITION"},
+    {"UnknownComponentType", [](auto& f) { accessor0(f)["componentType"] = 5124; }, kInvalid,
+     "accessors[0].componentType"},
+    {"DoubleComponentType", [](auto& f) { accessor0(f)["componentType"] = 5130; }, kInvalid,
+     "accessors[0].componentType"},
     {"UnknownType", [](auto& f) { accessor0(f)["type"] = "VEC9"; }, kInvalid, "accessors[0].type"},
-    {"IndicesOfFloats", [](auto& f) { primitive0(f)["indices"] = 0; }, kInvalid, "meshes[0].primitives[0].indices"},
-    {"AttributeOutOfRange", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = 99; }, kInvalid, "meshes[0].primitives[0].attributes.POSITION"},
+    {"IndicesOfFloats", [](auto& f) { primitive0(f)["indices"] = 0; }, kInvalid,
+     "meshes[0].primitives[0].indices"},
+    {"AttributeOutOfRange", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = 99; }, kInvalid,
+     "meshes[0].primitives[0].attributes.POSITION"},
     {"UnknownMode", [](auto& f) { primitive0(f)["mode"] = 7; }, kInvalid, "meshes[0].primitives[0].mode"},
-    {"IndexOutOfRange", [](auto& f) { primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1, 3}, "SCALAR", kUnsignedByte); }, kInvalid, "meshes[0].primitives[0].indices[2]"},
-    {"RestartIndex", [](auto& f) { primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 255, 2}, "SCALAR", kUnsignedByte); }, kInvalid, "meshes[0].primitives[0].indices[1]"},
-    {"FourCornersOfTriangles", [](auto& f) { primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1, 2, 0}, "SCALAR", kUnsignedByte); }, kInvalid, "meshes[0].primitives[0].indices"},
+    {"IndexOutOfRange",
+     [](auto& f) {
+       primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1, 3}, "SCALAR", kUnsignedByte);
+     },
+     kInvalid, "meshes[0].primitives[0].indices[2]"},
+    {"RestartIndex",
+     [](auto& f) {
+       primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 255, 2}, "SCALAR", kUnsignedByte);
+     },
+     kInvalid, "meshes[0].primitives[0].indices[1]"},
+    {"FourCornersOfTriangles",
+     [](auto& f) {
+       primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1, 2, 0}, "SCALAR", kUnsignedByte);
+     },
+     kInvalid, "meshes[0].primitives[0].indices"},
     {"StripOfTwo",
      [](auto& f) {
        primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1}, "SCALAR", kUnsignedByte);
        primitive0(f)["mode"] = 5;
      },
      kInvalid, "meshes[0].primitives[0].indices"},
-    {"NanPosition", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = f.floats({0, 0, 0, 1, std::nanf(""), 0, 0, 1, 0}); }, kInvalid, "meshes[0].primitives[0].attributes.POSITION[1]"},
-    {"InfinitePosition", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = f.floats({0, 0, 0, 1, 0, 0, 0, 1, -INFINITY}); }, kInvalid, "meshes[0].primitives[0].attributes.POSITION[2]"},
-    {"EnormousPosition", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = f.floats({3e38f, 0, 0, 1, 0, 0, 0, 1, 0}); }, kInvalid, "meshes[0].primitives[0].attributes.POSITION[0]"},
-    {"NanInstance", [](auto& f) { f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = f.floats({0, 0, std::nanf("")}); }, kInvalid, "nodes[0]"},
-    {"InstanceAttributeOutOfRange", [](auto& f) { f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = 77; }, kInvalid, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE"},
-    {"ZeroFieldOfView", [](auto& f) { f.json["cameras"][0]["perspective"]["yfov"] = 0; }, kInvalid, "cameras[0].perspective.yfov"},
-    {"CameraOfUnknownType", [](auto& f) { f.json["cameras"][0]["type"] = "fisheye"; }, kInvalid, "cameras[0].type"},
-    {"SamplerOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["sampler"] = 1; }, kInvalid, "animations[0].channels[0].sampler"},
-    {"AnimatedNodeOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 5; }, kInvalid, "animations[0].channels[0].target.node"},
-    {"NoSamplers", [](auto& f) { f.json["animations"][0].erase("samplers"); }, kInvalid, "animations[0].samplers"},
+    {"NanPosition",
+     [](auto& f) {
+       primitive0(f)["attributes"]["POSITION"] = f.floats({0, 0, 0, 1, std::nanf(""), 0, 0, 1, 0});
+     },
+     kInvalid, "meshes[0].primitives[0].attributes.POSITION[1]"},
+    {"InfinitePosition",
+     [](auto& f) {
+       primitive0(f)["attributes"]["POSITION"] = f.floats({0, 0, 0, 1, 0, 0, 0, 1, -INFINITY});
+     },
+     kInvalid, "meshes[0].primitives[0].attributes.POSITION[2]"},
+    {"EnormousPosition",
+     [](auto& f) {
+       primitive0(f)["attributes"]["POSITION"] = f.floats({3e38f, 0, 0, 1, 0, 0, 0, 1, 0});
+     },
+     kInvalid, "meshes[0].primitives[0].attributes.POSITION[0]"},
+    {"NanInstance",
+     [](auto& f) {
+       f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
+           f.floats({0, 0, std::nanf("")});
+     },
+     kInvalid, "nodes[0]"},
+    {"InstanceAttributeOutOfRange",
+     [](auto& f) { f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = 77; },
+     kInvalid, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE"},
+    {"ZeroFieldOfView", [](auto& f) { f.json["cameras"][0]["perspective"]["yfov"] = 0; }, kInvalid,
+     "cameras[0].perspective.yfov"},
+    {"CameraOfUnknownType", [](auto& f) { f.json["cameras"][0]["type"] = "fisheye"; }, kInvalid,
+     "cameras[0].type"},
+    {"SamplerOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["sampler"] = 1; }, kInvalid,
+     "animations[0].channels[0].sampler"},
+    {"AnimatedNodeOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 5; },
+     kInvalid, "animations[0].channels[0].target.node"},
+    {"NoSamplers", [](auto& f) { f.json["animations"][0].erase("samplers"); }, kInvalid,
+     "animations[0].samplers"},
     {"BufferBeyondChunk", [](auto& f) { f.json["buffers"][0]["byteLength"] = 100000; }, kLoss, "buffers[0]"},
-    {"BufferOfTerabytes", [](auto& f) { f.json["buffers"][0]["byteLength"] = 1099511627776; }, kTooMuch, "buffers[0].byteLength"},
-    {"BufferOfNothing", [](auto& f) { f.json["buffers"][0]["byteLength"] = 0; }, kInvalid, "buffers[0].byteLength"},
-    {"SecondBufferWithoutUri", [](auto& f) { f.json["buffers"] = json::array({{{"byteLength", 4}}, {{"byteLength", 4}}}); }, kInvalid, "buffers[1].uri"},
-    {"FileWhereNoneIsAllowed", [](auto& f) { f.json["buffers"][0] = {{"byteLength", 4}, {"uri", "a.bin"}}; }, kInvalid, "buffers[0].uri"},
-    {"BrokenDataUri", [](auto& f) { f.json["buffers"][0] = {{"byteLength", 4}, {"uri", "data:application/octet-stream;base64,!!!!"}}; }, kLoss, "buffers[0].uri"},
+    {"BufferOfTerabytes", [](auto& f) { f.json["buffers"][0]["byteLength"] = 1099511627776; }, kTooMuch,
+     "buffers[0].byteLength"},
+    {"BufferOfNothing", [](auto& f) { f.json["buffers"][0]["byteLength"] = 0; }, kInvalid,
+     "buffers[0].byteLength"},
+    {"SecondBufferWithoutUri",
+     [](auto& f) {
+       f.json["buffers"] = json::array({{{"byteLength", 4}}, {{"byteLength", 4}}});
+     },
+     kInvalid, "buffers[1].uri"},
+    {"FileWhereNoneIsAllowed",
+     [](auto& f) {
+       f.json["buffers"][0] = {{"byteLength", 4}, {"uri", "a.bin"}};
+     },
+     kInvalid, "buffers[0].uri"},
+    {"BrokenDataUri",
+     [](auto& f) {
+       f.json["buffers"][0] = {{"byteLength", 4}, {"uri", "data:application/octet-stream;base64,!!!!"}};
+     },
+     kLoss, "buffers[0].uri"},
 };
 
 INSTANTIATE_TEST_SUITE_P(All, GltfHostileFile, testing::ValuesIn(kHostile),
@@ -303,7 +452,8 @@ TEST(GltfHostile, ManyJsonValuesAreRefusedBeforeAnyIsStored) {
 TEST(GltfHostile, SharedAccessorsCountEveryTimeTheyAreUsed) {
   GlbBuilder file;
   file.triangle_node();
-  for (int i = 0; i < 10'000; ++i) file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}});
+  for (int i = 0; i < 10'000; ++i)
+    file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}});
   GltfLimits limits;
   limits.max_triangles = 5'000;
   const Error error = error_of(file, limits);
@@ -350,10 +500,11 @@ TEST(GltfHostile, WarningsAreBounded) {
 TEST(GltfHostile, UrisThatLeaveTheFolderAreRefusedBeforeAnyFileIsAsked) {
   const std::string nul("a%00.bin");
   for (const std::string& uri :
-       {std::string("../a.bin"), std::string("x/../../a.bin"), std::string(".."), std::string("x/.."), std::string("%2e%2e/a.bin"),
-        std::string("%2E%2E%2Fa.bin"), std::string(".%2e/a.bin"), std::string("/etc/passwd"), std::string("%2Fetc/passwd"),
-        std::string("file:///etc/passwd"), std::string("http://example.org/a.bin"), std::string("C:%5Ca.bin"),
-        std::string("..\\a.bin"), std::string("a%0a.bin"), nul, std::string("a%2"), std::string("a%zz"), std::string("")}) {
+       {std::string("../a.bin"), std::string("x/../../a.bin"), std::string(".."), std::string("x/.."),
+        std::string("%2e%2e/a.bin"), std::string("%2E%2E%2Fa.bin"), std::string(".%2e/a.bin"),
+        std::string("/etc/passwd"), std::string("%2Fetc/passwd"), std::string("file:///etc/passwd"),
+        std::string("http://example.org/a.bin"), std::string("C:%5Ca.bin"), std::string("..\\a.bin"),
+        std::string("a%0a.bin"), nul, std::string("a%2"), std::string("a%zz"), std::string("")}) {
     GlbBuilder file;
     file.triangle_node();
     std::string asked;

@@ -40,7 +40,8 @@ const std::vector<float> kSquare = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0};  // O X
 
 class Gltf : public testing::Test {
  protected:
-  std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& bytes, const ExternalFile& external = nullptr) {
+  std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& bytes,
+                                         const ExternalFile& external = nullptr) {
     auto asset = read_gltf(bytes, external, store);
     if (!asset) {
       ADD_FAILURE() << to_string(asset.error());
@@ -143,9 +144,10 @@ TEST_F(Gltf, AnAccessorOffsetIsAddedToTheViewOffset) {
 }
 
 json sparse(GlbBuilder& file, const std::vector<uint16_t>& indices, const std::vector<float>& values) {
-  return {{"count", indices.size()},
-          {"indices", {{"bufferView", file.view(std::as_bytes(std::span(indices)))}, {"componentType", 5123}}},
-          {"values", {{"bufferView", file.view(std::as_bytes(std::span(values)))}}}};
+  return {
+      {"count", indices.size()},
+      {"indices", {{"bufferView", file.view(std::as_bytes(std::span(indices)))}, {"componentType", 5123}}},
+      {"values", {{"bufferView", file.view(std::as_bytes(std::span(values)))}}}};
 }
 
 TEST_F(Gltf, SparseValuesReplaceTheBase) {
@@ -159,6 +161,18 @@ TEST_F(Gltf, ASparseAccessorWithoutABaseStartsFromZero) {
   const int position = file.accessor_over(-1, 3, "VEC3", kFloat);
   file.json["accessors"][position]["sparse"] = sparse(file, {1, 2}, {1, 0, 0, 0, 1, 0});
   file.mesh_node({{"attributes", {{"POSITION", position}}}});
+  EXPECT_EQ(load_triangles(), (std::vector<Triangle>{{kO, kX, kY}}));
+}
+
+TEST_F(Gltf, IndicesMayBeSparseOverNothing) {
+  const int position = file.floats(kSquare);
+  const int indices = file.accessor_over(-1, 3, "SCALAR", kUnsignedShort);
+  const std::vector<uint16_t> places = {1, 2}, values = {1, 2};
+  file.json["accessors"][indices]["sparse"] = {
+      {"count", 2},
+      {"indices", {{"bufferView", file.view(std::as_bytes(std::span(places)))}, {"componentType", 5123}}},
+      {"values", {{"bufferView", file.view(std::as_bytes(std::span(values)))}}}};
+  file.mesh_node({{"attributes", {{"POSITION", position}}}, {"indices", indices}});
   EXPECT_EQ(load_triangles(), (std::vector<Triangle>{{kO, kX, kY}}));
 }
 
@@ -221,12 +235,14 @@ TEST_F(Gltf, NodesMultiplyDownTheHierarchy) {
 
 TEST_F(Gltf, AMatrixEqualsTheTrsThatItIsMadeOf) {
   const int a = file.triangle_node();
-  file.json["nodes"][a]["matrix"] = {0, 2, 0, 0, -3, 0, 0, 0, 0, 0, 4, 0, 5, 6, 7, 1};  // scale 2 3 4, quarter turn
+  file.json["nodes"][a]["matrix"] = {0, 2, 0, 0, -3, 0, 0, 0,
+                                     0, 0, 4, 0, 5,  6, 7, 1};  // scale 2 3 4, quarter turn
   const auto asset = load();
   const AssetNode& node = asset->nodes.at(0);
   EXPECT_NEAR(glm::length(node.scale - glm::dvec3(2, 3, 4)), 0.0, 1e-12);
   EXPECT_NEAR(glm::length(node.translation_m - glm::dvec3(5, 6, 7)), 0.0, 1e-12);
-  EXPECT_NEAR(std::abs(glm::dot(node.rotation, glm::dquat(std::sqrt(0.5), 0, 0, std::sqrt(0.5)))), 1.0, 1e-12);
+  EXPECT_NEAR(std::abs(glm::dot(node.rotation, glm::dquat(std::sqrt(0.5), 0, 0, std::sqrt(0.5)))), 1.0,
+              1e-12);
   EXPECT_TRUE(node.decomposed);
 }
 
@@ -273,15 +289,16 @@ TEST_F(Gltf, GpuInstancesAreReadWithQuantizedRotations) {
   ASSERT_EQ(asset->nodes.at(0).gpu_instances.size(), 2u);
   EXPECT_EQ(asset->triangle_count(), 2u);
   const Affine& second = asset->nodes[0].gpu_instances[1];
-  EXPECT_NEAR(glm::length(transform_point(second, {1, 0, 0}) - glm::dvec3(2, 5, 6)), 0.0, 1e-9);  // half turn, doubled
+  EXPECT_NEAR(glm::length(transform_point(second, {1, 0, 0}) - glm::dvec3(2, 5, 6)), 0.0,
+              1e-9);  // half turn, doubled
 }
 
 TEST_F(Gltf, GpuInstanceAttributesMustBeEquallyLong) {
   const int node = file.triangle_node();
   const int translation = file.floats({1, 2, 3, 4, 5, 6});
   const int scale = file.floats({1, 1, 1});
-  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", translation},
-                                                                                     {"SCALE", scale}};
+  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
+      {"TRANSLATION", translation}, {"SCALE", scale}};
   EXPECT_EQ(load_error().field, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE");
 }
 
@@ -297,7 +314,8 @@ TEST_F(Gltf, SkinsAndMorphTargetsStayAtRestWithAWarning) {
 }
 
 TEST_F(Gltf, ARequiredExtensionThatIsNotSupportedIsNamed) {
-  for (const char* name : {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_node_visibility", "ACME_x"}) {
+  for (const char* name :
+       {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_node_visibility", "ACME_x"}) {
     file = GlbBuilder();
     file.triangle_node();
     file.json["extensionsRequired"] = {"KHR_mesh_quantization", name};
@@ -319,8 +337,10 @@ TEST_F(Gltf, RequiredExtensionsThatLeaveGeometryAloneAreRead) {
 TEST_F(Gltf, BlendedMaterialsBelowTheOccludingOpacityAreSeeThrough) {
   const int clear = file.floats({0, 1, 0, 1, 0, 0, 1, 1, 0});
   const int solid = file.floats({0, 0, 0, 1, 0, 0, 0, 1, 0});
-  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.5}}}}});
-  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.75}}}}});
+  file.add("materials",
+           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.5}}}}});
+  file.add("materials",
+           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.75}}}}});
   file.mesh_node({{"attributes", {{"POSITION", clear}}}, {"material", 0}});
   file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", solid}}}, {"material", 1}});
   const auto asset = load();
@@ -341,10 +361,14 @@ TEST_F(Gltf, AnOpaqueMaterialIgnoresItsAlpha) {
 
 TEST_F(Gltf, ExtrasGiveAttributesAndStayReadable) {
   const int node = file.triangle_node();
-  file.json["nodes"][node]["extras"] = {
-      {"author", "x"},
-      {"sightline",
-       {{"layers", 6}, {"opacity", 0.5}, {"occludes", false}, {"collides", false}, {"visible", false}, {"role", "target"}}}};
+  file.json["nodes"][node]["extras"] = {{"author", "x"},
+                                        {"sightline",
+                                         {{"layers", 6},
+                                          {"opacity", 0.5},
+                                          {"occludes", false},
+                                          {"collides", false},
+                                          {"visible", false},
+                                          {"role", "target"}}}};
   const auto asset = load();
   EXPECT_EQ(asset->nodes.at(0).attributes, (InstanceAttributes{6, 0.5f, false, false, false}));
   EXPECT_EQ(json::parse(asset->nodes[0].extras_json), file.json["nodes"][node]["extras"]);
@@ -352,9 +376,15 @@ TEST_F(Gltf, ExtrasGiveAttributesAndStayReadable) {
 
 TEST_F(Gltf, WrongExtrasAreNamed) {
   const std::vector<std::pair<json, std::string>> cases = {
-      {{{"opacity", 1.5}}, ".opacity"},  {{{"opacity", "1"}}, ".opacity"},      {{{"layers", -1}}, ".layers"},
-      {{{"layers", 1.5}}, ".layers"},    {{{"layers", 4294967296}}, ".layers"}, {{{"occludes", 1}}, ".occludes"},
-      {{{"collides", 0}}, ".collides"},  {{{"visible", "no"}}, ".visible"},     {json(3), ""},
+      {{{"opacity", 1.5}}, ".opacity"},
+      {{{"opacity", "1"}}, ".opacity"},
+      {{{"layers", -1}}, ".layers"},
+      {{{"layers", 1.5}}, ".layers"},
+      {{{"layers", 4294967296}}, ".layers"},
+      {{{"occludes", 1}}, ".occludes"},
+      {{{"collides", 0}}, ".collides"},
+      {{{"visible", "no"}}, ".visible"},
+      {json(3), ""},
   };
   for (const auto& [value, suffix] : cases) {
     file = GlbBuilder();
@@ -384,10 +414,11 @@ TEST_F(Gltf, DataUrisAndFilesGiveTheSameGeometryAsAGlb) {
   const auto glb = load();
   const auto data = load(file.gltf_with_data_uri());
   std::string asked;
-  const auto external = load(file.gltf("my%20mesh.bin"), [&](const std::string& path) -> Result<std::vector<std::byte>> {
-    asked = path;
-    return std::vector<std::byte>(file.binary().begin(), file.binary().end());
-  });
+  const auto external =
+      load(file.gltf("my%20mesh.bin"), [&](const std::string& path) -> Result<std::vector<std::byte>> {
+        asked = path;
+        return std::vector<std::byte>(file.binary().begin(), file.binary().end());
+      });
   EXPECT_EQ(asked, "my mesh.bin");
   ASSERT_TRUE(glb->meshes.at(0));
   EXPECT_EQ(data->meshes.at(0), glb->meshes[0]) << "the same object: the store keeps one copy";
@@ -399,7 +430,9 @@ TEST_F(Gltf, TheHashCoversTheFileAndWhatItRefersTo) {
   const auto read_with = [&](float x) {
     std::vector<std::byte> bytes(file.binary().begin(), file.binary().end());
     std::memcpy(bytes.data() + 12, &x, sizeof x);
-    return load(file.gltf("a.bin"), [&](const std::string&) -> Result<std::vector<std::byte>> { return bytes; })->hash;
+    return load(file.gltf("a.bin"),
+                [&](const std::string&) -> Result<std::vector<std::byte>> { return bytes; })
+        ->hash;
   };
   EXPECT_EQ(read_with(1.0f), read_with(1.0f));
   EXPECT_NE(read_with(1.0f), read_with(2.0f));

@@ -109,8 +109,9 @@ TEST_F(SceneFolder, AChangeBesideTheFileIsSeenToo) {
 
 TEST_F(SceneFolder, NamesThatLeaveTheFolderAreRefused) {
   const std::string with_nul("hall.glb\0/../../secret.glb", 26);
-  for (const std::string& name : {std::string("../secret.glb"), std::string("levels/../../secret.glb"), (root / "secret.glb").string(),
-                                  std::string("/secret.glb"), std::string(".."), std::string("../x.glb"), with_nul}) {
+  for (const std::string& name :
+       {std::string("../secret.glb"), std::string("levels/../../secret.glb"), (root / "secret.glb").string(),
+        std::string("/secret.glb"), std::string(".."), std::string("../x.glb"), with_nul}) {
     const Error error = error_of(name);
     EXPECT_EQ(error.code, ErrorCode::kInvalidArgument) << name;
     EXPECT_EQ(error.field, "scene.name") << name;

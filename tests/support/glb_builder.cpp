@@ -24,7 +24,8 @@ std::string base64(std::span<const std::byte> bytes) {
   std::string text;
   for (size_t i = 0; i < bytes.size(); i += 3) {
     uint32_t group = 0;
-    for (size_t k = 0; k < 3; ++k) group = group << 8 | (i + k < bytes.size() ? std::to_integer<uint32_t>(bytes[i + k]) : 0);
+    for (size_t k = 0; k < 3; ++k)
+      group = group << 8 | (i + k < bytes.size() ? std::to_integer<uint32_t>(bytes[i + k]) : 0);
     const size_t digits = std::min<size_t>(bytes.size() - i, 3) + 1;
     for (size_t k = 0; k < 4; ++k) text.push_back(k < digits ? kDigits[group >> (18 - 6 * k) & 63] : '=');
   }
@@ -33,7 +34,9 @@ std::string base64(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-GlbBuilder::GlbBuilder() { json["asset"]["version"] = "2.0"; }
+GlbBuilder::GlbBuilder() {
+  json["asset"]["version"] = "2.0";
+}
 
 int GlbBuilder::view(std::span<const std::byte> bytes, int stride) {
   while (binary_.size() % 4 != 0) binary_.push_back(std::byte{0});
@@ -65,13 +68,14 @@ int GlbBuilder::triangle_node() {
   return mesh_node({{"attributes", {{"POSITION", floats({0, 0, 0, 1, 0, 0, 0, 1, 0})}}}});
 }
 
-int GlbBuilder::animation(int node, const char* path, const char* interpolation, const std::vector<float>& times,
-                          const std::vector<float>& values) {
+int GlbBuilder::animation(int node, const char* path, const char* interpolation,
+                          const std::vector<float>& times, const std::vector<float>& values) {
   const int input = floats(times, "SCALAR");
   const int output = floats(values, std::string(path) == "rotation" ? "VEC4" : "VEC3");
   nlohmann::json sampler = {{"input", input}, {"output", output}, {"interpolation", interpolation}};
   nlohmann::json channel = {{"sampler", 0}, {"target", {{"node", node}, {"path", path}}}};
-  return add("animations", {{"samplers", nlohmann::json::array({sampler})}, {"channels", nlohmann::json::array({channel})}});
+  return add("animations", {{"samplers", nlohmann::json::array({sampler})},
+                            {"channels", nlohmann::json::array({channel})}});
 }
 
 size_t GlbBuilder::components_of(const char* type) {
@@ -87,7 +91,9 @@ nlohmann::json GlbBuilder::finished(const std::string* uri) const {
   return out;
 }
 
-std::vector<std::byte> GlbBuilder::glb() const { return make_glb(finished(nullptr).dump(), binary_); }
+std::vector<std::byte> GlbBuilder::glb() const {
+  return make_glb(finished(nullptr).dump(), binary_);
+}
 
 std::vector<std::byte> GlbBuilder::gltf(const std::string& buffer_uri) const {
   return bytes_of(finished(&buffer_uri).dump());
