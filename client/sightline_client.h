@@ -1,7 +1,7 @@
 // The C++ client of Sightline: what a game server links to talk to a daemon. Link `sightline_client`; messages are the
 // generated ones of proto/sightline/v1, errors are values (server/base/error.h), nothing throws.
 //
-//   auto client = Client::connect("127.0.0.1:7420", std::chrono::seconds(5));
+//   auto client = Client::connect("127.0.0.1:50151", std::chrono::seconds(5));
 //   auto scene = client->upload_scene(bytes, std::chrono::minutes(1));       // once per scene
 //   auto session = client->open_session(open, std::chrono::seconds(10));     // once per camera
 //   session->send(tick);                                                     // every tick, never blocks
@@ -31,7 +31,7 @@
 namespace sightline {
 
 // Where `sightlined` listens unless told otherwise.
-inline constexpr const char* kDefaultAddress = "127.0.0.1:7420";
+inline constexpr const char* kDefaultAddress = "127.0.0.1:50151";
 
 // What a server says on an open session. A Rejection means that nothing of one tick was applied and the session lives on.
 using SessionEvent = std::variant<v1::CameraReply, v1::Rejection, v1::Drain>;

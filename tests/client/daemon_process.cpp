@@ -1,0 +1,67 @@
+#include "tests/client/daemon_process.h"
+
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+namespace sightline::test {
+namespace {
+
+std::string make_folder() {
+  std::string path = (std::filesystem::temp_directory_path() / "sightline-test-XXXXXX").string();
+  return mkdtemp(path.data()) ? path : std::string();
+}
+
+}  // namespace
+
+DaemonProcess::DaemonProcess(std::vector<std::string> flags) : folder_(make_folder()) {
+  const std::string ready_file = folder_ + "/ready";
+  std::vector<std::string> arguments{SIGHTLINED_PATH, "--listen", "127.0.0.1:0", "--ready-file", ready_file,
+                                     "--log-level", "warning"};
+  arguments.insert(arguments.end(), flags.begin(), flags.end());
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  if (posix_spawn(&pid_, SIGHTLINED_PATH, nullptr, nullptr, argv.data(), environ) != 0) pid_ = -1;
+  wait_ready(ready_file);
+}
+
+void DaemonProcess::wait_ready(const std::string& ready_file) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (pid_ > 0 && std::chrono::steady_clock::now() < deadline) {
+    if (std::ifstream in(ready_file); std::getline(in, address_)) return;
+    if (waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = -1;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  ADD_FAILURE() << SIGHTLINED_PATH << " did not come up";
+}
+
+int DaemonProcess::stop() {
+  if (pid_ <= 0) return -1;
+  kill(pid_, SIGTERM);
+  int status = 0;
+  waitpid(pid_, &status, 0);
+  pid_ = -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+DaemonProcess::~DaemonProcess() {
+  stop();
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+TemporaryFolder::TemporaryFolder() : path_(make_folder()) {}
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+}  // namespace sightline::test

@@ -1,0 +1,46 @@
+// A daemon of its own for a test: started on a free port, stopped when the test is over.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+namespace sightline::test {
+
+class DaemonProcess {
+ public:
+  // Starts sightlined with `flags` besides a free loopback port and waits until it says that it is ready; a daemon that
+  // does not come up fails the test and leaves address() empty.
+  explicit DaemonProcess(std::vector<std::string> flags = {"--sampler", "embree"});
+  ~DaemonProcess();
+  DaemonProcess(const DaemonProcess&) = delete;
+  DaemonProcess& operator=(const DaemonProcess&) = delete;
+
+  // "127.0.0.1:41234"
+  const std::string& address() const { return address_; }
+
+  // Sends SIGTERM and waits; the exit status, or -1 when a signal ended it.
+  int stop();
+
+ private:
+  void wait_ready(const std::string& ready_file);
+
+  pid_t pid_ = -1;
+  std::string folder_, address_;
+};
+
+// A new folder below the system's temporary one, removed with everything in it at the end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace sightline::test

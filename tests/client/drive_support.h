@@ -1,0 +1,33 @@
+// Driving a scenario against a daemon and judging the outcome, as tests need it.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/metrics.h"
+#include "client/player.h"
+
+namespace sightline::test {
+
+struct Driven {
+  std::vector<PlayedFrame> frames;
+  std::vector<CameraFrame> path;
+  std::vector<FrameTruth> truths;
+  RunMetrics run, follow;
+};
+
+struct DriveTestOptions {
+  double rate_hz = 60.0;
+  double duration_s = 0.0;  // 0: the animation's
+  int picture_every = 6;    // bodies and motion are judged at every tick
+};
+
+// Uploads, opens, plays in lockstep and judges, together with the follow baseline. A failure on the way fails the test
+// and leaves `frames` empty.
+Driven drive(const std::string& address, std::span<const std::byte> glb, const DriveTestOptions& options = {});
+
+// Writes the contact sheet of a drive where SIGHTLINE_TEST_PICTURES names a folder; otherwise does nothing.
+void keep_picture(const std::string& name, std::span<const std::byte> glb, const Driven& driven);
+
+}  // namespace sightline::test
