@@ -19,6 +19,11 @@ std::string number(double value) {
   return text;
 }
 
+// proto3 lets unknown numbers through.
+tl::unexpected<Error> unknown_enum(const std::string& field, int value) {
+  return invalid(field, "must be one of the named values, got " + std::to_string(value));
+}
+
 Status read_number(double wire, const std::string& field, double& out) {
   if (!std::isfinite(wire)) return invalid(field, "must be finite, got " + number(wire));
   out = wire;
@@ -133,10 +138,6 @@ Status check_zoom(const v1::Framing& wire, const std::string& field) {
 }
 
 }  // namespace
-
-tl::unexpected<Error> unknown_enum(const std::string& field, int value) {
-  return invalid(field, "must be one of the named values, got " + std::to_string(value));
-}
 
 Status read_vector(const v1::Vector3& wire, const std::string& field, glm::dvec3& out) {
   if (Status ok = read_number(wire.x(), field + ".x", out.x); !ok) return ok;

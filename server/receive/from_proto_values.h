@@ -11,9 +11,6 @@
 
 namespace sightline {
 
-// "must be one of the values of <the enum>, got 7": proto3 lets unknown numbers through.
-tl::unexpected<Error> unknown_enum(const std::string& field, int value);
-
 Status read_vector(const v1::Vector3& wire, const std::string& field, glm::dvec3& out);  // finite
 // A pose in the client's frame, not converted; finite, unit rotation (normalised).
 Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out);
