@@ -11,11 +11,12 @@
 namespace sightline::scenes {
 namespace {
 
-// Targets run along the lines of a square grid, one node a step and all in step; obstacles stand in its cells. Nobody
-// steps to a node that another stands on or has chosen, so two targets are never nearer than about half a pitch.
+// Targets run along the lines of a square grid, one node a step and all in step; obstacles stand in its
+// cells. Nobody steps to a node that another stands on or has chosen, so two targets are never nearer than
+// about half a pitch.
 constexpr double kPitch_m = 3.25;
-constexpr int kReach = 2;               // nodes (-2 .. 2) x (-2 .. 2) without the four corners
-constexpr double kStep_s = 1.3;         // 2.5 m/s
+constexpr int kReach = 2;        // nodes (-2 .. 2) x (-2 .. 2) without the four corners
+constexpr double kStep_s = 1.3;  // 2.5 m/s
 constexpr double kWallRadius_m = 11.0;
 constexpr double kWallHeight_m = 1.5;
 constexpr int kWallPieces = 32;
@@ -30,7 +31,8 @@ bool is_in_arena(const Node& n) {
 }
 
 // The step of one target: a free neighbour, never straight back; it waits for a step when there is none.
-Node choose_step(const Node& here, const Node& before, const std::vector<Node>& taken, CounterRandom& random) {
+Node choose_step(const Node& here, const Node& before, const std::vector<Node>& taken,
+                 CounterRandom& random) {
   std::vector<Node> free;
   for (const Node& next : {Node{here.x + 1, here.z}, Node{here.x, here.z + 1}, Node{here.x - 1, here.z},
                            Node{here.x, here.z - 1}})
@@ -75,7 +77,8 @@ void add_obstacles(ScenarioBuilder& scene, CounterRandom& random) {
     append_frustum(drum, {0, 0, 0}, 0.875, 0.8125, height, 16);
     const int number = static_cast<int>(meshes.size()) / 2;
     meshes.push_back(scene.add_mesh(numbered("drum", number), drum, colors::kStone));
-    meshes.push_back(scene.add_mesh(numbered("crate", number), standing_box(1.625, height, 1.625), colors::kWood));
+    meshes.push_back(
+        scene.add_mesh(numbered("crate", number), standing_box(1.625, height, 1.625), colors::kWood));
   }
   int count = 0;
   for (int x = -kReach; x < kReach; ++x)
@@ -93,7 +96,8 @@ void add_shell(ScenarioBuilder& scene) {
   const int piece = scene.add_mesh("wall", standing_box(2.1875, kWallHeight_m, 0.25), colors::kWall);
   for (int i = 0; i < kWallPieces; ++i) {
     const glm::dvec2 out = circle_point(static_cast<double>(i) / kWallPieces);
-    scene.add_static(numbered("wall", i), piece, {kWallRadius_m * out.x, 0, kWallRadius_m * out.y}, facing(out));
+    scene.add_static(numbered("wall", i), piece, {kWallRadius_m * out.x, 0, kWallRadius_m * out.y},
+                     facing(out));
   }
 }
 

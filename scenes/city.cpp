@@ -10,17 +10,17 @@
 namespace sightline::scenes {
 namespace {
 
-// Blocks of 4 x 2 lots, 14 m each, between streets 12 m wide: a pavement on each side, a road in the middle. Block
-// (bx, bz) starts at (68 bx, 40 bz).
+// Blocks of 4 x 2 lots, 14 m each, between streets 12 m wide: a pavement on each side, a road in the middle.
+// Block (bx, bz) starts at (68 bx, 40 bz).
 constexpr int kBlocksX = 6, kBlocksZ = 5;
 constexpr double kLot_m = 14.0;
 constexpr double kStreet_m = 12.0;
 constexpr double kBlockX_m = 4 * kLot_m, kBlockZ_m = 2 * kLot_m;
 constexpr double kPitchX_m = kBlockX_m + kStreet_m, kPitchZ_m = kBlockZ_m + kStreet_m;
 // From the edge of the lots outwards.
-constexpr double kKerb_m = 2.75;        // where trees and lamps stand
-constexpr double kParking_m = 4.0625;   // the middle of a parked car
-constexpr double kWalking_m = 1.375;    // the middle of the pair of targets
+constexpr double kKerb_m = 2.75;       // where trees and lamps stand
+constexpr double kParking_m = 4.0625;  // the middle of a parked car
+constexpr double kWalking_m = 1.375;   // the middle of the pair of targets
 constexpr double kHalfGap_m = 0.45;
 constexpr double kSpeed_mps = 2.0;
 constexpr size_t kTrees = 260, kLamps = 200, kCars = 160;
@@ -68,8 +68,8 @@ void add_buildings(ScenarioBuilder& scene, CounterRandom& random) {
     }
 }
 
-// A place at the edge of a block: where it is on the edge of the lots, which way the street lies, and which quarter
-// turn makes a thing's +z point there.
+// A place at the edge of a block: where it is on the edge of the lots, which way the street lies, and which
+// quarter turn makes a thing's +z point there.
 struct Site {
   glm::dvec2 edge_m;
   glm::dvec2 outwards;
@@ -114,7 +114,8 @@ MeshData car_mesh(double length_m, double height_m) {
   MeshData mesh;
   append_box(mesh, {-length_m / 2, 0.25, -0.875}, {length_m / 2, 0.5 * height_m, 0.875});
   append_box(mesh, {-0.3 * length_m, 0.5 * height_m, -0.75}, {0.3 * length_m, height_m, 0.75});
-  for (double x : {-0.3, 0.3}) append_box(mesh, {x * length_m - 0.3125, 0, -0.8125}, {x * length_m + 0.3125, 0.25, 0.8125});
+  for (double x : {-0.3, 0.3})
+    append_box(mesh, {x * length_m - 0.3125, 0, -0.8125}, {x * length_m + 0.3125, 0.25, 0.8125});
   return mesh;
 }
 
@@ -127,7 +128,8 @@ void add_street_furniture(ScenarioBuilder& scene, CounterRandom& random) {
   size_t next = 0;
   const auto place = [&](const char* name, size_t count, int mesh, double outwards_m) {
     for (size_t k = 0; k < count; ++k, ++next) {
-      const glm::dvec2 p = sites[next % sites.size()].edge_m + sites[next % sites.size()].outwards * outwards_m;
+      const glm::dvec2 p =
+          sites[next % sites.size()].edge_m + sites[next % sites.size()].outwards * outwards_m;
       scene.add_static(numbered(name, static_cast<int>(k)), mesh, {p.x, 0, p.y},
                        quarter_turns(sites[next % sites.size()].turn));
     }
@@ -163,20 +165,23 @@ Motion drive(const glm::dvec3& from_m, const glm::dvec3& to_m, int turn, double 
 void add_traffic(ScenarioBuilder& scene, const glm::dvec2& corner, double duration_s, CounterRandom& random) {
   const int van = scene.add_mesh("van", car_mesh(5.5, 2.5), colors::kCar);
   InstanceAttributes attributes;
-  attributes.collides = false;  // faster than a camera can evade
+  attributes.collides = false;            // faster than a camera can evade
   const double reach = 4.0 * duration_s;  // 8 m/s
   const double road_z = corner.y + kWalking_m - kStreet_m / 2, road_x = corner.x - kWalking_m + kStreet_m / 2;
-  const double first = corner.x - 12 + snapped_in(random, -4, 4), second = corner.y + 8 + snapped_in(random, -4, 4);
-  scene.add_occluder("van-1", van, drive({first - reach, 0, road_z}, {first + reach, 0, road_z}, 0, duration_s),
-                     attributes);
-  scene.add_occluder("van-2", van, drive({road_x, 0, second + reach}, {road_x, 0, second - reach}, 1, duration_s),
+  const double first = corner.x - 12 + snapped_in(random, -4, 4),
+               second = corner.y + 8 + snapped_in(random, -4, 4);
+  scene.add_occluder(
+      "van-1", van, drive({first - reach, 0, road_z}, {first + reach, 0, road_z}, 0, duration_s), attributes);
+  scene.add_occluder("van-2", van,
+                     drive({road_x, 0, second + reach}, {road_x, 0, second - reach}, 1, duration_s),
                      attributes);
 }
 
 void add_ground(ScenarioBuilder& scene) {
   const double width = kBlocksX * kPitchX_m + 3 * kStreet_m, depth = kBlocksZ * kPitchZ_m + 3 * kStreet_m;
   const int ground = scene.add_mesh("ground", standing_box(width, 0.25, depth), colors::kFloor);
-  scene.add_static("ground", ground, {(kBlocksX * kPitchX_m - kStreet_m) / 2, -0.25, (kBlocksZ * kPitchZ_m - kStreet_m) / 2});
+  scene.add_static("ground", ground,
+                   {(kBlocksX * kPitchX_m - kStreet_m) / 2, -0.25, (kBlocksZ * kPitchZ_m - kStreet_m) / 2});
 }
 
 }  // namespace

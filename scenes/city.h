@@ -1,6 +1,6 @@
-// City (the 280 K triangles of the paper's Table 1): 240 buildings with real window recesses in 30 blocks, streets with
-// trees, lamps and parked cars; two targets walk along a street and around a corner while two vans drive past. What it
-// tests: cost. The number of triangles is the same for every seed.
+// City (the 280 K triangles of the paper's Table 1): 240 buildings with real window recesses in 30 blocks,
+// streets with trees, lamps and parked cars; two targets walk along a street and around a corner while two
+// vans drive past. What it tests: cost. The number of triangles is the same for every seed.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,8 @@ namespace sightline::scenes {
 
 struct CityOptions {
   uint64_t seed = 1;
-  double duration_s = 20.0;  // [12, 24]: the corner is reached after about 10 s, the end of the block after 25 s
+  // [12, 24]: the corner is reached after about 10 s, the end of the way after 25 s.
+  double duration_s = 20.0;
 };
 
 // A .glb file. Meshes are shared: it stores a tenth of the triangles that it shows.

@@ -53,10 +53,14 @@ glm::dvec2 circle_point(double turns) {
   const double nearest = std::floor(quarters + 0.5);
   const glm::dvec2 p = small_angle((quarters - nearest) * (std::numbers::pi / 2));
   switch (static_cast<int64_t>(nearest) & 3) {
-    case 0: return p;
-    case 1: return {-p.y, p.x};
-    case 2: return {-p.x, -p.y};
-    default: return {p.y, -p.x};
+    case 0:
+      return p;
+    case 1:
+      return {-p.y, p.x};
+    case 2:
+      return {-p.x, -p.y};
+    default:
+      return {p.y, -p.x};
   }
 }
 

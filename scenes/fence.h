@@ -1,6 +1,6 @@
-// Fence (Figure 3 and Table 3 of the paper): two standing targets, and a sparse fence that moves back and forth between
-// them and the camera. What it tests: temporal stability. Each picket hides a target for a moment only, so a camera
-// that answers to each of them never rests.
+// Fence (Figure 3 and Table 3 of the paper): two standing targets, and a sparse fence that moves back and
+// forth between them and the camera. What it tests: temporal stability. Each picket hides a target for a
+// moment only, so a camera that answers to each of them never rests.
 #pragma once
 
 #include <cstddef>
@@ -11,9 +11,9 @@ namespace sightline::scenes {
 
 struct FenceOptions {
   uint64_t seed = 1;
-  double duration_s = 10.0;     // [1, 600]
-  double period_s = 2.5;        // [0.5, 60]: once to and fro
-  double amplitude_m = 0.9;     // [0, 2]: to each side; the fence always covers both targets
+  double duration_s = 10.0;        // [1, 600]
+  double period_s = 2.5;           // [0.5, 60]: once to and fro
+  double amplitude_m = 0.9;        // [0, 2]: to each side; the fence always covers both targets
   double camera_distance_m = 6.0;  // [4, 20]: from the targets; the fence stands 2 m before them
 };
 

@@ -46,10 +46,12 @@ int GlbWriter::add_view(std::span<const std::byte> bytes, int target) {
   return static_cast<int>(views_.size()) - 1;
 }
 
-int GlbWriter::add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type,
-                            size_t count) {
-  accessors_.push_back(
-      {{"bufferView", add_view(bytes, target)}, {"componentType", component_type}, {"count", count}, {"type", type}});
+int GlbWriter::add_accessor(std::span<const std::byte> bytes, int target, int component_type,
+                            const char* type, size_t count) {
+  accessors_.push_back({{"bufferView", add_view(bytes, target)},
+                        {"componentType", component_type},
+                        {"count", count},
+                        {"type", type}});
   return static_cast<int>(accessors_.size()) - 1;
 }
 
@@ -86,8 +88,9 @@ int GlbWriter::add_mesh(const std::string& name, const MeshData& mesh, const glm
 }
 
 int GlbWriter::add_camera(double vertical_fov_rad, double aspect, double near_m) {
-  cameras_.push_back({{"type", "perspective"},
-                      {"perspective", {{"aspectRatio", aspect}, {"yfov", vertical_fov_rad}, {"znear", near_m}}}});
+  cameras_.push_back(
+      {{"type", "perspective"},
+       {"perspective", {{"aspectRatio", aspect}, {"yfov", vertical_fov_rad}, {"znear", near_m}}}});
   return static_cast<int>(cameras_.size()) - 1;
 }
 
@@ -109,7 +112,8 @@ int GlbWriter::add_node(const GlbNode& node) {
 }
 
 int GlbWriter::add_times(std::span<const float> times_s) {
-  if (last_times_ >= 0 && std::equal(times_s.begin(), times_s.end(), last_times_s_.begin(), last_times_s_.end()))
+  if (last_times_ >= 0 &&
+      std::equal(times_s.begin(), times_s.end(), last_times_s_.begin(), last_times_s_.end()))
     return last_times_;
   last_times_s_.assign(times_s.begin(), times_s.end());
   last_times_ = add_accessor(std::as_bytes(times_s), kNoTarget, kFloat, "SCALAR", times_s.size());

@@ -1,5 +1,5 @@
-// Writes binary glTF 2.0 (.glb): meshes shared between nodes, node transforms, extras, cameras, one animation. The same
-// calls give the same bytes: no dates, no unordered containers.
+// Writes binary glTF 2.0 (.glb): meshes shared between nodes, node transforms, extras, cameras, one
+// animation. The same calls give the same bytes: no dates, no unordered containers.
 #pragma once
 
 #include <cstddef>
@@ -31,8 +31,8 @@ class GlbWriter {
   int add_mesh(const std::string& name, const MeshData& mesh, const glm::vec3& color);
   int add_camera(double vertical_fov_rad, double aspect, double near_m);
   int add_node(const GlbNode& node);
-  // Linear keys of one node's translation and rotation; times strictly increasing, in seconds. The three are of one
-  // length, at least 1.
+  // Linear keys of one node's translation and rotation; times strictly increasing, in seconds. The three are
+  // of one length, at least 1.
   void animate(int node, std::span<const float> times_s, std::span<const glm::vec3> translations_m,
                std::span<const glm::quat> rotations);
 
@@ -41,7 +41,8 @@ class GlbWriter {
 
  private:
   int add_view(std::span<const std::byte> bytes, int target);
-  int add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type, size_t count);
+  int add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type,
+                   size_t count);
   int add_indices(const std::vector<uint32_t>& indices, size_t vertex_count);
   int add_times(std::span<const float> times_s);
   int add_material(const glm::vec3& color);
@@ -56,7 +57,8 @@ class GlbWriter {
   nlohmann::ordered_json roots_ = nlohmann::ordered_json::array();
   nlohmann::ordered_json samplers_ = nlohmann::ordered_json::array();
   nlohmann::ordered_json channels_ = nlohmann::ordered_json::array();
-  std::vector<float> last_times_s_;  // of the accessor last_times_: nodes that share their times share the accessor
+  std::vector<float>
+      last_times_s_;  // of the accessor last_times_: nodes that share their times share the accessor
   int last_times_ = -1;
 };
 

@@ -29,8 +29,9 @@ constexpr double kLane_m = 5.0;
 constexpr double kColumnRadius_m = 0.7;
 constexpr double kWallThickness_m = 0.3;
 constexpr int kFirstBay = 2;
-constexpr double kHalfGap_m = 0.45;    // between each target and the middle of the pair
-constexpr double kSlowest_mps = 2.0;   // of the middle of the pair; the inner of two turns alike walks 22 % slower
+constexpr double kHalfGap_m = 0.45;  // between each target and the middle of the pair
+constexpr double kSlowest_mps =
+    2.0;  // of the middle of the pair; the inner of two turns alike walks 22 % slower
 constexpr double kFastest_mps = 2.35;
 constexpr double kCurtainWidth_m = 3.5;
 constexpr double kCurtainHeight_m = 3.0;
@@ -61,7 +62,8 @@ class WayMaker {
   explicit WayMaker(CounterRandom& random) : random_(random) {
     way_.middle = {{bay_x(kFirstBay), 0.0}};
     way_.times_s = {0.0};
-    for (int boundary = 1; boundary <= kFirstBay; ++boundary) way_.boundaries.insert({0, boundary});  // the camera's
+    for (int boundary = 1; boundary <= kFirstBay; ++boundary)
+      way_.boundaries.insert({0, boundary});  // the camera's
   }
 
   Way make(double duration_s) {
@@ -82,7 +84,8 @@ class WayMaker {
 
   // From the middle to either side; from a side to the middle or, one time in three, right across.
   void change_lane() {
-    const int to = lane_ == 0 ? (random_.next_below(2) == 0 ? -1 : 1) : (random_.next_below(3) == 0 ? -lane_ : 0);
+    const int to =
+        lane_ == 0 ? (random_.next_below(2) == 0 ? -1 : 1) : (random_.next_below(3) == 0 ? -lane_ : 0);
     if (std::min(lane_, to) < 0) way_.openings.insert({0, bay_});
     if (std::max(lane_, to) > 0) way_.openings.insert({1, bay_});
     lane_ = to;
@@ -114,8 +117,10 @@ void add_shell(ScenarioBuilder& scene, double hall_length_m, double ceiling_m) {
   const int slab = scene.add_mesh("slab", standing_box(hall_length_m, 0.25, 2 * half_width), colors::kFloor);
   scene.add_static("floor", slab, {middle, -0.25, 0});
   scene.add_static("ceiling", slab, {middle, ceiling_m, 0});
-  const int side = scene.add_mesh("side", standing_box(hall_length_m, ceiling_m, kWallThickness_m), colors::kWall);
-  const int end = scene.add_mesh("end", standing_box(kWallThickness_m, ceiling_m, 2 * half_width), colors::kWall);
+  const int side =
+      scene.add_mesh("side", standing_box(hall_length_m, ceiling_m, kWallThickness_m), colors::kWall);
+  const int end =
+      scene.add_mesh("end", standing_box(kWallThickness_m, ceiling_m, 2 * half_width), colors::kWall);
   scene.add_static("wall-north", side, {middle, 0, -half_width - kWallThickness_m / 2});
   scene.add_static("wall-south", side, {middle, 0, half_width + kWallThickness_m / 2});
   scene.add_static("wall-west", end, {-kWallThickness_m / 2, 0, 0});
@@ -126,15 +131,17 @@ void add_columns(ScenarioBuilder& scene, int bays, double ceiling_m) {
   const int mesh = scene.add_mesh("column", column_mesh(ceiling_m), colors::kStone);
   for (int row : {0, 1})
     for (int boundary = 1; boundary < bays; ++boundary)
-      scene.add_static(numbered(numbered("column", row), boundary), mesh,
-                       {boundary * kBay_m, 0, row_z(row)});
+      scene.add_static(numbered(numbered("column", row), boundary), mesh, {boundary * kBay_m, 0, row_z(row)});
 }
 
 // Walls up openings that the way does not need: across a lane, and between two columns of a row.
-void add_inner_walls(ScenarioBuilder& scene, const Way& way, const HallOptions& options, CounterRandom& random) {
+void add_inner_walls(ScenarioBuilder& scene, const Way& way, const HallOptions& options,
+                     CounterRandom& random) {
   const double height = options.ceiling_m;
-  const int across = scene.add_mesh("wall-across", standing_box(kWallThickness_m, height, kLane_m), colors::kWall);
-  const int along = scene.add_mesh("wall-along", standing_box(kBay_m, height, kWallThickness_m), colors::kWall);
+  const int across =
+      scene.add_mesh("wall-across", standing_box(kWallThickness_m, height, kLane_m), colors::kWall);
+  const int along =
+      scene.add_mesh("wall-along", standing_box(kBay_m, height, kWallThickness_m), colors::kWall);
   for (int lane : {-1, 0, 1})
     for (int boundary = 1; boundary < way.bays; ++boundary)
       if (random.next_unit() < options.wall_share && !way.boundaries.contains({lane, boundary}))
@@ -143,8 +150,7 @@ void add_inner_walls(ScenarioBuilder& scene, const Way& way, const HallOptions& 
   for (int row : {0, 1})
     for (int bay = 0; bay < way.bays; ++bay)
       if (random.next_unit() < options.wall_share && !way.openings.contains({row, bay}))
-        scene.add_static(numbered(numbered("wall-along", row), bay), along,
-                         {bay_x(bay), 0, row_z(row)});
+        scene.add_static(numbered(numbered("wall-along", row), bay), along, {bay_x(bay), 0, row_z(row)});
 }
 
 // A curtain: where it stands, which way it faces, when it comes, and when it is gone.
@@ -170,12 +176,14 @@ bool is_clear(const Curtain& curtain, const std::array<Motion, 2>& walks) {
   return true;
 }
 
-// Across the way where the pair was 0.9 s before, or earlier where it would stand in their way after a corner.
-std::optional<Curtain> place_curtain(const TimedPath& middle, const std::array<Motion, 2>& walks, double comes_s,
-                                     double hold_s) {
+// Across the way where the pair was 0.9 s before, or earlier where it would stand in their way after a
+// corner.
+std::optional<Curtain> place_curtain(const TimedPath& middle, const std::array<Motion, 2>& walks,
+                                     double comes_s, double hold_s) {
   for (double ago_s = 0.9; ago_s < 1.7; ago_s += 0.1) {
     const glm::dvec2 v = middle.velocity_mps(comes_s - ago_s);
-    const Curtain curtain{middle.position_m(comes_s - ago_s), v / length(v), comes_s, comes_s + kComing_s + hold_s};
+    const Curtain curtain{middle.position_m(comes_s - ago_s), v / length(v), comes_s,
+                          comes_s + kComing_s + hold_s};
     if (is_clear(curtain, walks)) return curtain;
   }
   return std::nullopt;
@@ -196,7 +204,8 @@ Motion sudden_motion(const Curtain& curtain, double hidden_y_m) {
 
 void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const std::array<Motion, 2>& walks,
                   const HallOptions& options, CounterRandom& random) {
-  const int mesh = scene.add_mesh("curtain", standing_box(kCurtainWidth_m, kCurtainHeight_m, 0.0625), colors::kCurtain);
+  const int mesh =
+      scene.add_mesh("curtain", standing_box(kCurtainWidth_m, kCurtainHeight_m, 0.0625), colors::kCurtain);
   InstanceAttributes attributes;
   attributes.collides = false;
   int count = 0;
@@ -205,9 +214,10 @@ void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const std::ar
     const double hold_s = random.next_in(0.8, 1.4);
     const bool from_above = random.next_below(2) == 0;
     if (const auto curtain = place_curtain(middle, walks, comes_s, hold_s))
-      scene.add_occluder(numbered("curtain", ++count), mesh,
-                         sudden_motion(*curtain, from_above ? options.ceiling_m + 0.5 : -kCurtainHeight_m - 0.5),
-                         attributes);
+      scene.add_occluder(
+          numbered("curtain", ++count), mesh,
+          sudden_motion(*curtain, from_above ? options.ceiling_m + 0.5 : -kCurtainHeight_m - 0.5),
+          attributes);
   }
 }
 
@@ -226,8 +236,9 @@ std::vector<std::byte> make_hall(const HallOptions& options) {
   add_inner_walls(scene, way, options, wall_random);
   const glm::dvec2 start = way.middle.front();
   scene.add_camera({start.x - 5, 2.0, start.y + 0.6}, {start.x, 1.2, start.y});
-  const std::array<Motion, 2> walks{walk({parallel(way.middle, kHalfGap_m), way.times_s}, options.duration_s),
-                                    walk({parallel(way.middle, -kHalfGap_m), way.times_s}, options.duration_s)};
+  const std::array<Motion, 2> walks{
+      walk({parallel(way.middle, kHalfGap_m), way.times_s}, options.duration_s),
+      walk({parallel(way.middle, -kHalfGap_m), way.times_s}, options.duration_s)};
   scene.add_character("target-1", walks[0]);
   scene.add_character("target-2", walks[1]);
   add_curtains(scene, middle, walks, options, curtain_random);

@@ -19,7 +19,8 @@ void list_scenes() {
 }
 
 // Reads the file back before writing it: a scenario that the server would refuse is never left on the disk.
-Status write_scene(const CatalogEntry& entry, const SceneRequest& request, const std::filesystem::path& path) {
+Status write_scene(const CatalogEntry& entry, const SceneRequest& request,
+                   const std::filesystem::path& path) {
   const std::vector<std::byte> bytes = entry.make(request);
   GeometryStore store;
   const auto asset = read_gltf(bytes, nullptr, store);
@@ -33,7 +34,8 @@ Status write_scene(const CatalogEntry& entry, const SceneRequest& request, const
   return {};
 }
 
-int make_all(const std::vector<std::string>& names, const SceneRequest& request, const std::filesystem::path& folder) {
+int make_all(const std::vector<std::string>& names, const SceneRequest& request,
+             const std::filesystem::path& folder) {
   std::error_code failure;
   std::filesystem::create_directories(folder, failure);
   for (const std::string& name : names)
@@ -58,8 +60,9 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(2, 8))
       ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");
-  app.add_option("NAME", names, "scenes to make; all when none is named")
-      ->check([](const std::string& name) { return find_scene(name) ? "" : "no scene '" + name + "'; see --list"; });
+  app.add_option("NAME", names, "scenes to make; all when none is named")->check([](const std::string& name) {
+    return find_scene(name) ? "" : "no scene '" + name + "'; see --list";
+  });
   CLI11_PARSE(app, argc, argv);
   if (list) return list_scenes(), 0;
   if (folder.empty()) {

@@ -1,6 +1,7 @@
-// Where somebody walks, and when: a polyline on the floor with a time at each corner, averaged over a sliding window.
-// The average rounds each corner within the window, bounds the acceleration by |change of velocity| / window, and never
-// leaves the convex hull of what the window covers, so a corridor around the polyline holds the walker as well.
+// Where somebody walks, and when: a polyline on the floor with a time at each corner, averaged over a sliding
+// window. The average rounds each corner within the window, bounds the acceleration by |change of velocity| /
+// window, and never leaves the convex hull of what the window covers, so a corridor around the polyline holds
+// the walker as well.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -14,8 +15,8 @@ inline constexpr double kTurnWindow_s = 0.3;
 
 class TimedPath {
  public:
-  // At least two corners; times strictly increasing. Before the first and after the last corner the walker goes on
-  // along the first and last leg.
+  // At least two corners; times strictly increasing. Before the first and after the last corner the walker
+  // goes on along the first and last leg.
   TimedPath(Polyline corners, std::vector<double> times_s);
 
   glm::dvec2 position_m(double time_s) const;

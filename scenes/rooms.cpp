@@ -18,10 +18,10 @@ constexpr double kHalfWall_m = 0.1;
 constexpr double kWallHeight_m = 3.0;
 constexpr double kHalfDoor_m = 0.6;
 constexpr double kDoorHeight_m = 2.2;
-constexpr double kThreshold_m = 1.0;   // walked straight on both sides of a door
+constexpr double kThreshold_m = 1.0;  // walked straight on both sides of a door
 constexpr double kSpeed_mps = 1.8;
-constexpr double kFollowing_s = 0.7;   // between the first and the second target
-constexpr double kFreeWay_m = 0.7;     // between furniture and the targets' axes
+constexpr double kFollowing_s = 0.7;  // between the first and the second target
+constexpr double kFreeWay_m = 0.7;    // between furniture and the targets' axes
 
 struct Room {
   int i = 0, j = 0;
@@ -56,7 +56,8 @@ class Doors {
   double offsets_m_[kRooms][kRooms][2];
 };
 
-// A walk over neighbouring rooms that never turns back through the door it came by, and prefers rooms seen least.
+// A walk over neighbouring rooms that never turns back through the door it came by, and prefers rooms seen
+// least.
 std::vector<Room> choose_rooms(size_t count, CounterRandom& random) {
   int visits[kRooms][kRooms] = {};
   std::vector<Room> rooms{{0, 0}};
@@ -93,7 +94,8 @@ Polyline way_through(const std::vector<Room>& rooms, const Doors& doors) {
 
 TimedPath at_even_speed(const Polyline& way, double first_time_s) {
   std::vector<double> times_s{first_time_s};
-  for (size_t k = 1; k < way.size(); ++k) times_s.push_back(times_s.back() + length(way[k] - way[k - 1]) / kSpeed_mps);
+  for (size_t k = 1; k < way.size(); ++k)
+    times_s.push_back(times_s.back() + length(way[k] - way[k - 1]) / kSpeed_mps);
   return {way, times_s};
 }
 
@@ -126,8 +128,8 @@ void add_shell(ScenarioBuilder& scene) {
   const double size = kRooms * kRoom_m, middle = size / 2;
   const int floor = scene.add_mesh("floor", standing_box(size + 4, 0.25, size + 4), colors::kFloor);
   scene.add_static("floor", floor, {middle, -0.25, middle});
-  const int wall =
-      scene.add_mesh("outer-wall", standing_box(size + 2 * kHalfWall_m, kWallHeight_m, 2 * kHalfWall_m), colors::kWall);
+  const int wall = scene.add_mesh(
+      "outer-wall", standing_box(size + 2 * kHalfWall_m, kWallHeight_m, 2 * kHalfWall_m), colors::kWall);
   scene.add_static("wall-north", wall, {middle, 0, 0});
   scene.add_static("wall-south", wall, {middle, 0, size});
   scene.add_static("wall-west", wall, {0, 0, middle}, quarter_turns(1));

@@ -1,5 +1,6 @@
-// Rooms: nine rooms, three by three, without a ceiling; two targets walk one behind the other through the doors from
-// room to room. What it tests: a camera that has to pass narrow openings, and walls that hide all but one way to see.
+// Rooms: nine rooms, three by three, without a ceiling; two targets walk one behind the other through the
+// doors from room to room. What it tests: a camera that has to pass narrow openings, and walls that hide all
+// but one way to see.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +11,8 @@ namespace sightline::scenes {
 
 struct RoomsOptions {
   uint64_t seed = 1;
-  double duration_s = 30.0;     // [1, 600]
-  int furniture_per_room = 3;   // [0, 10]: tries; a piece that would stand in the way is left out
+  double duration_s = 30.0;    // [1, 600]
+  int furniture_per_room = 3;  // [0, 10]: tries; a piece that would stand in the way is left out
 };
 
 // A .glb file.

@@ -69,7 +69,7 @@ int ScenarioBuilder::add_mesh(const std::string& name, const MeshData& mesh, con
 }
 
 void ScenarioBuilder::add_static(const std::string& name, int mesh, const glm::dvec3& position_m,
-                          const glm::dquat& rotation, const InstanceAttributes& attributes) {
+                                 const glm::dquat& rotation, const InstanceAttributes& attributes) {
   Json role = Json::object();
   put_attributes(role, attributes);
   writer_.add_node({name, -1, mesh, -1, snap(position_m), rotation, extras_of(role)});
@@ -93,12 +93,13 @@ void ScenarioBuilder::add_character(const std::string& name, const Motion& motio
     body_mesh_ = writer_.add_mesh("body", body, colors::kBody);
     visor_mesh_ = writer_.add_mesh("visor", visor, colors::kVisor);
   }
-  const int node = add_moving(name, body_mesh_, motion, {{"role", "target"}, {"weight", 1}, {"required", true}});
+  const int node =
+      add_moving(name, body_mesh_, motion, {{"role", "target"}, {"weight", 1}, {"required", true}});
   writer_.add_node({name + "-visor", node, visor_mesh_, -1, {}, {1, 0, 0, 0}, {}});
 }
 
 void ScenarioBuilder::add_occluder(const std::string& name, int mesh, const Motion& motion,
-                            const InstanceAttributes& attributes) {
+                                   const InstanceAttributes& attributes) {
   Json role = Json::object({{"role", "occluder"}});
   put_attributes(role, attributes);
   add_moving(name, mesh, motion, std::move(role));

@@ -1,5 +1,6 @@
-// A scenario under construction: what every generator shares. The format is described in scenes/README.md: a glTF file
-// whose nodes carry roles in their extras and whose moving nodes are driven by one animation named "scenario".
+// A scenario under construction: what every generator shares. The format is described in scenes/README.md: a
+// glTF file whose nodes carry roles in their extras and whose moving nodes are driven by one animation named
+// "scenario".
 #pragma once
 
 #include <cstddef>
@@ -39,10 +40,11 @@ class ScenarioBuilder {
   int add_mesh(const std::string& name, const MeshData& mesh, const glm::vec3& color);
   void add_static(const std::string& name, int mesh, const glm::dvec3& position_m,
                   const glm::dquat& rotation = {1, 0, 0, 0}, const InstanceAttributes& attributes = {});
-  // A character 1.8 m high and 0.6 m across with its feet at the node's origin, facing +Z: a capsule, and below it in
-  // the hierarchy a visor.
+  // A character 1.8 m high and 0.6 m across with its feet at the node's origin, facing +Z: a capsule, and
+  // below it in the hierarchy a visor.
   void add_character(const std::string& name, const Motion& motion);
-  void add_occluder(const std::string& name, int mesh, const Motion& motion, const InstanceAttributes& attributes);
+  void add_occluder(const std::string& name, int mesh, const Motion& motion,
+                    const InstanceAttributes& attributes);
   // Where the camera starts.
   void add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m);
 
@@ -60,9 +62,10 @@ class ScenarioBuilder {
 
 // Colours, so that a person can tell the parts of a picture apart.
 namespace colors {
-inline constexpr glm::vec3 kFloor{0.35f, 0.34f, 0.32f}, kStone{0.62f, 0.58f, 0.50f}, kWall{0.70f, 0.66f, 0.60f},
-    kCurtain{0.55f, 0.12f, 0.12f}, kWood{0.42f, 0.27f, 0.14f}, kBody{0.90f, 0.55f, 0.15f}, kVisor{0.1f, 0.1f, 0.12f},
-    kLeaf{0.16f, 0.36f, 0.12f}, kMetal{0.30f, 0.33f, 0.36f}, kCar{0.20f, 0.30f, 0.55f};
+inline constexpr glm::vec3 kFloor{0.35f, 0.34f, 0.32f}, kStone{0.62f, 0.58f, 0.50f},
+    kWall{0.70f, 0.66f, 0.60f}, kCurtain{0.55f, 0.12f, 0.12f}, kWood{0.42f, 0.27f, 0.14f},
+    kBody{0.90f, 0.55f, 0.15f}, kVisor{0.1f, 0.1f, 0.12f}, kLeaf{0.16f, 0.36f, 0.12f},
+    kMetal{0.30f, 0.33f, 0.36f}, kCar{0.20f, 0.30f, 0.55f};
 }  // namespace colors
 
 }  // namespace sightline::scenes

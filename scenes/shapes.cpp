@@ -27,7 +27,8 @@ uint32_t append_ring(MeshData& mesh, const glm::dvec3& foot_m, const Ring& ring,
   return first;
 }
 
-// Sweeps the profile (bottom to top, points on the axis at both ends) around the upright axis through `foot_m`.
+// Sweeps the profile (bottom to top, points on the axis at both ends) around the upright axis through
+// `foot_m`.
 void append_lathe(MeshData& mesh, const glm::dvec3& foot_m, const std::vector<Ring>& profile, int segments) {
   const auto n = static_cast<uint32_t>(segments);
   uint32_t low = append_ring(mesh, foot_m, profile[0], segments);
@@ -51,9 +52,9 @@ void append_box(MeshData& mesh, const glm::dvec3& low_m, const glm::dvec3& high_
   const auto first = static_cast<uint32_t>(mesh.positions.size());
   for (int i = 0; i < 8; ++i)
     append_point(mesh, {i & 1 ? high_m.x : low_m.x, i & 2 ? high_m.y : low_m.y, i & 4 ? high_m.z : low_m.z});
-  for (uint32_t corner : {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5,    // -x, +x
-                          0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3,    // -y, +y
-                          0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6})   // -z, +z
+  for (uint32_t corner : {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5,   // -x, +x
+                          0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3,   // -y, +y
+                          0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6})  // -z, +z
     mesh.indices.push_back(first + corner);
 }
 

@@ -1,4 +1,5 @@
-// The arithmetic, shapes and paths that scenes are made from, against the standard library and plain definitions.
+// The arithmetic, shapes and paths that scenes are made from, against the standard library and plain
+// definitions.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -110,7 +111,8 @@ TEST(Building, HasRealWindowsAndStandsOnItsFootprint) {
   for (const glm::vec3& p : building.positions) bounds.grow(p);
   EXPECT_EQ(bounds.min, glm::vec3(-6, 0, -6));
   EXPECT_EQ(bounds.max, glm::vec3(6, 10.5f, 6));
-  // Open only at the bottom, which adds nothing to the sum: outward facing means about the volume of the block.
+  // Open only at the bottom, which adds nothing to the sum: outward facing means about the volume of the
+  // block.
   EXPECT_NEAR(signed_volume(building) / (12 * 12 * 9.75), 1.0, 0.15);
 }
 

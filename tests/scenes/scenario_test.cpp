@@ -1,5 +1,5 @@
-// What every generated scenario promises: checked through the server's reader, mirror and clearance query, and with
-// Embree as the independent judge of distances and sight.
+// What every generated scenario promises: checked through the server's reader, mirror and clearance query,
+// and with Embree as the independent judge of distances and sight.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -117,7 +117,8 @@ TEST_P(EveryScenario, KeepsTargetsOnTheFloorAndClearOfEveryCollider) {
     const std::vector<uint32_t> targets = stage.target_slots();
     for (const Role& role : stage.with_role("target")) {
       const glm::dvec3 feet = stage.pose_of(role, time_s).position_m;
-      const RayHit floor = colliders.trace(feet + glm::dvec3(0, 0.5, 0), {0, -1, 0}, 0, 1, {.ignored_slots = targets});
+      const RayHit floor =
+          colliders.trace(feet + glm::dvec3(0, 0.5, 0), {0, -1, 0}, 0, 1, {.ignored_slots = targets});
       EXPECT_NEAR(floor.distance_m, 0.5, 1e-3) << role.name << " at " << time_s;
       for (double height_m : {0.35, 0.9, 1.5})  // along the axis of the capsule
         EXPECT_GE(colliders.nearest_surface_m(feet + glm::dvec3(0, height_m, 0), 1.0f, targets), 0.3 - 1e-3)
@@ -142,7 +143,8 @@ TEST_P(EveryScenario, StartsTheCameraInFreeSpaceLookingAtTheTargets) {
   Stage stage(GetParam().make());
   stage.play(0);
   EmbreeDevice device;
-  EmbreeScene colliders(device, EmbreeScene::Content::kColliders), occluders(device, EmbreeScene::Content::kOccluders);
+  EmbreeScene colliders(device, EmbreeScene::Content::kColliders),
+      occluders(device, EmbreeScene::Content::kOccluders);
   colliders.take_in(stage.mirror());
   occluders.take_in(stage.mirror());
   const Pose camera = stage.pose_of(stage.with_role("camera")[0], 0);
@@ -223,7 +225,8 @@ TEST(Fence, MovesToAndFroBetweenTheCameraAndTheTargets) {
   int turns = 0;
   double before = 0;
   for (double time_s = 0.1; time_s < 10; time_s += 0.1) {
-    const double step = stage.pose_of(fence, time_s).position_m.x - stage.pose_of(fence, time_s - 0.1).position_m.x;
+    const double step =
+        stage.pose_of(fence, time_s).position_m.x - stage.pose_of(fence, time_s - 0.1).position_m.x;
     turns += step * before < 0;
     before = step;
   }
@@ -246,8 +249,8 @@ TEST(Rooms, TargetsPassAtLeastFourDoorsOneBehindTheOther) {
   }
 }
 
-// How often the middle of a target's body is hidden from a camera that never leaves the place that it had at first,
-// measured from the pair.
+// How often the middle of a target's body is hidden from a camera that never leaves the place that it had at
+// first, measured from the pair.
 struct Hidden {
   double one_or_more = 0;
   double all = 0;
@@ -260,13 +263,15 @@ glm::dvec3 middle_of_targets(const Stage& stage, double time_s) {
   return sum / static_cast<double>(targets.size());
 }
 
-// `turning`: the place turns with the first target, as that of a camera tied to its back; else it only moves along.
+// `turning`: the place turns with the first target, as that of a camera tied to its back; else it only moves
+// along.
 Hidden hidden_from_fixed_offset(const std::vector<std::byte>& bytes, bool turning) {
   Stage stage(bytes);
   EmbreeDevice device;
   EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
   const std::vector<Role> targets = stage.with_role("target");
-  const glm::dvec3 offset = stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle_of_targets(stage, 0);
+  const glm::dvec3 offset =
+      stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle_of_targets(stage, 0);
   const glm::dquat first = stage.pose_of(targets[0], 0).rotation;
   int frames = 0, any = 0, all = 0;
   for (double time_s = 0; time_s <= duration_of(stage); time_s += 4 * kTick_s, ++frames) {
@@ -278,7 +283,8 @@ Hidden hidden_from_fixed_offset(const std::vector<std::byte>& bytes, bool turnin
     size_t hidden = 0;
     for (const Role& role : targets) {
       const glm::dvec3 chest = stage.pose_of(role, time_s).position_m + glm::dvec3(0, 0.9, 0);
-      hidden += occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX;
+      hidden +=
+          occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX;
     }
     any += hidden > 0;
     all += hidden == targets.size();
@@ -293,7 +299,8 @@ TEST_P(HallIsHard, CameraAtAFixedOffsetLosesATargetInOver15PercentOfFrames) {
   const std::vector<std::byte> bytes = make_hall({.seed = GetParam()});
   for (bool turning : {false, true}) {
     const Hidden hidden = hidden_from_fixed_offset(bytes, turning);
-    RecordProperty(turning ? "turning_any_percent" : "any_percent", static_cast<int>(100 * hidden.one_or_more));
+    RecordProperty(turning ? "turning_any_percent" : "any_percent",
+                   static_cast<int>(100 * hidden.one_or_more));
     RecordProperty(turning ? "turning_all_percent" : "all_percent", static_cast<int>(100 * hidden.all));
     EXPECT_GT(hidden.one_or_more, 0.15) << (turning ? "turning" : "not turning");
   }
@@ -310,8 +317,8 @@ TEST(Hall, TargetsTurnSharplyAtLeastSixTimes) {
   const Role target = stage.with_role("target")[0];
   int sharp_turns = 0;
   for (double time_s = 0; time_s + 0.35 < 30; time_s += 0.35)
-    sharp_turns +=
-        angle_between(stage.pose_of(target, time_s).rotation, stage.pose_of(target, time_s + 0.35).rotation) > 1.0;
+    sharp_turns += angle_between(stage.pose_of(target, time_s).rotation,
+                                 stage.pose_of(target, time_s + 0.35).rotation) > 1.0;
   EXPECT_GE(sharp_turns, 6);
 }
 

@@ -1,5 +1,5 @@
-// A scenario brought to life for a test: its file read by the server's own reader, its instances in a mirror, its
-// animation played by hand.
+// A scenario brought to life for a test: its file read by the server's own reader, its instances in a mirror,
+// its animation played by hand.
 #pragma once
 
 #include <memory>
