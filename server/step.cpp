@@ -134,24 +134,41 @@ void plan_pair_maps(Work& w, const PairVolume& volume, const glm::dvec2& jitter)
   }
 }
 
+// Where the camera is about to be when nothing changes its course: the place whose visibility must be known exactly.
+glm::dvec3 place_on_course(const Work& w) {
+  return w.memory.camera.pose.position_m + w.memory.camera.velocity_mps * w.move_s;
+}
+
+void plan_sights(Work& w) {
+  for (const TargetView& target : w.memory.target_views) {
+    w.memory.sight_of_target.push_back(static_cast<uint32_t>(w.memory.views.size()));
+    w.memory.views.push_back(plan_sight(target.aim_m, place_on_course(w)));
+  }
+}
+
 void make_requests(Work& w) {
-  w.memory.requests.clear();
+  w.memory.requests.resize(w.memory.views.size());
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const MapRange& range = w.memory.maps_of_target[i];
-    for (uint32_t k = range.first; k < range.first + range.count; ++k)
-      w.memory.requests.push_back({w.memory.views[k], w.input.targets[i].layer_mask, w.memory.ignored_slots[i]});
+    const auto request = [&](uint32_t k) {
+      w.memory.requests[k] = {w.memory.views[k], w.input.targets[i].layer_mask, w.memory.ignored_slots[i]};
+    };
+    for (uint32_t k = range.first; k < range.first + range.count; ++k) request(k);
+    request(w.memory.sight_of_target[i]);
   }
 }
 
 Status sample(Work& w, std::optional<PairVolume>& pair, Sampler& sampler) {
   w.memory.views.clear();
   w.memory.maps_of_target.clear();
+  w.memory.sight_of_target.clear();
   const glm::dvec2 jitter = texel_jitter(w.input);
   if (wants_pair(w))
     pair = make_pair_volume(w.memory.target_views[0].aim_m, w.memory.target_views[1].aim_m, w.memory.bound,
                             w.input.settings.sample.resolution);
   if (pair) plan_pair_maps(w, *pair, jitter);
   else plan_lattice_maps(w, jitter);
+  plan_sights(w);
   make_requests(w);
   if (w.memory.requests.empty()) {
     w.memory.maps.clear();
@@ -167,6 +184,23 @@ glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& place) {
   const glm::dvec3 out = place - bound.center_m;
   const double distance = glm::length(out), reach = bound.radius_m * (1 - 1e-9);
   return distance <= reach ? place : bound.center_m + out * (reach / distance);
+}
+
+// Whether target i sees the camera's own place: by the single-texel map, at the place's distance.
+Sight own_sight(const Work& w, size_t i, const glm::dvec3& place) {
+  const DepthMap& map = w.memory.maps[w.memory.sight_of_target[i]];
+  Sight sight{.known = true};
+  const double slack = 1.0 + w.input.settings.aggregate.relative_bias;
+  sight.visible = glm::distance(place, w.memory.target_views[i].aim_m) <= map.distance_at(0, 0) * slack;
+  if (!sight.visible) sight.occluder = map.occluder_at(0, 0);
+  return sight;
+}
+
+void see_own_place(Work& w) {
+  w.memory.candidates.add(w.memory.camera.pose.position_m);
+  for (size_t i = 0; i < w.input.targets.size(); ++i)
+    if (own_sight(w, i, w.memory.camera.pose.position_m).visible)
+      w.memory.candidates.visible_targets.back() |= 1u << i;
 }
 
 void see(Work& w, const glm::dvec3& place) {
@@ -200,7 +234,7 @@ void aggregate(Work& w, const std::optional<PairVolume>& pair) {
   count_sights(candidates, w.steered, w.input.targets.size(), w.memory.counts);
   // Two places that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would
   // step between grid points.
-  see(w, w.memory.camera.pose.position_m);
+  see_own_place(w);
   if (w.steered != 0) see(w, nearest_in_bound(w.memory.bound, desired_place(w)));
 }
 
@@ -294,9 +328,7 @@ void report_targets(Work& w) {
   Lens lens = w.input.lens;
   lens.vertical_fov_rad = w.memory.vertical_fov_rad;
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
-    const MapRange& range = w.memory.maps_of_target[i];
-    const auto maps = std::span<const DepthMap>(w.memory.maps).subspan(range.first, range.count);
-    const Sight sight = look_up(maps, place, w.input.settings.aggregate.relative_bias);
+    const Sight sight = own_sight(w, i, place);
     TargetSight report;
     report.id = w.input.targets[i].instance_id;
     report.visible_share = sight.visible ? 1.0 : 0.0;

@@ -76,7 +76,8 @@ struct StepMemory {
   std::vector<MapRequest> requests;
   std::vector<MapView> views;
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
-  std::vector<MapRange> maps_of_target;
+  std::vector<MapRange> maps_of_target;  // over the bound
+  std::vector<uint32_t> sight_of_target;  // by target: index of its single-texel map towards the camera
   std::vector<DepthMap> maps;
   CandidateSet candidates;
   SightCounts counts;
