@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Installs what is missing to build, run and test Sightline on Debian 12, from Debian's own packages. Works as root and
+# with sudo; does nothing, quickly, when all is there.
+#   deploy/install-packages.sh build   what building and testing needs (the default)
+#   deploy/install-packages.sh run     what the built programs need
+set -euo pipefail
+
+build_packages=(
+  ca-certificates ccache cmake g++ git ninja-build pkg-config
+  libgrpc++-dev libgrpc-dev libprotobuf-dev libprotoc-dev protobuf-compiler protobuf-compiler-grpc
+  libc-ares-dev libre2-dev libssl-dev zlib1g-dev libabsl-dev
+  libegl-dev libepoxy-dev libegl1 libegl-mesa0 libgl1-mesa-dri
+  libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
+  libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
+  libgtest-dev libgmock-dev libbenchmark-dev
+  python3 python3-grpcio python3-protobuf
+)
+run_packages=(
+  libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
+  libspdlog1.10 libfmt9 libxxhash0
+)
+
+case "${1:-build}" in
+  build) wanted=("${build_packages[@]}") ;;
+  run) wanted=("${run_packages[@]}") ;;
+  *) echo "usage: $0 [build|run]" >&2; exit 2 ;;
+esac
+
+missing=()
+for package in "${wanted[@]}"; do
+  [ "$(dpkg-query -W -f='${db:Status-Abbrev}' "$package" 2>/dev/null)" = "ii " ] || missing+=("$package")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || { echo "Missing packages: ${missing[*]}. Install them, or run this as root or with sudo." >&2; exit 1; }
+  as_root=(sudo)
+fi
+echo "Installing: ${missing[*]}"
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
