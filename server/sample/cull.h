@@ -1,5 +1,5 @@
 // What a map cannot show is not drawn: instances by bounding sphere, clusters by the geometry's tree, then single
-// triangles (one that is dropped here costs a tenth of one that a software renderer drops). Pure functions on the CPU; nothing here knows OpenGL.
+// triangles (dropping one here costs far less than having a software renderer drop it). Pure functions on the CPU; nothing here knows OpenGL.
 //
 // A map is a few dozen sample points, not a picture: a cluster between them cannot show however plainly it stands in
 // the frustum. Away from the eye that is most of a scene.

@@ -54,7 +54,7 @@ struct City {
     CounterRandom random(seed, 0, RandomPurpose::kTest);
     SceneDelta delta;
     uint64_t id = 1;
-    // 8 * 8 * 11 = 704 triangles a block would need unequal cells: 12 * 7.64^2; alternate 7 and 8.
+    // Blocks of 12 * 7^2 or 12 * 8^2 triangles: 283 K together.
     for (int z = 0; z < kBlocksASide; ++z)
       for (int x = 0; x < kBlocksASide; ++x, ++id) {
         const glm::vec3 half(random.next_in(6, 11), random.next_in(5, 30), random.next_in(6, 11));

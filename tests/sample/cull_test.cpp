@@ -135,6 +135,35 @@ TEST(CullTest, AClusterShowsOnlyWithinItsRectangleAndBehindItsNearDepth) {
   EXPECT_GT(shown, 1000u);
 }
 
+TEST(CullTest, ATriangleThatIsDroppedCoversNoSampleOrIsHidden) {
+  size_t dropped = 0, kept = 0;
+  for (uint64_t seed = 2000; seed < 2100; ++seed) {
+    Case one;
+    make_case(seed, one);
+    // In every other case a curtain hangs in front of the left half.
+    std::vector<float> depth(static_cast<size_t>(one.view.width) * one.view.height,
+                             std::numeric_limits<float>::infinity());
+    for (size_t texel = 0; seed % 2 && texel < depth.size(); ++texel)
+      if (static_cast<int>(texel) % one.view.width < one.view.width / 2) depth[texel] = 3.0f;
+    for (const ClusterDraw& draw : one.list.clusters) {
+      std::vector<uint32_t> indices;
+      append_visible_triangles(*one.mirror.instances()[0].geometry, draw.cluster,
+                               one.list.instances[draw.instance].grid, depth.data(), indices);
+      kept += indices.size() / 3;
+      for (uint32_t i = draw.cluster.first_index; i < draw.cluster.first_index + draw.cluster.index_count; i += 3) {
+        if (std::ranges::count(indices, i) > 0) continue;
+        ++dropped;
+        for (int y = 0; y < one.view.height; ++y)
+          for (int x = 0; x < one.view.width; ++x)
+            ASSERT_GE(depth_of(one.view, x, y, world_triangle(one.mirror.instances()[0], i)),
+                      depth[static_cast<size_t>(y) * one.view.width + x]) << seed;
+      }
+    }
+  }
+  EXPECT_GT(dropped, 1000u);
+  EXPECT_GT(kept, 500u);
+}
+
 TEST(CullTest, ClustersComeNearestFirst) {
   SceneMaker maker(3);
   SceneMirror mirror;
