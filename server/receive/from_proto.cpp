@@ -81,7 +81,8 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   return {};
 }
 
-Status read_tick(const v1::Tick& tick, const Convention& convention, const SceneSource& source, TickInput& out) {
+Status read_tick(const v1::Tick& tick, const Convention& convention, const SceneSource& source,
+                 TickInput& out) {
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();
@@ -97,7 +98,8 @@ Status read_tick(const v1::Tick& tick, const Convention& convention, const Scene
     if (!ok) return ok;
   }
   if (tick.has_observed_camera())
-    if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok) return ok;
+    if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok)
+      return ok;
   if (!tick.has_lens()) return {};
   return read_lens(tick.lens(), convention, "tick.lens", out.lens.emplace());
 }
@@ -111,7 +113,8 @@ Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, c
   return options;
 }
 
-Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention, const SceneSource& source) {
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,
+                                  const SceneSource& source) {
   TickInput input;
   if (Status ok = read_tick(tick, convention, source, input); !ok) return tl::unexpected(ok.error());
   return input;

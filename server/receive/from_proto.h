@@ -1,6 +1,7 @@
-// From wire messages to what a session takes: every value checked against the ranges in proto/sightline/v1, in the
-// client's vocabulary of fields, then converted to canonical units. What needs the mirror or the session's past (ids that
-// must exist, time that must not go back, ranges of settings) is checked by the session itself.
+// From wire messages to what a session takes: every value checked against the ranges in proto/sightline/v1,
+// in the client's vocabulary of fields, then converted to canonical units. What needs the mirror or the
+// session's past (ids that must exist, time that must not go back, ranges of settings) is checked by the
+// session itself.
 #pragma once
 
 #include <string>
@@ -19,13 +20,14 @@ struct SceneSource {
   GeometryStore& store;
 };
 
-// Fields "open....". Reads the scene file, so it may take seconds. `warnings` gets what the file's reader could not
-// honour. Absent messages and values have the defaults of SessionOptions.
+// Fields "open....". Reads the scene file, so it may take seconds. `warnings` gets what the file's reader
+// could not honour. Absent messages and values have the defaults of SessionOptions.
 Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, const SceneSource& source,
                                                   std::vector<std::string>& warnings);
 
-// Fields "tick....". Cheap unless the tick adds meshes from a file. `convention` is the session's; arrival_ns is left to the
-// caller.
-Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention, const SceneSource& source);
+// Fields "tick....". Cheap unless the tick adds meshes from a file. `convention` is the session's; arrival_ns
+// is left to the caller.
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,
+                                  const SceneSource& source);
 
 }  // namespace sightline

@@ -20,7 +20,9 @@ Status check_client_id(uint64_t id, const std::string& field) {
   return invalid(field, "must be in [1, 2^63), got " + std::to_string(id));
 }
 
-std::string axis_field(const std::string& field, int axis) { return field + '.' + kAxisNames[axis]; }
+std::string axis_field(const std::string& field, int axis) {
+  return field + '.' + kAxisNames[axis];
+}
 
 // A size in client units, checked in metres, where its range is stated.
 Status read_size(double wire, double metres_per_unit, double min_m, const std::string& field, float& out_m) {
@@ -42,7 +44,9 @@ Result<Shape> read_box(const v1::Shape::Box& wire, const Convention& c, const st
   if (Status ok = read_vector(wire.half_extent(), name, units); !ok) return tl::unexpected(ok.error());
   glm::vec3 client_m;
   for (int axis = 0; axis < 3; ++axis)
-    if (Status ok = read_size(units[axis], c.metres_per_unit, kMinSizeM, axis_field(name, axis), client_m[axis]); !ok)
+    if (Status ok =
+            read_size(units[axis], c.metres_per_unit, kMinSizeM, axis_field(name, axis), client_m[axis]);
+        !ok)
       return tl::unexpected(ok.error());
   return BoxShape{glm::vec3(scale_from_client(c, client_m))};
 }
@@ -54,24 +58,32 @@ Result<Shape> read_sphere(const v1::Shape::Sphere& wire, const Convention& c, co
   return sphere;
 }
 
-// Capsule and cylinder: the client's up axis has canonical +Y or -Y as its image, so both stand as the client means them.
+// Capsule and cylinder: the client's up axis has canonical +Y or -Y as its image, so both stand as the client
+// means them.
 template <typename Round, typename Wire>
-Result<Shape> read_round(const Wire& wire, double min_half_height_m, const Convention& c, const std::string& field) {
+Result<Shape> read_round(const Wire& wire, double min_half_height_m, const Convention& c,
+                         const std::string& field) {
   Round round;
   Status ok = read_size(wire.radius(), c.metres_per_unit, kMinSizeM, field + ".radius", round.radius_m);
   if (ok)
-    ok = read_size(wire.half_height(), c.metres_per_unit, min_half_height_m, field + ".half_height", round.half_height_m);
+    ok = read_size(wire.half_height(), c.metres_per_unit, min_half_height_m, field + ".half_height",
+                   round.half_height_m);
   if (!ok) return tl::unexpected(ok.error());
   return round;
 }
 
 Result<Shape> read_shape(const v1::Shape& wire, const Convention& c, const std::string& field) {
   switch (wire.shape_case()) {
-    case v1::Shape::kBox: return read_box(wire.box(), c, field + ".box");
-    case v1::Shape::kSphere: return read_sphere(wire.sphere(), c, field + ".sphere");
-    case v1::Shape::kCapsule: return read_round<CapsuleShape>(wire.capsule(), 0.0, c, field + ".capsule");
-    case v1::Shape::kCylinder: return read_round<CylinderShape>(wire.cylinder(), kMinSizeM, c, field + ".cylinder");
-    case v1::Shape::SHAPE_NOT_SET: break;
+    case v1::Shape::kBox:
+      return read_box(wire.box(), c, field + ".box");
+    case v1::Shape::kSphere:
+      return read_sphere(wire.sphere(), c, field + ".sphere");
+    case v1::Shape::kCapsule:
+      return read_round<CapsuleShape>(wire.capsule(), 0.0, c, field + ".capsule");
+    case v1::Shape::kCylinder:
+      return read_round<CylinderShape>(wire.cylinder(), kMinSizeM, c, field + ".cylinder");
+    case v1::Shape::SHAPE_NOT_SET:
+      break;
   }
   return invalid(field, "must be a box, sphere, capsule or cylinder");
 }
@@ -124,8 +136,9 @@ Result<std::vector<NodeBinding>> read_bindings(const v1::SceneRef& wire, const s
 }
 
 tl::unexpected<Error> wrong_count(const char* field, int got, const char* of, int expected) {
-  return invalid(std::string("tick.transforms.") + field, "must hold " + std::to_string(expected) + " numbers (" + of +
-                                                              "), got " + std::to_string(got));
+  return invalid(
+      std::string("tick.transforms.") + field,
+      "must hold " + std::to_string(expected) + " numbers (" + of + "), got " + std::to_string(got));
 }
 
 Status check_counts(const v1::Transforms& wire) {
@@ -198,7 +211,8 @@ Result<std::shared_ptr<const Geometry>> InstanceReader::read_geometry(const v1::
   return source_.store.intern(std::move(*mesh));
 }
 
-Result<std::shared_ptr<const Geometry>> InstanceReader::read_mesh(const v1::MeshRef& wire, const std::string& field) {
+Result<std::shared_ptr<const Geometry>> InstanceReader::read_mesh(const v1::MeshRef& wire,
+                                                                  const std::string& field) {
   auto asset = find_asset(wire, field);
   if (!asset) return tl::unexpected(std::move(asset.error()));
   const std::vector<std::string>& names = (*asset)->mesh_names;
@@ -223,9 +237,10 @@ Result<InstanceReader::Asset> InstanceReader::find_asset(const v1::MeshRef& wire
   return asset;
 }
 
-Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source, const Convention& convention,
-                               const std::string& field) {
-  if (wire.source_case() == v1::SceneRef::SOURCE_NOT_SET) return invalid(field + ".source", "needs name or hash");
+Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source,
+                               const Convention& convention, const std::string& field) {
+  if (wire.source_case() == v1::SceneRef::SOURCE_NOT_SET)
+    return invalid(field + ".source", "needs name or hash");
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
   auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source.library, field + ".hash")
@@ -240,7 +255,8 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
   return LoadedScene{std::move(*asset), std::move(*instances)};
 }
 
-Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field, Target& out) {
+Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field,
+                   Target& out) {
   out.instance_id = wire.id();
   if (wire.has_weight()) out.weight = wire.weight();
   if (wire.has_required()) out.required = wire.required();
@@ -254,7 +270,8 @@ Status read_target(const v1::Target& wire, const Convention& convention, const s
   return {};
 }
 
-Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field, SceneDelta& out) {
+Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field,
+                  SceneDelta& out) {
   if (wire.has_base_revision()) out.base_revision = wire.base_revision();
   out.remove.assign(wire.remove().begin(), wire.remove().end());
   for (int i = 0; i < wire.add_size(); ++i) {
@@ -286,12 +303,14 @@ Status read_transforms(const v1::Transforms& wire, const Convention& convention,
     if (out.keeps_rotations) continue;
     const glm::dquat rotation = packed_rotation(wire, i);
     if (!is_unit(rotation))
-      return invalid(indexed("tick.transforms.rotation", 4 * static_cast<size_t>(i)),
-                     "must have unit length within 1e-3, got length " + std::to_string(glm::length(rotation)));
+      return invalid(
+          indexed("tick.transforms.rotation", 4 * static_cast<size_t>(i)),
+          "must have unit length within 1e-3, got length " + std::to_string(glm::length(rotation)));
     pose.rotation = rotation_from_client(convention, glm::normalize(rotation));
   }
   for (int i = 0; i < wire.velocity_size() / 3; ++i)
-    out.transforms.velocities_mps.push_back(vector_from_client(convention, packed_vector(wire.velocity(), i)));
+    out.transforms.velocities_mps.push_back(
+        vector_from_client(convention, packed_vector(wire.velocity(), i)));
   return {};
 }
 

@@ -40,7 +40,8 @@ Status read_rotation(const v1::Quaternion& wire, const std::string& field, glm::
 
 Status read_axis(v1::CustomConvention::Axis wire, const std::string& field, glm::dvec3& out) {
   if (!v1::CustomConvention::Axis_IsValid(wire)) return unknown_enum(field, wire);
-  if (wire == v1::CustomConvention::AXIS_UNSPECIFIED) return invalid(field, "is required for a custom convention");
+  if (wire == v1::CustomConvention::AXIS_UNSPECIFIED)
+    return invalid(field, "is required for a custom convention");
   const int index = wire - v1::CustomConvention::PLUS_X;  // +x, -x, +y, -y, +z, -z
   out = glm::dvec3(0.0);
   out[index / 2] = index % 2 == 0 ? 1.0 : -1.0;
@@ -52,7 +53,8 @@ Status read_custom(const v1::CustomConvention& wire, const std::string& field, C
   if (Status ok = read_axis(wire.x(), field + ".x", m[0]); !ok) return ok;
   if (Status ok = read_axis(wire.y(), field + ".y", m[1]); !ok) return ok;
   if (Status ok = read_axis(wire.z(), field + ".z", m[2]); !ok) return ok;
-  if (Status ok = read_axis(wire.camera_forward(), field + ".camera_forward", out.camera_forward); !ok) return ok;
+  if (Status ok = read_axis(wire.camera_forward(), field + ".camera_forward", out.camera_forward); !ok)
+    return ok;
   if (Status ok = read_axis(wire.camera_up(), field + ".camera_up", out.camera_up); !ok) return ok;
   out.metres_per_unit = wire.metres_per_unit();
   out.horizontal_fov = wire.horizontal_field_of_view();
@@ -63,22 +65,36 @@ Status read_custom(const v1::CustomConvention& wire, const std::string& field, C
 Status read_preset(v1::Convention::Preset wire, const std::string& field, Convention& out) {
   switch (wire) {
     case v1::Convention::PRESET_UNSPECIFIED:
-    case v1::Convention::GLTF: out = gltf_convention(); return {};
-    case v1::Convention::GODOT: out = godot_convention(); return {};
-    case v1::Convention::UNITY: out = unity_convention(); return {};
-    case v1::Convention::UNREAL: out = unreal_convention(); return {};
-    case v1::Convention::ROS: out = ros_convention(); return {};
-    default: return unknown_enum(field, wire);
+    case v1::Convention::GLTF:
+      out = gltf_convention();
+      return {};
+    case v1::Convention::GODOT:
+      out = godot_convention();
+      return {};
+    case v1::Convention::UNITY:
+      out = unity_convention();
+      return {};
+    case v1::Convention::UNREAL:
+      out = unreal_convention();
+      return {};
+    case v1::Convention::ROS:
+      out = ros_convention();
+      return {};
+    default:
+      return unknown_enum(field, wire);
   }
 }
 
 // Degrees, whatever the client's unit: the wire states its range in them.
 Status check_fov(double fov_degrees, const std::string& field) {
   if (fov_degrees > kMinFovDegrees && fov_degrees < kMaxFovDegrees) return {};
-  return invalid(field, "must be in (0.6, 171) degrees, or 0 for the default, got " + number(fov_degrees) + " degrees");
+  return invalid(
+      field, "must be in (0.6, 171) degrees, or 0 for the default, got " + number(fov_degrees) + " degrees");
 }
 
-int saturate(uint32_t value) { return static_cast<int>(std::min<uint32_t>(value, std::numeric_limits<int>::max())); }
+int saturate(uint32_t value) {
+  return static_cast<int>(std::min<uint32_t>(value, std::numeric_limits<int>::max()));
+}
 
 Status read_bound(const v1::Bound& wire, const std::string& field, BoundSettings& out) {
   if (!v1::Bound::Mode_IsValid(wire.mode())) return unknown_enum(field + ".mode", wire.mode());
@@ -126,14 +142,16 @@ void read_framing(const v1::Framing& wire, FramingSettings& out) {
 // Inside, 0 stands for "no zoom"; on the wire only absence does.
 Status check_zoom(const v1::Framing& wire, const std::string& field) {
   if (wire.has_min_vertical_fov_rad() != wire.has_max_vertical_fov_rad())
-    return invalid(field + (wire.has_min_vertical_fov_rad() ? ".max_vertical_fov_rad" : ".min_vertical_fov_rad"),
-                   "is absent: a zoom range needs both ends");
+    return invalid(
+        field + (wire.has_min_vertical_fov_rad() ? ".max_vertical_fov_rad" : ".min_vertical_fov_rad"),
+        "is absent: a zoom range needs both ends");
   if (!wire.has_min_vertical_fov_rad()) return {};
   const double low = wire.min_vertical_fov_rad(), high = wire.max_vertical_fov_rad();
   if (!(low > 0.01 && low < 3.0))
     return invalid(field + ".min_vertical_fov_rad", "must be in (0.01, 3), got " + number(low));
   if (!(high >= low && high < 3.0))
-    return invalid(field + ".max_vertical_fov_rad", "must be in [min_vertical_fov_rad, 3), got " + number(high));
+    return invalid(field + ".max_vertical_fov_rad",
+                   "must be in [min_vertical_fov_rad, 3), got " + number(high));
   return {};
 }
 
@@ -156,7 +174,8 @@ Status read_convention(const v1::Convention& wire, const std::string& prefix, Co
   const std::string field = prefix + "convention";
   const bool is_custom = wire.preset() == v1::Convention::CUSTOM;
   if (is_custom != wire.has_custom())
-    return invalid(field + ".custom", is_custom ? "is required for CUSTOM" : "must be absent unless preset is CUSTOM");
+    return invalid(field + ".custom",
+                   is_custom ? "is required for CUSTOM" : "must be absent unless preset is CUSTOM");
   Status ok = is_custom ? read_custom(wire.custom(), field + ".custom", out)
                         : read_preset(wire.preset(), field + ".preset", out);
   if (!ok) return ok;

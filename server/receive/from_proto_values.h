@@ -1,5 +1,5 @@
-// The small messages of camera.proto and settings.proto. Every reader fails with `field` or a path below it and then leaves
-// `out` unspecified; an absent value leaves the default that `out` came with.
+// The small messages of camera.proto and settings.proto. Every reader fails with `field` or a path below it
+// and then leaves `out` unspecified; an absent value leaves the default that `out` came with.
 #pragma once
 
 #include <string>

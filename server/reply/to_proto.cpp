@@ -18,25 +18,38 @@ void set(const Pose& client_pose, v1::Pose& out) {
 
 v1::Status to_proto(MoveStatus status) {
   switch (status) {
-    case MoveStatus::kTracking: return v1::TRACKING;
-    case MoveStatus::kPartial: return v1::PARTIAL_VIEW;
-    case MoveStatus::kEscaping: return v1::ESCAPING;
-    case MoveStatus::kHolding: return v1::HOLDING;
+    case MoveStatus::kTracking:
+      return v1::TRACKING;
+    case MoveStatus::kPartial:
+      return v1::PARTIAL_VIEW;
+    case MoveStatus::kEscaping:
+      return v1::ESCAPING;
+    case MoveStatus::kHolding:
+      return v1::HOLDING;
   }
   return v1::STATUS_UNSPECIFIED;
 }
 
 v1::Reason to_proto(MoveReason reason) {
   switch (reason) {
-    case MoveReason::kAtDesiredPlace: return v1::AT_DESIRED_PLACE;
-    case MoveReason::kNearestAllVisible: return v1::NEAREST_ALL_VISIBLE;
-    case MoveReason::kBestPartial: return v1::BEST_PARTIAL;
-    case MoveReason::kHorizonGrown: return v1::HORIZON_GROWN;
-    case MoveReason::kNoTargets: return v1::NO_TARGETS;
-    case MoveReason::kPaused: return v1::PAUSED;
-    case MoveReason::kBlockedByGeometry: return v1::BLOCKED_BY_GEOMETRY;
-    case MoveReason::kBodyOverlap: return v1::BODY_OVERLAP;
-    case MoveReason::kObservedCut: return v1::OBSERVED_CUT;
+    case MoveReason::kAtDesiredPlace:
+      return v1::AT_DESIRED_PLACE;
+    case MoveReason::kNearestAllVisible:
+      return v1::NEAREST_ALL_VISIBLE;
+    case MoveReason::kBestPartial:
+      return v1::BEST_PARTIAL;
+    case MoveReason::kHorizonGrown:
+      return v1::HORIZON_GROWN;
+    case MoveReason::kNoTargets:
+      return v1::NO_TARGETS;
+    case MoveReason::kPaused:
+      return v1::PAUSED;
+    case MoveReason::kBlockedByGeometry:
+      return v1::BLOCKED_BY_GEOMETRY;
+    case MoveReason::kBodyOverlap:
+      return v1::BODY_OVERLAP;
+    case MoveReason::kObservedCut:
+      return v1::OBSERVED_CUT;
   }
   return v1::REASON_UNSPECIFIED;
 }
@@ -45,10 +58,14 @@ v1::PairFallback pair_fallback(const StepResult& step) {
   if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_NONE;
   if (step.pair_needs_two) return v1::PAIR_NOT_TWO_TARGETS;
   switch (step.pair_gap) {
-    case PairGap::kNone: return v1::PAIR_FALLBACK_NONE;
-    case PairGap::kTargetInBound: return v1::PAIR_TARGET_IN_BOUND;
-    case PairGap::kOnLine: return v1::PAIR_ON_LINE;
-    case PairGap::kTooClose: return v1::PAIR_TOO_CLOSE;
+    case PairGap::kNone:
+      return v1::PAIR_FALLBACK_NONE;
+    case PairGap::kTargetInBound:
+      return v1::PAIR_TARGET_IN_BOUND;
+    case PairGap::kOnLine:
+      return v1::PAIR_ON_LINE;
+    case PairGap::kTooClose:
+      return v1::PAIR_TOO_CLOSE;
   }
   return v1::PAIR_FALLBACK_NONE;
 }
@@ -147,13 +164,20 @@ v1::Rejection::Code to_proto(ErrorCode code) {
   switch (code) {
     case ErrorCode::kInvalidArgument:
     case ErrorCode::kUnsupported:
-    case ErrorCode::kDataLoss: return v1::Rejection::INVALID_ARGUMENT;
-    case ErrorCode::kNotFound: return v1::Rejection::NOT_FOUND;
-    case ErrorCode::kAlreadyExists: return v1::Rejection::ALREADY_EXISTS;
-    case ErrorCode::kFailedPrecondition: return v1::Rejection::FAILED_PRECONDITION;
-    case ErrorCode::kResourceExhausted: return v1::Rejection::RESOURCE_EXHAUSTED;
-    case ErrorCode::kUnavailable: return v1::Rejection::UNAVAILABLE;
-    case ErrorCode::kInternal: return v1::Rejection::INTERNAL;
+    case ErrorCode::kDataLoss:
+      return v1::Rejection::INVALID_ARGUMENT;
+    case ErrorCode::kNotFound:
+      return v1::Rejection::NOT_FOUND;
+    case ErrorCode::kAlreadyExists:
+      return v1::Rejection::ALREADY_EXISTS;
+    case ErrorCode::kFailedPrecondition:
+      return v1::Rejection::FAILED_PRECONDITION;
+    case ErrorCode::kResourceExhausted:
+      return v1::Rejection::RESOURCE_EXHAUSTED;
+    case ErrorCode::kUnavailable:
+      return v1::Rejection::UNAVAILABLE;
+    case ErrorCode::kInternal:
+      return v1::Rejection::INTERNAL;
   }
   return v1::Rejection::INTERNAL;
 }
@@ -166,8 +190,8 @@ bool mirrors_disagree(const Error& error) {
 
 }  // namespace
 
-void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, const DiagnosticsWanted& wanted,
-                           v1::CameraReply& out) {
+void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
+                           const DiagnosticsWanted& wanted, v1::CameraReply& out) {
   const StepResult& step = answer.step;
   const Convention& c = session.convention();
   out.Clear();
@@ -194,7 +218,8 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, 
   if (wanted.depth_maps) add_depth_maps(session, out);
 }
 
-void rejection_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror, v1::Rejection& out) {
+void rejection_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror,
+                        v1::Rejection& out) {
   out.Clear();
   out.set_sequence(sequence);
   out.set_code(to_proto(error.code));

@@ -28,7 +28,8 @@ bool is_within(const glm::dvec3& p, double limit) {  // false for NaN
 Status check_known(const std::vector<uint64_t>& named, const IdsAfter& ids, const std::string& field) {
   for (size_t i = 0; i < named.size(); ++i)
     if (!ids.contains(named[i]))
-      return fail(ErrorCode::kNotFound, indexed(field, i), "no instance has the id " + std::to_string(named[i]));
+      return fail(ErrorCode::kNotFound, indexed(field, i),
+                  "no instance has the id " + std::to_string(named[i]));
   return {};
 }
 
@@ -45,7 +46,9 @@ Status check_target(const Target& target, const IdsAfter& ids, const std::string
 }
 
 // "poses[3].rotation" -> 3.
-size_t index_in(const std::string& field) { return std::stoull(field.substr(field.find('[') + 1)); }
+size_t index_in(const std::string& field) {
+  return std::stoull(field.substr(field.find('[') + 1));
+}
 
 void replace_end(std::string& text, std::string_view end, std::string_view by) {
   if (text.ends_with(end)) text.replace(text.size() - end.size(), end.size(), by);
@@ -82,11 +85,14 @@ Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, co
   return {};
 }
 
-bool is_unit(const glm::dquat& rotation) { return std::abs(glm::length(rotation) - 1.0) <= kUnitTolerance; }
+bool is_unit(const glm::dquat& rotation) {
+  return std::abs(glm::length(rotation) - 1.0) <= kUnitTolerance;
+}
 
 Status check_pose(const Pose& pose, const std::string& field) {
   if (!is_within(pose.position_m, kMaxCoordinateM))
-    return invalid(field + ".position", "each coordinate must be finite and within 1e9 m of the world origin");
+    return invalid(field + ".position",
+                   "each coordinate must be finite and within 1e9 m of the world origin");
   if (is_unit(pose.rotation)) return {};
   return invalid(field + ".rotation",
                  "must have unit length within 1e-3, got length " + number(glm::length(pose.rotation)));

@@ -32,7 +32,8 @@ class IdsAfter {
   std::unordered_map<uint64_t, size_t> added_;
 };
 
-// Fields "<list>" (more than kMaxTargets), "<list>[i].id" (unknown, or named twice), ".weight", ".aim_offset",
+// Fields "<list>" (more than kMaxTargets), "<list>[i].id" (unknown, or named twice), ".weight",
+// ".aim_offset",
 // ".attached[j]" and ".ignored[j]" (unknown: they must exist when they are named, and may be removed later).
 Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list);
 

@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 
-Convention preset(const glm::dmat3& canonical_from_client, double metres_per_unit, const glm::dvec3& camera_forward,
-                  const glm::dvec3& camera_up) {
+Convention preset(const glm::dmat3& canonical_from_client, double metres_per_unit,
+                  const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {
   Convention c;
   c.canonical_from_client = canonical_from_client;
   c.metres_per_unit = metres_per_unit;
@@ -25,7 +25,9 @@ bool is_axis(const glm::dvec3& v) {
   return (a.x == 0 || a.x == 1) && (a.y == 0 || a.y == 1) && (a.z == 0 || a.z == 1) && a.x + a.y + a.z == 1;
 }
 
-double handedness(const Convention& c) { return glm::determinant(c.canonical_from_client); }
+double handedness(const Convention& c) {
+  return glm::determinant(c.canonical_from_client);
+}
 
 // R' = M R M^T for a rotation about the axial vector (q.x, q.y, q.z): exact, since M only swaps and negates.
 glm::dquat turn_axis(const glm::dmat3& m, double sign, const glm::dquat& q) {
@@ -47,11 +49,15 @@ glm::dquat camera_rotation_to_client(const Convention& c, const glm::dquat& r) {
   return rotation_to_client(c, glm::normalize(r * glm::conjugate(client_camera_from_camera(c))));
 }
 
-double other_fov(double fov_rad, double factor) { return 2 * std::atan(std::tan(fov_rad / 2) * factor); }
+double other_fov(double fov_rad, double factor) {
+  return 2 * std::atan(std::tan(fov_rad / 2) * factor);
+}
 
 }  // namespace
 
-Convention gltf_convention() { return {}; }
+Convention gltf_convention() {
+  return {};
+}
 
 Convention godot_convention() {
   Convention c;
@@ -82,7 +88,8 @@ Status validate(const Convention& c) {
     return invalid("convention.custom.y", "must be an axis, and another one than x");
   if (!is_axis(m[2]) || glm::dot(m[0], m[2]) != 0 || glm::dot(m[1], m[2]) != 0)
     return invalid("convention.custom.z", "must be an axis, and another one than x and y");
-  if (Status ok = check_range("convention.custom.metres_per_unit", c.metres_per_unit, 1e-6, 1e6); !ok) return ok;
+  if (Status ok = check_range("convention.custom.metres_per_unit", c.metres_per_unit, 1e-6, 1e6); !ok)
+    return ok;
   if (!is_axis(c.camera_forward)) return invalid("convention.custom.camera_forward", "must be an axis");
   if (!is_axis(c.camera_up) || glm::dot(c.camera_forward, c.camera_up) != 0)
     return invalid("convention.custom.camera_up", "must be an axis, and not along camera_forward");

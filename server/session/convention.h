@@ -1,12 +1,13 @@
 // Conventions: from the client's world to the canonical one and back (design 2).
 //
-// Let M be the matrix whose columns are the canonical images of the client's axes (a signed permutation) and s the
-// metres per unit. Then p_canonical = s M p_client - origin, R_canonical = M R_client M^T (a rotation even where M mirrors), and
-// a camera's rotation is rebuilt from its forward and up axes, since the client's camera looks along another axis.
+// Let M be the matrix whose columns are the canonical images of the client's axes (a signed permutation) and
+// s the metres per unit. Then p_canonical = s M p_client - origin, R_canonical = M R_client M^T (a rotation
+// even where M mirrors), and a camera's rotation is rebuilt from its forward and up axes, since the client's
+// camera looks along another axis.
 //
-// The client's up is the axis whose image is canonical +Y or -Y: the long axis of its capsules and cylinders, whichever
-// letter it has. Meshes of scene files stand in glTF's frame: an instance with the identity pose shows them as the client
-// sees them after converting every vertex by this same rule.
+// The client's up is the axis whose image is canonical +Y or -Y: the long axis of its capsules and cylinders,
+// whichever letter it has. Meshes of scene files stand in glTF's frame: an instance with the identity pose
+// shows them as the client sees them after converting every vertex by this same rule.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -18,13 +19,13 @@
 namespace sightline {
 
 struct Convention {
-  glm::dmat3 canonical_from_client{1.0};     // signed permutation; determinant -1 for left-handed clients
-  double metres_per_unit = 1.0;              // [1e-6, 1e6]
-  glm::dvec3 camera_forward{0, 0, -1};       // client axes; where a camera with the identity rotation looks
-  glm::dvec3 camera_up{0, 1, 0};             // client axes; what is up in its picture
-  bool horizontal_fov = false;               // fields of view are horizontal ones
-  bool degrees = false;                      // and in degrees
-  glm::dvec3 origin_m{0.0};                  // canonical metres; subtracted from every position
+  glm::dmat3 canonical_from_client{1.0};  // signed permutation; determinant -1 for left-handed clients
+  double metres_per_unit = 1.0;           // [1e-6, 1e6]
+  glm::dvec3 camera_forward{0, 0, -1};    // client axes; where a camera with the identity rotation looks
+  glm::dvec3 camera_up{0, 1, 0};          // client axes; what is up in its picture
+  bool horizontal_fov = false;            // fields of view are horizontal ones
+  bool degrees = false;                   // and in degrees
+  glm::dvec3 origin_m{0.0};               // canonical metres; subtracted from every position
 };
 
 Convention gltf_convention();
@@ -33,8 +34,8 @@ Convention unity_convention();
 Convention unreal_convention();
 // ros (x, y, z) = gltf (z, x, y): a glTF asset's front, +Z, is ROS's forward, +X.
 Convention ros_convention();
-// Fails (kInvalidArgument; field "convention.custom.<...>") unless the columns are a signed permutation, forward and up are
-// different axes, the scale is in range and the origin finite (field "world_origin").
+// Fails (kInvalidArgument; field "convention.custom.<...>") unless the columns are a signed permutation,
+// forward and up are different axes, the scale is in range and the origin finite (field "world_origin").
 Status validate(const Convention& convention);
 
 glm::dvec3 position_from_client(const Convention& c, const glm::dvec3& p_units);
@@ -56,7 +57,8 @@ Pose camera_from_client(const Convention& c, const Pose& client_pose);
 Pose camera_to_client(const Convention& c, const Pose& pose);
 // target_from_camera, for the client to put after its own world_from_target: no origin takes part.
 Pose relative_camera_to_client(const Convention& c, const Pose& target_from_camera);
-// world_from_view of a depth map (columns right, up, back) as the client's pose that looks along its own -Z with +Y up.
+// world_from_view of a depth map (columns right, up, back) as the client's pose that looks along its own -Z
+// with +Y up.
 Pose view_to_client(const Convention& c, const glm::dvec3& eye_m, const glm::dmat3& world_from_view);
 // Full field of view in the client's axis and unit <-> vertical radians.
 double fov_from_client(const Convention& c, double fov, double aspect);

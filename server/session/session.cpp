@@ -37,7 +37,8 @@ Status check_options(const SessionOptions& options) {
   return {};
 }
 
-// "add[7].id" -> "open.instances[2].id" when the scene file made five; what the file made is the file's fault.
+// "add[7].id" -> "open.instances[2].id" when the scene file made five; what the file made is the file's
+// fault.
 Error in_open_request(Error error, size_t scene_instances) {
   if (!error.field.starts_with("add[")) return {error.code, "open.instances", std::move(error.message)};
   const size_t index = std::stoull(error.field.substr(4));
@@ -70,7 +71,8 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   if (Status ok = session->add_first_instances(); !ok) return tl::unexpected(ok.error());
   const SceneDelta nothing;
   const IdsAfter ids(session->mirror_, nothing);
-  if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok) return tl::unexpected(ok.error());
+  if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok)
+    return tl::unexpected(ok.error());
   place_camera(session->memory_, session->options_.camera, glm::dvec3(0.0));
   return session;
 }
@@ -110,7 +112,9 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
   if (Status ok = check_clock(tick); !ok) return ok;
   if (Status ok = check_camera(tick); !ok) return ok;
   for (size_t i = 0; i < tick.transforms.velocities_mps.size(); ++i)
-    if (Status ok = check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocity", 3 * i)); !ok)
+    if (Status ok =
+            check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocity", 3 * i));
+        !ok)
       return ok;
   if (tick.targets) return check_targets(*tick.targets, ids, "tick.targets.targets");
   for (size_t i = 0; i < tick.delta.remove.size(); ++i) {
@@ -127,7 +131,8 @@ Status Session::check_clock(const TickInput& tick) const {
   if (ticked_ && tick.sequence <= sequence_)
     return invalid("tick.sequence", "must increase, got " + std::to_string(tick.sequence) + " after " +
                                         std::to_string(sequence_));
-  if (!std::isfinite(tick.time_s)) return invalid("tick.time_s", "must be finite, got " + std::to_string(tick.time_s));
+  if (!std::isfinite(tick.time_s))
+    return invalid("tick.time_s", "must be finite, got " + std::to_string(tick.time_s));
   if (ticked_ && tick.time_s < time_s_)
     return invalid("tick.time_s", "must not go back, got " + std::to_string(tick.time_s) + " after " +
                                       std::to_string(time_s_));
@@ -139,12 +144,14 @@ Status Session::check_clock(const TickInput& tick) const {
 Status Session::check_camera(const TickInput& tick) const {
   if (tick.observed_camera) {
     if (Status ok = check_pose(tick.observed_camera->pose, "tick.observed_camera.pose"); !ok) return ok;
-    if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok) return ok;
+    if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok)
+      return ok;
   }
   if (!tick.lens) return {};
   if (Status ok = check_lens(*tick.lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(options_.limits, widest(*tick.lens, options_.settings.framing)); !ok)
-    return invalid("tick.lens", "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
+    return invalid("tick.lens",
+                   "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
   return {};
 }
 
@@ -168,7 +175,9 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
     const Instance* before = ids.staying(update_.ids[i]);
     if (tick.keeps_rotations) {
       const NewInstance* added = ids.added(update_.ids[i]);
-      update_.poses[i].rotation = added ? added->pose.rotation : before ? before->pose.rotation : Pose{}.rotation;
+      update_.poses[i].rotation = added    ? added->pose.rotation
+                                  : before ? before->pose.rotation
+                                           : Pose{}.rotation;
     }
     if (derives)
       update_.velocities_mps.push_back(derived_velocity_mps(before, update_.poses[i].position_m, dt_s));
@@ -237,15 +246,16 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
   const auto wanted = std::make_tuple(m.has_offset, m.desired_offset_m, m.offset_targets, m.horizon_s);
   place_camera(memory_, observed.pose, observed.velocity_mps);
   if (!observed.cut)
-    std::tie(memory_.has_offset, memory_.desired_offset_m, memory_.offset_targets, memory_.horizon_s) = wanted;
+    std::tie(memory_.has_offset, memory_.desired_offset_m, memory_.offset_targets, memory_.horizon_s) =
+        wanted;
   pending_cut_ |= observed.cut;
   pending_dt_s_ = dt_s;
 }
 
 Result<SessionAnswer> Session::step() {
   const int64_t start_ns = clock_();
-  const StepInput input{mirror_, options_.targets, options_.limits, options_.settings, options_.lens, options_.seed,
-                        steps_, pending_dt_s_};
+  const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings,
+                        options_.lens, options_.seed,    steps_,          pending_dt_s_};
   auto result = take_step(memory_, input, *sampler_, clock_);
   if (!result) return tl::unexpected(std::move(result.error()));
   ++steps_;

@@ -1,6 +1,7 @@
-// A session: one camera over one mirrored scene, in canonical units. It takes ticks, each whole or not at all, and answers
-// steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply` translates answers back. Its
-// errors speak the client's vocabulary all the same ("open.targets[2].weight", "tick.transforms.id[7]").
+// A session: one camera over one mirrored scene, in canonical units. It takes ticks, each whole or not at
+// all, and answers steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply`
+// translates answers back. Its errors speak the client's vocabulary all the same ("open.targets[2].weight",
+// "tick.transforms.id[7]").
 #pragma once
 
 #include <cstdint>
@@ -24,11 +25,12 @@ namespace sightline {
 inline constexpr double kMaxToldSpeedMps = 1e6;
 // A shorter dt counts as 0: rates over it are noise.
 inline constexpr double kShortestStepS = 1e-6;
-// An instance whose positions imply more than this was teleported: its derived velocity is 0. Faster things exist; they
-// send their velocity.
+// An instance whose positions imply more than this was teleported: its derived velocity is 0. Faster things
+// exist; they send their velocity.
 inline constexpr double kTeleportSpeedMps = 100.0;
 inline constexpr size_t kMaxLabelBytes = 64;
-// A session holds the files that its newest meshes came from, so that spawning a mesh again does not read its file again.
+// A session holds the files that its newest meshes came from, so that spawning a mesh again does not read its
+// file again.
 inline constexpr size_t kHeldAssets = 16;
 
 // Which intermediates the client wants in every reply.
@@ -81,9 +83,9 @@ struct SessionAnswer {
   double time_s = 0.0;
   double pose_time_s = 0.0;
   StepResult step;
-  Lens lens;                         // as used, zoom included
+  Lens lens;  // as used, zoom included
   std::optional<uint64_t> relative_target_id;
-  Pose target_from_camera;           // when relative_target_id is set
+  Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
   uint64_t revision = 0;
@@ -93,25 +95,26 @@ struct SessionAnswer {
 
 // Single-threaded: one thread at a time, any thread.
 //
-// Velocities that the client does not send are derived from successive positions over the tick's dt. They are 0 for an
-// instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that moved and is then no longer
-// named stays, so its derived velocity ends. When dt is 0 nothing is derived: what stands where it stood keeps its
-// velocity, what jumped has none.
+// Velocities that the client does not send are derived from successive positions over the tick's dt. They are
+// 0 for an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that moved and
+// is then no longer named stays, so its derived velocity ends. When dt is 0 nothing is derived: what stands
+// where it stood keeps its velocity, what jumped has none.
 class Session {
  public:
-  // Checks everything: settings and limits in their ranges, ids, targets, the camera's pose, and that the body
-  // contains the near plane's corners at the widest zoom. Fields are paths in the open request:
-  // "open.instances[2].id", "open.targets[0].weight", "open.limits.max_speed_mps", "open.settings.bound.horizon_s".
+  // Checks everything: settings and limits in their ranges, ids, targets, the camera's pose, and that the
+  // body contains the near plane's corners at the widest zoom. Fields are paths in the open request:
+  // "open.instances[2].id", "open.targets[0].weight", "open.limits.max_speed_mps",
+  // "open.settings.bound.horizon_s".
   static Result<std::unique_ptr<Session>> open(SessionOptions options, std::unique_ptr<Sampler> sampler,
                                                StageClock clock);
 
-  // Applies a tick whole, or answers what is wrong (field "tick....") and leaves the session as it was. Several ticks may be
-  // applied before one step: they merge. The dt of merged ticks adds up; an observed camera starts it anew, since the
-  // camera is known to be there at that tick.
+  // Applies a tick whole, or answers what is wrong (field "tick....") and leaves the session as it was.
+  // Several ticks may be applied before one step: they merge. The dt of merged ticks adds up; an observed
+  // camera starts it anew, since the camera is known to be there at that tick.
   Status apply(const TickInput& tick);
 
-  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
-  // applied is then part of the next step.
+  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does:
+  // what was applied is then part of the next step.
   Result<SessionAnswer> step();
 
   const SceneMirror& mirror() const { return mirror_; }
@@ -146,8 +149,8 @@ class Session {
   SceneMirror mirror_;
   StepMemory memory_;
 
-  bool ticked_ = false;          // a tick was applied since the session opened
-  uint64_t sequence_ = 0;        // of the newest applied tick
+  bool ticked_ = false;    // a tick was applied since the session opened
+  uint64_t sequence_ = 0;  // of the newest applied tick
   double time_s_ = 0.0;
   uint64_t steps_ = 0;
 

@@ -1,5 +1,5 @@
-// Each engine's own rules of thumb, written out by hand, are the reference: where its axes point, which way a positive
-// yaw turns, what its camera shows.
+// Each engine's own rules of thumb, written out by hand, are the reference: where its axes point, which way a
+// positive yaw turns, what its camera shows.
 #include "server/session/convention.h"
 
 #include <gtest/gtest.h>
@@ -16,15 +16,21 @@ constexpr double kPi = std::numbers::pi;
 const double kHalf = std::sqrt(0.5);  // sine and cosine of 45 degrees: half of a right angle
 
 // Numbers in the order x, y, z, w, as engines write them.
-glm::dquat quaternion(double x, double y, double z, double w) { return {w, x, y, z}; }
+glm::dquat quaternion(double x, double y, double z, double w) {
+  return {w, x, y, z};
+}
 
 void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double tolerance = 1e-12) {
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
 }
 
 // What a canonical camera sees straight ahead, above and to the right.
-glm::dvec3 ahead(const Pose& camera) { return camera.rotation * glm::dvec3(0, 0, -1); }
-glm::dvec3 above(const Pose& camera) { return camera.rotation * glm::dvec3(0, 1, 0); }
+glm::dvec3 ahead(const Pose& camera) {
+  return camera.rotation * glm::dvec3(0, 0, -1);
+}
+glm::dvec3 above(const Pose& camera) {
+  return camera.rotation * glm::dvec3(0, 1, 0);
+}
 
 TEST(Convention, GltfIsTheCanonicalFrame) {
   const Convention c = gltf_convention();
@@ -47,7 +53,8 @@ TEST(Convention, UnityMirrorsXAndLooksAlongPlusZ) {
   const Pose camera = camera_from_client(c, {});
   expect_near(ahead(camera), {0, 0, 1});
   expect_near(above(camera), {0, 1, 0});
-  // What stands to the right in Unity's picture is at +X, so at canonical -X, and right of a camera that looks along +Z.
+  // What stands to the right in Unity's picture is at +X, so at canonical -X, and right of a camera that
+  // looks along +Z.
   expect_near(camera.rotation * glm::dvec3(1, 0, 0), {-1, 0, 0});
 }
 
@@ -98,7 +105,8 @@ TEST(Convention, RosYawTurnsLeft) {
 }
 
 TEST(Convention, AngularVelocityKeepsTheSenseOfTurning) {
-  // Turning left seen from above is positive about canonical up. Unity and Unreal count it negative about theirs.
+  // Turning left seen from above is positive about canonical up. Unity and Unreal count it negative about
+  // theirs.
   const glm::dvec3 left(0, 1.5, 0);
   expect_near(angular_velocity_to_client(gltf_convention(), left), {0, 1.5, 0});
   expect_near(angular_velocity_to_client(unity_convention(), left), {0, -1.5, 0});
@@ -131,8 +139,8 @@ glm::dvec3 axis(int i) {
 
 // All presets, and every signed permutation with some choice of camera axes, scale and origin.
 std::vector<Convention> many_conventions() {
-  std::vector<Convention> all = {gltf_convention(), godot_convention(), unity_convention(), unreal_convention(),
-                                 ros_convention()};
+  std::vector<Convention> all = {gltf_convention(), godot_convention(), unity_convention(),
+                                 unreal_convention(), ros_convention()};
   int k = 0;
   for (int x = 0; x < 6; ++x)
     for (int y = 0; y < 6; ++y)
@@ -167,16 +175,22 @@ Pose random_pose(CounterRandom& random) {
   return {position, random_rotation(random)};
 }
 
-bool is_left_handed(const Convention& c) { return glm::determinant(c.canonical_from_client) < 0; }
+bool is_left_handed(const Convention& c) {
+  return glm::determinant(c.canonical_from_client) < 0;
+}
 
 // What the client calls the right-hand side of its picture.
 glm::dvec3 client_right(const Convention& c, const glm::dvec3& forward, const glm::dvec3& up) {
   return is_left_handed(c) ? glm::cross(up, forward) : glm::cross(forward, up);
 }
 
-void expect_same_rotation(const glm::dquat& a, const glm::dquat& b) { EXPECT_LT(angle_between(a, b), 1e-7); }
+void expect_same_rotation(const glm::dquat& a, const glm::dquat& b) {
+  EXPECT_LT(angle_between(a, b), 1e-7);
+}
 
-TEST(Convention, ManyAreTried) { EXPECT_GT(many_conventions().size(), 40u); }
+TEST(Convention, ManyAreTried) {
+  EXPECT_GT(many_conventions().size(), 40u);
+}
 
 TEST(Convention, EverySignedPermutationIsValid) {
   for (const Convention& c : many_conventions()) EXPECT_TRUE(validate(c).has_value());
@@ -212,7 +226,8 @@ TEST(Convention, AScaledPointConvertsAsThePoint) {
   CounterRandom random(3, 0, RandomPurpose::kTest);
   for (const Convention& c : many_conventions()) {
     const glm::dvec3 local = random_vector(random), scale = glm::abs(random_vector(random));
-    expect_near(scale_from_client(c, scale) * vector_from_client(c, local), vector_from_client(c, scale * local), 1e-9);
+    expect_near(scale_from_client(c, scale) * vector_from_client(c, local),
+                vector_from_client(c, scale * local), 1e-9);
   }
 }
 
@@ -245,9 +260,10 @@ TEST(Convention, TheRelativePoseComposesWithTheTargetsPose) {
   CounterRandom random(6, 0, RandomPurpose::kTest);
   for (const Convention& c : many_conventions()) {
     const Pose target = random_pose(random), camera = random_pose(random);  // canonical, from the world
-    const Pose relative = relative_camera_to_client(
-        c, {inverse_transform_point(target, camera.position_m), glm::conjugate(target.rotation) * camera.rotation});
-    const Pose client_target{position_to_client(c, target.position_m), rotation_to_client(c, target.rotation)};
+    const Pose relative = relative_camera_to_client(c, {inverse_transform_point(target, camera.position_m),
+                                                        glm::conjugate(target.rotation) * camera.rotation});
+    const Pose client_target{position_to_client(c, target.position_m),
+                             rotation_to_client(c, target.rotation)};
     const Pose client_camera = camera_to_client(c, camera);
     expect_near(transform_point(client_target, relative.position_m), client_camera.position_m, 1e-9);
     expect_same_rotation(client_target.rotation * relative.rotation, client_camera.rotation);
@@ -271,7 +287,9 @@ TEST(Convention, AViewLooksAlongItsOwnMinusZ) {
 
 // ---- what is refused ----
 
-std::string field_of(const Status& status) { return status ? "" : status.error().field; }
+std::string field_of(const Status& status) {
+  return status ? "" : status.error().field;
+}
 
 TEST(Convention, NamesWhatIsWrong) {
   Convention twice = gltf_convention();

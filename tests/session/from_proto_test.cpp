@@ -43,7 +43,9 @@ class FromProto : public testing::Test {
     std::string pattern = (fs::temp_directory_path() / "sightline-wire-XXXXXX").string();
     return mkdtemp(pattern.data());
   }
-  Result<SessionOptions> read(const v1::OpenSession& open) { return session_options_from_proto(open, source, warnings); }
+  Result<SessionOptions> read(const v1::OpenSession& open) {
+    return session_options_from_proto(open, source, warnings);
+  }
   SessionOptions must_read(const v1::OpenSession& open) {
     auto options = read(open);
     if (!options) throw std::runtime_error(to_string(options.error()));
@@ -89,14 +91,16 @@ TEST_F(FromProto, EverySettingArrives) {
   v1::OpenSession open = make_open();
   v1::Settings& s = *open.mutable_settings();
   s.mutable_bound()->set_mode(v1::Bound::PAPER);
-  s.mutable_bound()->set_horizon_s(0.6), s.mutable_bound()->set_max_horizon_s(1.1), s.mutable_bound()->set_paper_n(55);
+  s.mutable_bound()->set_horizon_s(0.6), s.mutable_bound()->set_max_horizon_s(1.1),
+      s.mutable_bound()->set_paper_n(55);
   s.mutable_sample()->set_resolution(9), s.mutable_sample()->set_jitter(false);
   s.mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
   s.mutable_aggregate()->set_candidates(99), s.mutable_aggregate()->set_relative_bias(0.02);
   s.mutable_move()->set_follow(v1::Move::STAY);
   s.mutable_move()->set_min_distance_m(2), s.mutable_move()->set_max_distance_m(20);
   s.mutable_move()->set_min_elevation_rad(-0.1), s.mutable_move()->set_max_elevation_rad(0.9);
-  s.mutable_framing()->set_margin(0.2), s.mutable_framing()->set_dead_zone(0.3), s.mutable_framing()->set_response_s(1);
+  s.mutable_framing()->set_margin(0.2), s.mutable_framing()->set_dead_zone(0.3),
+      s.mutable_framing()->set_response_s(1);
   s.mutable_framing()->set_min_vertical_fov_rad(0.4), s.mutable_framing()->set_max_vertical_fov_rad(1.2);
   v1::CameraLimits& l = *open.mutable_limits();
   l.set_max_speed_mps(3), l.set_max_acceleration_mps2(4), l.set_max_angular_speed_radps(5);
@@ -152,7 +156,8 @@ TEST_F(FromProto, AnUnrealClientIsUnderstood) {
   const SessionOptions o = must_read(open);
   expect_near(o.instances[0].pose.position_m, {1, 3, 2});
   expect_near(glm::dvec3(o.instances[0].geometry->bounds.half_extent()), {0.5, 2, 1}, 1e-6);
-  expect_near({o.instances[0].linear[0][0], o.instances[0].linear[1][1], o.instances[0].linear[2][2]}, {2, 4, 3});
+  expect_near({o.instances[0].linear[0][0], o.instances[0].linear[1][1], o.instances[0].linear[2][2]},
+              {2, 4, 3});
   expect_near(o.camera.position_m, {0, 1.5, 0});
   expect_near(o.camera.rotation * glm::dvec3(0, 0, -1), {1, 0, 0});
   expect_near(*o.targets[0].aim_offset_m, {0, 0.8, 0});
@@ -160,7 +165,8 @@ TEST_F(FromProto, AnUnrealClientIsUnderstood) {
 }
 
 TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
-  for (const auto preset : {v1::Convention::GLTF, v1::Convention::UNITY, v1::Convention::UNREAL, v1::Convention::ROS}) {
+  for (const auto preset :
+       {v1::Convention::GLTF, v1::Convention::UNITY, v1::Convention::UNREAL, v1::Convention::ROS}) {
     v1::OpenSession open = make_open();
     open.mutable_convention()->set_preset(preset);
     v1::NewInstance& instance = *open.mutable_instances(0);
@@ -179,7 +185,8 @@ TEST_F(FromProto, ACustomConventionIsLikeThePresetThatItSpellsOut) {
   preset.mutable_convention()->set_preset(v1::Convention::UNITY);
   custom.mutable_convention()->set_preset(v1::Convention::CUSTOM);
   v1::CustomConvention& c = *custom.mutable_convention()->mutable_custom();
-  c.set_x(v1::CustomConvention::MINUS_X), c.set_y(v1::CustomConvention::PLUS_Y), c.set_z(v1::CustomConvention::PLUS_Z);
+  c.set_x(v1::CustomConvention::MINUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
+      c.set_z(v1::CustomConvention::PLUS_Z);
   c.set_camera_forward(v1::CustomConvention::PLUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
   c.set_metres_per_unit(1), c.set_degrees(true);
   const Convention a = must_read(custom).convention, b = must_read(preset).convention;
@@ -267,13 +274,18 @@ struct WrongOpen {
   ErrorCode code;
   void (*spoil)(v1::OpenSession&);
 };
-void PrintTo(const WrongOpen& wrong, std::ostream* out) { *out << wrong.field; }
+void PrintTo(const WrongOpen& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
 
-v1::NewInstance& first(v1::OpenSession& o) { return *o.mutable_instances(0); }
+v1::NewInstance& first(v1::OpenSession& o) {
+  return *o.mutable_instances(0);
+}
 v1::CustomConvention& custom(v1::OpenSession& o) {
   o.mutable_convention()->set_preset(v1::Convention::CUSTOM);
   v1::CustomConvention& c = *o.mutable_convention()->mutable_custom();
-  c.set_x(v1::CustomConvention::PLUS_X), c.set_y(v1::CustomConvention::PLUS_Y), c.set_z(v1::CustomConvention::PLUS_Z);
+  c.set_x(v1::CustomConvention::PLUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
+      c.set_z(v1::CustomConvention::PLUS_Z);
   c.set_camera_forward(v1::CustomConvention::MINUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
   c.set_metres_per_unit(1);
   return c;
@@ -288,7 +300,8 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { o.mutable_convention()->set_preset(unknown<v1::Convention::Preset>()); }},
     {"open.convention.custom", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_convention()->set_preset(v1::Convention::CUSTOM); }},
-    {"open.convention.custom", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_convention()->mutable_custom(); }},
+    {"open.convention.custom", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_convention()->mutable_custom(); }},
     {"open.convention.custom.y", E::kInvalidArgument,
      [](v1::OpenSession& o) { custom(o).set_y(v1::CustomConvention::MINUS_X); }},
     {"open.convention.custom.z", E::kInvalidArgument, [](v1::OpenSession& o) { custom(o).clear_z(); }},
@@ -298,18 +311,23 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { custom(o).set_camera_up(v1::CustomConvention::PLUS_Z); }},
     {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
      [](v1::OpenSession& o) { custom(o).clear_metres_per_unit(); }},
-    {"open.world_origin.y", E::kInvalidArgument, [](v1::OpenSession& o) { set(o.mutable_world_origin(), 0, kInf, 0); }},
+    {"open.world_origin.y", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(o.mutable_world_origin(), 0, kInf, 0); }},
     {"open.camera", E::kInvalidArgument, [](v1::OpenSession& o) { o.clear_camera(); }},
     {"open.camera.position.z", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_camera()->mutable_position()->set_z(kNan); }},
-    {"open.camera.rotation", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation(); }},
+    {"open.camera.rotation", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation(); }},
     {"open.camera.rotation", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation()->set_w(1.002); }},
     {"open.camera.rotation", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation()->set_w(kNan); }},
-    {"open.lens.field_of_view", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(3); }},
-    {"open.lens.field_of_view", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(-1); }},
-    {"open.lens.field_of_view", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(kNan); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(3); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(-1); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(kNan); }},
     {"open.lens.field_of_view", E::kInvalidArgument,
      [](v1::OpenSession& o) {  // right as a width, but a tenth of it is left in height
        o.mutable_convention()->set_preset(v1::Convention::UNREAL);
@@ -322,9 +340,13 @@ const WrongOpen kWrongOpens[] = {
     {"open.settings.bound.mode", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_settings()->mutable_bound()->set_mode(unknown<v1::Bound::Mode>()); }},
     {"open.settings.aggregate.volume", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_settings()->mutable_aggregate()->set_volume(unknown<v1::Aggregate::Volume>()); }},
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_aggregate()->set_volume(unknown<v1::Aggregate::Volume>());
+     }},
     {"open.settings.move.follow", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_settings()->mutable_move()->set_follow(unknown<v1::Move::Follow>()); }},
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_move()->set_follow(unknown<v1::Move::Follow>());
+     }},
     {"open.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.5); }},
     {"open.settings.framing.min_vertical_fov_rad", E::kInvalidArgument,
@@ -344,8 +366,10 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { set(o.mutable_targets(1)->mutable_aim_offset(), kNan, 0, 0); }},
     {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(0); }},
     {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(kAssetIdBit); }},
-    {"open.instances[0].geometry", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).clear_geometry(); }},
-    {"open.instances[0].shape", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
+    {"open.instances[0].geometry", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).clear_geometry(); }},
+    {"open.instances[0].shape", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
     {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_capsule()->set_radius(0); }},
     {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
@@ -360,14 +384,19 @@ const WrongOpen kWrongOpens[] = {
        first(o).mutable_shape()->mutable_sphere()->set_radius(0.009);
      }},
     {"open.instances[0].shape.box.half_extent.y", E::kInvalidArgument,
-     [](v1::OpenSession& o) { set(first(o).mutable_shape()->mutable_box()->mutable_half_extent(), 1, -1, 1); }},
-    {"open.instances[0].scale.z", E::kInvalidArgument, [](v1::OpenSession& o) { set(first(o).mutable_scale(), 1, 1, 0); }},
-    {"open.instances[0].scale.x", E::kInvalidArgument, [](v1::OpenSession& o) { set(first(o).mutable_scale(), 2e4, 1, 1); }},
+     [](v1::OpenSession& o) {
+       set(first(o).mutable_shape()->mutable_box()->mutable_half_extent(), 1, -1, 1);
+     }},
+    {"open.instances[0].scale.z", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(first(o).mutable_scale(), 1, 1, 0); }},
+    {"open.instances[0].scale.x", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(first(o).mutable_scale(), 2e4, 1, 1); }},
     {"open.instances[0].pose.position.x", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_pose()->mutable_position()->set_x(kInf); }},
     {"open.instances[0].attributes.opacity", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_attributes()->set_opacity(1.5f); }},
-    {"open.instances[0].mesh.source", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).mutable_mesh()->set_mesh("x"); }},
+    {"open.instances[0].mesh.source", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_mesh()->set_mesh("x"); }},
     {"open.instances[0].mesh.scene_name", E::kNotFound,
      [](v1::OpenSession& o) { first(o).mutable_mesh()->set_scene_name("none.glb"); }},
     {"open.instances[0].mesh.scene_hash", E::kInvalidArgument,
@@ -378,8 +407,10 @@ const WrongOpen kWrongOpens[] = {
      }},
     {"open.scene.source", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_scene(); }},
     {"open.scene.name", E::kNotFound, [](v1::OpenSession& o) { o.mutable_scene()->set_name("none.glb"); }},
-    {"open.scene.name", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
-    {"open.scene.hash", E::kNotFound, [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
+    {"open.scene.name", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
+    {"open.scene.hash", E::kNotFound,
+     [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
     {"open.scene.bindings[0].node", E::kNotFound,
      [](v1::OpenSession& o) {
        o.mutable_scene()->set_name("town.glb");
@@ -412,9 +443,13 @@ struct WrongTick {
   const char* field;
   void (*spoil)(v1::Tick&);
 };
-void PrintTo(const WrongTick& wrong, std::ostream* out) { *out << wrong.field; }
+void PrintTo(const WrongTick& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
 
-v1::Transforms& moved(v1::Tick& t) { return *t.mutable_transforms(); }
+v1::Transforms& moved(v1::Tick& t) {
+  return *t.mutable_transforms();
+}
 
 const WrongTick kWrongTicks[] = {
     {"tick.transforms.position", [](v1::Tick& t) { moved(t).add_position(0); }},

@@ -46,7 +46,8 @@ class Game {
   SessionOptions make_options() {
     SessionOptions options;
     options.seed = 5;
-    options.instances = {make(kAnn, CapsuleShape{0.3f, 0.6f}, {-1, 1, 0}), make(kBob, CapsuleShape{0.3f, 0.6f}, {1, 1, 0}),
+    options.instances = {make(kAnn, CapsuleShape{0.3f, 0.6f}, {-1, 1, 0}),
+                         make(kBob, CapsuleShape{0.3f, 0.6f}, {1, 1, 0}),
                          make(kWall, BoxShape{{0.3f, 2.0f, 0.1f}}, {0.9, 1, 3}),
                          make(kCrate, BoxShape{{0.5f, 0.5f, 0.5f}}, {0, 0.5, -4})};
     options.targets = {target(kAnn), target(kBob)};

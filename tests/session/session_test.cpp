@@ -14,7 +14,9 @@ void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double toler
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
 }
 
-glm::dvec3 place_of(const SessionAnswer& answer) { return answer.step.camera.pose.position_m; }
+glm::dvec3 place_of(const SessionAnswer& answer) {
+  return answer.step.camera.pose.position_m;
+}
 
 // ---- time and merging ----
 
@@ -95,7 +97,8 @@ TEST(SessionMerge, MergedTicksSayTheNewestAndSumTheirTime) {
   for (int i = 1; i <= 5; ++i)
     merged.apply(merged.tick(1.0 / 64).move(kAnn, {-1 + 0.01 * i, 1, 0}).at_speed({0.64, 0, 0}));
   const SessionAnswer five = merged.answer();
-  const SessionAnswer one = single.play(single.tick(5.0 / 64).move(kAnn, {-1 + 0.01 * 5, 1, 0}).at_speed({0.64, 0, 0}));
+  const SessionAnswer one =
+      single.play(single.tick(5.0 / 64).move(kAnn, {-1 + 0.01 * 5, 1, 0}).at_speed({0.64, 0, 0}));
 
   EXPECT_EQ(five.merged_ticks, 4u);
   EXPECT_EQ(one.merged_ticks, 0u);
@@ -156,8 +159,8 @@ TEST(SessionVelocity, NothingIsDerivedWhenNoTimePasses) {
   Game game;
   game.apply(game.tick(0.5).move(kAnn, {0, 1, 0}).move(kBob, {2, 1, 0}));
   game.apply(game.tick(0.0).move(kAnn, {0, 1, 0}).move(kBob, {4, 1, 0}));
-  expect_near(game.instance(kAnn).velocity_mps, {2, 0, 0});           // stands where it stood
-  EXPECT_EQ(game.instance(kBob).velocity_mps, glm::dvec3(0.0));       // jumped
+  expect_near(game.instance(kAnn).velocity_mps, {2, 0, 0});      // stands where it stood
+  EXPECT_EQ(game.instance(kBob).velocity_mps, glm::dvec3(0.0));  // jumped
   game.apply(game.tick(0.0));
   expect_near(game.instance(kAnn).velocity_mps, {2, 0, 0});
   game.apply(game.tick(0.5));
@@ -198,7 +201,9 @@ TEST(SessionRotation, OfAnAddedInstanceIsWhatItWasAddedWith) {
 
 // ---- the observed camera ----
 
-ObservedCamera seen_at(const glm::dvec3& place, bool cut) { return {{place, {1, 0, 0, 0}}, glm::dvec3(0.0), cut}; }
+ObservedCamera seen_at(const glm::dvec3& place, bool cut) {
+  return {{place, {1, 0, 0, 0}}, glm::dvec3(0.0), cut};
+}
 
 TEST(SessionObserved, ACutIsSaidAndTheWantedPlaceIsTakenAnew) {
   Game game;
@@ -301,7 +306,9 @@ TEST(SessionRelative, IsSeenFromTheFirstRequiredTarget) {
   ASSERT_EQ(answer.relative_target_id, kBob);
   const Pose& bob = game.instance(kBob).pose;
   expect_near(transform_point(bob, answer.target_from_camera.position_m), place_of(answer), 1e-9);
-  EXPECT_LT(angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation), 1e-7);
+  EXPECT_LT(
+      angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation),
+      1e-7);
 }
 
 TEST(SessionRelative, FallsBackToAnOptionalTarget) {
@@ -329,7 +336,9 @@ struct WrongTick {
   void (*spoil)(Game&, TickMaker&);
 };
 
-void PrintTo(const WrongTick& wrong, std::ostream* out) { *out << wrong.field; }
+void PrintTo(const WrongTick& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -351,32 +360,58 @@ const WrongTick kWrongTicks[] = {
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kNan; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kInf; }},
     {"tick.transforms.id[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
-    {"tick.transforms.id[1]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
+    {"tick.transforms.id[1]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
     {"tick.transforms.position[3]", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kBob, {kNan, 0, 0}); }},
-    {"tick.transforms.position[0]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {2e9, 0, 0}); }},
+     [](Game&, TickMaker& t) {
+       t.move(kAnn, {}).move(kBob, {kNan, 0, 0});
+     }},
+    {"tick.transforms.position[0]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.move(kAnn, {2e9, 0, 0});
+     }},
     {"tick.transforms.rotation[0]", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.poses[0].rotation = {2, 0, 0, 0}; }},
-    {"tick.transforms.velocity[0]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {}).at_speed({0, 2e6, 0}); }},
+     [](Game&, TickMaker& t) {
+       t.move(kAnn, {}).transforms.poses[0].rotation = {2, 0, 0, 0};
+     }},
+    {"tick.transforms.velocity[0]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.move(kAnn, {}).at_speed({0, 2e6, 0});
+     }},
     {"tick.transforms.velocity", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.velocities_mps.resize(2); }},
     {"tick.transforms.position", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
-    {"tick.delta.base_revision", E::kFailedPrecondition, [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
-    {"tick.delta.remove[1]", E::kNotFound, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, 99}; }},
-    {"tick.delta.remove[1]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, kCrate}; }},
-    {"tick.delta.remove[1]", E::kFailedPrecondition, [](Game&, TickMaker& t) { t.delta.remove = {kCrate, kBob}; }},
+    {"tick.delta.base_revision", E::kFailedPrecondition,
+     [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
+    {"tick.delta.remove[1]", E::kNotFound,
+     [](Game&, TickMaker& t) {
+       t.delta.remove = {kCrate, 99};
+     }},
+    {"tick.delta.remove[1]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.delta.remove = {kCrate, kCrate};
+     }},
+    {"tick.delta.remove[1]", E::kFailedPrecondition,
+     [](Game&, TickMaker& t) {
+       t.delta.remove = {kCrate, kBob};
+     }},
     {"tick.delta.add[0].id", E::kAlreadyExists,
      [](Game& g, TickMaker& t) { t.delta.add = {g.make(kWall, SphereShape{}, {})}; }},
     {"tick.delta.add[0].id", E::kInvalidArgument,
      [](Game& g, TickMaker& t) { t.delta.add = {g.make(kAssetIdBit | 3, SphereShape{}, {})}; }},
     {"tick.delta.add[0].pose.position", E::kInvalidArgument,
-     [](Game& g, TickMaker& t) { t.delta.add = {g.make(20, SphereShape{}, {0, kInf, 0})}; }},
+     [](Game& g, TickMaker& t) {
+       t.delta.add = {g.make(20, SphereShape{}, {0, kInf, 0})};
+     }},
     {"tick.delta.add[0].scale", E::kInvalidArgument,
      [](Game& g, TickMaker& t) {
        t.delta.add = {g.make(20, SphereShape{}, {})};
        t.delta.add[0].linear = glm::dmat3(0.0);
      }},
-    {"tick.delta.change[0].id", E::kNotFound, [](Game&, TickMaker& t) { t.delta.change = {{99, {}}}; }},
+    {"tick.delta.change[0].id", E::kNotFound,
+     [](Game&, TickMaker& t) {
+       t.delta.change = {{99, {}}};
+     }},
     {"tick.targets.targets", E::kResourceExhausted,
      [](Game&, TickMaker& t) { t.targets.emplace(33, Game::target(kAnn)); }},
     {"tick.targets.targets[1].id", E::kInvalidArgument,
@@ -392,18 +427,29 @@ const WrongTick kWrongTicks[] = {
     {"tick.targets.targets[0].weight", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = kNan; })}; }},
     {"tick.targets.targets[0].aim_offset", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })}; }},
+     [](Game&, TickMaker& t) {
+       t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })};
+     }},
     {"tick.targets.targets[0].attached[1]", E::kNotFound,
-     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.attached_ids = {kWall, 99}; })}; }},
+     [](Game&, TickMaker& t) {
+       t.targets = {broken_target([](Target& x) { x.attached_ids = {kWall, 99}; })};
+     }},
     {"tick.targets.targets[0].ignored[0]", E::kNotFound,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.ignored_ids = {99}; })}; }},
     {"tick.observed_camera.pose.position", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.observed_camera = seen_at({kNan, 0, 0}, true); }},
+     [](Game&, TickMaker& t) {
+       t.observed_camera = seen_at({kNan, 0, 0}, true);
+     }},
     {"tick.observed_camera.pose.rotation", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.observed_camera = {{{0, 0, 0}, {0.9, 0, 0, 0}}, {}, true}; }},
+     [](Game&, TickMaker& t) {
+       t.observed_camera = {{{0, 0, 0}, {0.9, 0, 0, 0}}, {}, true};
+     }},
     {"tick.observed_camera.velocity", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.observed_camera = {{}, {0, 1e200, 0}, true}; }},
-    {"tick.lens.field_of_view", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().vertical_fov_rad = 3; }},
+     [](Game&, TickMaker& t) {
+       t.observed_camera = {{}, {0, 1e200, 0}, true};
+     }},
+    {"tick.lens.field_of_view", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.lens.emplace().vertical_fov_rad = 3; }},
     {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},
     {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
     {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
@@ -445,8 +491,7 @@ class WrongTicks : public testing::TestWithParam<WrongTick> {};
 TEST_P(WrongTicks, AreNamedAndLeaveNoTrace) {
   Game tried, spared;  // the second never hears of the wrong tick
   const auto both = [&](auto play) { play(tried), play(spared); };
-  for (int i = 1; i <= 3; ++i)
-    both([&](Game& g) { g.play(g.tick().move(kAnn, {-1 + 0.02 * i, 1, 0})); });
+  for (int i = 1; i <= 3; ++i) both([&](Game& g) { g.play(g.tick().move(kAnn, {-1 + 0.02 * i, 1, 0})); });
 
   TickMaker wrong = tried.tick();
   GetParam().spoil(tried, wrong);
@@ -474,29 +519,37 @@ struct WrongOpen {
   void (*spoil)(SessionOptions&);
 };
 
-void PrintTo(const WrongOpen& wrong, std::ostream* out) { *out << wrong.field; }
+void PrintTo(const WrongOpen& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
 
 const WrongOpen kWrongOpens[] = {
     {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
      [](SessionOptions& o) { o.convention.metres_per_unit = 0; }},
     {"open.camera.position", E::kInvalidArgument, [](SessionOptions& o) { o.camera.position_m.x = kNan; }},
-    {"open.camera.rotation", E::kInvalidArgument, [](SessionOptions& o) { o.camera.rotation = {0, 0, 0, 0}; }},
+    {"open.camera.rotation", E::kInvalidArgument,
+     [](SessionOptions& o) {
+       o.camera.rotation = {0, 0, 0, 0};
+     }},
     {"open.lens.aspect", E::kInvalidArgument, [](SessionOptions& o) { o.lens.aspect = 0.05; }},
     {"open.limits.max_speed_mps", E::kInvalidArgument, [](SessionOptions& o) { o.limits.max_speed_mps = 0; }},
-    {"open.limits.body_radius_m", E::kInvalidArgument, [](SessionOptions& o) { o.limits.body_radius_m = 0.1; }},
+    {"open.limits.body_radius_m", E::kInvalidArgument,
+     [](SessionOptions& o) { o.limits.body_radius_m = 0.1; }},
     {"open.limits.body_radius_m", E::kInvalidArgument,
      [](SessionOptions& o) {  // fits as it is, but not at the widest zoom
        o.settings.framing.min_vertical_fov_rad = 0.5;
        o.settings.framing.max_vertical_fov_rad = 2.6;
      }},
-    {"open.settings.bound.horizon_s", E::kInvalidArgument, [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
+    {"open.settings.bound.horizon_s", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
     {"open.settings.sample.resolution", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.sample.resolution = 65; }},
     {"open.settings.aggregate.candidates", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.aggregate.candidates = 26; }},
     {"open.settings.move.max_distance_m", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.move.max_distance_m = 0.5; }},
-    {"open.settings.framing.margin", E::kInvalidArgument, [](SessionOptions& o) { o.settings.framing.margin = 1; }},
+    {"open.settings.framing.margin", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.framing.margin = 1; }},
     {"open.label", E::kInvalidArgument, [](SessionOptions& o) { o.label.assign(65, 'x'); }},
     {"open.instances[2].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[2].id = 0; }},
     {"open.instances[3].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[3].id = kAnn; }},
@@ -512,7 +565,8 @@ const WrongOpen kWrongOpens[] = {
      }},
     {"open.targets[1].id", E::kNotFound, [](SessionOptions& o) { o.targets[1].instance_id = 99; }},
     {"open.targets[1].id", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].instance_id = kAnn; }},
-    {"open.targets", E::kResourceExhausted, [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
+    {"open.targets", E::kResourceExhausted,
+     [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
 };
 
 class WrongOpens : public testing::TestWithParam<WrongOpen> {};
@@ -553,11 +607,13 @@ TEST(SessionOpen, TheSceneIsOneRevision) {
 
 class FlakySampler : public Sampler {
  public:
-  Status take(const SceneMirror&, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+  Status take(const SceneMirror&, std::span<const MapRequest> requests,
+              std::vector<DepthMap>& maps) override {
     if (fails) return fail(ErrorCode::kUnavailable, "", "the device was lost");
     maps.resize(requests.size());
     for (size_t i = 0; i < maps.size(); ++i) {
-      const size_t texels = static_cast<size_t>(requests[i].view.width) * static_cast<size_t>(requests[i].view.height);
+      const size_t texels =
+          static_cast<size_t>(requests[i].view.width) * static_cast<size_t>(requests[i].view.height);
       maps[i] = {requests[i].view, std::vector<float>(texels, std::numeric_limits<float>::infinity()),
                  std::vector<uint32_t>(texels, kNoOccluder)};
     }
@@ -592,7 +648,8 @@ TEST(SessionSampler, WhatAFailedStepMissedIsInTheNext) {
 TEST(SessionTimes, AreTakenFromTheClockThatIsGiven) {
   Game game;
   int64_t now_ns = 1000;
-  auto opened = Session::open(game.make_options(), std::make_unique<FlakySampler>(), [&] { return now_ns += 10; });
+  auto opened =
+      Session::open(game.make_options(), std::make_unique<FlakySampler>(), [&] { return now_ns += 10; });
   ASSERT_TRUE(opened.has_value());
   TickMaker tick = game.tick();
   tick.arrival_ns = now_ns - 500;

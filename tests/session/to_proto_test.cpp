@@ -12,8 +12,12 @@
 namespace sightline::test {
 namespace {
 
-glm::dvec3 vec(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
-glm::dquat quat(const v1::Quaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
+glm::dvec3 vec(const v1::Vector3& v) {
+  return {v.x(), v.y(), v.z()};
+}
+glm::dquat quat(const v1::Quaternion& q) {
+  return {q.w(), q.x(), q.y(), q.z()};
+}
 
 void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double tolerance = 1e-9) {
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
@@ -84,7 +88,8 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_EQ(reply.targets(0).id(), 1u);
   EXPECT_EQ(reply.targets(0).state(), v1::VISIBLE);
   EXPECT_EQ(reply.targets(0).visible_share(), 1.0);
-  EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)), 1e-6);
+  EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)),
+              1e-6);
   EXPECT_GT(reply.counts().total(), 0u);
   EXPECT_EQ(reply.counts().visible_by_target_size(), 2);
   EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
@@ -118,8 +123,10 @@ TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
   const v1::CameraReply& reply = wire.play(tick);
   ASSERT_EQ(reply.relative().target_id(), 1u);
   const glm::dquat turned = glm::normalize(glm::dquat(0.8f, 0, 0.6f, 0));
-  expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative().pose().position()), vec(reply.pose().position()));
-  EXPECT_LT(angle_between(turned * quat(reply.relative().pose().rotation()), quat(reply.pose().rotation())), 1e-7);
+  expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative().pose().position()),
+              vec(reply.pose().position()));
+  EXPECT_LT(angle_between(turned * quat(reply.relative().pose().rotation()), quat(reply.pose().rotation())),
+            1e-7);
 }
 
 TEST(ToProto, AHiddenTargetNamesItsOccluder) {
@@ -192,7 +199,8 @@ v1::Rejection reject(const Error& error, const SceneMirror* mirror) {
 }
 
 TEST(Rejection, NamesTheTickTheFieldAndTheReason) {
-  const v1::Rejection rejection = reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
+  const v1::Rejection rejection =
+      reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
   EXPECT_EQ(rejection.sequence(), 12u);
   EXPECT_EQ(rejection.code(), v1::Rejection::INVALID_ARGUMENT);
   EXPECT_EQ(rejection.message(), "tick.dt_s: must not be negative");
@@ -218,7 +226,8 @@ TEST(Rejection, AsksForAResyncWhenTheMirrorsDisagree) {
 }
 
 TEST(StatusFromError, CarriesABadRequestThatAnyClientDecodes) {
-  const grpc::Status status = status_from_error({ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
+  const grpc::Status status =
+      status_from_error({ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
   EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_EQ(status.error_message(), "open.targets[2].id: no instance has the id 7");
   v1::StatusDetails details;
@@ -240,8 +249,10 @@ TEST(StatusFromError, WithoutAFieldHasNoDetails) {
 }
 
 TEST(StatusFromError, UnusableInputIsTheSendersFault) {
-  EXPECT_EQ(status_from_error({ErrorCode::kUnsupported, "", ""}).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(status_from_error({ErrorCode::kDataLoss, "", ""}).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status_from_error({ErrorCode::kUnsupported, "", ""}).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status_from_error({ErrorCode::kDataLoss, "", ""}).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 }  // namespace

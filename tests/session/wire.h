@@ -5,7 +5,9 @@
 
 namespace sightline::test {
 
-inline void set(v1::Vector3* v, double x, double y, double z) { v->set_x(x), v->set_y(y), v->set_z(z); }
+inline void set(v1::Vector3* v, double x, double y, double z) {
+  v->set_x(x), v->set_y(y), v->set_z(z);
+}
 
 inline void add_capsule(v1::OpenSession& open, uint64_t id, double x, double y, double z) {
   v1::NewInstance& instance = *open.add_instances();
