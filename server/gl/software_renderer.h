@@ -25,8 +25,8 @@ std::optional<double> parse_cpu_max(const std::string& text);
 // reads the values once.
 void prepare_software_rendering();
 
-// Depth maps are a few thousand texels: they fit one or two of llvmpipe's 64 x 64 tiles, and waking a rasteriser thread
-// costs more than it gains. 0 = the calling thread rasterises.
+// Depth maps are a few thousand texels: they fit one or two of llvmpipe's 64 x 64 tiles, and more threads brought no gain
+// that could be told from noise (tests/bench/sample_bench). 0 = the calling thread rasterises.
 inline constexpr int kMapRasterThreads = 0;
 
 }  // namespace sightline

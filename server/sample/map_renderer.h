@@ -1,6 +1,6 @@
 // Renders draw lists: every map into one tile of an atlas, one read-back a pass for all of them. A texel holds which triangle of
 // which instance its sample point shows; distances are worked out on the CPU (egl_sampler.cpp), in double: a
-// rasteriser's interpolated depth is off by up to 1e-3 on slanted triangles, because it rounds vertices to 1/256 pixel.
+// rasteriser that rounds vertices to 1/256 pixel and interpolates in single precision errs on steeply slanted triangles.
 #pragma once
 
 #include <cstdint>
