@@ -1,6 +1,7 @@
 #include "server/flags.h"
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 #include <map>
 
@@ -50,6 +51,11 @@ std::string check_address(const std::string& text) {
   return colon > 0 && number && std::stoul(port) <= 65535 ? "" : "an address is host:port or none; got " + text;
 }
 
+// A printed configuration has an empty one where none is set.
+std::string check_folder(const std::string& path) {
+  return path.empty() || std::filesystem::is_directory(path) ? "" : "not a folder: " + path;
+}
+
 void add_listening(CLI::App& app, RawFlags& raw) {
   app.add_option("--listen", raw.flags.listen, "TCP address host:port; port 0 takes a free one; none for no TCP")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
@@ -66,7 +72,7 @@ void add_listening(CLI::App& app, RawFlags& raw) {
 
 void add_sampling(CLI::App& app, RawFlags& raw) {
   app.add_option("--scene-dir", raw.flags.scene_dir, "Folder of the scene files that sessions can name")
-      ->check(CLI::ExistingDirectory);
+      ->check(CLI::Validator(check_folder, "DIR"));
   app.add_option("--sampler", raw.sampler, "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU")
       ->check(one_of(kSamplers))
       ->capture_default_str();

@@ -1,0 +1,160 @@
+// Wrong input on the wire: a typed error that names the field; nothing half applied; nobody else touched.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/service/service_world.h"
+
+namespace sightline {
+namespace {
+
+using testing::Test;
+
+TEST(ControlInput, ATickBeforeOpenEndsTheCall) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.send(move_tick(1, 1, 0.0));
+  const grpc::Status status = stream.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(fields_of(status), std::vector<std::string>{"open"});
+}
+
+TEST(ControlInput, AnEmptyFirstMessageEndsTheCall) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.send_empty();
+  EXPECT_EQ(stream.finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST(ControlInput, ACallWithoutAnyMessageEndsWithAnError) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.half_close();
+  EXPECT_EQ(stream.finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST(ControlInput, AnOpenThatIsWrongNamesTheField) {
+  const ServiceWorld world;
+  v1::OpenSession open = open_with_boxes(2);
+  open.mutable_targets(1)->set_id(99);
+  Stream stream(world.channel());
+  stream.send(open);
+  const grpc::Status status = stream.finish();
+  EXPECT_FALSE(status.ok());
+  ASSERT_EQ(fields_of(status).size(), 1u) << status.error_message();
+  EXPECT_EQ(fields_of(status)[0], "open.targets[1].id");
+  EXPECT_EQ(world.info().open_sessions(), 0u);
+}
+
+TEST(ControlInput, ASecondOpenIsRefusedAndTheSessionLivesOn) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  stream.send(open_with_boxes(1));
+  const auto refused = stream.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().code(), v1::Rejection::FAILED_PRECONDITION);
+  EXPECT_EQ(refused->rejected().field_violations(0).field(), "open");
+  stream.send(move_tick(1, 1, 0.1));
+  EXPECT_TRUE(stream.read()->has_camera());
+}
+
+TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  stream.send_empty();
+  const auto refused = stream.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
+  stream.send(move_tick(1, 1, 0.1));
+  EXPECT_TRUE(stream.read()->has_camera());
+}
+
+// The good half of the refused tick must not be seen either: the hash is that of a session that never got it.
+TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
+  const ServiceWorld world;
+  Stream told_wrong(world.channel()), other(world.channel());
+  const uint64_t start = told_wrong.open(open_with_boxes(3)).hash();
+  ASSERT_EQ(other.open(open_with_boxes(3)).hash(), start);
+
+  v1::Tick wrong = move_tick(1, 1, 5.0);
+  wrong.mutable_transforms()->add_id(2);
+  for (const double value : {0.0, std::numeric_limits<double>::quiet_NaN(), 0.0}) {
+    wrong.mutable_transforms()->add_position(value);
+  }
+  told_wrong.send(wrong);
+  const auto refused = told_wrong.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().sequence(), 1u);
+  EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
+  ASSERT_EQ(refused->rejected().field_violations_size(), 1);
+  EXPECT_TRUE(refused->rejected().field_violations(0).field().starts_with("tick.transforms.position["))
+      << refused->rejected().field_violations(0).field();
+
+  for (Stream* stream : {&told_wrong, &other}) stream->send(move_tick(1, 3, -1.0));
+  const auto after = told_wrong.read(), reference = other.read();
+  ASSERT_TRUE(after && after->has_camera());
+  ASSERT_TRUE(reference && reference->has_camera());
+  EXPECT_EQ(after->camera().hash(), reference->camera().hash());
+  EXPECT_EQ(after->camera().pose().SerializeAsString(), reference->camera().pose().SerializeAsString());
+}
+
+TEST(ControlInput, AnUnknownIdAsksForAResync) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  const v1::SessionOpened opened = stream.open(open_with_boxes(2));
+  stream.send(move_tick(1, 77, 0.0));
+  const auto refused = stream.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().code(), v1::Rejection::NOT_FOUND);
+  ASSERT_TRUE(refused->rejected().has_resync());
+  EXPECT_EQ(refused->rejected().resync().revision(), opened.revision());
+  EXPECT_EQ(refused->rejected().resync().hash(), opened.hash());
+}
+
+TEST(ControlInput, ATickThatComesTwiceIsRefusedOnce) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  for (int i = 0; i < 2; ++i) stream.send(move_tick(1, 1, 0.5));
+  int answers = 0, refusals = 0;
+  for (int i = 0; i < 2; ++i) {
+    const auto reply = stream.read();
+    ASSERT_TRUE(reply);
+    answers += reply->has_camera();
+    refusals += reply->has_rejected();
+  }
+  EXPECT_EQ(answers, 1);
+  EXPECT_EQ(refusals, 1);
+}
+
+TEST(ControlInput, AnOversizeMessageEndsItsCallOnly) {
+  const ServiceWorld world({.max_message_bytes = 64 << 10});
+  Stream good(world.channel()), oversize(world.channel());
+  good.open(open_with_boxes(2));
+  oversize.open(open_with_boxes(2));
+  v1::Tick huge = move_tick(1, 1, 0.0);
+  for (int i = 0; i < 40'000; ++i) huge.mutable_transforms()->add_position(0.0);
+  oversize.send(huge);
+  EXPECT_EQ(oversize.finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  good.send(move_tick(1, 1, 0.1));
+  EXPECT_TRUE(good.read()->has_camera());
+}
+
+TEST(ControlInput, ASceneNameThatLeavesTheFolderIsRefused) {
+  const ServiceWorld world({.scene_dir = testing::TempDir()});
+  for (const char* name : {"../etc/passwd.glb", "/etc/passwd.glb", "a/../../b.glb", ""}) {
+    v1::OpenSession open = open_with_boxes(1);
+    open.mutable_scene()->set_name(name);
+    Stream stream(world.channel());
+    stream.send(open);
+    const grpc::Status status = stream.finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << name;
+    ASSERT_EQ(fields_of(status).size(), 1u) << name;
+    EXPECT_EQ(fields_of(status)[0], "open.scene.name");
+  }
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,54 @@
+// The real sightlined as a child process.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// An empty folder of its own, removed with everything in it.
+class ScratchFolder {
+ public:
+  ScratchFolder();
+  ~ScratchFolder();
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+};
+
+struct RunResult {
+  int exit_code = -1;
+  std::string output, errors;
+};
+
+// Runs it to its end.
+RunResult run_sightlined(const std::vector<std::string>& arguments);
+
+// Started with the Embree sampler and the given arguments; killed, if it still runs, at the end.
+class Daemon {
+ public:
+  explicit Daemon(std::vector<std::string> arguments);
+  ~Daemon();
+
+  // Waits until clients can connect; false when it ends instead.
+  bool wait_until_ready();
+  // One a listener, as the ready file has them.
+  std::vector<std::string> addresses() const;
+  bool ready_file_exists() const;
+  void signal(int number) const;
+  // Waits for the end: its exit code, or minus the signal that ended it.
+  int wait();
+  // Everything that it has logged.
+  std::string errors() const;
+
+ private:
+  ScratchFolder folder_;
+  pid_t pid_ = -1;
+};
+
+std::string read_text(const std::string& path);
+
+}  // namespace sightline

@@ -1,0 +1,122 @@
+// Health, reflection, peers that vanish, and the orderly stop, in one process.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <thread>
+
+#include "tests/service/raw_call.h"
+#include "tests/service/service_world.h"
+
+namespace sightline {
+namespace {
+
+const char* const kService = "sightline.v1.CameraControl";
+
+TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
+  const ServiceWorld world;
+  for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 1) << service;
+  EXPECT_EQ(health_of(world.channel(), "no.such.Service"), -1);
+  world.listener->set_not_serving();
+  for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 2) << service;
+}
+
+TEST(Lifecycle, ReflectionListsTheService) {
+  const ServiceWorld world;
+  // ServerReflectionRequest: field 7 (list_services), a string.
+  const RawReply reply = call_raw(
+      world.channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x01*", 3));
+  ASSERT_TRUE(reply.status.ok()) << reply.status.error_message();
+  EXPECT_NE(reply.bytes.find(kService), std::string::npos);
+}
+
+TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  world.device.close_gate();
+  stream.send(move_tick(1, 1, 0.1));
+  world.device.wait_until_held(1);
+  stream.send(move_tick(2, 1, 0.2));
+  world.streams.drain("maintenance");
+
+  Stream late(world.channel());
+  EXPECT_EQ(late.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  world.device.open_gate();
+
+  bool told = false;
+  uint64_t newest = 0;
+  stream.half_close();
+  while (const auto reply = stream.read()) {
+    if (reply->has_drain()) told = reply->drain().reason() == "maintenance";
+    if (reply->has_camera()) newest = reply->camera().sequence();
+  }
+  EXPECT_TRUE(told);
+  EXPECT_EQ(newest, 2u);
+  EXPECT_TRUE(stream.finish().ok());
+}
+
+TEST(Lifecycle, AStreamIsToldOfADrainEvenBeforeItOpens) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  while (world.streams.size() == 0) std::this_thread::yield();
+  world.streams.drain("maintenance");
+  const auto reply = stream.read();
+  ASSERT_TRUE(reply);
+  EXPECT_TRUE(reply->has_drain());
+}
+
+TEST(Lifecycle, AnEndedStreamClosesWithTheStatus) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  world.streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
+  const grpc::Status status = stream.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(status.error_message(), "the server stopped");
+}
+
+TEST(Lifecycle, AStopCancelsWhatDoesNotEnd) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  world.listener->stop(std::chrono::milliseconds(50));
+  EXPECT_FALSE(stream.finish().ok());
+  EXPECT_EQ(world.streams.size(), 0u);
+}
+
+// A peer that speaks HTTP/2 well enough to be a client, then answers nothing: not even pings.
+TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
+  const ServiceWorld world(
+      {.keepalive_time = std::chrono::milliseconds(200), .keepalive_timeout = std::chrono::milliseconds(200)});
+  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<uint16_t>(world.listener->port()));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  const std::string hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0", 33);  // preface, empty SETTINGS
+  ASSERT_EQ(::send(fd, hello.data(), hello.size(), 0), static_cast<ssize_t>(hello.size()));
+  const timeval patience{30, 0};
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+  char buffer[512];
+  ssize_t got = 1;
+  while (got > 0) got = ::recv(fd, buffer, sizeof(buffer), 0);
+  EXPECT_TRUE(got == 0 || errno == ECONNRESET) << "the server kept the connection";
+  ::close(fd);
+}
+
+TEST(Lifecycle, ServerInfoTellsWhatRuns) {
+  const ServiceWorld world({.max_sessions = 3});
+  const v1::ServerInfo info = world.info();
+  EXPECT_EQ(info.sampler(), "embree");
+  EXPECT_FALSE(info.version().empty());
+  EXPECT_FALSE(info.renderer().empty());
+  EXPECT_EQ(info.max_sessions(), 3u);
+  EXPECT_EQ(info.open_sessions(), 0u);
+}
+
+}  // namespace
+}  // namespace sightline

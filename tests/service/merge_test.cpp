@@ -1,0 +1,189 @@
+// Newest tick wins, nothing is lost, and no queue grows without bound.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "tests/service/service_world.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kBoxes = 100;
+
+v1::Tick burst_tick(uint64_t sequence) {
+  return move_tick(sequence, 1 + sequence % kBoxes, 0.01 * static_cast<double>(sequence));
+}
+
+// The state of a session that was told the same, one tick after the other.
+uint64_t hash_when_told_slowly(const ServiceWorld& world, uint64_t ticks) {
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  uint64_t hash = 0;
+  for (uint64_t i = 1; i <= ticks; ++i) {
+    stream.send(burst_tick(i));
+    const auto reply = stream.read();
+    EXPECT_TRUE(reply && reply->has_camera() && reply->camera().merged_ticks() == 0);
+    hash = reply->camera().hash();
+  }
+  return hash;
+}
+
+// Grows until it has stood still for a while.
+uint64_t settled(const std::function<uint64_t()>& value) {
+  uint64_t last = value();
+  for (int still = 0; still < 40;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    const uint64_t now = value();
+    still = now == last ? still + 1 : 0;
+    last = now;
+  }
+  return last;
+}
+
+TEST(Merge, ABurstOfTicksIsAppliedWholeAndAnsweredForTheNewest) {
+  constexpr uint64_t kTicks = 500;
+  ServiceWorld world;
+  const uint64_t expected = hash_when_told_slowly(world, kTicks);
+
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  world.device.close_gate();
+  stream.send(burst_tick(1));
+  world.device.wait_until_held(1);
+  for (uint64_t i = 2; i <= kTicks; ++i) ASSERT_TRUE(stream.send(burst_tick(i)));
+  settled([&] { return world.clock_calls(); });
+  world.device.open_gate();
+
+  uint64_t answered = 0, newest = 0, hash = 0, replies = 0;
+  while (newest < kTicks) {
+    const auto reply = stream.read();
+    ASSERT_TRUE(reply && reply->has_camera());
+    EXPECT_GT(reply->camera().sequence(), newest);
+    answered += 1 + reply->camera().merged_ticks();
+    newest = reply->camera().sequence();
+    hash = reply->camera().hash();
+    ++replies;
+  }
+  EXPECT_EQ(answered, kTicks);
+  EXPECT_EQ(hash, expected);
+  EXPECT_LT(replies, 50u);  // one step for what had piled up, not one a tick
+}
+
+TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  world.device.close_gate();
+  stream.send(burst_tick(1));
+  world.device.wait_until_held(1);
+  const uint64_t before = world.clock_calls();
+  for (uint64_t i = 2; i <= 9; ++i) stream.send(i == 5 ? move_tick(5, 4711, 0.0) : burst_tick(i));
+  while (world.clock_calls() < before + 8) std::this_thread::yield();
+  world.device.open_gate();
+
+  const auto first = stream.read();
+  ASSERT_TRUE(first && first->has_camera());
+  const auto refused = stream.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().sequence(), 5u);
+  const auto merged = stream.read();
+  ASSERT_TRUE(merged && merged->has_camera());
+  EXPECT_EQ(merged->camera().sequence(), 9u);
+  EXPECT_EQ(merged->camera().merged_ticks(), 6u);  // 2 3 4 6 7 8
+}
+
+TEST(Merge, AFullInboxStopsReading) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  world.device.close_gate();
+  stream.send(burst_tick(1));
+  world.device.wait_until_held(1);
+  const uint64_t before = world.clock_calls();
+  std::thread writer([&] {
+    for (uint64_t i = 2; i <= 20'000 && stream.send(burst_tick(i)); ++i) {
+    }
+  });
+  EXPECT_EQ(settled([&] { return world.clock_calls(); }) - before, ServiceLimits{}.inbox_messages);
+  stream.cancel();
+  writer.join();
+}
+
+TEST(Merge, AnInboxIsBoundedInBytesToo) {
+  ServiceWorld world({.limits = {.inbox_bytes = 100'000}});
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(1));
+  world.device.close_gate();
+  stream.send(move_tick(1, 1, 0.0));
+  world.device.wait_until_held(1);
+  const uint64_t before = world.clock_calls();
+  std::thread writer([&] {
+    v1::Tick big = move_tick(2, 1, 0.0);
+    for (int i = 0; i < 4'000; ++i) big.mutable_transforms()->add_position(0.0);  // 32 KB
+    while (stream.send(big)) {
+    }
+  });
+  EXPECT_EQ(settled([&] { return world.clock_calls(); }) - before, 4u);
+  stream.cancel();
+  writer.join();
+}
+
+// Its replies pile up in the transport's window, then its steps stop, then its inbox fills, then its ticks are not read.
+TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
+  const ServiceWorld world;
+  v1::OpenSession greedy = open_with_boxes(kBoxes);
+  greedy.mutable_settings()->mutable_sample()->set_resolution(64);
+  greedy.mutable_diagnostics()->set_depth_maps(true);
+  greedy.mutable_diagnostics()->set_candidates(true);
+  Stream stuck(world.channel());
+  stuck.send(greedy);
+  std::atomic<uint64_t> sent{0};
+  std::thread writer([&] {
+    for (uint64_t i = 1; i <= 100'000 && stuck.send(burst_tick(i)); ++i) sent = i;
+  });
+  const uint64_t stood_at = settled([&] { return sent.load(); });
+  EXPECT_LT(stood_at, 20'000u);
+  const uint64_t calls = settled([&] { return world.clock_calls(); });
+
+  Stream other(world.channel());
+  other.open(open_with_boxes(2));
+  for (uint64_t i = 1; i <= 10; ++i) {
+    other.send(move_tick(i, 1, 0.1));
+    EXPECT_TRUE(other.read()->has_camera());
+  }
+  other.half_close();
+  EXPECT_TRUE(other.finish().ok());
+  EXPECT_EQ(sent, stood_at);
+  EXPECT_LT(world.clock_calls() - calls, 200u);  // those of the other session alone
+  stuck.cancel();
+  writer.join();
+}
+
+TEST(Merge, AReaderThatWakesUpGetsEverything) {
+  constexpr uint64_t kTicks = 3000;
+  const ServiceWorld world;
+  v1::OpenSession open = open_with_boxes(kBoxes);
+  open.mutable_settings()->mutable_sample()->set_resolution(64);
+  open.mutable_diagnostics()->set_depth_maps(true);
+  Stream stream(world.channel());
+  stream.send(open);
+  std::atomic<uint64_t> sent{0};
+  std::thread writer([&] {
+    for (uint64_t i = 1; i <= kTicks && stream.send(burst_tick(i)); ++i) sent = i;
+    stream.half_close();
+  });
+  settled([&] { return sent.load(); });
+  ASSERT_TRUE(stream.read()->has_opened());
+  uint64_t answered = 0;
+  while (const auto reply = stream.read()) {
+    ASSERT_TRUE(reply->has_camera());
+    answered += 1 + reply->camera().merged_ticks();
+  }
+  writer.join();
+  EXPECT_EQ(answered, kTicks);
+  EXPECT_TRUE(stream.finish().ok());
+}
+
+}  // namespace
+}  // namespace sightline

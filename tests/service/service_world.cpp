@@ -1,0 +1,211 @@
+#include "tests/service/service_world.h"
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include "sightline/v1/errors.pb.h"
+
+namespace sightline {
+
+// --- the gate ----------------------------------------------------------------------------------------------------
+
+class GatedSampler final : public Sampler {
+ public:
+  GatedSampler(GatedDevice& device, std::unique_ptr<Sampler> inner) : device_(device), inner_(std::move(inner)) {}
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+    if (const Status passed = device_.pass(); !passed) return passed;
+    return inner_->take(mirror, requests, maps);
+  }
+
+ private:
+  GatedDevice& device_;
+  const std::unique_ptr<Sampler> inner_;
+};
+
+std::unique_ptr<Sampler> GatedDevice::make_sampler() {
+  return std::make_unique<GatedSampler>(*this, inner_->make_sampler());
+}
+
+void GatedDevice::close_gate() {
+  const std::lock_guard lock(mutex_);
+  closed_ = true;
+}
+
+void GatedDevice::open_gate() {
+  const std::lock_guard lock(mutex_);
+  closed_ = false;
+  changed_.notify_all();
+}
+
+void GatedDevice::wait_until_held(size_t steps) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return held_ >= steps; });
+}
+
+void GatedDevice::fail_next(const Error& error) {
+  const std::lock_guard lock(mutex_);
+  failure_ = error;
+}
+
+Status GatedDevice::pass() {
+  std::unique_lock lock(mutex_);
+  ++held_;
+  changed_.notify_all();
+  changed_.wait(lock, [&] { return !closed_; });
+  --held_;
+  if (!failure_) return {};
+  const Error error = *std::exchange(failure_, std::nullopt);
+  return tl::unexpected(error);
+}
+
+// --- the service -------------------------------------------------------------------------------------------------
+
+ServiceWorld::ServiceWorld(const WorldOptions& options)
+    : scenes_(options.scene_dir, GltfLimits{}, geometry_),
+      streams(options.max_sessions),
+      steppers_(options.threads),
+      service_(ServiceParts{scenes_, geometry_, device, steppers_, loaders_, streams, log_,
+                            [this] { return static_cast<int64_t>(++clock_calls_); }, "test"},
+               options.limits) {
+  ListenOptions listen;
+  listen.tcp = "127.0.0.1:0";
+  listen.max_message_bytes = options.max_message_bytes;
+  listen.keepalive_time = options.keepalive_time;
+  listen.keepalive_timeout = options.keepalive_timeout;
+  auto started = Listener::start(listen, service_);
+  EXPECT_TRUE(started) << to_string(started.error());
+  listener = std::move(*started);
+}
+
+ServiceWorld::~ServiceWorld() {
+  device.open_gate();
+  listener.reset();
+}
+
+std::shared_ptr<grpc::Channel> ServiceWorld::channel() const { return connect(address()); }
+v1::ServerInfo ServiceWorld::info() const { return server_info(channel()); }
+
+std::shared_ptr<grpc::Channel> connect(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // a reader that stops takes 64 KiB, not megabytes
+  arguments.SetMaxReceiveMessageSize(-1);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  v1::ServerInfo info;
+  const grpc::Status status = v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return info;
+}
+
+// --- one call ----------------------------------------------------------------------------------------------------
+
+Stream::Stream(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControl::NewStub(channel)) {
+  context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  call_ = stub_->Control(&context_);
+}
+
+Stream::~Stream() {
+  context_.TryCancel();
+  finish();
+}
+
+bool Stream::send(const v1::OpenSession& open) {
+  v1::ControlRequest request;
+  *request.mutable_open() = open;
+  return call_->Write(request);
+}
+
+bool Stream::send(const v1::Tick& tick) {
+  v1::ControlRequest request;
+  *request.mutable_tick() = tick;
+  return call_->Write(request);
+}
+
+bool Stream::send_empty() { return call_->Write({}); }
+
+std::optional<v1::ControlReply> Stream::read() {
+  v1::ControlReply reply;
+  if (!call_->Read(&reply)) return std::nullopt;
+  return reply;
+}
+
+v1::SessionOpened Stream::open(const v1::OpenSession& request) {
+  send(request);
+  const auto reply = read();
+  EXPECT_TRUE(reply && reply->has_opened()) << (reply ? reply->DebugString() : finish().error_message());
+  return reply ? reply->opened() : v1::SessionOpened{};
+}
+
+grpc::Status Stream::finish() {
+  if (status_) return *status_;
+  v1::ControlReply rest;
+  while (call_->Read(&rest)) {
+  }
+  status_ = call_->Finish();
+  return *status_;
+}
+
+// --- requests and statuses ---------------------------------------------------------------------------------------
+
+v1::OpenSession open_with_boxes(int boxes) {
+  v1::OpenSession open;
+  open.set_seed(7);
+  open.mutable_camera()->mutable_position()->set_y(2.0);
+  open.mutable_camera()->mutable_position()->set_z(8.0);
+  for (int i = 0; i < boxes; ++i) {
+    v1::NewInstance& instance = *open.add_instances();
+    instance.set_id(static_cast<uint64_t>(i) + 1);
+    v1::Vector3& half = *instance.mutable_shape()->mutable_box()->mutable_half_extent();
+    half.set_x(0.2), half.set_y(0.5), half.set_z(0.2);
+    instance.mutable_pose()->mutable_position()->set_x(1.5 * i);
+  }
+  for (int i = 0; i < std::min(boxes, 2); ++i) open.add_targets()->set_id(static_cast<uint64_t>(i) + 1);
+  return open;
+}
+
+v1::Tick move_tick(uint64_t sequence, uint64_t id, double x) {
+  v1::Tick tick;
+  tick.set_sequence(sequence);
+  tick.set_time_s(static_cast<double>(sequence) / 60.0);
+  tick.mutable_transforms()->add_id(id);
+  for (const double value : {x, 0.0, 0.0}) tick.mutable_transforms()->add_position(value);
+  return tick;
+}
+
+namespace {
+
+v1::StatusDetails details_of(const grpc::Status& status) {
+  v1::StatusDetails details;
+  details.ParseFromString(status.error_details());
+  return details;
+}
+
+}  // namespace
+
+std::vector<std::string> fields_of(const grpc::Status& status) {
+  std::vector<std::string> fields;
+  const v1::StatusDetails details = details_of(status);
+  for (const auto& any : details.details()) {
+    v1::BadRequest bad;
+    if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value())) continue;
+    for (const auto& violation : bad.field_violations()) fields.push_back(violation.field());
+  }
+  return fields;
+}
+
+int64_t retry_seconds_of(const grpc::Status& status) {
+  const v1::StatusDetails details = details_of(status);
+  for (const auto& any : details.details()) {
+    v1::RetryInfo retry;
+    if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value())) continue;
+    return retry.retry_delay().seconds();
+  }
+  return 0;
+}
+
+}  // namespace sightline

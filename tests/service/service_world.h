@@ -1,0 +1,127 @@
+// A service to test against: real gRPC over loopback TCP, Embree maps, a clock that the test moves, and a gate at which a
+// test can hold every step.
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/receive/listener.h"
+#include "server/receive/service.h"
+#include "server/sample/embree_sampler.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
+
+namespace sightline {
+
+// Embree behind a gate: while it is closed, every step waits in its sample stage.
+class GatedDevice final : public SamplerDevice {
+ public:
+  std::unique_ptr<Sampler> make_sampler() override;
+  std::string kind() const override { return inner_->kind(); }
+  std::string description() const override { return inner_->description(); }
+  size_t geometry_bytes() const override { return inner_->geometry_bytes(); }
+
+  void close_gate();
+  void open_gate();
+  void wait_until_held(size_t steps);
+  // The next maps fail with this, once.
+  void fail_next(const Error& error);
+
+ private:
+  friend class GatedSampler;
+  Status pass();
+
+  const std::unique_ptr<SamplerDevice> inner_ = make_embree_sampler_device();
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool closed_ = false;
+  size_t held_ = 0;
+  std::optional<Error> failure_;
+};
+
+struct WorldOptions {
+  size_t max_sessions = 64;
+  size_t max_message_bytes = size_t{4} << 20;
+  ServiceLimits limits{};
+  std::string scene_dir{};
+  unsigned threads = 2;
+  std::chrono::milliseconds keepalive_time{10'000};
+  std::chrono::milliseconds keepalive_timeout{5'000};
+};
+
+class ServiceWorld {
+ public:
+  explicit ServiceWorld(const WorldOptions& options = {});
+  ~ServiceWorld();
+
+  std::string address() const { return listener->addresses().front(); }
+  std::shared_ptr<grpc::Channel> channel() const;  // a connection of its own
+  v1::ServerInfo info() const;
+  // How often the service has asked for the time. While all steps are held it asks only when a message arrives.
+  uint64_t clock_calls() const { return clock_calls_; }
+
+  GatedDevice device;
+
+ private:
+  std::atomic<uint64_t> clock_calls_{0};
+  GeometryStore geometry_;
+  SceneLibrary scenes_;
+  Log log_{LogFormat::kText, LogLevel::kOff};
+
+ public:
+  StreamRegistry streams;
+
+ private:
+  WorkerPool loaders_{2};
+  WorkerPool steppers_;
+  CameraControlService service_;
+
+ public:
+  std::unique_ptr<Listener> listener;
+};
+
+// One Control call, in step with the test: every read has a deadline of the whole call.
+class Stream {
+ public:
+  explicit Stream(const std::shared_ptr<grpc::Channel>& channel);
+  ~Stream();
+
+  bool send(const v1::OpenSession& open);
+  bool send(const v1::Tick& tick);
+  bool send_empty();
+  void half_close() { call_->WritesDone(); }
+  void cancel() { context_.TryCancel(); }
+  // The next reply; absent when the server has ended the call.
+  std::optional<v1::ControlReply> read();
+  // Opens and expects it to be taken.
+  v1::SessionOpened open(const v1::OpenSession& open);
+  // The status, after whatever is still to be read.
+  grpc::Status finish();
+
+ private:
+  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::ControlRequest, v1::ControlReply>> call_;
+  std::optional<grpc::Status> status_;
+};
+
+std::shared_ptr<grpc::Channel> connect(const std::string& address);
+v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel);
+
+// A session with `boxes` instances (ids 1 ...) in a row, the first two of them targets (or all, when fewer).
+v1::OpenSession open_with_boxes(int boxes);
+// Moves instance `id` to x; at `sequence` sixtieths of a second.
+v1::Tick move_tick(uint64_t sequence, uint64_t id, double x);
+// The paths of the BadRequest in the status details.
+std::vector<std::string> fields_of(const grpc::Status& status);
+// Seconds of the RetryInfo in the status details; 0 without one.
+int64_t retry_seconds_of(const grpc::Status& status);
+
+}  // namespace sightline

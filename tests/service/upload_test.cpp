@@ -1,0 +1,176 @@
+// Scenes by upload and by name.
+#include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/service/service_world.h"
+#include "tests/support/glb_builder.h"
+
+namespace sightline {
+namespace {
+
+std::vector<std::byte> triangle_file() {
+  GlbBuilder builder;
+  builder.triangle_node();
+  return builder.glb();
+}
+
+// One upload call.
+class Upload {
+ public:
+  explicit Upload(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControl::NewStub(channel)) {
+    context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+    call_ = stub_->UploadScene(&context_, &reply_);
+  }
+  bool send(std::span<const std::byte> chunk) {
+    v1::UploadSceneRequest request;
+    request.set_chunk(chunk.data(), chunk.size());
+    return call_->Write(request);
+  }
+  grpc::Status finish() {
+    call_->WritesDone();
+    return call_->Finish();
+  }
+  void cancel() { context_.TryCancel(); }
+  const v1::UploadSceneReply& reply() const { return reply_; }
+
+ private:
+  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  grpc::ClientContext context_;
+  v1::UploadSceneReply reply_;
+  std::unique_ptr<grpc::ClientWriter<v1::UploadSceneRequest>> call_;
+};
+
+grpc::Status upload(const ServiceWorld& world, std::span<const std::byte> bytes, v1::UploadSceneReply* reply = nullptr,
+                    size_t chunk_bytes = 100) {
+  Upload call(world.channel());
+  for (size_t at = 0; at < bytes.size(); at += chunk_bytes) {
+    if (!call.send(bytes.subspan(at, std::min(chunk_bytes, bytes.size() - at)))) break;
+  }
+  const grpc::Status status = call.finish();
+  if (reply) *reply = call.reply();
+  return status;
+}
+
+TEST(UploadScene, ASessionOpensWithTheHashThatAnUploadAnswered) {
+  const ServiceWorld world;
+  v1::UploadSceneReply reply;
+  const grpc::Status status = upload(world, triangle_file(), &reply);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(reply.hash().size(), 32u);
+  EXPECT_EQ(reply.triangles(), 1u);
+
+  v1::OpenSession open = open_with_boxes(1);
+  open.mutable_scene()->set_hash(reply.hash());
+  Stream stream(world.channel());
+  EXPECT_EQ(stream.open(open).instances(), 2u);
+}
+
+TEST(UploadScene, AHashThatNobodyUploadedIsNotFound) {
+  const ServiceWorld world;
+  v1::OpenSession open = open_with_boxes(1);
+  open.mutable_scene()->set_hash(std::string(32, '0'));
+  Stream stream(world.channel());
+  stream.send(open);
+  const grpc::Status status = stream.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(fields_of(status), std::vector<std::string>{"open.scene.hash"});
+}
+
+TEST(UploadScene, EveryTruncationIsRefusedAndTheServerLives) {
+  const ServiceWorld world;
+  const std::vector<std::byte> file = triangle_file();
+  for (size_t length = 0; length < file.size(); length += 7) {
+    EXPECT_EQ(upload(world, std::span(file).first(length)).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << length;
+  }
+  EXPECT_TRUE(upload(world, file).ok());
+  EXPECT_EQ(world.info().geometry_count(), 1u);
+}
+
+TEST(UploadScene, AFileThatRefersToOthersIsRefused) {
+  const ServiceWorld world;
+  GlbBuilder builder;
+  builder.triangle_node();
+  for (const char* uri : {"beside.bin", "../../etc/passwd", "/etc/passwd", "file:///etc/passwd"}) {
+    EXPECT_FALSE(upload(world, builder.gltf(uri)).ok()) << uri;
+  }
+}
+
+TEST(UploadScene, AFileWithAnImpossibleCountIsRefused) {
+  const ServiceWorld world;
+  GlbBuilder builder;
+  builder.triangle_node();
+  builder.json["accessors"][0]["count"] = 4'000'000'000u;
+  EXPECT_EQ(upload(world, builder.glb()).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST(UploadScene, AFileOverTheLimitIsRefused) {
+  const ServiceWorld world({.limits = {.max_upload_bytes = 1000}});
+  const std::vector<std::byte> bytes(2000);
+  const grpc::Status status = upload(world, bytes);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(fields_of(status), std::vector<std::string>{"chunk"});
+}
+
+TEST(UploadScene, AChunkOverTheLimitIsRefused) {
+  const ServiceWorld world;
+  const std::vector<std::byte> bytes((size_t{1} << 20) + 1);
+  EXPECT_EQ(upload(world, bytes, nullptr, bytes.size()).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+}
+
+TEST(UploadScene, TooManyAtATimeAreToldToTryAgain) {
+  const ServiceWorld world({.limits = {.max_uploads = 1}});
+  Upload first(world.channel());
+  ASSERT_TRUE(first.send(triangle_file()));
+  grpc::Status refused;
+  for (int i = 0; i < 1000 && refused.ok(); ++i) refused = upload(world, triangle_file());
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_GT(retry_seconds_of(refused), 0);
+  EXPECT_TRUE(first.finish().ok());
+}
+
+TEST(UploadScene, ACancelledUploadGivesItsPlaceBack) {
+  const ServiceWorld world({.limits = {.max_uploads = 1}});
+  Upload first(world.channel());
+  first.send(triangle_file());
+  first.cancel();
+  EXPECT_EQ(first.finish().error_code(), grpc::StatusCode::CANCELLED);
+  grpc::Status status(grpc::StatusCode::UNKNOWN, "");
+  for (int i = 0; i < 1000 && !status.ok(); ++i) status = upload(world, triangle_file());
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST(ListScenes, NamesWhatTheFolderHolds) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / "list-scenes";
+  std::filesystem::create_directories(folder / "levels");
+  const std::vector<std::byte> file = triangle_file();
+  for (const char* name : {"b.glb", "a.glb", "levels/one.glb", "notes.txt"}) {
+    std::ofstream(folder / name).write(reinterpret_cast<const char*>(file.data()),
+                                       static_cast<std::streamsize>(file.size()));
+  }
+  const ServiceWorld world({.scene_dir = folder.string()});
+  grpc::ClientContext context;
+  v1::ListScenesReply reply;
+  ASSERT_TRUE(v1::CameraControl::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
+  EXPECT_THAT(reply.names(), testing::ElementsAre("a.glb", "b.glb", "levels/one.glb"));
+
+  v1::OpenSession open = open_with_boxes(1);
+  open.mutable_scene()->set_name("levels/one.glb");
+  Stream stream(world.channel());
+  EXPECT_EQ(stream.open(open).instances(), 2u);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(ListScenes, IsEmptyWithoutAFolder) {
+  const ServiceWorld world;
+  grpc::ClientContext context;
+  v1::ListScenesReply reply;
+  ASSERT_TRUE(v1::CameraControl::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
+  EXPECT_EQ(reply.names_size(), 0);
+}
+
+}  // namespace
+}  // namespace sightline
