@@ -23,7 +23,8 @@ struct RawFlags {
   bool check_config = false;
 };
 
-const std::map<std::string, SamplerChoice> kSamplers{{"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
+const std::map<std::string, SamplerChoice> kSamplers{{"egl", SamplerChoice::kEgl},
+                                                     {"embree", SamplerChoice::kEmbree}};
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -39,7 +40,8 @@ CLI::IsMember one_of(const std::map<std::string, T>& choices) {
 }
 
 std::string check_octal_mode(const std::string& text) {
-  const bool octal = !text.empty() && text.size() <= 4 && text.find_first_not_of("01234567") == std::string::npos;
+  const bool octal =
+      !text.empty() && text.size() <= 4 && text.find_first_not_of("01234567") == std::string::npos;
   return octal && std::stoul(text, nullptr, 8) <= 0777 ? "" : "a file mode is octal, 0 to 0777; got " + text;
 }
 
@@ -47,8 +49,10 @@ std::string check_address(const std::string& text) {
   if (text == "none") return "";
   const size_t colon = text.rfind(':');
   const std::string port = colon == std::string::npos ? "" : text.substr(colon + 1);
-  const bool number = !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
-  return colon > 0 && number && std::stoul(port) <= 65535 ? "" : "an address is host:port or none; got " + text;
+  const bool number =
+      !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
+  return colon > 0 && number && std::stoul(port) <= 65535 ? ""
+                                                          : "an address is host:port or none; got " + text;
 }
 
 // A printed configuration has an empty one where none is set.
@@ -57,7 +61,8 @@ std::string check_folder(const std::string& path) {
 }
 
 void add_listening(CLI::App& app, RawFlags& raw) {
-  app.add_option("--listen", raw.flags.listen, "TCP address host:port; port 0 takes a free one; none for no TCP")
+  app.add_option("--listen", raw.flags.listen,
+                 "TCP address host:port; port 0 takes a free one; none for no TCP")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
   app.add_option("--listen-unix", raw.flags.listen_unix, "Path of a unix socket, beside or instead of TCP")
@@ -73,35 +78,42 @@ void add_listening(CLI::App& app, RawFlags& raw) {
 void add_sampling(CLI::App& app, RawFlags& raw) {
   app.add_option("--scene-dir", raw.flags.scene_dir, "Folder of the scene files that sessions can name")
       ->check(CLI::Validator(check_folder, "DIR"));
-  app.add_option("--sampler", raw.sampler, "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU")
+  app.add_option("--sampler", raw.sampler,
+                 "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU")
       ->check(one_of(kSamplers))
       ->capture_default_str();
-  app.add_option("--egl-device", raw.flags.egl_device, "Index of the EGL device (see `sightlined devices`); -1 chooses")
+  app.add_option("--egl-device", raw.flags.egl_device,
+                 "Index of the EGL device (see `sightlined devices`); -1 chooses")
       ->check(CLI::Range(-1, 1023))
       ->capture_default_str();
-  app.add_flag("--require-gpu", raw.flags.require_gpu, "Refuse to start when OpenGL would render in software");
+  app.add_flag("--require-gpu", raw.flags.require_gpu,
+               "Refuse to start when OpenGL would render in software");
 }
 
 void add_limits(CLI::App& app, RawFlags& raw) {
-  app.add_option("--threads", raw.flags.threads, "Threads that take steps; 0 for the CPUs that the process may use")
+  app.add_option("--threads", raw.flags.threads,
+                 "Threads that take steps; 0 for the CPUs that the process may use")
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
   app.add_option("--max-sessions", raw.flags.max_sessions, "Sessions open at the same time; more are refused")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
-  app.add_option("--max-message-mib", raw.flags.max_message_mib, "Largest message taken, MiB; larger ones end their call")
+  app.add_option("--max-message-mib", raw.flags.max_message_mib,
+                 "Largest message taken, MiB; larger ones end their call")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib, "Largest scene file taken by upload, MiB")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
-  app.add_option("--drain-s", raw.flags.drain_s, "Seconds that open sessions get to end after SIGTERM or SIGINT")
+  app.add_option("--drain-s", raw.flags.drain_s,
+                 "Seconds that open sessions get to end after SIGTERM or SIGINT")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
 }
 
 void add_logging(CLI::App& app, RawFlags& raw) {
-  app.add_option("--log-format", raw.log_format, "Log lines as text or as JSON objects, to the standard error output")
+  app.add_option("--log-format", raw.log_format,
+                 "Log lines as text or as JSON objects, to the standard error output")
       ->check(one_of(kFormats))
       ->capture_default_str();
   app.add_option("--log-level", raw.log_level, "Least severe level that is logged")
@@ -111,9 +123,11 @@ void add_logging(CLI::App& app, RawFlags& raw) {
 
 void add_configuration(CLI::App& app, RawFlags& raw) {
   app.set_config("--config", "", "Read flags from a file as --print-config writes it")->configurable(false);
-  app.add_flag("--print-config", raw.print_config, "Print all flags with their values as a file for --config, and exit")
+  app.add_flag("--print-config", raw.print_config,
+               "Print all flags with their values as a file for --config, and exit")
       ->configurable(false);
-  app.add_flag("--check-config", raw.check_config, "Say whether the flags are valid, and exit")->configurable(false);
+  app.add_flag("--check-config", raw.check_config, "Say whether the flags are valid, and exit")
+      ->configurable(false);
   app.set_version_flag("--version", std::string("sightlined ") + kVersion, "Print the version and exit")
       ->configurable(false);
 }
@@ -131,8 +145,9 @@ Flags finished(const RawFlags& raw) {
 
 Command parse_command_line(int argc, const char* const* argv) {
   RawFlags raw;
-  CLI::App app("Steers cameras so that their targets stay in view: scenes and transforms in, poses out, over gRPC.",
-               "sightlined");
+  CLI::App app(
+      "Steers cameras so that their targets stay in view: scenes and transforms in, poses out, over gRPC.",
+      "sightlined");
   add_listening(app, raw);
   add_sampling(app, raw);
   add_limits(app, raw);

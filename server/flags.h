@@ -42,8 +42,8 @@ struct Exit {
 };
 using Command = std::variant<Serve, ReportDevices, Exit>;
 
-// What the arguments, and the file named by --config, ask for. Wrong ones print why to the standard error output and
-// give Exit{2}.
+// What the arguments, and the file named by --config, ask for. Wrong ones print why to the standard error
+// output and give Exit{2}.
 Command parse_command_line(int argc, const char* const* argv);
 
 }  // namespace sightline

@@ -131,7 +131,8 @@ void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, 
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
   while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
   }
-  if (streams.size() > 0) log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
+  if (streams.size() > 0)
+    log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
   streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
   listener.stop(kStopGrace);
 }
@@ -144,7 +145,9 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
 int serve(const Flags& flags) {
   Log log(flags.log_format, flags.log_level);
   const auto sampler = make_sampler_device(flags);
-  if (!sampler) return failed_to_start(log, sampler.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
+  if (!sampler)
+    return failed_to_start(log, sampler.error(),
+                           "see `sightlined devices`; --sampler embree needs no OpenGL");
 
   GeometryStore geometry;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
@@ -155,10 +158,12 @@ int serve(const Flags& flags) {
       ServiceParts{scenes, geometry, **sampler, steppers, loaders, streams, log, monotonic_ns, start_name()},
       service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
-  if (!listener) return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
+  if (!listener)
+    return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
   const ReadyFile ready(flags.ready_file);
-  if (!ready.write(joined((*listener)->addresses(), "\n"))) log.error("cannot write", {{"file", flags.ready_file}});
+  if (!ready.write(joined((*listener)->addresses(), "\n")))
+    log.error("cannot write", {{"file", flags.ready_file}});
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
                      {"sampler", (*sampler)->kind()},
@@ -183,8 +188,9 @@ int report_devices(const Flags& flags) {
   const bool egl = flags.sampler == SamplerChoice::kEgl;
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
   for (const EglDeviceInfo& device : list_egl_devices(options)) {
-    std::printf("%-5s %-6s %-6d %-12s %-20s %s, %s (%s)\n", egl && device.chosen ? "*" : "", "egl", device.index,
-                device.platform.c_str(), device.drm_node.empty() ? "-" : device.drm_node.c_str(),
+    std::printf("%-5s %-6s %-6d %-12s %-20s %s, %s (%s)\n", egl && device.chosen ? "*" : "", "egl",
+                device.index, device.platform.c_str(),
+                device.drm_node.empty() ? "-" : device.drm_node.c_str(),
                 device.renderer.empty() ? "-" : device.renderer.c_str(),
                 device.gl_version.empty() ? "-" : device.gl_version.c_str(), device_note(device).c_str());
   }

@@ -22,10 +22,12 @@ class RefusedStream final : public ControlStream::Reactor {
 
 grpc::Status refusal(Admission admission, size_t max_streams) {
   if (admission == Admission::kDraining) return {grpc::StatusCode::UNAVAILABLE, "the server is going away"};
-  return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)", kRetryDelay);
+  return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)",
+                          kRetryDelay);
 }
 
-const Error kNotOpened{ErrorCode::kInvalidArgument, "open", "the first message of a Control call must be `open`"};
+const Error kNotOpened{ErrorCode::kInvalidArgument, "open",
+                       "the first message of a Control call must be `open`"};
 const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is open already"};
 const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
 
@@ -47,7 +49,8 @@ ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const Se
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id)
     : parts_(parts), session_id_(std::move(session_id)), inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
-// --- reactions ---------------------------------------------------------------------------------------------------
+// --- reactions
+// ---------------------------------------------------------------------------------------------------
 
 void ControlStream::OnReadDone(bool ok) {
   const std::lock_guard lock(mutex_);
@@ -92,17 +95,20 @@ void ControlStream::end(const grpc::Status& status) {
   advance();
 }
 
-// --- what comes next ---------------------------------------------------------------------------------------------
+// --- what comes next
+// ---------------------------------------------------------------------------------------------
 
-// gRPC is called with the lock held, so that the order of its operations is the order of our decisions. That is safe
-// because it never runs a reaction inside such a call: reactions come from its own threads.
+// gRPC is called with the lock held, so that the order of its operations is the order of our decisions. That
+// is safe because it never runs a reaction inside such a call: reactions come from its own threads.
 void ControlStream::read_if_room() {
   if (reading_ || reads_done_ || finished_ || inbox_.full()) return;
   reading_ = true;
   StartRead(&request_);
 }
 
-bool ControlStream::has_work() const { return !inbox_.empty() || drain_reason_.has_value(); }
+bool ControlStream::has_work() const {
+  return !inbox_.empty() || drain_reason_.has_value();
+}
 
 void ControlStream::advance() {
   if (finished_ || busy_ || writing_) return;
@@ -120,7 +126,8 @@ void ControlStream::advance() {
   if (reads_done_) finish(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
 }
 
-// The session goes first and the place in the registry next, so that a client that has seen the end finds both free.
+// The session goes first and the place in the registry next, so that a client that has seen the end finds
+// both free.
 void ControlStream::finish(const grpc::Status& status) {
   finished_ = true;
   session_.reset();
@@ -136,12 +143,14 @@ void ControlStream::finish(const grpc::Status& status) {
   Finish(status);
 }
 
-// --- on a worker -------------------------------------------------------------------------------------------------
+// --- on a worker
+// -------------------------------------------------------------------------------------------------
 
 void ControlStream::run() {
   Work work = take_work();
   Outcome outcome;
-  if (work.drain_reason) *outcome.replies.emplace_back().mutable_drain()->mutable_reason() = *work.drain_reason;
+  if (work.drain_reason)
+    *outcome.replies.emplace_back().mutable_drain()->mutable_reason() = *work.drain_reason;
   try {
     session_ ? take_ticks(work.messages, outcome) : open(work.messages, outcome);
   } catch (const std::bad_alloc&) {
@@ -231,15 +240,17 @@ void ControlStream::step(uint64_t newest_sequence, Outcome& outcome) {
   const auto answer = session_->step();
   if (!answer) return reject(answer.error(), newest_sequence, outcome);
   ++tally_.steps;
-  camera_reply_to_proto(*answer, *session_, session_->diagnostics(), *outcome.replies.emplace_back().mutable_camera());
+  camera_reply_to_proto(*answer, *session_, session_->diagnostics(),
+                        *outcome.replies.emplace_back().mutable_camera());
 }
 
 void ControlStream::reject(const Error& error, uint64_t sequence, Outcome& outcome) {
   ++tally_.rejections;
-  parts_.log.debug("tick refused", {{"session", session_id_},
-                                    {"sequence", std::to_string(sequence)},
-                                    {"reason", to_string(error)}});
-  rejection_to_proto(error, sequence, &session_->mirror(), *outcome.replies.emplace_back().mutable_rejected());
+  parts_.log.debug(
+      "tick refused",
+      {{"session", session_id_}, {"sequence", std::to_string(sequence)}, {"reason", to_string(error)}});
+  rejection_to_proto(error, sequence, &session_->mirror(),
+                     *outcome.replies.emplace_back().mutable_rejected());
 }
 
 }  // namespace sightline

@@ -1,16 +1,16 @@
 // RPC Control: one session over one stream.
 //
-// Newest tick wins, nothing is lost. The stream reads as long as its inbox has room. A worker takes everything that has
-// arrived, applies every tick in order, and takes ONE step for the newest. No step starts before all replies to the
-// last one are handed to the transport, so a client that stops reading holds on the server at most the replies to one
-// inbox, a full inbox and the transport's window (64 KiB).
+// Newest tick wins, nothing is lost. The stream reads as long as its inbox has room. A worker takes
+// everything that has arrived, applies every tick in order, and takes ONE step for the newest. No step starts
+// before all replies to the last one are handed to the transport, so a client that stops reading holds on the
+// server at most the replies to one inbox, a full inbox and the transport's window (64 KiB).
 //
-// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and only
-// move messages. `run` runs on a worker, one at a time for one stream (`busy_`). drain and end come from the thread that
-// stops the server. All meet in `advance`, which decides what comes next.
+// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same
+// time, and only move messages. `run` runs on a worker, one at a time for one stream (`busy_`). drain and end
+// come from the thread that stops the server. All meet in `advance`, which decides what comes next.
 //
-// Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is called once,
-// when no worker is busy and no write is under way; nothing is started after it.
+// Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
+// called once, when no worker is busy and no write is under way; nothing is started after it.
 #pragma once
 
 #include <grpcpp/support/server_callback.h>
@@ -28,12 +28,13 @@
 
 namespace sightline {
 
-class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>, public Drainable {
+class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>,
+                            public Drainable {
  public:
   using Reactor = grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>;
 
-  // The reactor of a new call. It is registered and lives until gRPC is done with it. When the registry is full or
-  // drains, it is one that refuses (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE).
+  // The reactor of a new call. It is registered and lives until gRPC is done with it. When the registry is
+  // full or drains, it is one that refuses (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE).
   static Reactor* start(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
 
   ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
@@ -95,11 +96,11 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
   Inbox inbox_;
   Replies outbox_;
-  bool opened_ = false;       // session_ exists
-  bool busy_ = false;         // a worker runs, or is about to
-  bool reading_ = false;      // a read is under way
-  bool writing_ = false;      // a write is under way
-  bool reads_done_ = false;   // the client has closed its side, or is gone
+  bool opened_ = false;      // session_ exists
+  bool busy_ = false;        // a worker runs, or is about to
+  bool reading_ = false;     // a read is under way
+  bool writing_ = false;     // a write is under way
+  bool reads_done_ = false;  // the client has closed its side, or is gone
   bool cancelled_ = false;
   bool finished_ = false;
   std::optional<std::string> drain_reason_;  // still to be told

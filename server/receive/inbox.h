@@ -10,8 +10,9 @@
 
 namespace sightline {
 
-// A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the transport's
-// flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus one message.
+// A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the
+// transport's flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus
+// one message.
 class Inbox {
  public:
   struct Message {

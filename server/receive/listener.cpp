@@ -23,8 +23,8 @@ Result<sockaddr_un> socket_address(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof(address.sun_path)) {
-    return invalid("--listen-unix", "a socket path has at most " + std::to_string(sizeof(address.sun_path) - 1) +
-                                        " bytes: " + path);
+    return invalid("--listen-unix", "a socket path has at most " +
+                                        std::to_string(sizeof(address.sun_path) - 1) + " bytes: " + path);
   }
   std::memcpy(address.sun_path, path.c_str(), path.size());
   return address;
@@ -48,7 +48,8 @@ Status make_way_for_socket(const std::string& path) {
   if (::lstat(path.c_str(), &info) != 0) return {};
   if (!S_ISSOCK(info.st_mode)) return invalid("--listen-unix", path + " exists and is not a socket");
   if (const int error = try_to_connect(*address); error != ECONNREFUSED) {
-    const std::string why = error == 0 || error == EAGAIN ? "another process serves it" : std::strerror(error);
+    const std::string why =
+        error == 0 || error == EAGAIN ? "another process serves it" : std::strerror(error);
     return fail(ErrorCode::kUnavailable, "--listen-unix", path + ": " + why);
   }
   if (::unlink(path.c_str()) != 0) {
@@ -64,7 +65,8 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, static_cast<int>(options.keepalive_time.count()));
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, static_cast<int>(options.keepalive_timeout.count()));
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+                             static_cast<int>(options.keepalive_timeout.count()));
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Clients may ping as often as we do.
@@ -84,7 +86,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
   int port = 0;
   if (!options.tcp.empty()) builder.AddListeningPort(options.tcp, grpc::InsecureServerCredentials(), &port);
   if (!options.unix_path.empty()) {
-    if (const Status status = make_way_for_socket(options.unix_path); !status) return tl::unexpected(status.error());
+    if (const Status status = make_way_for_socket(options.unix_path); !status)
+      return tl::unexpected(status.error());
     builder.AddListeningPort("unix:" + options.unix_path, grpc::InsecureServerCredentials());
   }
   // The socket must at no moment be open to more than its mode says.
@@ -98,7 +101,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
                     ": the address is in use or not valid on this machine");
   }
   std::vector<std::string> addresses;
-  if (port != 0) addresses.push_back(options.tcp.substr(0, options.tcp.rfind(':') + 1) + std::to_string(port));
+  if (port != 0)
+    addresses.push_back(options.tcp.substr(0, options.tcp.rfind(':') + 1) + std::to_string(port));
   if (!options.unix_path.empty()) addresses.push_back("unix:" + options.unix_path);
   grpc::HealthCheckServiceInterface& health = *server->GetHealthCheckService();
   health.SetServingStatus(v1::CameraControl::service_full_name(), true);
@@ -109,7 +113,9 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
 Listener::Listener(std::unique_ptr<grpc::Server> server, std::vector<std::string> addresses, int port)
     : server_(std::move(server)), addresses_(std::move(addresses)), port_(port) {}
 
-Listener::~Listener() { stop(std::chrono::milliseconds(0)); }
+Listener::~Listener() {
+  stop(std::chrono::milliseconds(0));
+}
 
 void Listener::set_not_serving() {
   grpc::HealthCheckServiceInterface& health = *server_->GetHealthCheckService();

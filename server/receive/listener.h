@@ -13,21 +13,22 @@
 namespace sightline {
 
 struct ListenOptions {
-  std::string tcp = "127.0.0.1:50151";    // host:port; port 0 takes a free one; empty: no TCP
-  std::string unix_path;                  // empty: no unix socket
-  unsigned unix_mode = 0660;              // of the socket file
+  std::string tcp = "127.0.0.1:50151";  // host:port; port 0 takes a free one; empty: no TCP
+  std::string unix_path;                // empty: no unix socket
+  unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;
-  // A peer that has been silent for `keepalive_time` is pinged; without an answer its calls end after the timeout.
+  // A peer that has been silent for `keepalive_time` is pinged; without an answer its calls end after the
+  // timeout.
   std::chrono::milliseconds keepalive_time{10'000};
   std::chrono::milliseconds keepalive_timeout{5'000};
 };
 
-// Neither address may be in use by another daemon: TCP ports are not shared, and a unix socket at which somebody answers is
-// left alone. A socket file that nobody serves any more is replaced.
+// Neither address may be in use by another daemon: TCP ports are not shared, and a unix socket at which
+// somebody answers is left alone. A socket file that nobody serves any more is replaced.
 class Listener {
  public:
-  // Serves from now on. `service` must outlive it. Fails (fields "--listen", "--listen-unix") with kUnavailable or
-  // kInvalidArgument.
+  // Serves from now on. `service` must outlive it. Fails (fields "--listen", "--listen-unix") with
+  // kUnavailable or kInvalidArgument.
   static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, grpc::Service& service);
   // As stop with no grace.
   ~Listener();

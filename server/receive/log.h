@@ -2,7 +2,8 @@
 //
 //   log.info("session opened", {{"session", "1f3-7"}, {"label", "arena"}});
 //   text: 2026-03-01T12:00:00.123Z info session opened session=1f3-7 label=arena
-//   json: {"time":"2026-03-01T12:00:00.123Z","level":"info","message":"session opened","session":"1f3-7","label":"arena"}
+//   json: {"time":"2026-03-01T12:00:00.123Z","level":"info","message":"session opened",
+//          "session":"1f3-7","label":"arena"}
 #pragma once
 
 #include <initializer_list>
@@ -23,8 +24,8 @@ namespace sightline {
 enum class LogFormat { kText, kJson };
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
-// Thread-safe. Values may hold any bytes: what is not UTF-8 is replaced in JSON, control characters in both formats are
-// escaped, so that one event is always one line.
+// Thread-safe. Values may hold any bytes: what is not UTF-8 is replaced in JSON, control characters in both
+// formats are escaped, so that one event is always one line.
 class Log {
  public:
   using Field = std::pair<std::string_view, std::string>;
@@ -37,7 +38,9 @@ class Log {
 
   void debug(std::string_view message, Fields fields = {}) const { write(LogLevel::kDebug, message, fields); }
   void info(std::string_view message, Fields fields = {}) const { write(LogLevel::kInfo, message, fields); }
-  void warn(std::string_view message, Fields fields = {}) const { write(LogLevel::kWarning, message, fields); }
+  void warn(std::string_view message, Fields fields = {}) const {
+    write(LogLevel::kWarning, message, fields);
+  }
   void error(std::string_view message, Fields fields = {}) const { write(LogLevel::kError, message, fields); }
 
  private:

@@ -18,8 +18,8 @@ struct ServiceParts {
   SceneLibrary& scenes;
   GeometryStore& geometry;
   SamplerDevice& sampler;
-  WorkerPool& steppers;   // apply ticks and take steps
-  WorkerPool& loaders;    // read scenes and open sessions, which may take seconds: never ahead of a step
+  WorkerPool& steppers;  // apply ticks and take steps
+  WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step
   StreamRegistry& streams;
   Log& log;
   StageClock clock;       // nanoseconds, monotonic; for stage and queue times only
@@ -27,11 +27,11 @@ struct ServiceParts {
 };
 
 struct ServiceLimits {
-  size_t inbox_messages = 256;                        // a stream stops reading when so many wait
-  size_t inbox_bytes = size_t{4} << 20;               // or so many bytes
-  size_t max_uploads = 4;                             // at the same time
-  size_t max_upload_bytes = size_t{256} << 20;        // of one file
-  size_t max_chunk_bytes = size_t{1} << 20;           // of one message of an upload
+  size_t inbox_messages = 256;                  // a stream stops reading when so many wait
+  size_t inbox_bytes = size_t{4} << 20;         // or so many bytes
+  size_t max_uploads = 4;                       // at the same time
+  size_t max_upload_bytes = size_t{256} << 20;  // of one file
+  size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
 };
 
 }  // namespace sightline

@@ -18,12 +18,14 @@ grpc::ServerReadReactor<v1::UploadSceneRequest>* CameraControlService::UploadSce
 }
 
 grpc::ServerUnaryReactor* CameraControlService::ListScenes(grpc::CallbackServerContext* context,
-                                                           const v1::ListScenesRequest*, v1::ListScenesReply* reply) {
+                                                           const v1::ListScenesRequest*,
+                                                           v1::ListScenesReply* reply) {
   return list_scenes(context, parts_, *reply);
 }
 
 grpc::ServerUnaryReactor* CameraControlService::GetServerInfo(grpc::CallbackServerContext* context,
-                                                              const v1::GetServerInfoRequest*, v1::ServerInfo* info) {
+                                                              const v1::GetServerInfoRequest*,
+                                                              v1::ServerInfo* info) {
   return get_server_info(context, parts_, *info);
 }
 

@@ -20,8 +20,9 @@ grpc::Status too_large(const std::string& what, size_t limit_bytes) {
 
 }  // namespace
 
-UploadScene::UploadScene(grpc::CallbackServerContext& context, const ServiceParts& parts, const ServiceLimits& limits,
-                         std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply)
+UploadScene::UploadScene(grpc::CallbackServerContext& context, const ServiceParts& parts,
+                         const ServiceLimits& limits, std::atomic<size_t>& open_uploads,
+                         v1::UploadSceneReply& reply)
     : context_(context), parts_(parts), limits_(limits), open_uploads_(open_uploads), reply_(reply) {
   if (++open_uploads_ > limits_.max_uploads) {
     Finish(exhausted_status("too many uploads at the same time", kRetryDelay));
@@ -30,7 +31,9 @@ UploadScene::UploadScene(grpc::CallbackServerContext& context, const ServicePart
   StartRead(&request_);
 }
 
-UploadScene::~UploadScene() { --open_uploads_; }
+UploadScene::~UploadScene() {
+  --open_uploads_;
+}
 
 grpc::Status UploadScene::check_chunk() const {
   if (request_.chunk().size() > limits_.max_chunk_bytes) return too_large("a chunk", limits_.max_chunk_bytes);

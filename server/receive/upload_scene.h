@@ -14,12 +14,14 @@ namespace sightline {
 
 // Collects chunks, then reads the file on a loader thread. Deletes itself when gRPC is done with it.
 //
-// Threads: reactions of one call follow one another, because there is one operation at a time (read, read, ..., work,
-// finish); OnCancel alone may run beside them, and is not used: a cancelled call fails its pending read.
+// Threads: reactions of one call follow one another, because there is one operation at a time (read, read,
+// ..., work, finish); OnCancel alone may run beside them, and is not used: a cancelled call fails its pending
+// read.
 class UploadScene final : public grpc::ServerReadReactor<v1::UploadSceneRequest> {
  public:
-  // `open_uploads` counts the calls in progress and must outlive the server. Over limits.max_uploads the call is
-  // refused with RESOURCE_EXHAUSTED and a retry time; so is a chunk or a file that is too large, without one.
+  // `open_uploads` counts the calls in progress and must outlive the server. Over limits.max_uploads the call
+  // is refused with RESOURCE_EXHAUSTED and a retry time; so is a chunk or a file that is too large, without
+  // one.
   UploadScene(grpc::CallbackServerContext& context, const ServiceParts& parts, const ServiceLimits& limits,
               std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply);
 

@@ -30,7 +30,9 @@ pid_t spawn(const std::vector<std::string>& arguments, const std::string& output
   ::_exit(127);
 }
 
-int exit_code_of(int status) { return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status); }
+int exit_code_of(int status) {
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
 
 }  // namespace
 
@@ -88,9 +90,13 @@ std::vector<std::string> Daemon::addresses() const {
   return lines;
 }
 
-bool Daemon::ready_file_exists() const { return std::filesystem::exists(folder_ / "ready"); }
+bool Daemon::ready_file_exists() const {
+  return std::filesystem::exists(folder_ / "ready");
+}
 
-void Daemon::signal(int number) const { ::kill(pid_, number); }
+void Daemon::signal(int number) const {
+  ::kill(pid_, number);
+}
 
 int Daemon::wait() {
   int status = 0;
@@ -98,6 +104,8 @@ int Daemon::wait() {
   return exit_code_of(status);
 }
 
-std::string Daemon::errors() const { return read_text(folder_ / "err"); }
+std::string Daemon::errors() const {
+  return read_text(folder_ / "err");
+}
 
 }  // namespace sightline

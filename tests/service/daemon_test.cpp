@@ -15,7 +15,8 @@
 namespace sightline {
 namespace {
 
-// --- flags -------------------------------------------------------------------------------------------------------
+// --- flags
+// -------------------------------------------------------------------------------------------------------
 
 TEST(DaemonFlags, AnUnknownOneIsAnError) {
   const RunResult result = run_sightlined({"--no-such-flag"});
@@ -25,28 +26,33 @@ TEST(DaemonFlags, AnUnknownOneIsAnError) {
 
 TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
   const std::vector<std::vector<std::string>> wrong{
-      {"--sampler", "magic"},       {"--listen", "nowhere"},     {"--listen", "127.0.0.1:70000"}, {"--threads", "-1"},
-      {"--max-sessions", "0"},      {"--unix-mode", "abc"},      {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
-      {"--log-level", "chatty"},    {"--egl-device", "-2"},      {"--max-message-mib", "0"},      {"stray"},
-      {"--max-upload-mib", "nine"}, {"--config", "/no/such/file"}};
+      {"--sampler", "magic"},          {"--listen", "nowhere"},
+      {"--listen", "127.0.0.1:70000"}, {"--threads", "-1"},
+      {"--max-sessions", "0"},         {"--unix-mode", "abc"},
+      {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
+      {"--log-level", "chatty"},       {"--egl-device", "-2"},
+      {"--max-message-mib", "0"},      {"stray"},
+      {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
 TEST(DaemonFlags, EveryOneIsExplained) {
   const RunResult help = run_sightlined({"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* flag : {"--listen ", "--listen-unix", "--unix-mode", "--scene-dir", "--sampler", "--egl-device",
-                           "--require-gpu", "--threads", "--max-sessions", "--max-message-mib", "--max-upload-mib",
-                           "--log-format", "--log-level", "--ready-file", "--drain-s", "--version", "--print-config",
-                           "--check-config", "--config", "devices"}) {
+  for (const char* flag :
+       {"--listen ",        "--listen-unix",  "--unix-mode",    "--scene-dir",    "--sampler",
+        "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
+        "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
+        "--version",        "--print-config", "--check-config", "--config",       "devices"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
 
 TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
-  const RunResult first = run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
-                                          "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode",
-                                          "0600", "--log-format", "json", "--print-config"});
+  const RunResult first =
+      run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
+                      "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
+                      "--log-format", "json", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
   const ScratchFolder folder;
@@ -69,7 +75,8 @@ TEST(DaemonFlags, DevicesReportsEmbreeAlways) {
   EXPECT_NE(report.output.find("embree"), std::string::npos) << report.output;
 }
 
-// --- listeners ---------------------------------------------------------------------------------------------------
+// --- listeners
+// ---------------------------------------------------------------------------------------------------
 
 TEST(Daemon, ListensAtTcpAndAtAUnixSocketWithItsMode) {
   const ScratchFolder folder;
@@ -130,7 +137,8 @@ TEST(Daemon, AFileThatIsNoSocketIsLeftAlone) {
   EXPECT_EQ(read_text(folder / "precious"), "data");
 }
 
-// --- the end -----------------------------------------------------------------------------------------------------
+// --- the end
+// -----------------------------------------------------------------------------------------------------
 
 TEST(Daemon, SigtermTellsOpenStreamsAnswersThemAndExitsWithZero) {
   Daemon daemon({"--listen", "127.0.0.1:0"});

@@ -26,8 +26,9 @@ TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
 TEST(Lifecycle, ReflectionListsTheService) {
   const ServiceWorld world;
   // ServerReflectionRequest: field 7 (list_services), a string.
-  const RawReply reply = call_raw(
-      world.channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", std::string("\x3a\x01*", 3));
+  const RawReply reply =
+      call_raw(world.channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+               std::string("\x3a\x01*", 3));
   ASSERT_TRUE(reply.status.ok()) << reply.status.error_message();
   EXPECT_NE(reply.bytes.find(kService), std::string::npos);
 }
@@ -89,15 +90,16 @@ TEST(Lifecycle, AStopCancelsWhatDoesNotEnd) {
 
 // A peer that speaks HTTP/2 well enough to be a client, then answers nothing: not even pings.
 TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
-  const ServiceWorld world(
-      {.keepalive_time = std::chrono::milliseconds(200), .keepalive_timeout = std::chrono::milliseconds(200)});
+  const ServiceWorld world({.keepalive_time = std::chrono::milliseconds(200),
+                            .keepalive_timeout = std::chrono::milliseconds(200)});
   const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(static_cast<uint16_t>(world.listener->port()));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   ASSERT_EQ(::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
-  const std::string hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0", 33);  // preface, empty SETTINGS
+  const std::string hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
+                          33);  // preface, empty SETTINGS
   ASSERT_EQ(::send(fd, hello.data(), hello.size(), 0), static_cast<ssize_t>(hello.size()));
   const timeval patience{30, 0};
   ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));

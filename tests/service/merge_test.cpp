@@ -129,7 +129,8 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
   writer.join();
 }
 
-// Its replies pile up in the transport's window, then its steps stop, then its inbox fills, then its ticks are not read.
+// Its replies pile up in the transport's window, then its steps stop, then its inbox fills, then its ticks
+// are not read.
 TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
   const ServiceWorld world;
   v1::OpenSession greedy = open_with_boxes(kBoxes);

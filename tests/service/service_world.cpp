@@ -7,12 +7,15 @@
 
 namespace sightline {
 
-// --- the gate ----------------------------------------------------------------------------------------------------
+// --- the gate
+// ----------------------------------------------------------------------------------------------------
 
 class GatedSampler final : public Sampler {
  public:
-  GatedSampler(GatedDevice& device, std::unique_ptr<Sampler> inner) : device_(device), inner_(std::move(inner)) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+  GatedSampler(GatedDevice& device, std::unique_ptr<Sampler> inner)
+      : device_(device), inner_(std::move(inner)) {}
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
+              std::vector<DepthMap>& maps) override {
     if (const Status passed = device_.pass(); !passed) return passed;
     return inner_->take(mirror, requests, maps);
   }
@@ -58,7 +61,8 @@ Status GatedDevice::pass() {
   return tl::unexpected(error);
 }
 
-// --- the service -------------------------------------------------------------------------------------------------
+// --- the service
+// -------------------------------------------------------------------------------------------------
 
 ServiceWorld::ServiceWorld(const WorldOptions& options)
     : scenes_(options.scene_dir, GltfLimits{}, geometry_),
@@ -82,8 +86,12 @@ ServiceWorld::~ServiceWorld() {
   listener.reset();
 }
 
-std::shared_ptr<grpc::Channel> ServiceWorld::channel() const { return connect(address()); }
-v1::ServerInfo ServiceWorld::info() const { return server_info(channel()); }
+std::shared_ptr<grpc::Channel> ServiceWorld::channel() const {
+  return connect(address());
+}
+v1::ServerInfo ServiceWorld::info() const {
+  return server_info(channel());
+}
 
 std::shared_ptr<grpc::Channel> connect(const std::string& address) {
   grpc::ChannelArguments arguments;
@@ -102,7 +110,8 @@ v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel) {
   return info;
 }
 
-// --- one call ----------------------------------------------------------------------------------------------------
+// --- one call
+// ----------------------------------------------------------------------------------------------------
 
 Stream::Stream(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControl::NewStub(channel)) {
   context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
@@ -126,7 +135,9 @@ bool Stream::send(const v1::Tick& tick) {
   return call_->Write(request);
 }
 
-bool Stream::send_empty() { return call_->Write({}); }
+bool Stream::send_empty() {
+  return call_->Write({});
+}
 
 std::optional<v1::ControlReply> Stream::read() {
   v1::ControlReply reply;
@@ -150,7 +161,8 @@ grpc::Status Stream::finish() {
   return *status_;
 }
 
-// --- requests and statuses ---------------------------------------------------------------------------------------
+// --- requests and statuses
+// ---------------------------------------------------------------------------------------
 
 v1::OpenSession open_with_boxes(int boxes) {
   v1::OpenSession open;
@@ -192,7 +204,8 @@ std::vector<std::string> fields_of(const grpc::Status& status) {
   const v1::StatusDetails details = details_of(status);
   for (const auto& any : details.details()) {
     v1::BadRequest bad;
-    if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value())) continue;
+    if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value()))
+      continue;
     for (const auto& violation : bad.field_violations()) fields.push_back(violation.field());
   }
   return fields;
@@ -202,7 +215,8 @@ int64_t retry_seconds_of(const grpc::Status& status) {
   const v1::StatusDetails details = details_of(status);
   for (const auto& any : details.details()) {
     v1::RetryInfo retry;
-    if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value())) continue;
+    if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value()))
+      continue;
     return retry.retry_delay().seconds();
   }
   return 0;

@@ -1,5 +1,5 @@
-// A service to test against: real gRPC over loopback TCP, Embree maps, a clock that the test moves, and a gate at which a
-// test can hold every step.
+// A service to test against: real gRPC over loopback TCP, Embree maps, a clock that the test moves, and a
+// gate at which a test can hold every step.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -64,7 +64,8 @@ class ServiceWorld {
   std::string address() const { return listener->addresses().front(); }
   std::shared_ptr<grpc::Channel> channel() const;  // a connection of its own
   v1::ServerInfo info() const;
-  // How often the service has asked for the time. While all steps are held it asks only when a message arrives.
+  // How often the service has asked for the time. While all steps are held it asks only when a message
+  // arrives.
   uint64_t clock_calls() const { return clock_calls_; }
 
   GatedDevice device;

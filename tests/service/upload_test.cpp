@@ -21,7 +21,8 @@ std::vector<std::byte> triangle_file() {
 // One upload call.
 class Upload {
  public:
-  explicit Upload(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControl::NewStub(channel)) {
+  explicit Upload(const std::shared_ptr<grpc::Channel>& channel)
+      : stub_(v1::CameraControl::NewStub(channel)) {
     context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
     call_ = stub_->UploadScene(&context_, &reply_);
   }
@@ -44,8 +45,8 @@ class Upload {
   std::unique_ptr<grpc::ClientWriter<v1::UploadSceneRequest>> call_;
 };
 
-grpc::Status upload(const ServiceWorld& world, std::span<const std::byte> bytes, v1::UploadSceneReply* reply = nullptr,
-                    size_t chunk_bytes = 100) {
+grpc::Status upload(const ServiceWorld& world, std::span<const std::byte> bytes,
+                    v1::UploadSceneReply* reply = nullptr, size_t chunk_bytes = 100) {
   Upload call(world.channel());
   for (size_t at = 0; at < bytes.size(); at += chunk_bytes) {
     if (!call.send(bytes.subspan(at, std::min(chunk_bytes, bytes.size() - at)))) break;
@@ -84,7 +85,8 @@ TEST(UploadScene, EveryTruncationIsRefusedAndTheServerLives) {
   const ServiceWorld world;
   const std::vector<std::byte> file = triangle_file();
   for (size_t length = 0; length < file.size(); length += 7) {
-    EXPECT_EQ(upload(world, std::span(file).first(length)).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << length;
+    EXPECT_EQ(upload(world, std::span(file).first(length)).error_code(), grpc::StatusCode::INVALID_ARGUMENT)
+        << length;
   }
   EXPECT_TRUE(upload(world, file).ok());
   EXPECT_EQ(world.info().geometry_count(), 1u);
@@ -148,8 +150,8 @@ TEST(ListScenes, NamesWhatTheFolderHolds) {
   std::filesystem::create_directories(folder / "levels");
   const std::vector<std::byte> file = triangle_file();
   for (const char* name : {"b.glb", "a.glb", "levels/one.glb", "notes.txt"}) {
-    std::ofstream(folder / name).write(reinterpret_cast<const char*>(file.data()),
-                                       static_cast<std::streamsize>(file.size()));
+    std::ofstream(folder / name)
+        .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
   }
   const ServiceWorld world({.scene_dir = folder.string()});
   grpc::ClientContext context;
