@@ -9,29 +9,45 @@ namespace {
 ErrorCode code_from_status(grpc::StatusCode code) {
   switch (code) {
     case grpc::StatusCode::INVALID_ARGUMENT:
-    case grpc::StatusCode::OUT_OF_RANGE: return ErrorCode::kInvalidArgument;
-    case grpc::StatusCode::NOT_FOUND: return ErrorCode::kNotFound;
-    case grpc::StatusCode::ALREADY_EXISTS: return ErrorCode::kAlreadyExists;
-    case grpc::StatusCode::FAILED_PRECONDITION: return ErrorCode::kFailedPrecondition;
-    case grpc::StatusCode::RESOURCE_EXHAUSTED: return ErrorCode::kResourceExhausted;
-    case grpc::StatusCode::UNIMPLEMENTED: return ErrorCode::kUnsupported;
-    case grpc::StatusCode::DATA_LOSS: return ErrorCode::kDataLoss;
+    case grpc::StatusCode::OUT_OF_RANGE:
+      return ErrorCode::kInvalidArgument;
+    case grpc::StatusCode::NOT_FOUND:
+      return ErrorCode::kNotFound;
+    case grpc::StatusCode::ALREADY_EXISTS:
+      return ErrorCode::kAlreadyExists;
+    case grpc::StatusCode::FAILED_PRECONDITION:
+      return ErrorCode::kFailedPrecondition;
+    case grpc::StatusCode::RESOURCE_EXHAUSTED:
+      return ErrorCode::kResourceExhausted;
+    case grpc::StatusCode::UNIMPLEMENTED:
+      return ErrorCode::kUnsupported;
+    case grpc::StatusCode::DATA_LOSS:
+      return ErrorCode::kDataLoss;
     case grpc::StatusCode::UNAVAILABLE:
     case grpc::StatusCode::CANCELLED:
-    case grpc::StatusCode::DEADLINE_EXCEEDED: return ErrorCode::kUnavailable;
-    default: return ErrorCode::kInternal;
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      return ErrorCode::kUnavailable;
+    default:
+      return ErrorCode::kInternal;
   }
 }
 
 ErrorCode code_from_rejection(v1::Rejection::Code code) {
   switch (code) {
-    case v1::Rejection::INVALID_ARGUMENT: return ErrorCode::kInvalidArgument;
-    case v1::Rejection::NOT_FOUND: return ErrorCode::kNotFound;
-    case v1::Rejection::ALREADY_EXISTS: return ErrorCode::kAlreadyExists;
-    case v1::Rejection::FAILED_PRECONDITION: return ErrorCode::kFailedPrecondition;
-    case v1::Rejection::RESOURCE_EXHAUSTED: return ErrorCode::kResourceExhausted;
-    case v1::Rejection::UNAVAILABLE: return ErrorCode::kUnavailable;
-    default: return ErrorCode::kInternal;
+    case v1::Rejection::INVALID_ARGUMENT:
+      return ErrorCode::kInvalidArgument;
+    case v1::Rejection::NOT_FOUND:
+      return ErrorCode::kNotFound;
+    case v1::Rejection::ALREADY_EXISTS:
+      return ErrorCode::kAlreadyExists;
+    case v1::Rejection::FAILED_PRECONDITION:
+      return ErrorCode::kFailedPrecondition;
+    case v1::Rejection::RESOURCE_EXHAUSTED:
+      return ErrorCode::kResourceExhausted;
+    case v1::Rejection::UNAVAILABLE:
+      return ErrorCode::kUnavailable;
+    default:
+      return ErrorCode::kInternal;
   }
 }
 

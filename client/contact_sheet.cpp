@@ -12,9 +12,10 @@ namespace sightline {
 namespace {
 
 // Colours that stay apart for people with any colour vision (Okabe & Ito, "Color universal design", 2008).
-constexpr std::array<Rgb, 6> kTargetColours{{{230, 159, 0}, {86, 180, 233}, {204, 121, 167}, {240, 228, 66},
-                                             {0, 158, 115}, {213, 94, 0}}};
-constexpr glm::vec3 kSky(0.86f, 0.90f, 0.95f), kStone(0.62f, 0.60f, 0.57f), kMover(0.55f, 0.42f, 0.36f);
+constexpr std::array<Rgb, 6> kTargetColours{
+    {{230, 159, 0}, {86, 180, 233}, {204, 121, 167}, {240, 228, 66}, {0, 158, 115}, {213, 94, 0}}};
+constexpr glm::vec3 kSky(0.86f, 0.90f, 0.95f), kFloor(0.80f, 0.74f, 0.64f), kStone(0.80f, 0.81f, 0.84f),
+    kMover(0.80f, 0.42f, 0.36f);
 constexpr float kHazeM = 60.0f;  // distance at which 63 % of a surface's colour has gone into the sky's
 
 glm::vec3 to_vec(Rgb colour) {
@@ -28,9 +29,11 @@ Rgb to_rgb(const glm::vec3& colour) {
 class PanelPainter {
  public:
   PanelPainter(const ScenarioWorld& world, const CameraFrame& frame, int width)
-      : world_(world), frame_(frame),
+      : world_(world),
+        frame_(frame),
         picture_(width, std::max(1, static_cast<int>(std::lround(width / frame.lens.aspect)))) {
-    for (const Target& target : world.targets()) slots_.push_back(*world.mirror().slot_of(target.instance_id));
+    for (const Target& target : world.targets())
+      slots_.push_back(*world.mirror().slot_of(target.instance_id));
   }
 
   Picture paint() {
@@ -43,7 +46,8 @@ class PanelPainter {
 
  private:
   glm::vec3 direction(double x, double y) const {
-    return sample_direction(frame_.camera, frame_.lens, x, picture_.height - y, picture_.width, picture_.height);
+    return sample_direction(frame_.camera, frame_.lens, x, picture_.height - y, picture_.width,
+                            picture_.height);
   }
 
   // Four rays a pixel.
@@ -55,38 +59,43 @@ class PanelPainter {
   }
 
   glm::vec3 colour(const glm::vec3& ray) const {
-    const RayHit hit = world_.occluders().trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
-                                                std::numeric_limits<float>::infinity());
+    const RayHit hit =
+        world_.occluders().trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
+                                 std::numeric_limits<float>::infinity());
     if (hit.slot == UINT32_MAX) return kSky;
     const glm::vec3 normal = glm::normalize(hit.normal), view = glm::normalize(ray);
     const glm::vec3 facing = glm::dot(normal, view) > 0 ? -normal : normal;
     const glm::vec3 light = glm::normalize(glm::vec3(0.4f, 0.8f, 0.45f));
-    const float shade = 0.45f + 0.35f * std::max(0.0f, glm::dot(facing, light)) - 0.2f * glm::dot(facing, view);
+    const float shade =
+        0.45f + 0.35f * std::max(0.0f, glm::dot(facing, light)) - 0.2f * glm::dot(facing, view);
     const float haze = 1.0f - std::exp(-hit.distance_m * glm::length(ray) / kHazeM);
-    return glm::mix(surface_colour(hit.slot) * shade, kSky, haze);
+    return glm::mix(surface_colour(hit.slot, facing) * shade, kSky, haze);
   }
 
-  glm::vec3 surface_colour(uint32_t slot) const {
+  glm::vec3 surface_colour(uint32_t slot, const glm::vec3& normal) const {
     for (size_t k = 0; k < slots_.size(); ++k)
-      if (slots_[k] == slot) return 1.1f * to_vec(kTargetColours[k % kTargetColours.size()]);
-    return world_.mirror().instances()[slot].moving ? kMover : kStone;
+      if (slots_[k] == slot) return 1.25f * to_vec(kTargetColours[k % kTargetColours.size()]);
+    if (world_.mirror().instances()[slot].moving) return kMover;
+    return normal.y > 0.9f ? kFloor : kStone;
   }
 
   enum class Cover : uint8_t { kNone, kHidden, kSeen };
 
   void outline(size_t k) {
     const Instance& target = world_.mirror().instances()[slots_[k]];
-    const PixelBox box = sphere_pixels(frame_.camera, frame_.lens, target.center_m, target.radius_m, picture_.width,
-                                       picture_.height);
+    const PixelBox box = sphere_pixels(frame_.camera, frame_.lens, target.center_m, target.radius_m,
+                                       picture_.width, picture_.height);
     const int width = box.x1 - box.x0, height = box.y1 - box.y0;
     std::vector<Cover> cover(static_cast<size_t>(width) * static_cast<size_t>(height));
     const auto cover_at = [&](int x, int y) {
-      return x < 0 || y < 0 || x >= width || y >= height ? Cover::kNone : cover[static_cast<size_t>(y) * width + x];
+      return x < 0 || y < 0 || x >= width || y >= height ? Cover::kNone
+                                                         : cover[static_cast<size_t>(y) * width + x];
     };
     // The box counts rows from the bottom, the picture from the top.
     const int top = picture_.height - box.y1;
     for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x) cover[static_cast<size_t>(y) * width + x] = cover_of(slots_[k], box.x0 + x, top + y);
+      for (int x = 0; x < width; ++x)
+        cover[static_cast<size_t>(y) * width + x] = cover_of(slots_[k], box.x0 + x, top + y);
     const Rgb colour = kTargetColours[k % kTargetColours.size()];
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
@@ -104,14 +113,15 @@ class PanelPainter {
     const float infinity = std::numeric_limits<float>::infinity();
     RayFilter alone;
     alone.only_slot = slot;
-    if (world_.occluders().trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot) return Cover::kNone;
+    if (world_.occluders().trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot)
+      return Cover::kNone;
     const RayHit first = world_.occluders().trace(frame_.camera.position_m, ray, near, infinity);
     return first.slot == slot ? Cover::kSeen : Cover::kHidden;
   }
 
   void caption() {
-    const PictureTruth truth = look(world_.occluders(), world_.mirror(), world_.targets(), frame_.camera, frame_.lens,
-                                    kTruthSize / 4);
+    const PictureTruth truth = look(world_.occluders(), world_.mirror(), world_.targets(), frame_.camera,
+                                    frame_.lens, kTruthSize / 4);
     char text[64];
     std::snprintf(text, sizeof text, "%.1f s", frame_.time_s);
     int x = write(4, text, {255, 255, 255});
@@ -148,16 +158,18 @@ Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width) {
   return PanelPainter(world, frame, width).paint();
 }
 
-Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames, const ContactSheetOptions& options) {
+Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
+                      const ContactSheetOptions& options) {
   constexpr int kGap = 4;
   const int panels = options.columns * options.rows;
   std::optional<Picture> sheet;
   for (int k = 0; k < panels; ++k) {
-    const size_t at = panels == 1 ? 0 : (frames.size() - 1) * static_cast<size_t>(k) / static_cast<size_t>(panels - 1);
+    const size_t at =
+        panels == 1 ? 0 : (frames.size() - 1) * static_cast<size_t>(k) / static_cast<size_t>(panels - 1);
     const Picture panel = draw_frame(world, frames[at], options.panel_width);
     if (!sheet)
-      sheet.emplace(options.columns * (panel.width + kGap) + kGap, options.rows * (panel.height + kGap) + kGap,
-                    Rgb{24, 24, 28});
+      sheet.emplace(options.columns * (panel.width + kGap) + kGap,
+                    options.rows * (panel.height + kGap) + kGap, Rgb{24, 24, 28});
     paste(*sheet, panel, kGap + k % options.columns * (panel.width + kGap),
           kGap + k / options.columns * (panel.height + kGap));
   }

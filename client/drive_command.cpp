@@ -86,8 +86,9 @@ class Drive {
   }
 
   void say_opened(const v1::SessionOpened& opened) {
-    out_ << "session " << opened.session_id() << ": " << opened.instances() << " instances, " << opened.triangles()
-         << " triangles, " << scenario_->targets().size() << " targets, sampler " << opened.sampler() << '\n';
+    out_ << "session " << opened.session_id() << ": " << opened.instances() << " instances, "
+         << opened.triangles() << " triangles, " << scenario_->targets().size() << " targets, sampler "
+         << opened.sampler() << '\n';
     for (const std::string& warning : opened.warnings()) out_ << "warning: " << warning << '\n';
   }
 
@@ -127,7 +128,8 @@ class Drive {
   Status write_files() {
     print_table(out_, run_.metrics, follow_, frames_);
     const std::filesystem::path folder(options_.out);
-    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json", sheet = folder / "contact.png";
+    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json",
+                      sheet = folder / "contact.png";
     std::ofstream trace_file(trace), metrics_file(metrics);
     write_trace(trace_file, *scenario_, frames_, run_.truths);
     metrics_file << "{\"sightline\": " << to_json(run_.metrics);

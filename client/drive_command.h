@@ -10,16 +10,16 @@
 namespace sightline {
 
 struct DriveOptions {
-  std::string scenario;              // path
-  std::string server;                // address
-  double rate_hz = 60.0;             // (0, 1000]
-  double duration_s = 0.0;           // 0: the animation's
+  std::string scenario;     // path
+  std::string server;       // address
+  double rate_hz = 60.0;    // (0, 1000]
+  double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;
-  std::string out = "out";           // folder for trace.csv, metrics.json and contact.png; made when missing
-  bool lockstep = false;             // --fast
-  bool truth = true;                 // judge the run and the follow baseline
-  int picture_every = 1;             // judge every n-th frame's picture
-  bool progress = false;             // a bar on `err`
+  std::string out = "out";  // folder for trace.csv, metrics.json and contact.png; made when missing
+  bool lockstep = false;    // --fast
+  bool truth = true;        // judge the run and the follow baseline
+  int picture_every = 1;    // judge every n-th frame's picture
+  bool progress = false;    // a bar on `err`
 };
 
 // 0 when the run was played to its end and all files were written, else 1 with the reason on `err`.

@@ -24,7 +24,8 @@ FrameTruth judge_frame(ScenarioWorld& world, std::span<const CameraFrame> frames
 
 Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
                                       std::span<const CameraFrame> frames, const JudgeOptions& options) {
-  const size_t thread_count = std::clamp<size_t>(frames.size(), 1, static_cast<size_t>(std::max(1, options.threads)));
+  const size_t thread_count =
+      std::clamp<size_t>(frames.size(), 1, static_cast<size_t>(std::max(1, options.threads)));
   std::vector<std::unique_ptr<ScenarioWorld>> worlds;
   for (size_t k = 0; k < thread_count; ++k) {
     auto world = ScenarioWorld::make(scenario, store, device);

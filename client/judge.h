@@ -16,7 +16,8 @@ struct CameraFrame {
   double time_s = 0.0;
   Pose camera;
   Lens lens;
-  // The path need not obey the limits on the way to this frame: a declared cut, or a gap longer than a step may move.
+  // The path need not obey the limits on the way to this frame: a declared cut, or a gap longer than a step
+  // may move.
   bool jump = false;
 };
 

@@ -12,19 +12,25 @@ namespace {
 
 void add_drive(CLI::App& app, sightline::DriveOptions& options) {
   CLI::App* drive = app.add_subcommand(
-      "drive", "Play a scenario against a server; print how well the camera did, write a trace and a contact sheet");
+      "drive",
+      "Play a scenario against a server; print how well the camera did, write a trace and a contact sheet");
   drive->add_option("scenario", options.scenario, "A .glb whose node extras hold the roles")
       ->required()
       ->check(CLI::ExistingFile);
-  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")->capture_default_str();
+  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")
+      ->capture_default_str();
   drive->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
-  drive->add_option("--duration", options.duration_s, "Seconds of scenario time to play (default: its animation)")
+  drive
+      ->add_option("--duration", options.duration_s,
+                   "Seconds of scenario time to play (default: its animation)")
       ->check(CLI::Range(0.0, 86400.0));
   drive->add_option("--seed", options.seed, "Of all that is random in the session")->capture_default_str();
-  drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")->capture_default_str();
-  drive->add_flag("--fast", options.lockstep, "As fast as replies come, one tick at a time: the same outcome each time");
+  drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")
+      ->capture_default_str();
+  drive->add_flag("--fast", options.lockstep,
+                  "As fast as replies come, one tick at a time: the same outcome each time");
   drive->add_flag("!--no-truth", options.truth, "Judge no pictures: no visible shares, no baseline");
   drive->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
       ->check(CLI::Range(1, 1000))

@@ -12,7 +12,8 @@ struct Heading {
   double yaw_rad = 0.0, pitch_rad = 0.0;
 };
 
-// Of a camera without roll. Yaw is taken from its right-hand side, which stays level even straight up or down.
+// Of a camera without roll. Yaw is taken from its right-hand side, which stays level even straight up or
+// down.
 Heading heading_of(const glm::dquat& rotation) {
   const glm::dvec3 right = rotation * glm::dvec3(1, 0, 0), forward = rotation * glm::dvec3(0, 0, -1);
   const glm::dvec3 ahead(right.z, 0.0, -right.x);  // level, at a right angle to `right`
@@ -35,8 +36,8 @@ struct Rates {
 
 Rates rates_between(const CameraFrame& before, const CameraFrame& now, double dt_s) {
   const Heading from = heading_of(before.camera.rotation), to = heading_of(now.camera.rotation);
-  return {(now.camera.position_m - before.camera.position_m) / dt_s, wrapped(to.yaw_rad - from.yaw_rad) / dt_s,
-          (to.pitch_rad - from.pitch_rad) / dt_s};
+  return {(now.camera.position_m - before.camera.position_m) / dt_s,
+          wrapped(to.yaw_rad - from.yaw_rad) / dt_s, (to.pitch_rad - from.pitch_rad) / dt_s};
 }
 
 MotionSample sample_of(const Rates& before, const Rates& now, double dt_s) {
@@ -121,8 +122,8 @@ bool breaks_limits(const MotionSample& sample, const CameraLimits& limits) {
          exceeds(sample.angular_acceleration_radps2, limits.max_angular_acceleration_radps2, kAngleSlack);
 }
 
-RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
-                     const CameraLimits& limits) {
+RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits) {
   RunMetrics metrics;
   metrics.frames = frames.size();
   for (const ScenarioActor& target : scenario.targets())

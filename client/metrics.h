@@ -29,7 +29,7 @@ struct RunMetrics {
   double all_seen = 0.0;            // every target has a visible pixel
   // Every target visible to 95 % at least: 1 - r_n - r_p_tolerant.
   double all_clear() const { return pictures == 0 ? 0.0 : 1.0 - r_n - r_p_tolerant; }
-  size_t body_collisions = 0;   // frames in which the body touches or has passed a collider
+  size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four limits
   double d_c_m = 0.0;           // length of the camera's path (paper, section 5)
@@ -47,13 +47,13 @@ struct MotionSample {
 // One for each frame. The camera is at rest before the first.
 std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames);
 
-// True when `sample` breaks a limit by more than what rounding explains: 1e-6 of the limit for positions; 1e-4 for
-// angles, whose second differences over a short step cancel most of a double's digits.
+// True when `sample` breaks a limit by more than what rounding explains: 1e-6 of the limit for positions;
+// 1e-4 for angles, whose second differences over a short step cancel most of a double's digits.
 bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
 
 // `truths` as long as `frames`.
-RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
-                     const CameraLimits& limits);
+RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits);
 
 // One JSON object, keys as the fields above.
 std::string to_json(const RunMetrics& metrics);

@@ -53,7 +53,8 @@ void paste(Picture& picture, const Picture& part, int x, int y) {
 }
 
 Status write_png(const Picture& picture, const std::string& path) {
-  if (!stbi_write_png(path.c_str(), picture.width, picture.height, 3, picture.pixels.data(), 3 * picture.width))
+  if (!stbi_write_png(path.c_str(), picture.width, picture.height, 3, picture.pixels.data(),
+                      3 * picture.width))
     return fail(ErrorCode::kUnavailable, path, "cannot be written");
   return {};
 }

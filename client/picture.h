@@ -22,7 +22,8 @@ struct Picture {
   const Rgb& at(int x, int y) const { return pixels[static_cast<size_t>(y) * width + x]; }
 };
 
-// Printable ASCII, upper left corner at (x, y), letters about 7 * scale pixels high; what falls outside is cut.
+// Printable ASCII, upper left corner at (x, y), letters about 7 * scale pixels high; what falls outside is
+// cut.
 void draw_text(Picture& picture, int x, int y, int scale, const std::string& text, Rgb colour);
 int text_width(const std::string& text, int scale);
 // Copies `part` so that its upper left corner is at (x, y); it must fit.

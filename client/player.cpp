@@ -21,13 +21,15 @@ class Player {
     const Clock::time_point start = Clock::now();
     for (size_t k = 0; k < sent_at_.size(); ++k) {
       if (!options_.lockstep)
-        if (auto waited = take_replies_until(start + seconds(time_of(k))); !waited) return tl::unexpected(waited.error());
+        if (auto waited = take_replies_until(start + seconds(time_of(k))); !waited)
+          return tl::unexpected(waited.error());
       if (auto sent = send(k); !sent) return tl::unexpected(sent.error());
       if (options_.lockstep)
         if (auto answered = take_reply_to(k); !answered) return tl::unexpected(answered.error());
     }
     if (!sent_at_.empty())
-      if (auto answered = take_reply_to(sent_at_.size() - 1); !answered) return tl::unexpected(answered.error());
+      if (auto answered = take_reply_to(sent_at_.size() - 1); !answered)
+        return tl::unexpected(answered.error());
     return std::move(frames_);
   }
 
@@ -57,14 +59,16 @@ class Player {
     while (frames_.empty() || frames_.back().reply.sequence() < k + 1) {
       auto event = session_.receive(kReplyTimeout);
       if (!event) return tl::unexpected(event.error());
-      if (!*event) return fail(ErrorCode::kUnavailable, "deadline", "no reply to tick " + std::to_string(k + 1));
+      if (!*event)
+        return fail(ErrorCode::kUnavailable, "deadline", "no reply to tick " + std::to_string(k + 1));
       if (auto taken = take(std::move(**event)); !taken) return taken;
     }
     return {};
   }
 
   Status take(SessionEvent event) {
-    if (const auto* rejection = std::get_if<v1::Rejection>(&event)) return tl::unexpected(to_error(*rejection));
+    if (const auto* rejection = std::get_if<v1::Rejection>(&event))
+      return tl::unexpected(to_error(*rejection));
     if (const auto* drain = std::get_if<v1::Drain>(&event))
       return fail(ErrorCode::kUnavailable, "session", "the server is going away: " + drain->reason());
     return take_camera(std::move(std::get<v1::CameraReply>(event)));
@@ -78,7 +82,8 @@ class Player {
         std::chrono::duration<double, std::milli>(Clock::now() - sent_at_[reply.sequence() - 1]).count();
     Lens lens = scenario_.lens();
     lens.vertical_fov_rad = reply.field_of_view();
-    played.frame = {reply.pose_time_s(), pose_from(reply.pose()), lens, reply.cut() || reply.flags().dt_capped()};
+    played.frame = {reply.pose_time_s(), pose_from(reply.pose()), lens,
+                    reply.cut() || reply.flags().dt_capped()};
     played.reply = std::move(reply);
     frames_.push_back(std::move(played));
     if (options_.on_frame) options_.on_frame(frames_);
@@ -98,7 +103,8 @@ size_t tick_count(const PlayOptions& options) {
   return static_cast<size_t>(std::floor(options.duration_s * options.rate_hz + 1e-9)) + 1;
 }
 
-Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session, const PlayOptions& options) {
+Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session,
+                                      const PlayOptions& options) {
   return Player(scenario, session, options).run();
 }
 

@@ -12,8 +12,9 @@ namespace sightline {
 
 struct PlayedFrame {
   v1::CameraReply reply;
-  double latency_ms = 0.0;  // from handing the newest tick of this answer to the client library to having the reply
-  CameraFrame frame;        // the pose at the time that it is meant for
+  double latency_ms =
+      0.0;            // from handing the newest tick of this answer to the client library to having the reply
+  CameraFrame frame;  // the pose at the time that it is meant for
 };
 
 struct PlayOptions {
@@ -29,8 +30,9 @@ struct PlayOptions {
 // How many ticks a play sends.
 size_t tick_count(const PlayOptions& options);
 
-// All replies in order: as many as ticks in lockstep, fewer where the server merged. Fails when a tick is refused, when
-// the server drains, when no reply comes for 10 s, and when the stream ends.
-Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session, const PlayOptions& options);
+// All replies in order: as many as ticks in lockstep, fewer where the server merged. Fails when a tick is
+// refused, when the server drains, when no reply comes for 10 s, and when the stream ends.
+Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session,
+                                      const PlayOptions& options);
 
 }  // namespace sightline

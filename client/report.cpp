@@ -28,12 +28,14 @@ class Table {
   // `cell` gives the text of one column from its metrics.
   template <typename Cell>
   void row(const std::string& label, Cell cell) {
-    out_ << "  " << std::left << std::setw(kLabelWidth) << label << std::right << std::setw(kCellWidth) << cell(run_);
+    out_ << "  " << std::left << std::setw(kLabelWidth) << label << std::right << std::setw(kCellWidth)
+         << cell(run_);
     if (follow_) out_ << std::setw(kCellWidth) << cell(*follow_);
     out_ << '\n';
   }
   void header() {
-    out_ << "  " << std::left << std::setw(kLabelWidth) << "" << std::right << std::setw(kCellWidth) << "sightline";
+    out_ << "  " << std::left << std::setw(kLabelWidth) << "" << std::right << std::setw(kCellWidth)
+         << "sightline";
     if (follow_) out_ << std::setw(kCellWidth) << "follow";
     out_ << '\n';
   }
@@ -60,9 +62,11 @@ void print_sight(Table& table, const RunMetrics& run) {
 }
 
 void print_body(Table& table) {
-  table.row("body collisions (frames)", [](const RunMetrics& m) { return std::to_string(m.body_collisions); });
+  table.row("body collisions (frames)",
+            [](const RunMetrics& m) { return std::to_string(m.body_collisions); });
   table.row("least clearance", [](const RunMetrics& m) { return formatted("%.2f m", m.least_clearance_m); });
-  table.row("motion limit violations (frames)", [](const RunMetrics& m) { return std::to_string(m.limit_violations); });
+  table.row("motion limit violations (frames)",
+            [](const RunMetrics& m) { return std::to_string(m.limit_violations); });
   table.row("path length d_c", [](const RunMetrics& m) { return formatted("%.1f m", m.d_c_m); });
 }
 
@@ -97,16 +101,17 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame) {
     line += "  " + name + formatted(" %.2f", sight.visible_share());
     if (!sight.in_picture()) line += " (off screen)";
   }
-  line += formatted("  S_N %u  S_P %u  S_V %u  ", reply.counts().none_visible(), reply.counts().some_visible(),
-                    reply.counts().all_visible());
-  return line + name_of(reply.status()) + " " + name_of(reply.reason()) + formatted("  %.2f ms", frame.latency_ms);
+  line += formatted("  S_N %u  S_P %u  S_V %u  ", reply.counts().none_visible(),
+                    reply.counts().some_visible(), reply.counts().all_visible());
+  return line + name_of(reply.status()) + " " + name_of(reply.reason()) +
+         formatted("  %.2f ms", frame.latency_ms);
 }
 
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames) {
   Table table(out, run, follow);
-  out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures, kTruthSize,
-                   kTruthSize);
+  out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures,
+                   kTruthSize, kTruthSize);
   table.header();
   if (run.pictures > 0) print_sight(table, run);
   print_body(table);
@@ -121,8 +126,8 @@ void ProgressBar::show(const std::string& what, size_t done, size_t of) {
   shown_what_ = what;
   constexpr int kWidth = 40;
   const int filled = kWidth * permille / 1000;
-  out_ << '\r' << formatted("%-10s [", what.c_str()) << std::string(filled, '#') << std::string(kWidth - filled, '.')
-       << formatted("] %3d %%", permille / 10) << std::flush;
+  out_ << '\r' << formatted("%-10s [", what.c_str()) << std::string(filled, '#')
+       << std::string(kWidth - filled, '.') << formatted("] %3d %%", permille / 10) << std::flush;
 }
 
 void ProgressBar::clear() {

@@ -1,8 +1,8 @@
 // What a drive prints: a line a second, and the table at the end.
 #pragma once
 
-#include <ostream>
 #include <optional>
+#include <ostream>
 #include <span>
 #include <string>
 

@@ -15,7 +15,8 @@ std::string field_of(const AssetNode& node, const std::string& key) {
   return "nodes[" + node.name + "].extras.sightline." + key;
 }
 
-// extras.sightline of a node; null when it has none. The glTF reader has parsed the extras before, so they are JSON.
+// extras.sightline of a node; null when it has none. The glTF reader has parsed the extras before, so they
+// are JSON.
 Json sightline_extras(const AssetNode& node) {
   if (node.extras_json.empty()) return nullptr;
   const Json extras = Json::parse(node.extras_json, nullptr, false);

@@ -1,9 +1,11 @@
-// A scenario: a glTF file that says who plays which part. Node extras hold the roles (scenes/README.md has the table):
+// A scenario: a glTF file that says who plays which part. Node extras hold the roles (scenes/README.md has
+// the table):
 //
-//   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder | camera
+//   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder |
+//   camera
 //
-// A target or occluder is a node that moves with the file's first animation; the camera node says where the camera
-// starts and, with a glTF camera on it, what its lens shows. All other nodes stand still.
+// A target or occluder is a node that moves with the file's first animation; the camera node says where the
+// camera starts and, with a glTF camera on it, what its lens shows. All other nodes stand still.
 //
 // Frame: glTF's (the canonical one), metres, seconds. Immutable once read; any number of threads may play it.
 #pragma once
@@ -22,10 +24,10 @@
 namespace sightline {
 
 struct ScenarioActor {
-  uint64_t id = 0;        // 1, 2, ... in the order of the file's nodes: what the node is bound to
-  int node = -1;          // index into the asset's nodes
-  std::string name;       // the node's name, unique in the file
-  bool is_target = false; // else an occluder
+  uint64_t id = 0;         // 1, 2, ... in the order of the file's nodes: what the node is bound to
+  int node = -1;           // index into the asset's nodes
+  std::string name;        // the node's name, unique in the file
+  bool is_target = false;  // else an occluder
   double weight = 1.0;
   bool required = true;
 };
@@ -38,8 +40,9 @@ struct ActorMotion {
 
 class Scenario {
  public:
-  // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, a role on a
-  // node without a name or with one that is not unique, a weight that is not a number >= 0, no camera, or two.
+  // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, a
+  // role on a node without a name or with one that is not unique, a weight that is not a number >= 0, no
+  // camera, or two.
   static Result<Scenario> from_asset(std::shared_ptr<const SceneAsset> asset);
   // Reads the file first.
   static Result<Scenario> read(const std::string& path, GeometryStore& store);
@@ -72,8 +75,8 @@ class Scenario {
   int camera_node_ = -1;
   Pose camera_;
   Lens lens_;
-  std::vector<glm::dmat3> node_from_rest_;      // by actor: inverse of the linear part at rest
-  std::vector<glm::dquat> rest_rotations_;      // by actor
+  std::vector<glm::dmat3> node_from_rest_;  // by actor: inverse of the linear part at rest
+  std::vector<glm::dquat> rest_rotations_;  // by actor
 };
 
 }  // namespace sightline

@@ -50,7 +50,8 @@ v1::Tick tick_at(const Scenario& scenario, uint64_t sequence, double time_s, dou
   for (size_t i = 0; i < motion.size(); ++i) {
     transforms.add_id(scenario.actors()[i].id);
     const auto& [pose, velocity] = motion[i];
-    for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z}) transforms.add_position(value);
+    for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z})
+      transforms.add_position(value);
     for (const double value : {pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w})
       transforms.add_rotation(static_cast<float>(value));
     for (const double value : {velocity.x, velocity.y, velocity.z})

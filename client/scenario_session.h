@@ -8,7 +8,8 @@
 
 namespace sightline {
 
-// Binds every actor, lists the targets, places the camera. The scene is named by the hash that its upload answered.
+// Binds every actor, lists the targets, places the camera. The scene is named by the hash that its upload
+// answered.
 v1::OpenSession open_request(const Scenario& scenario, const std::string& scene_hash, uint64_t seed);
 
 // Poses and velocities of all actors at `time_s`; `step_s` is the length over which velocities are taken.

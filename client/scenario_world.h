@@ -1,5 +1,6 @@
-// A scenario as a scene that can be looked at: the reference that a run is judged against and its pictures are made
-// from. Embree only: it shares no code with the samplers' renders and none with the camera's own collision sweep.
+// A scenario as a scene that can be looked at: the reference that a run is judged against and its pictures
+// are made from. Embree only: it shares no code with the samplers' renders and none with the camera's own
+// collision sweep.
 #pragma once
 
 #include <memory>
@@ -12,8 +13,8 @@
 
 namespace sightline {
 
-// Single-threaded; several worlds may share one device, one store and one scenario across threads. All three must
-// outlive it.
+// Single-threaded; several worlds may share one device, one store and one scenario across threads. All three
+// must outlive it.
 class ScenarioWorld {
  public:
   static Result<std::unique_ptr<ScenarioWorld>> make(const Scenario& scenario, GeometryStore& store,

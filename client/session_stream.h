@@ -1,4 +1,5 @@
-// The stream under a ClientSession: gRPC's callback API on one side, a send queue and an event queue on the other.
+// The stream under a ClientSession: gRPC's callback API on one side, a send queue and an event queue on the
+// other.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -30,12 +31,12 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   void OnWriteDone(bool ok) override;
   void OnDone(const grpc::Status& status) override;
 
-  void start_next_write();           // needs mutex_; nothing may be on its way
-  void finish_writing();             // needs mutex_; once
+  void start_next_write();                   // needs mutex_; nothing may be on its way
+  void finish_writing();                     // needs mutex_; once
   std::optional<SessionEvent> take_reply();  // needs mutex_
   void deliver(SessionEvent event);
   void cancel_and_wait();
-  Error end_error() const;           // needs mutex_, ended_
+  Error end_error() const;  // needs mutex_, ended_
 
   // constant after construction
   const std::shared_ptr<grpc::Channel> channel_;
@@ -50,9 +51,9 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   // guarded by mutex_
   std::deque<v1::ControlRequest> unsent_;  // the front is on its way while writing_
   bool writing_ = false;
-  bool closing_ = false;       // no more sends
-  bool writes_done_ = false;   // the hold is released
-  bool ended_ = false;         // OnDone has run
+  bool closing_ = false;      // no more sends
+  bool writes_done_ = false;  // the hold is released
+  bool ended_ = false;        // OnDone has run
   grpc::Status end_status_;
   std::optional<v1::SessionOpened> opened_;
   std::deque<SessionEvent> unread_;

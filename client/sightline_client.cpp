@@ -16,7 +16,8 @@ constexpr int kMaxReplyBytes = 64 << 20;
 constexpr size_t kChunkBytes = 512 << 10;
 
 std::chrono::system_clock::time_point deadline_after(std::chrono::nanoseconds timeout) {
-  return std::chrono::system_clock::now() + std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
+  return std::chrono::system_clock::now() +
+         std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
 }
 
 }  // namespace
@@ -43,7 +44,8 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   return Client(std::move(connection));
 }
 
-Result<v1::UploadSceneReply> Client::upload_scene(std::span<const std::byte> file, std::chrono::nanoseconds timeout) {
+Result<v1::UploadSceneReply> Client::upload_scene(std::span<const std::byte> file,
+                                                  std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
   context.set_deadline(deadline_after(timeout));
   v1::UploadSceneReply reply;

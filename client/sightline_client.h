@@ -1,18 +1,22 @@
-// The C++ client of Sightline: what a game server links to talk to a daemon. Link `sightline_client`; messages are the
-// generated ones of proto/sightline/v1, errors are values (server/base/error.h), nothing throws.
+// The C++ client of Sightline: what a game server links to talk to a daemon. Link `sightline_client`;
+// messages are the generated ones of proto/sightline/v1, errors are values (server/base/error.h), nothing
+// throws.
 //
 //   auto client = Client::connect("127.0.0.1:50151", std::chrono::seconds(5));
 //   auto scene = client->upload_scene(bytes, std::chrono::minutes(1));       // once per scene
 //   auto session = client->open_session(open, std::chrono::seconds(10));     // once per camera
 //   session->send(tick);                                                     // every tick, never blocks
-//   auto event = session->receive(std::chrono::milliseconds(5));             // or a handler, see open_session
+//   auto event = session->receive(std::chrono::milliseconds(5));             // or a handler, see
+//   open_session
 //
-// Threads: Client may be used from any number of threads at once. One thread at a time may send on a session and one
-// other may receive. Lifetime: a session keeps its connection alive by itself, the Client may go first.
+// Threads: Client may be used from any number of threads at once. One thread at a time may send on a session
+// and one other may receive. Lifetime: a session keeps its connection alive by itself, the Client may go
+// first.
 //
-// An Error that the server sent has the code of its gRPC status, the first field path of its google.rpc.BadRequest
-// ("open.targets[1].weight") in `field` and what is wrong with that field in `message`. A deadline that passes and a
-// server that cannot be reached are kUnavailable with field "deadline" and "address".
+// An Error that the server sent has the code of its gRPC status, the first field path of its
+// google.rpc.BadRequest
+// ("open.targets[1].weight") in `field` and what is wrong with that field in `message`. A deadline that
+// passes and a server that cannot be reached are kUnavailable with field "deadline" and "address".
 #pragma once
 
 #include <chrono>
@@ -33,7 +37,8 @@ namespace sightline {
 // Where `sightlined` listens unless told otherwise.
 inline constexpr const char* kDefaultAddress = "127.0.0.1:50151";
 
-// What a server says on an open session. A Rejection means that nothing of one tick was applied and the session lives on.
+// What a server says on an open session. A Rejection means that nothing of one tick was applied and the
+// session lives on.
 using SessionEvent = std::variant<v1::CameraReply, v1::Rejection, v1::Drain>;
 
 // The same Error that a failed call would give, for logs.
@@ -41,13 +46,13 @@ Error to_error(const v1::Rejection& rejection);
 
 class ClientSession {
  public:
-  // Called on a thread of gRPC, one call at a time, for every event in order and at last once with an Error when the
-  // stream has ended (code kUnavailable, field "session", when it was closed in order). Must not block, and must not
-  // destroy the session; it may send.
+  // Called on a thread of gRPC, one call at a time, for every event in order and at last once with an Error
+  // when the stream has ended (code kUnavailable, field "session", when it was closed in order). Must not
+  // block, and must not destroy the session; it may send.
   using Handler = std::function<void(const Result<SessionEvent>&)>;
 
-  // Ticks that wait for the connection before `send` refuses more, and events that wait for `receive` before the
-  // oldest is dropped: a game wants the newest pose, not all of them.
+  // Ticks that wait for the connection before `send` refuses more, and events that wait for `receive` before
+  // the oldest is dropped: a game wants the newest pose, not all of them.
   static constexpr size_t kMaxUnsent = 256;
   static constexpr size_t kMaxUnread = 256;
 
@@ -58,19 +63,20 @@ class ClientSession {
   // What the server answered to the open request: session id, mirror revision, warnings.
   const v1::SessionOpened& opened() const { return opened_; }
 
-  // Queues one tick and returns. kResourceExhausted (field "tick"): kMaxUnsent ticks wait, nothing was queued; the
-  // error that ended the stream when it has ended.
+  // Queues one tick and returns. kResourceExhausted (field "tick"): kMaxUnsent ticks wait, nothing was
+  // queued; the error that ended the stream when it has ended.
   Status send(const v1::Tick& tick);
 
-  // The next event, oldest first; empty when none came within `timeout` (0: only what is there). An Error when the
-  // stream has ended and all events are read. With a handler set, events never come here.
+  // The next event, oldest first; empty when none came within `timeout` (0: only what is there). An Error
+  // when the stream has ended and all events are read. With a handler set, events never come here.
   Result<std::optional<SessionEvent>> receive(std::chrono::nanoseconds timeout);
 
   // Events dropped because nobody received them.
   size_t dropped_events() const;
 
-  // Says that no more ticks come, lets the server answer those that it has, and waits for the end of the stream.
-  // Answers that come until then can still be received. After `timeout` the stream is cancelled: kUnavailable.
+  // Says that no more ticks come, lets the server answer those that it has, and waits for the end of the
+  // stream. Answers that come until then can still be received. After `timeout` the stream is cancelled:
+  // kUnavailable.
   Status close(std::chrono::nanoseconds timeout);
 
  private:
@@ -91,13 +97,17 @@ class Client {
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
 
-  // Sends one .glb, or one .gltf without external files, in chunks. The answer's hash goes into SceneRef.hash.
-  Result<v1::UploadSceneReply> upload_scene(std::span<const std::byte> file, std::chrono::nanoseconds timeout);
+  // Sends one .glb, or one .gltf without external files, in chunks. The answer's hash goes into
+  // SceneRef.hash.
+  Result<v1::UploadSceneReply> upload_scene(std::span<const std::byte> file,
+                                            std::chrono::nanoseconds timeout);
   Result<std::vector<std::string>> list_scenes(std::chrono::nanoseconds timeout);
   Result<v1::ServerInfo> server_info(std::chrono::nanoseconds timeout);
 
-  // Opens one session and waits for the server's answer. With `handler`, events go there instead of to receive().
-  Result<std::unique_ptr<ClientSession>> open_session(const v1::OpenSession& request, std::chrono::nanoseconds timeout,
+  // Opens one session and waits for the server's answer. With `handler`, events go there instead of to
+  // receive().
+  Result<std::unique_ptr<ClientSession>> open_session(const v1::OpenSession& request,
+                                                      std::chrono::nanoseconds timeout,
                                                       ClientSession::Handler handler = nullptr);
 
  private:

@@ -27,34 +27,43 @@ struct Eye {
 class TargetLook {
  public:
   TargetLook(const EmbreeScene& scene, const SceneMirror& mirror, const Target& target, const Eye& eye)
-      : scene_(scene), eye_(eye), slot_(*mirror.slot_of(target.instance_id)), layer_mask_(target.layer_mask),
-        instance_(mirror.instances()[slot_]), see_through_(see_through_slots(mirror, target)) {}
+      : scene_(scene),
+        eye_(eye),
+        slot_(*mirror.slot_of(target.instance_id)),
+        layer_mask_(target.layer_mask),
+        instance_(mirror.instances()[slot_]),
+        see_through_(see_through_slots(mirror, target)) {}
 
   TargetTruth take() {
     TargetTruth truth;
     truth.id = instance_.id;
     truth.in_frame = center_in_frame();
-    const PixelBox box = sphere_pixels(eye_.pose, eye_.lens, instance_.center_m, instance_.radius_m, eye_.size, eye_.size);
+    const PixelBox box =
+        sphere_pixels(eye_.pose, eye_.lens, instance_.center_m, instance_.radius_m, eye_.size, eye_.size);
     for (int y = box.y0; y < box.y1; ++y)
       for (int x = box.x0; x < box.x1; ++x) count(x, y, truth);
     return truth;
   }
 
  private:
+  // One ray decides most pixels: the target is what it meets first, or nothing is there as far as the target
+  // reaches.
   void count(int x, int y, TargetTruth& truth) const {
     const glm::vec3 direction(sample_direction(eye_.pose, eye_.lens, x + 0.5, y + 0.5, eye_.size, eye_.size));
-    RayFilter alone;
-    alone.only_slot = slot_;
     const float reach = reach_beyond_target(direction);
-    const RayHit own = scene_.trace(eye_.pose.position_m, direction, near(), reach, alone);
-    if (own.slot != slot_) return;
-    ++truth.alone_pixels;
     RayFilter others;
     others.layer_mask = layer_mask_;
     others.ignored_slots = see_through_;
-    const RayHit first = scene_.trace(eye_.pose.position_m, direction, near(), own.distance_m, others);
-    // The target itself is among what is hit, unless its own layers are masked: then nothing in front means seen.
-    if (first.slot == slot_ || first.slot == UINT32_MAX) ++truth.visible_pixels;
+    const RayHit first = scene_.trace(eye_.pose.position_m, direction, near(), reach, others);
+    const bool own_is_drawn = instance_.attributes.layers & layer_mask_;
+    if (first.slot == UINT32_MAX && own_is_drawn) return;
+    RayFilter alone;
+    alone.only_slot = slot_;
+    const RayHit own =
+        first.slot == slot_ ? first : scene_.trace(eye_.pose.position_m, direction, near(), reach, alone);
+    if (own.slot != slot_) return;
+    ++truth.alone_pixels;
+    if (own.distance_m <= first.distance_m) ++truth.visible_pixels;
   }
 
   float near() const { return static_cast<float>(eye_.lens.near_m); }
@@ -78,8 +87,8 @@ class TargetLook {
   const std::vector<uint32_t> see_through_;
 };
 
-// The interval of tangents (coordinate / depth) of a circle at (coordinate, depth) of `radius`, seen from the origin;
-// false when the origin is inside or the circle reaches behind the eye: then nothing bounds it.
+// The interval of tangents (coordinate / depth) of a circle at (coordinate, depth) of `radius`, seen from the
+// origin; false when the origin is inside or the circle reaches behind the eye: then nothing bounds it.
 bool tangent_interval(double coordinate, double depth, double radius, double& low, double& high) {
   const double distance = std::hypot(coordinate, depth);
   if (distance <= radius) return false;
@@ -92,7 +101,8 @@ bool tangent_interval(double coordinate, double depth, double radius, double& lo
 }
 
 // [from, to) of `count` samples over tangents [-edge, edge].
-void sample_range(double coordinate, double depth, double radius, double edge, int count, int& from, int& to) {
+void sample_range(double coordinate, double depth, double radius, double edge, int count, int& from,
+                  int& to) {
   double low = -edge, high = edge;
   tangent_interval(coordinate, depth, radius, low, high);
   const auto sample = [&](double tangent) { return (std::clamp(tangent / edge, -1.0, 1.0) + 1) / 2 * count; };
@@ -102,14 +112,15 @@ void sample_range(double coordinate, double depth, double radius, double edge, i
 
 }  // namespace
 
-glm::dvec3 sample_direction(const Pose& world_from_camera, const Lens& lens, double x, double y, int columns, int rows) {
+glm::dvec3 sample_direction(const Pose& world_from_camera, const Lens& lens, double x, double y, int columns,
+                            int rows) {
   const double half_height = std::tan(lens.vertical_fov_rad / 2);
   return world_from_camera.rotation * glm::dvec3((2 * x / columns - 1) * half_height * lens.aspect,
                                                  (2 * y / rows - 1) * half_height, -1.0);
 }
 
-PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& center_m, double radius_m,
-                       int columns, int rows) {
+PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& center_m,
+                       double radius_m, int columns, int rows) {
   const glm::dvec3 p = inverse_transform_point(world_from_camera, center_m);
   if (-p.z + radius_m <= 0) return {};
   const double half_height = std::tan(lens.vertical_fov_rad / 2);
@@ -123,13 +134,15 @@ PictureTruth look(const EmbreeScene& occluders, const SceneMirror& mirror, std::
                   const Pose& world_from_camera, const Lens& lens, int size) {
   const Eye eye{world_from_camera, lens, size};
   PictureTruth picture;
-  for (const Target& target : targets) picture.targets.push_back(TargetLook(occluders, mirror, target, eye).take());
+  for (const Target& target : targets)
+    picture.targets.push_back(TargetLook(occluders, mirror, target, eye).take());
   return picture;
 }
 
 bool PictureTruth::fully_hidden() const {
-  return !targets.empty() && std::all_of(targets.begin(), targets.end(),
-                                         [](const TargetTruth& target) { return target.visible_pixels == 0; });
+  return !targets.empty() && std::all_of(targets.begin(), targets.end(), [](const TargetTruth& target) {
+    return target.visible_pixels == 0;
+  });
 }
 
 bool PictureTruth::partly_hidden(double tolerance) const {
@@ -147,7 +160,8 @@ BodyTruth feel(const EmbreeScene& colliders, const glm::dvec3& before_m, const g
   BodyTruth body;
   body.clearance_m = colliders.nearest_surface_m(now_m, BodyTruth::kReachM);
   const glm::dvec3 way = now_m - before_m;
-  if (glm::length(way) > 0) body.crossed = colliders.trace(before_m, glm::vec3(way), 0.0f, 1.0f).slot != UINT32_MAX;
+  if (glm::length(way) > 0)
+    body.crossed = colliders.trace(before_m, glm::vec3(way), 0.0f, 1.0f).slot != UINT32_MAX;
   return body;
 }
 

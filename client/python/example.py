@@ -3,8 +3,8 @@
 
     PYTHONPATH=build/release/python python3 client/python/example.py 127.0.0.1:50151
 
-The stubs in build/<preset>/python come with the build (target sightline_python_stubs). Lengths are metres, the frame
-is glTF's: right-handed, +Y up, a camera looks along its own -Z.
+The stubs in build/<preset>/python come with the build (target sightline_python_stubs). Lengths are metres, the
+frame is glTF's: right-handed, +Y up, a camera looks along its own -Z.
 """
 import math
 import queue

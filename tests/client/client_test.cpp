@@ -16,8 +16,8 @@ namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
-using ::testing::HasSubstr;
 using test::DaemonProcess;
+using ::testing::HasSubstr;
 
 v1::OpenSession two_capsules() {
   v1::OpenSession open;
@@ -246,21 +246,32 @@ TEST_F(ClientTest, TheServerSaysWhatItIs) {
   EXPECT_TRUE(client.list_scenes(10s));
 }
 
-TEST(ClientAndDaemon, AServerThatStopsEndsTheSessionWithoutHanging) {
+TEST(ClientAndDaemon, AServerThatStopsSaysSoAndAClosedSessionLetsItGo) {
   DaemonProcess daemon;
   auto client = Client::connect(daemon.address(), 10s);
   ASSERT_TRUE(client);
   auto session = client->open_session(two_capsules(), 10s);
   ASSERT_TRUE(session) << to_string(session.error());
+  daemon.ask_to_stop();
+  const auto event = (*session)->receive(10s);
+  ASSERT_TRUE(event && *event) << "nothing was said";
+  EXPECT_TRUE(std::holds_alternative<v1::Drain>(**event));
+  (*session)->close(10s);
   EXPECT_EQ(daemon.stop(), 0);
-  bool drained = false;
-  while (true) {
-    const auto event = (*session)->receive(10s);
-    if (!event) break;
-    ASSERT_TRUE(event->has_value()) << "the stream never ended";
-    drained |= std::holds_alternative<v1::Drain>(**event);
-  }
-  EXPECT_TRUE(drained);
+  EXPECT_FALSE((*session)->receive(10s)) << "the stream has ended";
+}
+
+TEST(ClientAndDaemon, AServerThatDiesEndsTheSessionWithAnError) {
+  DaemonProcess daemon;
+  auto client = Client::connect(daemon.address(), 10s);
+  ASSERT_TRUE(client);
+  auto session = client->open_session(two_capsules(), 10s);
+  ASSERT_TRUE(session) << to_string(session.error());
+  daemon.kill_now();
+  const auto event = (*session)->receive(10s);
+  ASSERT_FALSE(event);
+  EXPECT_EQ(event.error().code, ErrorCode::kUnavailable);
+  EXPECT_FALSE((*session)->send(tick(1)));
 }
 
 TEST(ClientAndDaemon, AUnixSocketWorksAsWell) {

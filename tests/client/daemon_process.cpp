@@ -23,8 +23,8 @@ std::string make_folder() {
 
 DaemonProcess::DaemonProcess(std::vector<std::string> flags) : folder_(make_folder()) {
   const std::string ready_file = folder_ + "/ready";
-  std::vector<std::string> arguments{SIGHTLINED_PATH, "--listen", "127.0.0.1:0", "--ready-file", ready_file,
-                                     "--log-level", "warning"};
+  std::vector<std::string> arguments{SIGHTLINED_PATH, "--listen",    "127.0.0.1:0", "--ready-file",
+                                     ready_file,      "--log-level", "warning"};
   arguments.insert(arguments.end(), flags.begin(), flags.end());
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
@@ -43,9 +43,17 @@ void DaemonProcess::wait_ready(const std::string& ready_file) {
   ADD_FAILURE() << SIGHTLINED_PATH << " did not come up";
 }
 
+void DaemonProcess::ask_to_stop() {
+  if (pid_ > 0) kill(pid_, SIGTERM);
+}
+
+void DaemonProcess::kill_now() {
+  if (pid_ > 0) kill(pid_, SIGKILL);
+}
+
 int DaemonProcess::stop() {
   if (pid_ <= 0) return -1;
-  kill(pid_, SIGTERM);
+  ask_to_stop();
   int status = 0;
   waitpid(pid_, &status, 0);
   pid_ = -1;

@@ -10,8 +10,8 @@ namespace sightline::test {
 
 class DaemonProcess {
  public:
-  // Starts sightlined with `flags` besides a free loopback port and waits until it says that it is ready; a daemon that
-  // does not come up fails the test and leaves address() empty.
+  // Starts sightlined with `flags` besides a free loopback port and waits until it says that it is ready; a
+  // daemon that does not come up fails the test and leaves address() empty.
   explicit DaemonProcess(std::vector<std::string> flags = {"--sampler", "embree"});
   ~DaemonProcess();
   DaemonProcess(const DaemonProcess&) = delete;
@@ -20,7 +20,9 @@ class DaemonProcess {
   // "127.0.0.1:41234"
   const std::string& address() const { return address_; }
 
-  // Sends SIGTERM and waits; the exit status, or -1 when a signal ended it.
+  void ask_to_stop();  // SIGTERM
+  void kill_now();     // SIGKILL
+  // Asks it to stop and waits; the exit status, or -1 when a signal ended it.
   int stop();
 
  private:

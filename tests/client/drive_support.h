@@ -23,9 +23,10 @@ struct DriveTestOptions {
   int picture_every = 6;    // bodies and motion are judged at every tick
 };
 
-// Uploads, opens, plays in lockstep and judges, together with the follow baseline. A failure on the way fails the test
-// and leaves `frames` empty.
-Driven drive(const std::string& address, std::span<const std::byte> glb, const DriveTestOptions& options = {});
+// Uploads, opens, plays in lockstep and judges, together with the follow baseline. A failure on the way fails
+// the test and leaves `frames` empty.
+Driven drive(const std::string& address, std::span<const std::byte> glb,
+             const DriveTestOptions& options = {});
 
 // Writes the contact sheet of a drive where SIGHTLINE_TEST_PICTURES names a folder; otherwise does nothing.
 void keep_picture(const std::string& name, std::span<const std::byte> glb, const Driven& driven);

@@ -1,5 +1,5 @@
-// A level of real game assets (KayKit Dungeon, CC0): read, composed, and steered through. The assets stand in the folder
-// that SIGHTLINE_ASSETS names, or beside the repository in shared/assets/kaykit-dungeon.
+// A level of real game assets (KayKit Dungeon, CC0): read, composed, and steered through. The assets stand in
+// the folder that SIGHTLINE_ASSETS names, or beside the repository in shared/assets/kaykit-dungeon.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -26,8 +26,8 @@ fs::path assets_folder() {
   return fs::path(SIGHTLINE_SOURCE_DIR) / "../shared/assets/kaykit-dungeon";
 }
 
-// One asset as one mesh: every drawable at its place. Parts that hang on another one (a door in its frame) are left
-// out, so that doorways are open.
+// One asset as one mesh: every drawable at its place. Parts that hang on another one (a door in its frame)
+// are left out, so that doorways are open.
 MeshData baked(const fs::path& file, GeometryStore& store) {
   const auto asset = read_gltf_file(file, store);
   if (!asset) throw std::runtime_error(file.string() + ": " + to_string(asset.error()));
@@ -45,8 +45,8 @@ MeshData baked(const fs::path& file, GeometryStore& store) {
   return mesh;
 }
 
-// Four rooms of 3 x 3 floor tiles of 4 m in a row along +X, a doorway between each two, props along the walls, a pillar
-// in the middle. Two walkers go from the first room to the last, round the pillars.
+// Four rooms of 3 x 3 floor tiles of 4 m in a row along +X, a doorway between each two, props along the
+// walls, a pillar in the middle. Two walkers go from the first room to the last, round the pillars.
 class Level {
  public:
   explicit Level(fs::path folder) : folder_(std::move(folder)) {}
@@ -57,8 +57,13 @@ class Level {
     add_walker("anna", person, kStartX + kApart);
     add_walker("ben", person, kStartX);
     const glm::dvec3 eye(1.6, 2.3, 8.2), at(kStartX + kApart / 2, 0.9, kMiddle);
-    writer_.add_node({"eye", -1, -1, writer_.add_camera(0.9, 16.0 / 9.0, 0.1), eye,
-                      look_rotation(at - eye, {0, 1, 0}, {1, 0, 0}), {{"sightline", {{"role", "camera"}}}}});
+    writer_.add_node({"eye",
+                      -1,
+                      -1,
+                      writer_.add_camera(0.9, 16.0 / 9.0, 0.1),
+                      eye,
+                      look_rotation(at - eye, {0, 1, 0}, {1, 0, 0}),
+                      {{"sightline", {{"role", "camera"}}}}});
     return writer_.finish("scenario");
   }
 
@@ -81,8 +86,8 @@ class Level {
   }
 
   void add_room(int room) {
-    static const std::array<const char*, 4> kFloors{"floor_tile_large", "floor_dirt_large", "floor_wood_large",
-                                                    "floor_tile_large"};
+    static const std::array<const char*, 4> kFloors{"floor_tile_large", "floor_dirt_large",
+                                                    "floor_wood_large", "floor_tile_large"};
     const double x0 = room * kRoom;
     for (int i = 0; i < kTiles; ++i)
       for (int j = 0; j < kTiles; ++j) add(kFloors[room], {x0 + (i + 0.5) * kTile, 0, (j + 0.5) * kTile});
@@ -96,9 +101,9 @@ class Level {
   }
 
   void add_long_walls(double x0, int room) {
-    static const std::array<const char*, 8> kWalls{"wall_arched", "wall_cracked", "wall_archedwindow_gated", "wall_gated",
-                                                   "wall_pillar", "wall_shelves", "wall_window_open",
-                                                   "wall_archedwindow_open"};
+    static const std::array<const char*, 8> kWalls{
+        "wall_arched", "wall_cracked", "wall_archedwindow_gated", "wall_gated",
+        "wall_pillar", "wall_shelves", "wall_window_open",        "wall_archedwindow_open"};
     static const std::array<const char*, 2> kBanners{"banner_blue", "banner_triple_red"};
     for (int i = 0; i < kTiles; ++i) {
       const double x = x0 + (i + 0.5) * kTile;
@@ -110,10 +115,22 @@ class Level {
 
   // Where they leave the walkers their way, and in the first room the camera its place.
   void add_props(double x0, int room) {
-    static const std::array<const char*, 16> kCorner{
-        "barrel_small_stack", "bed_frame", "box_stacked", "crates_stacked", "table_medium", "table_long",
-        "table_small_decorated_A", "shelves", "box_large", "chair", "stool", "column", "barrel_small", "barrier_column",
-        "trunk_large_A", "chest"};
+    static const std::array<const char*, 16> kCorner{"barrel_small_stack",
+                                                     "bed_frame",
+                                                     "box_stacked",
+                                                     "crates_stacked",
+                                                     "table_medium",
+                                                     "table_long",
+                                                     "table_small_decorated_A",
+                                                     "shelves",
+                                                     "box_large",
+                                                     "chair",
+                                                     "stool",
+                                                     "column",
+                                                     "barrel_small",
+                                                     "barrier_column",
+                                                     "trunk_large_A",
+                                                     "chest"};
     static const std::array<const char*, 4> kMiddles{"barrel_large", "keg", "chest", "trunk_large_A"};
     const std::array<glm::dvec3, 4> corners{{{2.4, 0, 2.0}, {9.6, 0, 2.0}, {9.6, 0, 10.0}, {2.4, 0, 10.0}}};
     for (size_t k = 0; k < corners.size(); ++k)
@@ -150,7 +167,8 @@ class Level {
 
 TEST(RealAssets, TheCameraIsSteeredThroughALevelOfThem) {
   if (!fs::exists(assets_folder() / "wall.glb"))
-    GTEST_SKIP() << "no KayKit Dungeon assets in " << assets_folder() << "; SIGHTLINE_ASSETS names another folder";
+    GTEST_SKIP() << "no KayKit Dungeon assets in " << assets_folder()
+                 << "; SIGHTLINE_ASSETS names another folder";
   Level level(assets_folder());
   const auto glb = level.write();
   EXPECT_GE(level.pieces(), 60u);
@@ -162,8 +180,10 @@ TEST(RealAssets, TheCameraIsSteeredThroughALevelOfThem) {
   EXPECT_EQ(driven.run.body_collisions, 0u);
   EXPECT_EQ(driven.run.limit_violations, 0u);
   EXPECT_GT(driven.path.back().camera.position_m.x, 30.0) << "it followed through the doorways";
-  EXPECT_GT(driven.run.all_seen, driven.follow.all_seen);
+  EXPECT_GT(driven.run.all_seen, 0.7);
   EXPECT_GT(driven.run.mean_visible_share, 0.5);
+  EXPECT_GT(driven.follow.body_collisions, 0u)
+      << "a level that a camera without avoidance passes unharmed shows little";
 }
 
 }  // namespace

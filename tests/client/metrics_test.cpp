@@ -20,7 +20,8 @@ constexpr double kDt = 0.1;
 CameraFrame at(int k, const glm::dvec3& position, double yaw_rad = 0, double pitch_rad = 0) {
   CameraFrame frame;
   frame.time_s = k * kDt;
-  frame.camera = {position, glm::angleAxis(yaw_rad, glm::dvec3(0, 1, 0)) * glm::angleAxis(pitch_rad, glm::dvec3(1, 0, 0))};
+  frame.camera = {position, glm::angleAxis(yaw_rad, glm::dvec3(0, 1, 0)) *
+                                glm::angleAxis(pitch_rad, glm::dvec3(1, 0, 0))};
   return frame;
 }
 
@@ -99,11 +100,14 @@ class Stage {
     scenes::GlbWriter writer;
     const int person = writer.add_mesh("person", *tessellate(CapsuleShape{0.3f, 0.6f}), {1, 1, 1});
     const int wall = writer.add_mesh("wall", *tessellate(BoxShape{{4, 4, 0.1f}}), {1, 1, 1});
-    const auto role = [](const char* name) { return nlohmann::ordered_json{{"sightline", {{"role", name}}}}; };
+    const auto role = [](const char* name) {
+      return nlohmann::ordered_json{{"sightline", {{"role", name}}}};
+    };
     writer.add_node({"anna", -1, person, -1, {-1, 0, 0}, {1, 0, 0, 0}, role("target")});
     writer.add_node({"ben", -1, person, -1, {1, 0, 0}, {1, 0, 0, 0}, role("target")});
     const int slide = writer.add_node({"slide", -1, wall, -1, {20, 0, 4}, {1, 0, 0, 0}, role("occluder")});
-    writer.add_node({"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
+    writer.add_node(
+        {"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
     const glm::quat still(1, 0, 0, 0);
     writer.animate(slide, std::vector<float>{0.0f, 0.44f, 0.46f, 1.0f},
                    std::vector<glm::vec3>{{20, 0, 4}, {20, 0, 4}, {0, 0, 4}, {0, 0, 4}},

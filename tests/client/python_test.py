@@ -27,8 +27,8 @@ def start_daemon(folder):
 
 def run_example(*arguments):
     environment = dict(os.environ, PYTHONPATH=STUBS)
-    return subprocess.run([sys.executable, EXAMPLE, *arguments], env=environment, capture_output=True, text=True,
-                          timeout=60)
+    return subprocess.run([sys.executable, EXAMPLE, *arguments], env=environment, capture_output=True,
+                          text=True, timeout=60)
 
 
 class ExampleTest(unittest.TestCase):

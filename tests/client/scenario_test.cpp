@@ -39,11 +39,13 @@ struct Asset {
     n.translation_m = at, n.rotation = rotation, n.scale = scale;
     n.parent_from_node = make_affine(at, rotation, scale);
   }
-  AssetChannel& animate(int node, AssetChannel::Path path, std::vector<float> times, std::vector<float> values) {
+  AssetChannel& animate(int node, AssetChannel::Path path, std::vector<float> times,
+                        std::vector<float> values) {
     if (asset->animations.empty()) asset->animations.push_back({"scenario", 0.0, {}});
     AssetAnimation& animation = asset->animations.front();
     animation.duration_s = std::max<double>(animation.duration_s, times.back());
-    animation.channels.push_back({node, path, AssetChannel::Interpolation::kLinear, std::move(times), std::move(values)});
+    animation.channels.push_back(
+        {node, path, AssetChannel::Interpolation::kLinear, std::move(times), std::move(values)});
     return animation.channels.back();
   }
   Result<Scenario> read() const { return Scenario::from_asset(asset); }
@@ -146,10 +148,14 @@ TEST(ScenarioMotion, PositionsAreLinearBetweenKeysAndStayOutsideThem) {
   EXPECT_EQ(scenario->duration_s(), 4.0);
   for (double t = -1; t < 6; t += 0.037) {
     glm::dvec3 expected;
-    if (t <= 1) expected = {0, 0, 0};
-    else if (t <= 2) expected = glm::mix(glm::dvec3(0), glm::dvec3(4, 0, 2), t - 1);
-    else if (t <= 4) expected = glm::mix(glm::dvec3(4, 0, 2), glm::dvec3(4, 6, 2), (t - 2) / 2);
-    else expected = {4, 6, 2};
+    if (t <= 1)
+      expected = {0, 0, 0};
+    else if (t <= 2)
+      expected = glm::mix(glm::dvec3(0), glm::dvec3(4, 0, 2), t - 1);
+    else if (t <= 4)
+      expected = glm::mix(glm::dvec3(4, 0, 2), glm::dvec3(4, 6, 2), (t - 2) / 2);
+    else
+      expected = {4, 6, 2};
     EXPECT_LT(glm::distance(scenario->poses_at(t)[0].position_m, expected), 1e-6) << t;
   }
 }
@@ -157,7 +163,8 @@ TEST(ScenarioMotion, PositionsAreLinearBetweenKeysAndStayOutsideThem) {
 TEST(ScenarioMotion, RotationsTakeTheShortWayAtConstantSpeed) {
   Asset asset;
   const int anna = asset.add("anna", role("target"));
-  const glm::dquat to = -turn(100, {1, 2, 3});  // the other sign of the same rotation: the long way if taken as it is
+  const glm::dquat to =
+      -turn(100, {1, 2, 3});  // the other sign of the same rotation: the long way if taken as it is
   asset.animate(anna, AssetChannel::Path::kRotation, {0, 2},
                 {0, 0, 0, 1, float(to.x), float(to.y), float(to.z), float(to.w)});
   const auto scenario = asset.read();
@@ -172,7 +179,8 @@ TEST(ScenarioMotion, PosesComposeDownTheHierarchy) {
   const int anna = asset.add("anna", role("target"), cart);
   asset.place(anna, {0, 1, -2}, turn(90, {0, 1, 0}), {1, 1, 1});
   asset.animate(cart, AssetChannel::Path::kTranslation, {0, 10}, {0, 0, 0, 10, 0, 0});
-  asset.animate(cart, AssetChannel::Path::kRotation, {0, 10}, {0, 0, 0, 1, 0, float(std::sqrt(0.5)), 0, float(std::sqrt(0.5))});
+  asset.animate(cart, AssetChannel::Path::kRotation, {0, 10},
+                {0, 0, 0, 1, 0, float(std::sqrt(0.5)), 0, float(std::sqrt(0.5))});
   const auto scenario = asset.read();
   ASSERT_TRUE(scenario);
   for (double t = 0; t <= 10; t += 0.5) {
@@ -189,8 +197,9 @@ TEST(ScenarioMotion, ScaleAndMirroringLeaveTheRotationAlone) {
   asset.place(anna, {0, 0, 0}, turn(20, {0, 0, 1}), {2, 3, -0.5});
   const glm::dquat q = turn(70, {0, 1, 1});
   const glm::dquat p = turn(20, {0, 0, 1});
-  asset.animate(anna, AssetChannel::Path::kRotation, {0, 1},
-                {float(p.x), float(p.y), float(p.z), float(p.w), float(q.x), float(q.y), float(q.z), float(q.w)});
+  asset.animate(
+      anna, AssetChannel::Path::kRotation, {0, 1},
+      {float(p.x), float(p.y), float(p.z), float(p.w), float(q.x), float(q.y), float(q.z), float(q.w)});
   const auto scenario = asset.read();
   ASSERT_TRUE(scenario);
   EXPECT_LT(angle_deg(scenario->poses_at(0)[0].rotation, p), 1e-3);

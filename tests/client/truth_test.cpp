@@ -28,17 +28,21 @@ std::optional<double> meet(const glm::dvec3& origin, const glm::dvec3& direction
 
 class Bench {
  public:
-  Bench() : occluders_(device_, EmbreeScene::Content::kOccluders), colliders_(device_, EmbreeScene::Content::kColliders) {}
+  Bench()
+      : occluders_(device_, EmbreeScene::Content::kOccluders),
+        colliders_(device_, EmbreeScene::Content::kColliders) {}
 
   void add(uint64_t id, const Shape& shape, const glm::dvec3& at, InstanceAttributes attributes = {},
            const glm::dquat& rotation = {1, 0, 0, 0}) {
     SceneDelta delta;
-    delta.add.push_back({id, *store_.intern(*tessellate(shape)), Pose{at, rotation}, glm::dmat3(1.0), attributes});
+    delta.add.push_back(
+        {id, *store_.intern(*tessellate(shape)), Pose{at, rotation}, glm::dmat3(1.0), attributes});
     ASSERT_TRUE(mirror_.apply(delta, {}));
     occluders_.take_in(mirror_);
     colliders_.take_in(mirror_);
   }
-  void add_target(uint64_t id, const Shape& shape, const glm::dvec3& at, const glm::dquat& rotation = {1, 0, 0, 0}) {
+  void add_target(uint64_t id, const Shape& shape, const glm::dvec3& at,
+                  const glm::dquat& rotation = {1, 0, 0, 0}) {
     add(id, shape, at, {}, rotation);
     Target target;
     target.instance_id = id;
@@ -86,7 +90,8 @@ class Bench {
     const Geometry& geometry = *instance.geometry;
     double nearest = INFINITY;
     const auto corner = [&](size_t k) {
-      return transform_point(instance.world_from_instance, glm::dvec3(geometry.positions[geometry.indices[k]]));
+      return transform_point(instance.world_from_instance,
+                             glm::dvec3(geometry.positions[geometry.indices[k]]));
     };
     for (size_t k = 0; k < geometry.indices.size(); k += 3)
       if (const auto t = meet(camera.position_m, direction, corner(k), corner(k + 1), corner(k + 2)))
@@ -116,7 +121,8 @@ TEST(Truth, ItsPixelsAreItsAreaInThePicture) {
   Bench bench;
   bench.add_target(1, BoxShape{{1.0f, 0.5f, 0.001f}}, {0, 0, kAheadM});
   const double half_height = 10 * std::tan(bench.lens.vertical_fov_rad / 2);
-  const double expected = kTruthSize * kTruthSize * (1.0 / (half_height * bench.lens.aspect)) * (0.5 / half_height);
+  const double expected =
+      kTruthSize * kTruthSize * (1.0 / (half_height * bench.lens.aspect)) * (0.5 / half_height);
   EXPECT_NEAR(bench.look().targets[0].alone_pixels, expected, 0.02 * expected);
 }
 
