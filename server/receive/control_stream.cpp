@@ -36,6 +36,8 @@ const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open
 ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits,
                                              std::string session_id) {
   const auto stream = std::make_shared<ControlStream>(parts, limits, std::move(session_id));
+  // Once registered it may be drained, from another thread: not before it is whole.
+  const std::lock_guard lock(stream->mutex_);
   if (const Admission admission = parts.streams.add(stream); admission != Admission::kAdmitted) {
     parts.log.warn("session refused", {{"reason", admission == Admission::kFull ? "full" : "draining"}});
     return new RefusedStream(refusal(admission, parts.streams.max_streams()));
@@ -80,7 +82,9 @@ void ControlStream::OnCancel() {
 
 void ControlStream::OnDone() {
   // A worker may still be on its way out of `run` with a reference of its own; the last one destroys this.
-  std::shared_ptr<ControlStream> last = std::move(self_);
+  std::shared_ptr<ControlStream> last;
+  const std::lock_guard lock(mutex_);
+  last = std::move(self_);
 }
 
 void ControlStream::drain(const std::string& reason) {

@@ -17,7 +17,7 @@ namespace sightline {
 namespace {
 
 // How far one client can fill the server's queues.
-constexpr int kMaxCallsPerConnection = 256;
+constexpr int kMaxCallsPerConnection = 1024;
 
 Result<sockaddr_un> socket_address(const std::string& path) {
   sockaddr_un address{};
