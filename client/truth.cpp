@@ -1,6 +1,7 @@
 #include "client/truth.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace sightline {
@@ -23,6 +24,41 @@ struct Eye {
   int size;
 };
 
+// The corners of an instance's bounding box as the camera has them.
+std::array<glm::dvec3, 8> corners_in_camera(const Pose& world_from_camera, const Instance& instance) {
+  const Aabb& bounds = instance.geometry->bounds;
+  std::array<glm::dvec3, 8> corners;
+  for (int k = 0; k < 8; ++k) {
+    const glm::dvec3 corner(k & 1 ? bounds.max.x : bounds.min.x, k & 2 ? bounds.max.y : bounds.min.y,
+                            k & 4 ? bounds.max.z : bounds.min.z);
+    corners[k] =
+        inverse_transform_point(world_from_camera, transform_point(instance.world_from_instance, corner));
+  }
+  return corners;
+}
+
+// The samples that an instance can cover: those of its bounding sphere, and of them those of its bounding
+// box, which is tighter round a standing person. A box that reaches behind the eye bounds nothing.
+PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const Instance& instance,
+                         int size) {
+  PixelBox box = sphere_pixels(world_from_camera, lens, instance.center_m, instance.radius_m, size, size);
+  const double half_height = std::tan(lens.vertical_fov_rad / 2), half_width = half_height * lens.aspect;
+  glm::dvec2 low(INFINITY), high(-INFINITY);
+  for (const glm::dvec3& corner : corners_in_camera(world_from_camera, instance)) {
+    if (corner.z > -1e-3) return box;
+    const glm::dvec2 window(corner.x / -corner.z / half_width, corner.y / -corner.z / half_height);
+    low = glm::min(low, window);
+    high = glm::max(high, window);
+  }
+  // A sample more on each side than rounding could take away.
+  const auto sample = [size](double w) {
+    return static_cast<int>(std::floor((std::clamp(w, -1.1, 1.1) + 1) / 2 * size));
+  };
+  box.x0 = std::max(box.x0, sample(low.x) - 1), box.x1 = std::min(box.x1, sample(high.x) + 2);
+  box.y0 = std::max(box.y0, sample(low.y) - 1), box.y1 = std::min(box.y1, sample(high.y) + 2);
+  return box;
+}
+
 // One target: its pixels alone, and those that nothing in front takes away.
 class TargetLook {
  public:
@@ -38,8 +74,7 @@ class TargetLook {
     TargetTruth truth;
     truth.id = instance_.id;
     truth.in_frame = center_in_frame();
-    const PixelBox box =
-        sphere_pixels(eye_.pose, eye_.lens, instance_.center_m, instance_.radius_m, eye_.size, eye_.size);
+    const PixelBox box = instance_pixels(eye_.pose, eye_.lens, instance_, eye_.size);
     for (int y = box.y0; y < box.y1; ++y)
       for (int x = box.x0; x < box.x1; ++x) count(x, y, truth);
     return truth;
