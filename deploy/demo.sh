@@ -30,7 +30,7 @@ trap stop EXIT
 
 mkdir -p "$out"
 "$bin/make-scenes" --out "$run/scenes" "$scene"
-"$bin/sightlined" --listen-unix "$run/sightline.sock" --sampler "$sampler" --ready-file "$run/ready" &
+"$bin/sightlined" --listen none --listen-unix "$run/sightline.sock" --sampler "$sampler" --ready-file "$run/ready" &
 daemon=$!
 for _ in $(seq 100); do
   [ -e "$run/ready" ] && break
