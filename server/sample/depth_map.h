@@ -48,12 +48,16 @@ MapPoint project(const MapView& view, const glm::dvec3& point_m);
 struct MapRequest {
   MapView view;
   uint32_t layer_mask = 0xFFFFFFFF;         // draws instances with (layers & layer_mask) != 0
+  // Moving occluders are drawn where their velocities take them in this time, seconds, [0, 2]. The requests of one call
+  // have at most one value besides 0.
+  double ahead_s = 0.0;
   std::span<const uint32_t> ignored_slots = {};  // ascending mirror slots that are left out; must outlive the call
 };
 
 // Row-major from the bottom row: texel (x, y) is at y * width + x.
 struct DepthMap {
   MapView view;
+  double ahead_s = 0.0;            // as requested
   std::vector<float> distance_m;   // Euclidean, from the eye; +infinity where nothing occludes
   std::vector<uint32_t> occluder;  // mirror slot; kNoOccluder where nothing occludes
 

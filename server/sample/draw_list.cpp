@@ -85,10 +85,11 @@ void OccluderTable::append_visible(const SceneMirror& mirror, const MapRequest& 
   const auto& ignored = request.ignored_slots;
   for (const Occluder& occluder : occluders) {
     if ((occluder.layers & request.layer_mask) == 0) continue;
-    if (sphere_is_outside(frustum, occluder.center_m, occluder.radius_m)) continue;
     if (std::binary_search(ignored.begin(), ignored.end(), occluder.slot)) continue;
     const Instance& instance = mirror.instances()[occluder.slot];
-    const ClipRows rows = clip_rows(clip, request.view, instance.world_from_instance);
+    const glm::dvec3 center = occluder.center_m + travel_m(instance, request.ahead_s);
+    if (sphere_is_outside(frustum, center, occluder.radius_m)) continue;
+    const ClipRows rows = clip_rows(clip, request.view, world_from_instance_ahead(instance, request.ahead_s));
     visible_.clear();
     const SampleGrid grid = sample_grid(rows.x, rows.y, rows.w, request.view);
     append_visible_clusters(instance.geometry->occluding, grid, visible_);

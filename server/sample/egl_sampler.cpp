@@ -80,6 +80,7 @@ void FrontToBack::start(const DrawList& list, std::span<const MapRequest> reques
     const MapView& view = requests[i].view;
     const size_t count = static_cast<size_t>(view.width) * view.height;
     maps[i].view = view;
+    maps[i].ahead_s = requests[i].ahead_s;
     maps[i].distance_m.assign(count, std::numeric_limits<float>::infinity());
     maps[i].occluder.assign(count, kNoOccluder);
     progress_.push_back({&maps[i], texels, list.maps[i].first_cluster});
@@ -140,7 +141,7 @@ void FrontToBack::resolve(const SceneMirror& mirror, const TexelSource* tile, si
       known = source;
       // Neighbours often show the same triangle.
       if (source.slot_plus_one != last.slot_plus_one || source.vertex / 3 != last.vertex / 3)
-        seen = SeenTriangle(map.view, mirror.instances()[source.slot_plus_one - 1], source.vertex);
+        seen = SeenTriangle(map.view, mirror.instances()[source.slot_plus_one - 1], map.ahead_s, source.vertex);
       last = source;
       const glm::dvec3 direction = texel_direction(map.view, x, y);
       const double depth = seen.depth_along(direction);

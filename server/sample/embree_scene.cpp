@@ -147,8 +147,8 @@ struct TopScene {
   glm::dvec3 anchor_m{0.0};
   std::vector<Entry> entries;
 
-  void set_transform(Entry& entry, const Instance& instance) const {
-    Affine from_instance = instance.world_from_instance;
+  void set_transform(Entry& entry, const Instance& instance, double ahead_s) const {
+    Affine from_instance = world_from_instance_ahead(instance, ahead_s);
     from_instance[3] -= anchor_m;
     const glm::mat4x3 columns(from_instance);
     entry.linear = glm::mat3(columns);
@@ -262,7 +262,8 @@ struct EmbreeScene::Impl {
   uint64_t identity = 0;
   bool taken_in = false;
   uint64_t version = 0, static_version = 0, moving_version = 0;
-  TopScene fixed, moving;
+  double ahead_s = 0.0;  // of `ahead`
+  TopScene fixed, moving, ahead;  // `ahead`: the moving ones in ahead_s; empty while nobody asks
 
   // The middle of what the scene will hold, so that single precision serves the whole of it equally.
   static glm::dvec3 middle(std::span<const Instance> instances, std::span<const uint32_t> slots) {
@@ -275,7 +276,7 @@ struct EmbreeScene::Impl {
   }
 
   void build(TopScene& top, std::span<const Instance> instances, std::span<const uint32_t> slots,
-             RTCBuildQuality quality) {
+             RTCBuildQuality quality, double after_s = 0.0) {
     top = TopScene{};
     if (slots.empty()) return;
     RTCDevice rtc = device.device.get();
@@ -286,17 +287,17 @@ struct EmbreeScene::Impl {
                                           (quality == RTC_BUILD_QUALITY_LOW ? RTC_SCENE_FLAG_DYNAMIC : 0)));
     rtcSetSceneBuildQuality(top.scene.get(), quality);
     top.entries.reserve(slots.size());
-    for (const uint32_t slot : slots) attach(top, slot, instances[slot]);
+    for (const uint32_t slot : slots) attach(top, slot, instances[slot], after_s);
     rtcCommitScene(top.scene.get());
   }
 
-  void attach(TopScene& top, uint32_t slot, const Instance& instance) {
+  void attach(TopScene& top, uint32_t slot, const Instance& instance, double after_s) {
     const size_t index_count = counted_indices(instance, content);
     TopScene::Entry entry{slot, GeometryHandle(rtcNewGeometry(device.device.get(), RTC_GEOMETRY_TYPE_INSTANCE)),
                           device.bottom_of(instance.geometry, index_count), glm::mat3(1.0f)};
     rtcSetGeometryInstancedScene(entry.handle.get(), entry.bottom->scene.get());
     rtcSetGeometryMask(entry.handle.get(), instance.attributes.layers);
-    top.set_transform(entry, instance);
+    top.set_transform(entry, instance, after_s);
     rtcAttachGeometryByID(top.scene.get(), entry.handle.get(), static_cast<unsigned>(top.entries.size()));
     top.entries.push_back(std::move(entry));
   }
@@ -316,21 +317,29 @@ struct EmbreeScene::Impl {
   }
 
   // Only transforms have changed. The anchor stays: movers seldom go far within one set.
-  void move_all(std::span<const Instance> instances) {
-    if (moving.entries.empty()) return;
-    for (TopScene::Entry& entry : moving.entries) moving.set_transform(entry, instances[entry.slot]);
-    rtcCommitScene(moving.scene.get());
+  static void move_all(TopScene& top, std::span<const Instance> instances, double after_s) {
+    if (top.entries.empty()) return;
+    for (TopScene::Entry& entry : top.entries) top.set_transform(entry, instances[entry.slot], after_s);
+    rtcCommitScene(top.scene.get());
   }
 
-  void take_in(const SceneMirror& mirror) {
+  void look_ahead(const SceneMirror& mirror, double after_s, bool same_set) {
+    if (after_s <= 0) ahead = TopScene{};
+    else if (same_set && ahead_s > 0) move_all(ahead, mirror.instances(), after_s);
+    else build(ahead, mirror.instances(), counted_moving_slots(mirror), RTC_BUILD_QUALITY_LOW, after_s);
+    ahead_s = after_s;
+  }
+
+  void take_in(const SceneMirror& mirror, double after_s) {
     const bool fresh = !taken_in || identity != mirror.identity();
-    if (!fresh && version == mirror.version()) return;
+    if (!fresh && version == mirror.version() && ahead_s == after_s) return;
     if (fresh || static_version != mirror.static_version())
       build(fixed, mirror.instances(), counted_slots(mirror.instances(), false), RTC_BUILD_QUALITY_HIGH);
     if (fresh || moving_version != mirror.moving_version())
       build(moving, mirror.instances(), counted_moving_slots(mirror), RTC_BUILD_QUALITY_LOW);
     else
-      move_all(mirror.instances());
+      move_all(moving, mirror.instances(), 0.0);
+    look_ahead(mirror, after_s, !fresh && moving_version == mirror.moving_version());
     taken_in = true;
     identity = mirror.identity();
     version = mirror.version();
@@ -340,20 +349,20 @@ struct EmbreeScene::Impl {
 };
 
 EmbreeScene::EmbreeScene(EmbreeDevice& device, Content content)
-    : impl_(std::make_unique<Impl>(Impl{.device = *device.impl_, .content = content, .fixed = {}, .moving = {}})) {}
+    : impl_(std::make_unique<Impl>(Impl{.device = *device.impl_, .content = content, .fixed = {}, .moving = {}, .ahead = {}})) {}
 EmbreeScene::~EmbreeScene() = default;
 EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
 EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
 
-void EmbreeScene::take_in(const SceneMirror& mirror) {
-  impl_->take_in(mirror);
+void EmbreeScene::take_in(const SceneMirror& mirror, double ahead_s) {
+  impl_->take_in(mirror, ahead_s);
 }
 
 RayHit EmbreeScene::trace(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
                           const RayFilter& filter) const {
   RayHit hit;
   trace_top(impl_->fixed, origin_m, direction, near, far, filter, hit);
-  trace_top(impl_->moving, origin_m, direction, near, far, filter, hit);
+  trace_top(filter.ahead ? impl_->ahead : impl_->moving, origin_m, direction, near, far, filter, hit);
   return hit;
 }
 

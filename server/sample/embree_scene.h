@@ -53,6 +53,7 @@ struct RayFilter {
   uint32_t layer_mask = 0xFFFFFFFF;
   std::span<const uint32_t> ignored_slots = {};  // ascending
   uint32_t only_slot = UINT32_MAX;          // when set, everything else is transparent
+  bool ahead = false;                       // moving instances are where they will be (take_in's ahead_s)
 };
 
 // One mirror's scene. `take_in` after every change of the mirror; then any number of threads may trace at once.
@@ -66,7 +67,9 @@ class EmbreeScene {
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
 
-  void take_in(const SceneMirror& mirror);
+  // With `ahead_s` > 0 moving instances are also placed where their velocities take them in that time, for rays that ask
+  // for it.
+  void take_in(const SceneMirror& mirror, double ahead_s = 0.0);
 
   // First hit in (near, far], distances in multiples of |direction|. Both sides of a triangle count.
   // `far` may be infinity.

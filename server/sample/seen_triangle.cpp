@@ -78,13 +78,14 @@ class GeometryRay {
 
 }  // namespace
 
-SeenTriangle::SeenTriangle(const MapView& view, const Instance& instance, uint32_t vertex)
-    : view_(&view), instance_(&instance), nearest_(kInfinity), farthest_(view.near_m) {
+SeenTriangle::SeenTriangle(const MapView& view, const Instance& instance, double ahead_s, uint32_t vertex)
+    : view_(&view), instance_(&instance), ahead_s_(ahead_s), nearest_(kInfinity), farthest_(view.near_m) {
   const Geometry& geometry = *instance.geometry;
+  const Affine world_from_instance = world_from_instance_ahead(instance, ahead_s);
   const uint32_t first = vertex / 3 * 3;
   for (uint32_t k = 0; k < 3; ++k) {
     const glm::dvec3 position(geometry.positions[geometry.indices[first + k]]);
-    corner_[k] = transform_point(instance.world_from_instance, position) - view.eye_m;
+    corner_[k] = transform_point(world_from_instance, position) - view.eye_m;
     const double depth = -glm::dot(view.world_from_view[2], corner_[k]);
     nearest_ = std::min(nearest_, depth);
     farthest_ = std::max(farthest_, depth);
@@ -96,7 +97,7 @@ double SeenTriangle::depth_along(const glm::dvec3& direction) const {
   const Hit hit = intersect(corner_, direction);
   if (hit.inside) return hit.depth;
   const double about = std::clamp(std::isfinite(hit.depth) ? hit.depth : nearest_, nearest_, farthest_);
-  const Affine from_world = inverse(instance_->world_from_instance);
+  const Affine from_world = inverse(world_from_instance_ahead(*instance_, ahead_s_));
   GeometryRay ray(*instance_->geometry, transform_point(from_world, view_->eye_m),
                   transform_vector(from_world, direction));
   const double met = ray.nearest_between(std::max(view_->near_m, about * (1 - kNeighbourReach)),

@@ -15,8 +15,8 @@ namespace sightline {
 class SeenTriangle {
  public:
   SeenTriangle() = default;
-  // `vertex` is any of the triangle's three, counted in Geometry::indices.
-  SeenTriangle(const MapView& view, const Instance& instance, uint32_t vertex);
+  // `vertex` is any of the triangle's three, counted in Geometry::indices; the instance is where it is in `ahead_s`.
+  SeenTriangle(const MapView& view, const Instance& instance, double ahead_s, uint32_t vertex);
 
   // Depth along the view axis (multiples of `direction`, whose depth is one) of what the ray meets here. Rasterisers
   // round vertices (llvmpipe to 1/256 pixel), so the ray may pass a hair beside the triangle: then the instance's
@@ -26,6 +26,7 @@ class SeenTriangle {
  private:
   const MapView* view_ = nullptr;
   const Instance* instance_ = nullptr;
+  double ahead_s_ = 0.0;
   std::array<glm::dvec3, 3> corner_{};     // world, relative to the eye
   double nearest_ = 0.0, farthest_ = 0.0;  // depths of the corners, not before the near plane
 };

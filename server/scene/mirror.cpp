@@ -93,6 +93,16 @@ struct SceneMirror::Pending {
   std::unordered_set<uint64_t> removed, added, added_and_moved;
 };
 
+glm::dvec3 travel_m(const Instance& instance, double ahead_s) {
+  return instance.moving ? instance.velocity_mps * ahead_s : glm::dvec3(0.0);
+}
+
+Affine world_from_instance_ahead(const Instance& instance, double ahead_s) {
+  Affine placed = instance.world_from_instance;
+  placed[3] += travel_m(instance, ahead_s);
+  return placed;
+}
+
 SceneMirror::SceneMirror() : identity_(next_identity()) {}
 
 Status SceneMirror::apply(const SceneDelta& delta, const TransformUpdate& transforms) {

@@ -56,6 +56,10 @@ struct Instance {
 // What an added instance starts as. Values must satisfy (else kInvalidArgument, and the field says which):
 // geometry not null; pose finite, each coordinate within kMaxCoordinateM, |rotation| within 1e-3 of 1 (it is
 // then normalised); is_valid_linear(linear); opacity in [0, 1].
+// Where a moving instance's velocity takes it in `ahead_s` seconds; a static one stays.
+glm::dvec3 travel_m(const Instance& instance, double ahead_s);
+Affine world_from_instance_ahead(const Instance& instance, double ahead_s);
+
 struct NewInstance {
   uint64_t id = 0;
   std::shared_ptr<const Geometry> geometry;

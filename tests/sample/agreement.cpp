@@ -20,7 +20,8 @@ Sample look(const EmbreeScene& scene, const MapRequest& request, double u, doubl
   view.jitter = {u, v};  // texel (0, 0) with the jitter carrying the whole texel coordinate
   const RayHit hit = scene.trace(view.eye_m, glm::vec3(texel_direction(view, 0, 0)), static_cast<float>(view.near_m),
                                  std::numeric_limits<float>::infinity(),
-                                 {.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots});
+                                 {.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots,
+                                  .ahead = request.ahead_s > 0});
   return {hit.slot, hit.slot == UINT32_MAX ? 0.0 : 1.0 / hit.distance_m};
 }
 

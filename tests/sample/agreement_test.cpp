@@ -18,8 +18,9 @@ class Pair {
   Pair(SamplerDevice& egl, SamplerDevice& embree, EmbreeDevice& rays)
       : egl_(egl.make_sampler()), embree_(embree.make_sampler()), scene_(rays, EmbreeScene::Content::kOccluders) {}
 
-  void compare(const SceneMirror& mirror, std::span<const MapRequest> requests, Agreement& agreement) {
-    scene_.take_in(mirror);
+  void compare(const SceneMirror& mirror, std::span<const MapRequest> requests, Agreement& agreement,
+               double ahead_s = 0.0) {
+    scene_.take_in(mirror, ahead_s);
     ASSERT_TRUE(egl_->take(mirror, requests, egl_maps_));
     ASSERT_TRUE(embree_->take(mirror, requests, embree_maps_));
     agreement.add(scene_, requests, egl_maps_, embree_maps_, tolerance);
@@ -27,6 +28,7 @@ class Pair {
 
   test::Tolerance tolerance;
   const std::vector<DepthMap>& egl_maps() const { return egl_maps_; }
+  const std::vector<DepthMap>& embree_maps() const { return embree_maps_; }
 
  private:
   std::unique_ptr<Sampler> egl_, embree_;
@@ -116,6 +118,47 @@ TEST_F(AgreementTest, HoldsTenKilometresFromTheOrigin) {
   }
   EXPECT_GE(agreement.share(), 0.995);
   EXPECT_EQ(agreement.unexcused, 0u);
+}
+
+TransformUpdate with_random_velocities(SceneMaker& maker, TransformUpdate update) {
+  for (size_t i = 0; i < update.ids.size(); ++i)
+    update.velocities_mps.emplace_back(maker.random().next_in(-3, 3), maker.random().next_in(-1, 1),
+                                       maker.random().next_in(-3, 3));
+  return update;
+}
+
+// Maps of the time ahead, beside maps of now in one call: EGL and Embree agree, and both show what they would show if the
+// movers had really gone on for that time.
+TEST_F(AgreementTest, HoldsForMapsOfTheTimeAhead) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(egl);
+  constexpr double kAheadS = 0.4;
+  Agreement agreement;
+  size_t texels = 0, as_if_moved = 0;
+  for (uint64_t seed = 7000; seed < 7060; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror, later;
+    const SceneDelta scene = maker.scene(12);
+    ASSERT_TRUE(mirror.apply(scene, {}));
+    ASSERT_TRUE(later.apply(scene, {}));
+    TransformUpdate moves = with_random_velocities(maker, maker.moves(mirror, 12));
+    ASSERT_TRUE(mirror.apply({}, moves));
+    for (size_t i = 0; i < moves.ids.size(); ++i) moves.poses[i].position_m += kAheadS * moves.velocities_mps[i];
+    ASSERT_TRUE(later.apply({}, moves));
+
+    Requests requests = random_requests(maker, 12);
+    for (size_t i = 0; i < requests.all.size(); i += 2) requests.all[i].ahead_s = kAheadS;
+    Pair pair(egl, *embree_, rays_);
+    pair.compare(mirror, requests.all, agreement, kAheadS);
+    MapRequest moved = requests.all[0];
+    moved.ahead_s = 0.0;
+    std::vector<DepthMap> reference;
+    ASSERT_TRUE(embree_->make_sampler()->take(later, {&moved, 1}, reference));
+    for (size_t texel = 0; texel < reference[0].occluder.size(); ++texel, ++texels)
+      as_if_moved += reference[0].occluder[texel] == pair.embree_maps()[0].occluder[texel];
+  }
+  EXPECT_GE(agreement.share(), 0.995);
+  EXPECT_EQ(agreement.unexcused, 0u);
+  EXPECT_GE(as_if_moved, texels * 0.999) << "the same scene, but for rounding at silhouettes";
 }
 
 }  // namespace
