@@ -1,0 +1,275 @@
+#include "server/move/groups.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <set>
+#include <tuple>
+
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+using Cell = std::tuple<int, int, int>;
+Cell key(const glm::ivec3& c) {
+  return {c.x, c.y, c.z};
+}
+
+struct Grid {
+  std::vector<glm::ivec3> cells;
+  std::vector<glm::dvec3> places;
+  std::vector<uint8_t> members;
+  glm::dvec3 desired{0.0};
+  GroupScratch scratch;
+  Groups groups;
+
+  void add(const glm::ivec3& cell, bool member) {
+    cells.push_back(cell);
+    places.push_back(glm::dvec3(cell) * 0.25);
+    members.push_back(member);
+  }
+  void fill(int low, int high, auto is_member) {
+    for (int z = low; z <= high; ++z)
+      for (int y = low; y <= high; ++y)
+        for (int x = low; x <= high; ++x) add({x, y, z}, is_member(glm::ivec3(x, y, z)));
+  }
+  const Groups& find() {
+    find_groups(cells, places, members, desired, scratch, groups);
+    return groups;
+  }
+};
+
+// A random part of a box, with a random part of it members, listed in random order, some way from the origin.
+Grid random_grid(uint64_t seed) {
+  CounterRandom random(seed, 0, RandomPurpose::kTest);
+  const double kept = random.next_in(0.5, 1.0), member = random.next_in(0.1, 0.95);
+  const int side = 2 + static_cast<int>(random.next_below(9));
+  const glm::ivec3 corner(static_cast<int>(random.next_below(2000)) - 1000, -3,
+                          static_cast<int>(random.next_below(9)));
+  std::vector<std::pair<glm::ivec3, bool>> all;
+  for (int z = 0; z < side; ++z)
+    for (int y = 0; y < side; ++y)
+      for (int x = 0; x < side; ++x)
+        if (random.next_unit() < kept)
+          all.push_back({corner + glm::ivec3(x, y, z), random.next_unit() < member});
+  for (size_t i = all.size(); i > 1; --i)
+    std::swap(all[i - 1], all[random.next_below(static_cast<uint32_t>(i))]);
+  Grid grid;
+  for (const auto& [cell, is_member] : all) grid.add(cell, is_member);
+  grid.desired = glm::dvec3(corner) * 0.25 +
+                 glm::dvec3(random.next_unit(), random.next_unit(), random.next_unit()) * 2.0;
+  return grid;
+}
+
+// The reference for groups: union-find over every pair of members that touch.
+struct UnionFind {
+  std::vector<int> parent;
+  explicit UnionFind(const Grid& grid) : parent(grid.cells.size()) {
+    std::iota(parent.begin(), parent.end(), 0);
+    for (size_t a = 0; a < parent.size(); ++a)
+      for (size_t b = 0; b < a; ++b) {
+        const glm::ivec3 d = glm::abs(grid.cells[a] - grid.cells[b]);
+        if (grid.members[a] && grid.members[b] && d.x + d.y + d.z == 1) parent[root(a)] = root(b);
+      }
+  }
+  int root(size_t i) const {
+    int r = static_cast<int>(i);
+    while (parent[r] != r) r = parent[r];
+    return r;
+  }
+};
+
+// The reference for depth: every cell of a box one layer larger than the candidates that is not a member's,
+// in turn.
+std::vector<uint32_t> brute_depths(const Grid& grid) {
+  std::set<Cell> inside;
+  glm::ivec3 low(INT32_MAX), high(INT32_MIN);
+  for (size_t i = 0; i < grid.cells.size(); ++i) {
+    if (grid.members[i]) inside.insert(key(grid.cells[i]));
+    low = glm::min(low, grid.cells[i] - 1), high = glm::max(high, grid.cells[i] + 1);
+  }
+  std::vector<glm::ivec3> outside;
+  for (int z = low.z; z <= high.z; ++z)
+    for (int y = low.y; y <= high.y; ++y)
+      for (int x = low.x; x <= high.x; ++x)
+        if (!inside.contains({x, y, z})) outside.push_back({x, y, z});
+  std::vector<uint32_t> depth;
+  for (size_t i = 0; i < grid.cells.size(); ++i) {
+    int best = grid.members[i] ? INT32_MAX : 0;
+    for (const glm::ivec3& o : outside) {
+      const glm::ivec3 d = o - grid.cells[i];
+      best = std::min(best, d.x * d.x + d.y * d.y + d.z * d.z);
+    }
+    depth.push_back(static_cast<uint32_t>(best));
+  }
+  return depth;
+}
+
+TEST(Groups, AreThoseOfUnionFindOnRandomSets) {
+  for (uint64_t seed = 0; seed < 150; ++seed) {
+    Grid grid = random_grid(seed);
+    const Groups& found = grid.find();
+    const UnionFind reference(grid);
+    std::map<int, int> group_of_root;
+    std::map<int, uint32_t> size_of_root;
+    for (size_t i = 0; i < grid.cells.size(); ++i) {
+      ASSERT_EQ(found.group_of[i] != kNoGroup, grid.members[i] != 0) << seed;
+      if (!grid.members[i]) continue;
+      ++size_of_root[reference.root(i)];
+      const auto [it, fresh] = group_of_root.emplace(reference.root(i), found.group_of[i]);
+      ASSERT_EQ(it->second, found.group_of[i]) << "seed " << seed << " candidate " << i;
+    }
+    ASSERT_EQ(group_of_root.size(), found.size_cells.size())
+        << "two groups are one, or one is two: seed " << seed;
+    for (const auto& [root, group] : group_of_root) ASSERT_EQ(size_of_root[root], found.size_cells[group]);
+  }
+}
+
+TEST(Groups, DepthIsTheDistanceToTheNearestCellThatIsNoMember) {
+  for (uint64_t seed = 1000; seed < 1100; ++seed) {
+    Grid grid = random_grid(seed);
+    ASSERT_EQ(grid.find().depth_squared, brute_depths(grid)) << "seed " << seed;
+  }
+}
+
+TEST(Groups, DeepestIsAMemberOfALargestGroupThatNoneOtherBeats) {
+  for (uint64_t seed = 2000; seed < 2150; ++seed) {
+    Grid grid = random_grid(seed);
+    const Groups& g = grid.find();
+    if (g.size_cells.empty()) {
+      ASSERT_EQ(g.deepest, -1);
+      continue;
+    }
+    ASSERT_EQ(g.size_cells[g.largest], *std::max_element(g.size_cells.begin(), g.size_cells.end()));
+    ASSERT_GE(g.deepest, 0);
+    ASSERT_TRUE(grid.members[g.deepest]);
+    ASSERT_EQ(g.group_of[g.deepest], g.largest);
+    const auto rank = [&](size_t i) {
+      return std::pair(-static_cast<double>(g.depth_squared[i]), glm::distance(grid.places[i], grid.desired));
+    };
+    for (size_t i = 0; i < grid.cells.size(); ++i) {
+      if (g.group_of[i] == g.largest) {
+        ASSERT_LE(rank(g.deepest), rank(i)) << seed;
+      }
+    }
+  }
+}
+
+TEST(Groups, EqualGroupsAreDecidedByTheOneNearestToTheDesiredPlace) {
+  Grid grid;
+  for (int x = 0; x < 7; ++x) grid.add({x, 0, 0}, x != 3);
+  grid.desired = {10, 0, 0};
+  EXPECT_EQ(grid.find().deepest, 6);
+  grid.desired = {-10, 0, 0};
+  EXPECT_EQ(grid.find().deepest, 0);
+}
+
+TEST(Groups, ALargerGroupWinsOverANearerOne) {
+  Grid grid;
+  for (int x = 0; x < 8; ++x) grid.add({x, 0, 0}, x != 2);
+  grid.desired = {-10, 0, 0};
+  EXPECT_EQ(grid.find().deepest, 3);
+}
+
+TEST(Groups, ARingIsEnteredNotItsHiddenCentre) {
+  Grid grid;
+  grid.fill(-6, 6, [](const glm::ivec3& c) { return std::abs(std::hypot(c.x, c.z) - 4.5) < 1.6; });
+  grid.desired = glm::dvec3(0.0);  // the centre of mass, in the pillar
+  const Groups& g = grid.find();
+  ASSERT_EQ(g.size_cells.size(), 1u);
+  ASSERT_TRUE(grid.members[g.deepest]);
+  const glm::ivec3 taken = grid.cells[g.deepest];
+  EXPECT_GT(std::hypot(taken.x, taken.z), 3.0);
+  EXPECT_GT(g.depth_steps(g.deepest), 1.0) << "inside the ring, not on its rim";
+}
+
+TEST(Groups, TheDeepestOfABallIsItsCentre) {
+  Grid grid;
+  grid.fill(-6, 6, [](const glm::ivec3& c) { return c.x * c.x + c.y * c.y + c.z * c.z <= 30; });
+  grid.desired = {50, 3, 1};
+  const Groups& g = grid.find();
+  EXPECT_EQ(grid.cells[g.deepest], glm::ivec3(0));
+  EXPECT_DOUBLE_EQ(g.depth_share(g.deepest), 1.0);
+}
+
+TEST(Groups, TouchingAtAnEdgeOrACornerDoesNotConnect) {
+  Grid grid;
+  for (const glm::ivec3 c : {glm::ivec3(0, 0, 0), glm::ivec3(1, 1, 0), glm::ivec3(2, 2, 1)})
+    grid.add(c, true);
+  EXPECT_EQ(grid.find().size_cells.size(), 3u);
+}
+
+TEST(Groups, APlaceOffTheGridSharesItsCellsGroupOnlyWhenBothAreMembers) {
+  Grid grid;
+  grid.fill(-2, 2, [](const glm::ivec3& c) { return c.x > -2; });
+  const size_t on_grid = grid.cells.size();
+  grid.add({0, 0, 0}, true), grid.add({0, 0, 0}, false), grid.add({-2, 0, 0}, true);
+  const Groups& g = grid.find();
+  EXPECT_EQ(g.group_of[on_grid], g.largest);
+  EXPECT_EQ(g.depth_steps(on_grid), 2.0);
+  EXPECT_EQ(g.group_of[on_grid + 1], kNoGroup);
+  EXPECT_EQ(g.group_of[on_grid + 2], kNoGroup)
+      << "its cell is hidden, so it is not known to hang together with any";
+  EXPECT_EQ(g.size_cells[g.largest], 100u) << "cells are counted, not candidates";
+}
+
+TEST(Groups, NothingAndNoMembersAreNoGroup) {
+  Grid grid;
+  EXPECT_EQ(grid.find().deepest, -1);
+  grid.fill(0, 2, [](const glm::ivec3&) { return false; });
+  EXPECT_EQ(grid.find().deepest, -1);
+  EXPECT_EQ(grid.groups.largest, kNoGroup);
+  EXPECT_EQ(grid.groups.depth_share(0), 0.0);
+}
+
+TEST(Groups, ScatteredCandidatesAreFoundWithoutAGridAroundThem) {
+  Grid grid;
+  grid.fill(-1, 1, [](const glm::ivec3&) { return true; });
+  grid.add({2'000'000'000, -2'000'000'000, 7}, true);
+  const Groups& g = grid.find();
+  EXPECT_EQ(g.size_cells.size(), 2u);
+  EXPECT_EQ(grid.cells[g.deepest], glm::ivec3(0));
+}
+
+TEST(Groups, TheOrderOfCandidatesChangesNoDepthAndNoCentre) {
+  Grid grid = random_grid(7);
+  Grid reversed = grid;
+  std::reverse(reversed.cells.begin(), reversed.cells.end());
+  std::reverse(reversed.places.begin(), reversed.places.end());
+  std::reverse(reversed.members.begin(), reversed.members.end());
+  const Groups &a = grid.find(), &b = reversed.find();
+  ASSERT_GE(a.deepest, 0);
+  EXPECT_EQ(grid.cells[a.deepest], reversed.cells[b.deepest]);
+  EXPECT_TRUE(std::equal(a.depth_squared.begin(), a.depth_squared.end(), b.depth_squared.rbegin()));
+}
+
+TEST(Groups, MemoryIsReusedFromCallToCall) {
+  Grid grid = random_grid(11);
+  grid.find();
+  const auto* group = grid.groups.group_of.data();
+  const auto* slots = grid.scratch.slots.data();
+  const auto* queue = grid.scratch.queue.data();
+  const auto* line = grid.scratch.line.data();
+  for (int i = 0; i < 5; ++i) grid.find();
+  EXPECT_EQ(group, grid.groups.group_of.data());
+  EXPECT_EQ(slots, grid.scratch.slots.data());
+  EXPECT_EQ(queue, grid.scratch.queue.data());
+  EXPECT_EQ(line, grid.scratch.line.data());
+}
+
+TEST(Groups, LatticeCellsAreTheRoundedMultiplesOfTheSpacing) {
+  const double spacing = std::exp2(-2.25);
+  std::vector<glm::ivec3> cells;
+  std::vector<glm::dvec3> places;
+  for (int i = -900; i <= 900; ++i) places.push_back(glm::dvec3(i, -i, 2 * i) * spacing);
+  lattice_cells(places, spacing, cells);
+  for (int i = -900; i <= 900; ++i) ASSERT_EQ(cells[i + 900], glm::ivec3(i, -i, 2 * i));
+}
+
+}  // namespace
+}  // namespace sightline
