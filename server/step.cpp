@@ -151,7 +151,9 @@ void make_requests(Work& w) {
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const MapRange& range = w.memory.maps_of_target[i];
     const auto request = [&](uint32_t k) {
-      w.memory.requests[k] = {w.memory.views[k], w.input.targets[i].layer_mask, w.memory.ignored_slots[i]};
+      w.memory.requests[k] = {.view = w.memory.views[k],
+                              .layer_mask = w.input.targets[i].layer_mask,
+                              .ignored_slots = w.memory.ignored_slots[i]};
     };
     for (uint32_t k = range.first; k < range.first + range.count; ++k) request(k);
     request(w.memory.sight_of_target[i]);
@@ -246,6 +248,7 @@ void gather_colliders(Work& w) {
   const double reach = 2 * w.memory.bound.radius_m + w.input.limits.max_speed_mps * w.move_s +
                        braking_distance_m(glm::dvec3(w.input.limits.max_speed_mps, 0, 0), w.input.limits);
   w.memory.colliders.gather(w.input.scene, place, std::min(reach, 2 * w.memory.bound.radius_m + 20.0) + 2 * body, {});
+  w.memory.movers_ahead.gather_movers(w.input.scene, place, w.input.limits.max_speed_mps * kEvadeS + 2 * body, {}, kEvadeS);
 }
 
 Choice choose(Work& w) {
@@ -281,6 +284,7 @@ void travel(Work& w, const Choice& choice) {
     const glm::dvec3 with = choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0);
     wanted = velocity_towards(camera, w.memory.candidates.position_m[choice.candidate], with, w.input.limits, w.move_s);
   }
+  wanted = evade(camera, wanted, w.input.limits, w.lens, w.memory.movers_ahead, w.move_s);
   const SafeMove safe = make_safe(camera, wanted, w.input.limits, w.lens, w.memory.colliders, w.move_s);
   w.result.flags.body_overlap = safe.overlap;
   if (safe.overlap) w.result.reason = MoveReason::kBodyOverlap;

@@ -60,7 +60,7 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
     ranges.push_back({first, static_cast<uint32_t>(plan_views(eyes[t], bound, {}, {0.5, 0.5}, views))});
   }
   std::vector<MapRequest> requests;
-  for (const MapView& view : views) requests.push_back({view, ~0u, {}});
+  for (const MapView& view : views) requests.push_back({.view = view});
   const auto device = make_embree_sampler_device();
   std::vector<DepthMap> maps;
   ASSERT_TRUE(device->make_sampler()->take(mirror, requests, maps));
