@@ -248,7 +248,9 @@ void gather_colliders(Work& w) {
   const double reach = 2 * w.memory.bound.radius_m + w.input.limits.max_speed_mps * w.move_s +
                        braking_distance_m(glm::dvec3(w.input.limits.max_speed_mps, 0, 0), w.input.limits);
   w.memory.colliders.gather(w.input.scene, place, std::min(reach, 2 * w.memory.bound.radius_m + 20.0) + 2 * body, {});
-  w.memory.movers_ahead.gather_movers(w.input.scene, place, w.input.limits.max_speed_mps * kEvadeS + 2 * body, {}, kEvadeS);
+  for (size_t look = 0; look < kEvadeS.size(); ++look)
+    w.memory.movers_ahead[look].gather_movers(w.input.scene, place,
+                                              w.input.limits.max_speed_mps * kEvadeS[look] + 2 * body + 1.0, {}, kEvadeS[look]);
 }
 
 Choice choose(Work& w) {

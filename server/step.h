@@ -82,6 +82,7 @@ struct StepMemory {
   CandidateSet candidates;
   SightCounts counts;
   ClearanceField colliders;
+  MoversAhead movers_ahead;
   std::vector<uint32_t> order;
 };
 

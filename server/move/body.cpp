@@ -11,6 +11,9 @@ namespace {
 // Sweeps start this much inside the measured clearance, so that a camera that touches its skin can still slide.
 constexpr double kSweepSlackM = 0.002;
 
+// Room kept to what moves, beyond the body: a mover's velocity is only what it was.
+constexpr double kEvadeRoomM = 0.1;
+
 // The radius to sweep from here: with the whole skin where there is room for it, less where the camera already stands closer.
 double sweep_radius_m(const ClearanceField& field, const glm::dvec3& from_m, double body_m) {
   const double clearance = field.clearance_m(from_m, body_m + 2 * kBodySkinM);
@@ -77,6 +80,23 @@ double swept_radius_m(const CameraLimits& limits, const Lens& lens) {
 bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m, double body_radius_m) {
   const double radius = sweep_radius_m(field, from_m, body_radius_m);
   return field.free_fraction(from_m, to_m, radius) >= 1.0;
+}
+
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
+                 const MoversAhead& movers, double dt_s) {
+  const double keep = swept_radius_m(limits, lens) + kEvadeRoomM;
+  glm::dvec3 velocity = wanted_mps;
+  // A few rounds: what leads away from one collider may lead towards another.
+  for (int round = 0; round < 3; ++round) {
+    for (size_t look = 0; look < movers.size(); ++look) {
+      const glm::dvec3 there = camera.pose.position_m + velocity * kEvadeS[look];
+      glm::dvec3 surface;
+      if (!movers[look].nearest(there, keep, surface)) continue;
+      const double distance = glm::distance(there, surface);
+      if (distance > 1e-6) velocity += (there - surface) * ((keep - distance) / distance / kEvadeS[look]);
+    }
+  }
+  return clamp_velocity(camera.velocity_mps, velocity, limits, dt_s);
 }
 
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,

@@ -2,6 +2,7 @@
 // along it for the step *and then brake to a stop* in free space, so that at every step there is a safe way on: braking.
 #pragma once
 
+#include <array>
 #include <glm/glm.hpp>
 
 #include "server/base/camera.h"
@@ -23,6 +24,16 @@ struct SafeMove {
 // Colliders are taken where the field was gathered; it must cover the camera's reach for braking plus its radius.
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
                    const ClearanceField& field, double dt_s);
+
+// When the camera looks for colliders that come towards it, seconds ahead: near enough together that nothing of a person's
+// size passes between two looks.
+inline constexpr std::array<double, 3> kEvadeS = {0.12, 0.24, 0.4};
+using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, from gather_movers
+
+// `wanted_mps`, changed so that the body is clear of the colliders that move when they and the camera have gone on for each of
+// kEvadeS. Obeys the limits. The colliders of now are make_safe's matter, to be called next.
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
+                 const MoversAhead& movers, double dt_s);
 
 // True when the body can go straight from one place to the other.
 bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m, double body_radius_m);

@@ -57,9 +57,9 @@ struct MapRequest {
 // Row-major from the bottom row: texel (x, y) is at y * width + x.
 struct DepthMap {
   MapView view;
-  double ahead_s = 0.0;            // as requested
   std::vector<float> distance_m;   // Euclidean, from the eye; +infinity where nothing occludes
   std::vector<uint32_t> occluder;  // mirror slot; kNoOccluder where nothing occludes
+  double ahead_s = 0.0;            // as requested
 
   float distance_at(int x, int y) const { return distance_m[static_cast<size_t>(y) * view.width + x]; }
   uint32_t occluder_at(int x, int y) const { return occluder[static_cast<size_t>(y) * view.width + x]; }

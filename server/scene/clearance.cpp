@@ -155,20 +155,30 @@ glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const g
   return a + ab * (vb * scale) + ac * (vc * scale);
 }
 
+void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
+                                 std::span<const uint32_t> ignored_slots, double ahead_s) {
+  const Instance& instance = mirror.instances()[slot];
+  if (!instance.geometry || !instance.collides()) return;
+  const glm::dvec3 center = instance.center_m + travel_m(instance, ahead_s);
+  const double reach = reach_m + instance.radius_m;
+  if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
+  if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;
+  const Affine there = world_from_instance_ahead(instance, ahead_s), back = inverse(there);
+  colliders_.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back)});
+}
+
 void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                             std::span<const uint32_t> ignored_slots) {
   colliders_.clear();
-  const std::span<const Instance> instances = mirror.instances();
-  for (uint32_t slot = 0; slot < instances.size(); ++slot) {
-    const Instance& instance = instances[slot];
-    if (!instance.geometry || !instance.collides()) continue;
-    const glm::dvec3 apart = instance.center_m - center_m;
-    const double reach = reach_m + instance.radius_m;
-    if (glm::dot(apart, apart) > reach * reach) continue;
-    if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) continue;
-    const Affine back = inverse(instance.world_from_instance);
-    colliders_.push_back({&instance, back, 1.0 / max_stretch(back)});
-  }
+  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot)
+    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0);
+}
+
+void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                                   std::span<const uint32_t> ignored_slots, double ahead_s) {
+  colliders_.clear();
+  for (const uint32_t slot : mirror.moving_slots())
+    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s);
 }
 
 double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
@@ -180,20 +190,19 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
   double best = reach_m;
   bool found = false;
   for (const Collider& collider : colliders_) {
-    const Instance& instance = *collider.instance;
-    if (glm::distance(point_m, instance.center_m) - instance.radius_m > best) continue;
+    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) continue;
     const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
-      const Affine& map = instance.world_from_instance;
+      const Affine& map = collider.world_from_instance;
       const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]),
                                                transform_point(map, t[1]), transform_point(map, t[2]));
       const double distance = glm::distance(point_m, q);
       if (distance < best) best = distance, surface_m = q, found = true;
     };
-    for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
+    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
       search(
-          *instance.geometry, *tree, bound, [&] { return best; }, visit);
+          *collider.geometry, *tree, bound, [&] { return best; }, visit);
   }
   return found;
 }
@@ -206,10 +215,9 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
   if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
   double free = length;
   for (const Collider& collider : colliders_) {
-    const Instance& instance = *collider.instance;
-    const glm::dvec3 nearest_on_path = closest_on_segment(instance.center_m, from_m, to_m);
-    if (glm::distance(nearest_on_path, instance.center_m) > instance.radius_m + radius_m) continue;
-    const Affine& map = instance.world_from_instance;
+    const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, from_m, to_m);
+    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) continue;
+    const Affine& map = collider.world_from_instance;
     const Path path{transform_point(collider.instance_from_world, from_m),
                     transform_vector(collider.instance_from_world, to_m - from_m),
                     (radius_m + kPruneSlackM) / collider.min_stretch};
@@ -218,9 +226,9 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
           free, sweep(from_m, direction, free, radius_m,
                       {transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])}));
     };
-    for (const TriangleTree* tree : {&instance.geometry->occluding, &instance.geometry->see_through})
+    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
       search(
-          *instance.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
+          *collider.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
           [&] { return free; }, visit);
   }
   return free / length;

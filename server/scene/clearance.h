@@ -21,6 +21,10 @@ class ClearanceField {
   void gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
               std::span<const uint32_t> ignored_slots);
 
+  // The same, but only of moving colliders, placed where their velocities take them in `ahead_s` seconds.
+  void gather_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                     std::span<const uint32_t> ignored_slots, double ahead_s);
+
   // Distance in metres from `point_m` to the nearest collider surface, or `reach_m` when nothing is nearer.
   // `point_m` plus `reach_m` must lie inside the gathered ball for the answer to be complete.
   double clearance_m(const glm::dvec3& point_m, double reach_m) const;
@@ -39,10 +43,14 @@ class ClearanceField {
 
  private:
   struct Collider {
-    const Instance* instance;
-    Affine instance_from_world;
+    const Geometry* geometry;
+    Affine world_from_instance, instance_from_world;
+    glm::dvec3 center_m;  // of the bounding sphere
+    double radius_m;
     double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
   };
+  void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
+                   std::span<const uint32_t> ignored_slots, double ahead_s);
   std::vector<Collider> colliders_;
 };
 

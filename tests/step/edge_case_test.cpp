@@ -205,6 +205,25 @@ TEST(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
   }
 }
 
+// Walkers and closing doors come at a camera at rest, from any side and at walking and running pace: it steps aside in time.
+TEST(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
+  for (const double speed : {1.4, 3.0}) {
+    for (int heading = 0; heading < 8; ++heading) {
+      OnePerson world;
+      const double angle = heading * 0.7854;
+      const glm::dvec3 from(std::cos(angle), 0, std::sin(angle)), rest(0, 1.6, 6);
+      world.add_box(9, rest + from * 4.0, {0.3, 0.9, 0.3});
+      Watch watch(world);
+      for (int i = 0; i < 240; ++i) {
+        const glm::dvec3 at = rest + from * (4.0 - speed * i * kTick);
+        if (glm::distance(at, glm::dvec3(0, 1, 0)) < 1.5) break;  // not through the target
+        world.move(9, at, -speed * from);
+        EXPECT_FALSE(watch.step().flags.body_overlap) << "heading " << heading << " speed " << speed << " step " << i;
+      }
+    }
+  }
+}
+
 TEST(EdgeCase, EnabledWhileOccludedFindsAViewWithoutAJump) {
   OnePerson world;
   world.add_box(9, {0, 1, 3}, {0.6, 3, 0.05});
