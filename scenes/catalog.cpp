@@ -4,14 +4,18 @@
 
 #include "scenes/arena.h"
 #include "scenes/city.h"
+#include "scenes/corridors.h"
+#include "scenes/crowd.h"
+#include "scenes/doors.h"
 #include "scenes/fence.h"
+#include "scenes/forest.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
 
 namespace sightline::scenes {
 namespace {
 
-constexpr std::array<CatalogEntry, 5> kCatalog{{
+constexpr std::array<CatalogEntry, 9> kCatalog{{
     {"fence", "a sparse fence sways before two standing targets (Table 3)",
      [](const SceneRequest& r) { return make_fence({.seed = r.seed}); }},
     {"hall", "a colonnade, sharp turns, sudden occluders (Table 2)",
@@ -22,6 +26,14 @@ constexpr std::array<CatalogEntry, 5> kCatalog{{
      [](const SceneRequest& r) { return make_city({.seed = r.seed}); }},
     {"arena", "two to eight targets run around obstacles",
      [](const SceneRequest& r) { return make_arena({.seed = r.seed, .targets = r.arena_targets}); }},
+    {"forest", "a winding path between 400 trees",
+     [](const SceneRequest& r) { return make_forest({.seed = r.seed}); }},
+    {"crowd", "up to 35 others walk through the targets' way on a plaza",
+     [](const SceneRequest& r) { return make_crowd({.seed = r.seed, .movers = r.crowd_movers}); }},
+    {"doors", "rooms whose doors close behind the targets",
+     [](const SceneRequest& r) { return make_doors({.seed = r.seed}); }},
+    {"corridors", "narrow passages with right-angled corners",
+     [](const SceneRequest& r) { return make_corridors({.seed = r.seed}); }},
 }};
 
 }  // namespace

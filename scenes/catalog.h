@@ -12,7 +12,8 @@ namespace sightline::scenes {
 // What can be set from outside for every scene; the rest has the defaults of the scene's own options.
 struct SceneRequest {
   uint64_t seed = 1;
-  int arena_targets = 4;
+  int arena_targets = 4;  // [2, 8]
+  int crowd_movers = 20;  // [0, 35]
 };
 
 struct CatalogEntry {

@@ -14,7 +14,7 @@ using namespace sightline::scenes;
 
 void list_scenes() {
   for (const CatalogEntry& entry : catalog())
-    std::printf("%-8.*s %.*s\n", static_cast<int>(entry.name.size()), entry.name.data(),
+    std::printf("%-10.*s %.*s\n", static_cast<int>(entry.name.size()), entry.name.data(),
                 static_cast<int>(entry.summary.size()), entry.summary.data());
 }
 
@@ -58,6 +58,9 @@ int main(int argc, char** argv) {
   app.add_option("--seed", request.seed, "which variant to make")->capture_default_str();
   app.add_option("--targets", request.arena_targets, "targets in the arena")
       ->check(CLI::Range(2, 8))
+      ->capture_default_str();
+  app.add_option("--movers", request.crowd_movers, "movers in the crowd")
+      ->check(CLI::Range(0, 35))
       ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");
   app.add_option("NAME", names, "scenes to make; all when none is named")->check([](const std::string& name) {

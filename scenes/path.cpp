@@ -24,15 +24,20 @@ double length(const Polyline& line) {
   return sum;
 }
 
-Polyline parallel(const Polyline& line, double distance_m) {
+Polyline parallel(const Polyline& line, const std::vector<double>& distances_m) {
+  assert(distances_m.size() == line.size());
   Polyline result;
   for (size_t i = 0; i < line.size(); ++i) {
     const glm::dvec2 before = i > 0 ? left_of(line[i - 1], line[i]) : left_of(line[0], line[1]);
     const glm::dvec2 after = i + 1 < line.size() ? left_of(line[i], line[i + 1]) : before;
     const double alignment = before.x * after.x + before.y * after.y;
-    result.push_back(line[i] + (before + after) * (distance_m / (1 + alignment)));
+    result.push_back(line[i] + (before + after) * (distances_m[i] / (1 + alignment)));
   }
   return result;
+}
+
+Polyline parallel(const Polyline& line, double distance_m) {
+  return parallel(line, std::vector<double>(line.size(), distance_m));
 }
 
 TimedPath::TimedPath(Polyline corners, std::vector<double> times_s)

@@ -38,5 +38,7 @@ double length(const Polyline& line);
 
 // The parallel of `line` at `distance_m` to the left (seen from above: left of +x is -z), mitred.
 Polyline parallel(const Polyline& line, double distance_m);
+// The same with a distance for each corner.
+Polyline parallel(const Polyline& line, const std::vector<double>& distances_m);
 
 }  // namespace sightline::scenes

@@ -25,9 +25,9 @@ Json extras_of(const Json& role) {
 }
 
 // Turns the unit direction `from` towards `to`, by no more in one key than a body can.
-glm::dvec2 turned(const glm::dvec2& from, const glm::dvec2& to) {
+glm::dvec2 turned(const glm::dvec2& from, const glm::dvec2& to, double keys_per_second) {
   constexpr double kFastestTurn_radps = 8.0;  // a little more than the sharpest corner of a walk asks for
-  const glm::dvec2 step = circle_point(kFastestTurn_radps / kKeysPerSecond / (2 * std::numbers::pi));
+  const glm::dvec2 step = circle_point(kFastestTurn_radps / keys_per_second / (2 * std::numbers::pi));
   if (from.x * to.x + from.y * to.y >= step.x) return to;
   const double sine = from.x * to.y - from.y * to.x >= 0 ? step.y : -step.y;
   return {from.x * step.x - from.y * sine, from.x * sine + from.y * step.x};
@@ -49,16 +49,17 @@ void Motion::add(double time_s, const glm::dvec3& position_m, const glm::dquat& 
   rotations.push_back(flip ? -rotation : rotation);
 }
 
-Motion walk(const TimedPath& path, double duration_s) {
+Motion walk(const TimedPath& path, double duration_s, double keys_per_second) {
   Motion motion;
   const glm::dvec2 first = path.velocity_mps(0);
   glm::dvec2 heading = length(first) > 0.01 ? first / length(first) : glm::dvec2(0, 1);
-  const auto last = static_cast<int>(std::floor(duration_s * kKeysPerSecond + 0.5));
+  const auto last = static_cast<int>(std::floor(duration_s * keys_per_second + 0.5));
   for (int i = 0; i <= last; ++i) {
-    const double time_s = i / kKeysPerSecond;
+    const double time_s = i / keys_per_second;
     const glm::dvec2 p = path.position_m(time_s), v = path.velocity_mps(time_s);
     const double speed = length(v);
-    if (speed > 0.01) heading = turned(heading, v / speed);  // who stands still goes on facing the same way
+    if (speed > 0.01)
+      heading = turned(heading, v / speed, keys_per_second);  // who stands still goes on facing the same way
     motion.add(time_s, {p.x, 0, p.y}, facing(heading));
   }
   return motion;

@@ -27,8 +27,8 @@ struct Motion {
   void add(double time_s, const glm::dvec3& position_m, const glm::dquat& rotation);
 };
 
-// 60 keys a second over [0, duration_s] of a walker on the floor who faces where they go.
-Motion walk(const TimedPath& path, double duration_s);
+// Keys over [0, duration_s] of a walker on the floor who faces where they go. Targets have 60 a second.
+Motion walk(const TimedPath& path, double duration_s, double keys_per_second = kKeysPerSecond);
 
 // "column", 3 -> "column-3".
 std::string numbered(std::string name, int number);

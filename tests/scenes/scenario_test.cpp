@@ -13,6 +13,7 @@
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
 #include "server/sample/embree_scene.h"
+#include "tests/scenes/hidden.h"
 #include "tests/scenes/stage.h"
 
 namespace sightline {
@@ -46,10 +47,6 @@ std::string print_case(const testing::TestParamInfo<Case>& info) {
 
 class EveryScenario : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryScenario, testing::ValuesIn(all_cases()), print_case);
-
-double duration_of(const Stage& stage) {
-  return stage.animation().duration_s;
-}
 
 TEST_P(EveryScenario, IsTheSameBytesOnEveryRun) {
   EXPECT_EQ(GetParam().make(), GetParam().make());
@@ -93,7 +90,7 @@ TEST_P(EveryScenario, MovesTargetsWithoutJumps) {
   for (const Role& role : stage.with_role("target")) {
     Pose before = stage.pose_of(role, 0);
     glm::dvec3 velocity_before{0.0};
-    for (int tick = 1; tick * kTick_s < duration_of(stage) - 1e-6; ++tick) {
+    for (int tick = 1; tick * kTick_s < stage.duration_s() - 1e-6; ++tick) {
       const Pose now = stage.pose_of(role, tick * kTick_s);
       const glm::dvec3 velocity = (now.position_m - before.position_m) / kTick_s;
       EXPECT_LE(glm::length(velocity), 3.05);
@@ -111,7 +108,7 @@ TEST_P(EveryScenario, KeepsTargetsOnTheFloorAndClearOfEveryCollider) {
   Stage stage(GetParam().make());
   EmbreeDevice device;
   EmbreeScene colliders(device, EmbreeScene::Content::kColliders);
-  for (double time_s = 0; time_s <= duration_of(stage); time_s += 4 * kTick_s) {
+  for (double time_s = 0; time_s <= stage.duration_s(); time_s += 4 * kTick_s) {
     stage.play(time_s);
     colliders.take_in(stage.mirror());
     const std::vector<uint32_t> targets = stage.target_slots();
@@ -130,7 +127,7 @@ TEST_P(EveryScenario, KeepsTargetsOnTheFloorAndClearOfEveryCollider) {
 TEST_P(EveryScenario, KeepsTargetsApartFromEachOther) {
   const Stage stage(GetParam().make());
   const std::vector<Role> targets = stage.with_role("target");
-  for (double time_s = 0; time_s <= duration_of(stage); time_s += 4 * kTick_s)
+  for (double time_s = 0; time_s <= stage.duration_s(); time_s += 4 * kTick_s)
     for (size_t a = 0; a < targets.size(); ++a)
       for (size_t b = a + 1; b < targets.size(); ++b)
         EXPECT_GE(glm::distance(stage.pose_of(targets[a], time_s).position_m,
@@ -163,7 +160,7 @@ TEST_P(EveryScenario, NeverSweepsAnOccluderThroughATarget) {
   Stage stage(GetParam().make());
   EmbreeDevice device;
   EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
-  for (double time_s = 0; time_s <= duration_of(stage); time_s += 2 * kTick_s) {
+  for (double time_s = 0; time_s <= stage.duration_s(); time_s += 2 * kTick_s) {
     stage.play(time_s);
     occluders.take_in(stage.mirror());
     const std::vector<uint32_t> targets = stage.target_slots();
@@ -249,49 +246,6 @@ TEST(Rooms, TargetsPassAtLeastFourDoorsOneBehindTheOther) {
   }
 }
 
-// How often the middle of a target's body is hidden from a camera that never leaves the place that it had at
-// first, measured from the pair.
-struct Hidden {
-  double one_or_more = 0;
-  double all = 0;
-};
-
-glm::dvec3 middle_of_targets(const Stage& stage, double time_s) {
-  const std::vector<Role> targets = stage.with_role("target");
-  glm::dvec3 sum{0.0};
-  for (const Role& role : targets) sum += stage.pose_of(role, time_s).position_m;
-  return sum / static_cast<double>(targets.size());
-}
-
-// `turning`: the place turns with the first target, as that of a camera tied to its back; else it only moves
-// along.
-Hidden hidden_from_fixed_offset(const std::vector<std::byte>& bytes, bool turning) {
-  Stage stage(bytes);
-  EmbreeDevice device;
-  EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
-  const std::vector<Role> targets = stage.with_role("target");
-  const glm::dvec3 offset =
-      stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle_of_targets(stage, 0);
-  const glm::dquat first = stage.pose_of(targets[0], 0).rotation;
-  int frames = 0, any = 0, all = 0;
-  for (double time_s = 0; time_s <= duration_of(stage); time_s += 4 * kTick_s, ++frames) {
-    stage.play(time_s);
-    occluders.take_in(stage.mirror());
-    const std::vector<uint32_t> ignored = stage.target_slots();
-    const glm::dquat turn = stage.pose_of(targets[0], time_s).rotation * glm::conjugate(first);
-    const glm::dvec3 eye = middle_of_targets(stage, time_s) + (turning ? turn * offset : offset);
-    size_t hidden = 0;
-    for (const Role& role : targets) {
-      const glm::dvec3 chest = stage.pose_of(role, time_s).position_m + glm::dvec3(0, 0.9, 0);
-      hidden +=
-          occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX;
-    }
-    any += hidden > 0;
-    all += hidden == targets.size();
-  }
-  return {static_cast<double>(any) / frames, static_cast<double>(all) / frames};
-}
-
 class HallIsHard : public testing::TestWithParam<uint64_t> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, HallIsHard, testing::Values(1, 2, 3, 77));
 
@@ -320,6 +274,22 @@ TEST(Hall, TargetsTurnSharplyAtLeastSixTimes) {
     sharp_turns += angle_between(stage.pose_of(target, time_s).rotation,
                                  stage.pose_of(target, time_s + 0.35).rotation) > 1.0;
   EXPECT_GE(sharp_turns, 6);
+}
+
+// Away from the corners, where they cut a little: 1.2 to 3 m/s, the speeds that the hall is meant for.
+TEST(Hall, TargetsWalkAtBetween1Point2And3MetresASecond) {
+  for (uint64_t seed : {1, 2, 3, 77}) {
+    const Stage stage(make_hall({.seed = seed}));
+    for (const Role& role : stage.with_role("target"))
+      for (double time_s = 0; time_s + 0.5 <= 30; time_s += 0.5) {
+        double walked_m = 0;
+        for (int tick = 0; tick < 30; ++tick)
+          walked_m += glm::distance(stage.pose_of(role, time_s + tick * kTick_s).position_m,
+                                    stage.pose_of(role, time_s + (tick + 1) * kTick_s).position_m);
+        EXPECT_GE(walked_m / 0.5, 1.2) << role.name << " at " << time_s << ", seed " << seed;
+        EXPECT_LE(walked_m / 0.5, 3.0) << role.name << " at " << time_s << ", seed " << seed;
+      }
+  }
 }
 
 TEST(Hall, SuddenOccludersStandWithinAQuarterOfASecond) {

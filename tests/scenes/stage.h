@@ -27,6 +27,7 @@ class Stage {
 
   const SceneAsset& asset() const { return *asset_; }
   const AssetAnimation& animation() const { return asset_->animations.at(0); }
+  double duration_s() const { return animation().duration_s; }
   const SceneMirror& mirror() const { return mirror_; }
   const std::vector<Role>& roles() const { return roles_; }
   std::vector<Role> with_role(const std::string& role) const;
