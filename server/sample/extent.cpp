@@ -1,0 +1,210 @@
+#include "server/sample/extent.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "server/base/transform.h"
+
+namespace sightline {
+namespace {
+
+// Rays of one view before it makes do with what it has: from 1 part in 100 of the frame on, all points are
+// found.
+constexpr size_t kMaxRays = 128 * kExtentPoints;
+
+// Steps of the R2 sequence: 1 / g and 1 / g^2, where g^3 = g + 1.
+constexpr glm::dvec2 kStep(0.7548776662466927, 0.5698402909980532);
+
+// A little over 1, for rounding: squared distance from the centre, in radii, of what lies in the bounding
+// sphere.
+constexpr double kInSphere = 1.0 + 1e-6;
+
+glm::dvec2 wrapped(const glm::dvec2& p) {
+  return p - glm::floor(p);
+}
+
+struct Frame {
+  glm::dvec2 low{std::numeric_limits<double>::infinity()};
+  glm::dvec2 high{-std::numeric_limits<double>::infinity()};
+};
+
+// A picture of the geometry. Image coordinates are those of a plane across the view direction: at unit
+// distance from the viewer, or in bounding radii when the projection is parallel.
+class Picture {
+ public:
+  Picture(const Geometry& geometry, const ExtentView& view)
+      : center_(geometry.center),
+        radius_(geometry.radius_m),
+        parallel_(std::isinf(view.distance)),
+        distance_(parallel_ ? 2.0 : view.distance),
+        rotation_(upright(geometry.bounds, view.direction)) {
+    fit(geometry.positions);
+  }
+
+  // A point of the frame, both coordinates in [0, 1].
+  glm::dvec2 at(const glm::dvec2& unit) const { return frame_.low + unit * (frame_.high - frame_.low); }
+
+  SurfaceHit cast(const RayCaster& caster, const glm::dvec2& image) const {
+    const glm::dvec3 eye(0.0, 0.0, distance_), across(image, 0.0);
+    const glm::dvec3 origin = parallel_ ? eye + across : eye, forward(0.0, 0.0, -1.0);
+    const glm::dvec3 direction = parallel_ ? forward : across + forward;
+    return caster.first_hit(center_ + rotation_ * (origin * radius_), rotation_ * direction);
+  }
+
+ private:
+  // The shape's longest side stands upright in the picture, so that the frame of a long shape is narrow.
+  static glm::dmat3 upright(const Aabb& bounds, const glm::dvec3& direction) {
+    const glm::vec3 size = bounds.half_extent();
+    const int longest = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    glm::dvec3 up(0.0), right(0.0);
+    up[longest] = right[(longest + 1) % 3] = 1.0;
+    return glm::mat3_cast(look_rotation(-direction, up, right));
+  }
+
+  // The frame around all vertices of triangles. Those outside the bounding sphere belong to none.
+  void fit(const std::vector<glm::vec3>& positions) {
+    for (const glm::vec3& p : positions) {
+      const glm::dvec3 seen =
+          (glm::dvec3(p) - center_) * rotation_ / radius_;  // by the transpose of the rotation
+      if (glm::dot(seen, seen) > kInSphere) continue;
+      const glm::dvec2 image = glm::dvec2(seen) / (parallel_ ? 1.0 : distance_ - seen.z);
+      frame_.low = glm::min(frame_.low, image), frame_.high = glm::max(frame_.high, image);
+    }
+  }
+
+  const glm::dvec3 center_;
+  const double radius_;
+  const bool parallel_;
+  const double distance_;      // of the viewer from the centre, in radii
+  const glm::dmat3 rotation_;  // mesh_from_picture
+  Frame frame_;
+};
+
+// Random points of the frame until one hits.
+std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& picture,
+                                      CounterRandom& random) {
+  for (size_t ray = 0; ray < kMaxRays; ++ray) {
+    const double x = random.next_in(0.0, 1.0), y = random.next_in(0.0, 1.0);
+    if (picture.cast(caster, picture.at({x, y})).hit()) return glm::dvec2(x, y);
+  }
+  return std::nullopt;
+}
+
+// Hits along the sequence from `start` on; fewer than asked for when the rays run out.
+size_t follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
+              std::span<glm::vec3> points) {
+  size_t found = 0;
+  for (size_t ray = 0; ray < kMaxRays && found < points.size(); ++ray) {
+    const SurfaceHit hit =
+        picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(ray))));
+    if (hit.hit()) points[found++] = glm::vec3(hit.point_m);
+  }
+  return found;
+}
+
+// Fibonacci lattice (Swinbank & Purser, "Fibonacci grids: a novel approach to global modelling", 2006).
+glm::dvec3 lattice_direction(size_t index) {
+  const double y = 1.0 - (2.0 * static_cast<double>(index) + 1.0) / kExtentDirections;
+  const double angle = 2.0 * std::numbers::pi * static_cast<double>(index) / std::numbers::phi;
+  const double around = std::sqrt(1.0 - y * y);
+  return {around * std::cos(angle), y, around * std::sin(angle)};
+}
+
+// `inverse` is 1 / distance in radii.
+size_t nearest_distance(double inverse) {
+  size_t best = 0;
+  for (size_t i = 1; i < kExtentDistances.size(); ++i)
+    if (std::abs(1.0 / kExtentDistances[i] - inverse) < std::abs(1.0 / kExtentDistances[best] - inverse))
+      best = i;
+  return best;
+}
+
+}  // namespace
+
+void sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
+                   std::span<glm::vec3> points) {
+  const Geometry& geometry = caster.geometry();
+  size_t found = 0;
+  if (geometry.triangle_count() > 0) {
+    const Picture picture(geometry, view);
+    if (const auto start = first_point(caster, picture, random))
+      found = follow(caster, picture, *start, points);
+  }
+  if (found == 0) std::ranges::fill(points, geometry.center);
+  for (size_t i = found; found > 0 && i < points.size(); ++i) points[i] = points[i - found];
+}
+
+ExtentTable::ExtentTable(const Geometry& geometry)
+    : center_m_(geometry.center), radius_m_(geometry.radius_m), points_m_(kExtentViews * kExtentPoints) {
+  for (size_t i = 0; i < kExtentDirections; ++i) directions_[i] = lattice_direction(i);
+}
+
+std::shared_ptr<const ExtentTable> ExtentTable::build(const Geometry& geometry, uint64_t seed) {
+  std::shared_ptr<ExtentTable> table(new ExtentTable(geometry));
+  const RayCaster caster(geometry);
+  for (size_t index = 0; index < kExtentViews; ++index) {
+    CounterRandom random(seed ^ geometry.hash.low, index, RandomPurpose::kExtentPoints);
+    sample_extent(caster, view(index), random,
+                  std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints));
+  }
+  return table;
+}
+
+ExtentView ExtentTable::view(size_t index) {
+  return {lattice_direction(index % kExtentDirections), kExtentDistances[index / kExtentDirections]};
+}
+
+size_t ExtentTable::view_index(const glm::dvec3& viewer_mesh_m) const {
+  const glm::dvec3 along = viewer_mesh_m - center_m_;
+  const double distance = glm::length(along);
+  const double inverse = distance > radius_m_ ? radius_m_ / distance : 1.0;
+  size_t nearest = 0;
+  double most = -std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < kExtentDirections; ++i)
+    if (const double closeness = glm::dot(directions_[i], along); closeness > most)
+      most = closeness, nearest = i;
+  return nearest_distance(inverse) * kExtentDirections + nearest;
+}
+
+std::span<const glm::vec3> ExtentTable::points_of_view(size_t index) const {
+  return std::span(points_m_).subspan(index * kExtentPoints, kExtentPoints);
+}
+
+std::span<const glm::vec3> ExtentTable::points(const glm::dvec3& viewer_mesh_m) const {
+  return points_of_view(view_index(viewer_mesh_m));
+}
+
+void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count,
+                 std::vector<glm::vec3>& out) {
+  out.clear();
+  if (points.empty()) return;
+  const size_t size = points.size(), picked = std::min(count, size);
+  const size_t first = tick % size * picked % size;
+  for (size_t i = 0; i < picked; ++i) out.push_back(points[(first + i) % size]);
+}
+
+std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const Geometry>& geometry) {
+  std::promise<std::shared_ptr<const ExtentTable>> built;
+  FutureTable table;
+  bool is_new = false;
+  {
+    const std::lock_guard lock(mutex_);
+    is_new = !by_hash_.contains(geometry->hash);
+    if (is_new) std::erase_if(by_hash_, [](const auto& entry) { return entry.second.geometry.expired(); });
+    Entry& entry = by_hash_[geometry->hash];
+    if (is_new) entry.table = built.get_future().share();
+    entry.geometry = geometry;
+    table = entry.table;
+  }
+  if (is_new) built.set_value(ExtentTable::build(*geometry, seed_));
+  return table.get();
+}
+
+size_t ExtentCache::count() const {
+  const std::lock_guard lock(mutex_);
+  return by_hash_.size();
+}
+
+}  // namespace sightline
