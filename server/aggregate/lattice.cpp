@@ -37,12 +37,20 @@ void Lattice::cover(const Bound& bound, int candidates) {
         const glm::dvec3 place = glm::dvec3(x, y, z) * spacing;
         if (!bound.contains(place)) continue;
         const uint32_t address = address_of({x, y, z});
-        if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}};
+        if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}, 0, 0, ++owners_};
         positions_m_.push_back(place);
         addresses_.push_back(address);
       }
     }
   }
+}
+
+std::optional<uint32_t> Lattice::address_near(const glm::dvec3& place_m) const {
+  if (cells_.empty()) return std::nullopt;
+  const glm::ivec3 index(glm::round(place_m / spacing_m_));
+  const uint32_t address = address_of(index);
+  if (cells_[address].index != index) return std::nullopt;
+  return address;
 }
 
 void Lattice::remember(const std::vector<uint32_t>& visible_targets) {

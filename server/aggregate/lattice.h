@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <vector>
 
 #include "server/aggregate/candidates.h"
@@ -25,6 +26,7 @@ class Lattice {
 
   double spacing_m() const { return spacing_m_; }
   int side() const { return side_; }  // addresses along each axis
+  size_t address_count() const { return cells_.size(); }
 
   // Of the covered cells, in the same order:
   const std::vector<glm::dvec3>& positions_m() const { return positions_m_; }
@@ -32,6 +34,11 @@ class Lattice {
 
   // What the last `remember` stored at an address for the cell that owns it now; 0 for a cell never remembered.
   uint32_t last_visible(uint32_t address) const { return cells_[address].visible_targets; }
+  // A number that the cell got when the address became its own, never given twice: what was stored by address elsewhere
+  // belongs to another cell when the number differs. 0: nobody's.
+  uint64_t owner(uint32_t address) const { return cells_[address].owner; }
+  // The address of the lattice point nearest to a place, while the address is still that point's.
+  std::optional<uint32_t> address_near(const glm::dvec3& place_m) const;
   // How many steps this cell has been inside the bound since it got its address.
   uint32_t steps_known(uint32_t address) const { return cells_[address].steps_known; }
   // Stores this step's visibility; visible_targets runs parallel to positions_m().
@@ -42,12 +49,14 @@ class Lattice {
     glm::ivec3 index{INT32_MIN};  // which lattice point owns this address
     uint32_t visible_targets = 0;
     uint32_t steps_known = 0;
+    uint64_t owner = 0;
   };
   uint32_t address_of(const glm::ivec3& index) const;
   void resize(double spacing_m, int side);
 
   double spacing_m_ = 0.0;
   int side_ = 0;
+  uint64_t owners_ = 0;  // numbers given so far
   std::vector<Cell> cells_;
   std::vector<glm::dvec3> positions_m_;
   std::vector<uint32_t> addresses_;

@@ -1,0 +1,121 @@
+// What the temporal volume costs a step (paper 5): pushing every cell of a lattice and filtering it, by mode,
+// number of candidates, window and targets. The time must follow the candidates and not the window: O(g^3),
+// not O(n g^3). `plain` is the paper's sum over n steps as one would write it first, for comparison.
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <vector>
+
+#include "server/aggregate/temporal_volume.h"
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDt = 1.0 / 60;
+constexpr int kRound = 97;  // steps of made-up visibility, used in turn
+
+// Runs of 1 to 8 steps, cell by cell, so that all states of a few targets occur in every window.
+std::vector<std::vector<uint32_t>> made_up(size_t cells, int targets) {
+  std::vector<std::vector<uint32_t>> steps(kRound, std::vector<uint32_t>(cells));
+  CounterRandom random(1, static_cast<uint64_t>(targets), RandomPurpose::kTest);
+  for (size_t i = 0; i < cells; ++i)
+    for (int t = 0; t < targets; ++t)
+      for (int s = 0; s < kRound;) {
+        const uint32_t seen = random.next_below(2), run = 1 + random.next_below(8);
+        for (uint32_t k = 0; k < run && s < kRound; ++k, ++s) steps[s][i] |= seen << t;
+      }
+  return steps;
+}
+
+Lattice covered(int candidates) {
+  Bound bound;
+  bound.radius_m = 1.25;
+  Lattice lattice;
+  lattice.cover(bound, candidates);
+  return lattice;
+}
+
+std::vector<uint64_t> ids(int targets) {
+  std::vector<uint64_t> out;
+  for (int i = 0; i < targets; ++i) out.push_back(1 + i);
+  return out;
+}
+
+void report(benchmark::State& state, size_t cells) {
+  state.counters["cells"] = static_cast<double>(cells);
+  state.counters["a_cell"] =
+      benchmark::Counter(static_cast<double>(cells),
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+void run(benchmark::State& state, const FilterSettings& settings) {
+  const int targets = static_cast<int>(state.range(2));
+  const Lattice lattice = covered(static_cast<int>(state.range(0)));
+  const auto steps = made_up(lattice.addresses().size(), targets);
+  const auto target_ids = ids(targets);
+  TemporalVolume volume;
+  FilteredSights out;
+  int step = 0;
+  for (auto _ : state) {
+    const auto& visible = steps[step++ % kRound];
+    volume.begin_step(lattice, 0, target_ids, settings, kDt);
+    volume.push(lattice, visible);
+    volume.filter(lattice.addresses(), visible, 0xFFFFFFFF, out);
+    benchmark::DoNotOptimize(out.visible_targets.data());
+  }
+  report(state, lattice.addresses().size());
+}
+
+void joint(benchmark::State& state) {
+  FilterSettings settings;
+  settings.mode = FilterMode::kJoint;
+  settings.n = static_cast<int>(state.range(1));
+  run(state, settings);
+}
+
+void per_target(benchmark::State& state) {
+  FilterSettings settings;
+  settings.window_s = static_cast<double>(state.range(1)) * kDt;
+  run(state, settings);
+}
+
+// Two targets: the last n states of a cell in a ring, counted anew in every step.
+void plain(benchmark::State& state) {
+  const Lattice lattice = covered(static_cast<int>(state.range(0)));
+  const size_t cells = lattice.addresses().size();
+  const auto n = static_cast<size_t>(state.range(1));
+  const auto steps = made_up(cells, 2);
+  std::vector<uint8_t> ring(cells * n);
+  std::vector<uint32_t> out(cells);
+  size_t step = 0;
+  for (auto _ : state) {
+    const auto& visible = steps[step % kRound];
+    for (size_t i = 0; i < cells; ++i) {
+      ring[i * n + step % n] = static_cast<uint8_t>(visible[i]);
+      std::array<uint32_t, 4> count{};
+      for (size_t k = 0; k < n; ++k) ++count[ring[i * n + k]];
+      out[i] = 0;
+      for (uint32_t v = 1; v < 4; ++v)
+        if (count[v] >= 0.6 * static_cast<double>(n)) out[i] = v;
+    }
+    ++step;
+    benchmark::DoNotOptimize(out.data());
+  }
+  report(state, cells);
+}
+
+BENCHMARK(joint)
+    ->ArgNames({"candidates", "n", "targets"})
+    ->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
+BENCHMARK(joint)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343}, {10, 64}, {3, 8, 32}});
+BENCHMARK(per_target)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343, 4096}, {5, 15, 60}, {2}});
+BENCHMARK(per_target)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343}, {15}, {8, 32}});
+BENCHMARK(plain)
+    ->ArgNames({"candidates", "n", "targets"})
+    ->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
+
+}  // namespace
+}  // namespace sightline
+
+BENCHMARK_MAIN();
