@@ -57,7 +57,8 @@ std::string check_address(const std::string& text) {
 
 // A printed configuration has an empty one where none is set.
 std::string check_folder(const std::string& path) {
-  return path.empty() || std::filesystem::is_directory(path) ? "" : "not a folder: " + path;
+  std::error_code unreadable;
+  return path.empty() || std::filesystem::is_directory(path, unreadable) ? "" : "not a folder: " + path;
 }
 
 void add_listening(CLI::App& app, RawFlags& raw) {
@@ -104,6 +105,10 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib, "Largest scene file taken by upload, MiB")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
+      ->capture_default_str();
+  app.add_option("--open-timeout-s", raw.flags.open_timeout_s,
+                 "Seconds that a Control call gets to send `open` before it is ended")
+      ->check(CLI::Range(0.01, 3600.0))
       ->capture_default_str();
   app.add_option("--drain-s", raw.flags.drain_s,
                  "Seconds that open sessions get to end after SIGTERM or SIGINT")

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -66,6 +67,7 @@ ListenOptions listen_options(const Flags& flags) {
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
   limits.max_upload_bytes = flags.max_upload_mib << 20;
+  limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
   return limits;
 }
 

@@ -1,5 +1,6 @@
 #include "server/receive/control_stream.h"
 
+#include <exception>
 #include <new>
 #include <utility>
 
@@ -45,6 +46,7 @@ ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const Se
   stream->self_ = stream;
   stream->reading_ = true;
   stream->StartRead(&stream->request_);
+  stream->wait_for_first_message(limits.open_timeout);
   return stream.get();
 }
 
@@ -58,6 +60,7 @@ void ControlStream::OnReadDone(bool ok) {
   const std::lock_guard lock(mutex_);
   reading_ = false;
   if (ok) {
+    heard_ = true;
     inbox_.push(std::exchange(request_, {}), parts_.clock());
     read_if_room();
   } else {
@@ -99,6 +102,22 @@ void ControlStream::end(const grpc::Status& status) {
   advance();
 }
 
+// The alarm outlives neither the stream nor, by the weak reference, keeps it alive.
+void ControlStream::wait_for_first_message(std::chrono::milliseconds timeout) {
+  const std::weak_ptr<ControlStream> weak = self_;
+  silence_.Set(std::chrono::system_clock::now() + timeout, [weak](bool ran_out) {
+    if (const auto stream = weak.lock(); stream && ran_out) stream->end_if_silent();
+  });
+}
+
+void ControlStream::end_if_silent() {
+  const std::lock_guard lock(mutex_);
+  if (heard_ || end_status_) return;
+  end_status_ =
+      grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no `open` came in time (--open-timeout-s)");
+  advance();
+}
+
 // --- what comes next
 // ---------------------------------------------------------------------------------------------
 
@@ -124,7 +143,7 @@ void ControlStream::advance() {
   if (end_status_) return finish(*end_status_);
   if (has_work()) {
     busy_ = true;
-    WorkerPool& pool = opened_ ? parts_.steppers : parts_.loaders;
+    WorkerPool& pool = opened_ && !needs_loader_ ? parts_.steppers : parts_.loaders;
     return pool.post([self = self_] { self->run(); });
   }
   if (reads_done_) finish(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
@@ -155,26 +174,38 @@ void ControlStream::run() {
   Outcome outcome;
   if (work.drain_reason)
     *outcome.replies.emplace_back().mutable_drain()->mutable_reason() = *work.drain_reason;
-  try {
-    session_ ? take_ticks(work.messages, outcome) : open(work.messages, outcome);
-  } catch (const std::bad_alloc&) {
-    outcome.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
-  }
+  work_through(work, outcome);
   const std::lock_guard lock(mutex_);
   busy_ = false;
   opened_ = session_ != nullptr;
+  needs_loader_ = !work.messages.empty();
+  inbox_.put_back(std::move(work.messages));
   for (v1::ControlReply& reply : outcome.replies) outbox_.push_back(std::move(reply));
   if (outcome.end && !end_status_) end_status_ = std::move(outcome.end);
   advance();
 }
 
-// Opening takes one message, so that the ticks behind it are worked through by the steppers.
+// What throws is out of memory or wrong in itself. It costs this session, which may be half changed, and no
+// other.
+void ControlStream::work_through(Work& work, Outcome& outcome) try {
+  session_ ? take_ticks(work, outcome) : open(work.messages, outcome);
+} catch (const std::bad_alloc&) {
+  outcome.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
+} catch (const std::exception& trouble) {
+  parts_.log.error("session failed", {{"session", session_id_}, {"reason", trouble.what()}});
+  outcome.end = grpc::Status(grpc::StatusCode::INTERNAL, "the session failed; the server's log says why");
+}
+
+// Opening takes one message, so that the ticks behind it are worked through by the steppers. A call
+// that has ended while it waited for a worker costs that worker nothing: scenes may take seconds to read.
 ControlStream::Work ControlStream::take_work() {
   const std::lock_guard lock(mutex_);
   Work work;
+  if (cancelled_ || end_status_) return work;
   work.drain_reason = std::exchange(drain_reason_, std::nullopt);
   if (session_) {
     work.messages = inbox_.take_all();
+    work.may_read_files = needs_loader_;
   } else if (!inbox_.empty()) {
     work.messages.push_back(inbox_.take_one());
   }
@@ -182,9 +213,10 @@ ControlStream::Work ControlStream::take_work() {
   return work;
 }
 
-void ControlStream::open(const Messages& messages, Outcome& outcome) {
+void ControlStream::open(Messages& messages, Outcome& outcome) {
   if (messages.empty()) return;
-  const v1::ControlRequest& request = messages.front().request;
+  const v1::ControlRequest request = std::move(messages.front().request);
+  messages.pop_front();
   v1::ControlReply reply;
   const Status opened =
       request.has_open() ? open_session(request.open(), *reply.mutable_opened()) : tl::unexpected(kNotOpened);
@@ -215,11 +247,14 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   return {};
 }
 
-// Every tick is applied; one step is taken for the newest that was.
-void ControlStream::take_ticks(const Messages& messages, Outcome& outcome) {
+// Every tick is applied; one step is taken for the newest that was. A tick for which a file must be read, and
+// those behind it, are left to a loader: the steps of other sessions do not wait for a disk.
+void ControlStream::take_ticks(Work& work, Outcome& outcome) {
   std::optional<uint64_t> newest;
-  for (const Inbox::Message& message : messages) {
+  for (Messages& messages = work.messages; !messages.empty(); messages.pop_front()) {
+    const Inbox::Message& message = messages.front();
     const v1::Tick& tick = message.request.tick();
+    if (!work.may_read_files && reads_files(tick, parts_.scenes)) break;
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
     } else {
@@ -241,8 +276,11 @@ Status ControlStream::apply(const Inbox::Message& message) {
 }
 
 void ControlStream::step(uint64_t newest_sequence, Outcome& outcome) {
-  const auto answer = session_->step();
-  if (!answer) return reject(answer.error(), newest_sequence, outcome);
+  auto answer = session_->step();
+  if (!answer) {
+    answer.error().message.insert(0, "the tick was applied, its step failed: ");
+    return reject(answer.error(), newest_sequence, outcome);
+  }
   ++tally_.steps;
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(),
                         *outcome.replies.emplace_back().mutable_camera());

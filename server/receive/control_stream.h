@@ -7,12 +7,14 @@
 //
 // Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same
 // time, and only move messages. `run` runs on a worker, one at a time for one stream (`busy_`). drain and end
-// come from the thread that stops the server. All meet in `advance`, which decides what comes next.
+// come from the thread that stops the server, the alarm of a client that never speaks from one of gRPC's. All
+// meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
 // called once, when no worker is busy and no write is under way; nothing is started after it.
 #pragma once
 
+#include <grpcpp/alarm.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <deque>
@@ -50,6 +52,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   struct Work {
     Messages messages;
     std::optional<std::string> drain_reason;
+    bool may_read_files = false;  // on a loader
   };
   struct Outcome {
     Replies replies;
@@ -65,6 +68,9 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   void OnCancel() override;
   void OnDone() override;
 
+  void wait_for_first_message(std::chrono::milliseconds timeout);
+  void end_if_silent();
+
   // Need mutex_.
   void advance();  // starts what can be done next, if anything
   void read_if_room();
@@ -73,10 +79,11 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
 
   // On a worker, while busy_.
   void run();
+  void work_through(Work& work, Outcome& outcome);  // leaves the messages that need a loader
   Work take_work();
-  void open(const Messages& messages, Outcome& outcome);
+  void open(Messages& messages, Outcome& outcome);
   Status open_session(const v1::OpenSession& request, v1::SessionOpened& opened);
-  void take_ticks(const Messages& messages, Outcome& outcome);
+  void take_ticks(Work& work, Outcome& outcome);
   Status apply(const Inbox::Message& message);
   void step(uint64_t newest_sequence, Outcome& outcome);
   void reject(const Error& error, uint64_t sequence, Outcome& outcome);
@@ -92,15 +99,19 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   // By gRPC while reading_, else guarded by mutex_.
   v1::ControlRequest request_;
 
+  grpc::Alarm silence_;  // set once, at the start
+
   std::mutex mutex_;
   // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
   Inbox inbox_;
   Replies outbox_;
-  bool opened_ = false;      // session_ exists
-  bool busy_ = false;        // a worker runs, or is about to
-  bool reading_ = false;     // a read is under way
-  bool writing_ = false;     // a write is under way
-  bool reads_done_ = false;  // the client has closed its side, or is gone
+  bool heard_ = false;         // a message has come
+  bool opened_ = false;        // session_ exists
+  bool needs_loader_ = false;  // the oldest tick names a file that must be read first
+  bool busy_ = false;          // a worker runs, or is about to
+  bool reading_ = false;       // a read is under way
+  bool writing_ = false;       // a write is under way
+  bool reads_done_ = false;    // the client has closed its side, or is gone
   bool cancelled_ = false;
   bool finished_ = false;
   std::optional<std::string> drain_reason_;  // still to be told

@@ -1,5 +1,8 @@
 #include "server/receive/from_proto.h"
 
+#include <set>
+#include <string_view>
+
 #include "server/receive/from_proto_scene.h"
 #include "server/receive/from_proto_values.h"
 
@@ -111,6 +114,16 @@ Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, c
   SessionOptions options;
   if (Status ok = read_open(open, source, options, warnings); !ok) return tl::unexpected(ok.error());
   return options;
+}
+
+bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
+  std::set<std::string_view> asked;
+  for (const v1::NewInstance& added : tick.delta().add()) {
+    if (!added.has_mesh() || !added.mesh().has_scene_name()) continue;
+    const std::string& name = added.mesh().scene_name();
+    if (asked.insert(name).second && !library.is_loaded(name)) return true;
+  }
+  return false;
 }
 
 Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,

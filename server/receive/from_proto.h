@@ -25,6 +25,9 @@ struct SceneSource {
 Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, const SceneSource& source,
                                                   std::vector<std::string>& warnings);
 
+// Whether tick_from_proto would have to read a scene file now, which may take seconds.
+bool reads_files(const v1::Tick& tick, SceneLibrary& library);
+
 // Fields "tick....". Cheap unless the tick adds meshes from a file. `convention` is the session's; arrival_ns
 // is left to the caller.
 Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,

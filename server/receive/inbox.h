@@ -12,7 +12,7 @@ namespace sightline {
 
 // A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the
 // transport's flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus
-// one message.
+// one message. Bytes are those in memory: two bytes on the wire can be an empty message of a hundred.
 class Inbox {
  public:
   struct Message {
@@ -27,7 +27,7 @@ class Inbox {
   bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_; }
 
   void push(v1::ControlRequest request, int64_t arrival_ns) {
-    const size_t bytes = request.ByteSizeLong();
+    const size_t bytes = request.SpaceUsedLong();
     bytes_ += bytes;
     messages_.push_back({std::move(request), arrival_ns, bytes});
   }
@@ -38,6 +38,16 @@ class Inbox {
     messages_.pop_front();
     bytes_ -= message.bytes;
     return message;
+  }
+
+  // Gives back what was taken and could not be worked through yet; it is the oldest again. The bounds may be
+  // passed by it once: they say when reading stops.
+  void put_back(std::deque<Message> messages) {
+    while (!messages.empty()) {
+      bytes_ += messages.back().bytes;
+      messages_.push_front(std::move(messages.back()));
+      messages.pop_back();
+    }
   }
 
   // Everything, oldest first.

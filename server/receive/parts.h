@@ -1,6 +1,7 @@
 // What the RPC handlers share: built and owned by main, handed over by reference.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <string>
 
@@ -32,6 +33,8 @@ struct ServiceLimits {
   size_t max_uploads = 4;                       // at the same time
   size_t max_upload_bytes = size_t{256} << 20;  // of one file
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
+  // A Control call that has sent no message for so long ends: it holds the place of a session.
+  std::chrono::milliseconds open_timeout{10'000};
 };
 
 }  // namespace sightline

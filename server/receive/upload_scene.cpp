@@ -2,6 +2,7 @@
 
 #include <grpcpp/server_context.h>
 
+#include <exception>
 #include <new>
 #include <span>
 
@@ -75,6 +76,9 @@ void UploadScene::load() try {
   Finish(grpc::Status::OK);
 } catch (const std::bad_alloc&) {
   Finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory while reading the scene"});
+} catch (const std::exception& trouble) {
+  parts_.log.error("upload failed", {{"reason", trouble.what()}});
+  Finish({grpc::StatusCode::INTERNAL, "the file could not be read; the server's log says why"});
 }
 
 }  // namespace sightline

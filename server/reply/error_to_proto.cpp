@@ -42,13 +42,25 @@ std::string binary_details(const Error& error, int code, const std::string& mess
   return details.SerializeAsString();
 }
 
+// A status travels in headers, which clients take up to 8 KiB; the message is in it twice, once in base64.
+constexpr size_t kMaxStatusText = 1000;
+
+Error shortened(Error error) {
+  if (error.message.size() <= kMaxStatusText) return error;
+  size_t end = kMaxStatusText;
+  while (end > 0 && (error.message[end] & 0xC0) == 0x80) --end;  // not within a character of UTF-8
+  error.message.replace(end, std::string::npos, "...");
+  return error;
+}
+
 }  // namespace
 
 std::string describe(const Error& error) {
   return error.field.empty() ? error.message : error.field + ": " + error.message;
 }
 
-grpc::Status status_from_error(const Error& error) {
+grpc::Status status_from_error(const Error& whole) {
+  const Error error = shortened(whole);
   const grpc::StatusCode code = code_of(error.code);
   const std::string message = describe(error);
   if (error.field.empty()) return {code, message};

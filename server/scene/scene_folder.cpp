@@ -52,6 +52,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::st
 
 // The lock is not held while the disk is asked.
 SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
+  if (!opened_) return nullptr;
   Asset asset;
   std::vector<Source> sources;
   {

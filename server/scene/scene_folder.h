@@ -28,6 +28,8 @@ class SceneLibrary {
   // the folder, kNotFound, or what read_gltf says with its own field. A file that changed on disk, or one of
   // the files that it refers to, is read anew (told by modification time and size).
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
+  // Whether load_named would answer without reading the file.
+  bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes (no external files) and keeps the asset under its hash while it is used, and the
   // newest `kKeptUploads` ones even when unused, so that an upload is still there when the session opens.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes);

@@ -32,7 +32,8 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
       {"--log-level", "chatty"},       {"--egl-device", "-2"},
       {"--max-message-mib", "0"},      {"stray"},
-      {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"}};
+      {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
+      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
@@ -43,7 +44,8 @@ TEST(DaemonFlags, EveryOneIsExplained) {
        {"--listen ",        "--listen-unix",  "--unix-mode",    "--scene-dir",    "--sampler",
         "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
         "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
-        "--version",        "--print-config", "--check-config", "--config",       "devices"}) {
+        "--version",        "--print-config", "--check-config", "--config",       "devices",
+        "--open-timeout-s"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }

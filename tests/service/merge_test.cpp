@@ -124,7 +124,9 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
     while (stream.send(big)) {
     }
   });
-  EXPECT_EQ(settled([&] { return world.clock_calls(); }) - before, 4u);
+  const uint64_t taken = settled([&] { return world.clock_calls(); }) - before;
+  EXPECT_GE(taken, 2u);  // it counts memory, of which a message may take more than on the wire
+  EXPECT_LE(taken, 4u);
   stream.cancel();
   writer.join();
 }

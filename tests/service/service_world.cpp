@@ -3,6 +3,8 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <stdexcept>
+
 #include "sightline/v1/errors.pb.h"
 
 namespace sightline {
@@ -26,7 +28,13 @@ class GatedSampler final : public Sampler {
 };
 
 std::unique_ptr<Sampler> GatedDevice::make_sampler() {
+  ++samplers_made_;
   return std::make_unique<GatedSampler>(*this, inner_->make_sampler());
+}
+
+void GatedDevice::throw_next() {
+  const std::lock_guard lock(mutex_);
+  throws_ = true;
 }
 
 void GatedDevice::close_gate() {
@@ -56,6 +64,7 @@ Status GatedDevice::pass() {
   changed_.notify_all();
   changed_.wait(lock, [&] { return !closed_; });
   --held_;
+  if (std::exchange(throws_, false)) throw std::runtime_error("thrown by a test");
   if (!failure_) return {};
   const Error error = *std::exchange(failure_, std::nullopt);
   return tl::unexpected(error);
@@ -68,7 +77,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
     : scenes_(options.scene_dir, GltfLimits{}, geometry_),
       streams(options.max_sessions),
       steppers_(options.threads),
-      service_(ServiceParts{scenes_, geometry_, device, steppers_, loaders_, streams, log_,
+      service_(ServiceParts{scenes_, geometry_, device, steppers_, loaders, streams, log_,
                             [this] { return static_cast<int64_t>(++clock_calls_); }, "test"},
                options.limits) {
   ListenOptions listen;
@@ -108,6 +117,11 @@ v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel) {
   const grpc::Status status = v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info);
   EXPECT_TRUE(status.ok()) << status.error_message();
   return info;
+}
+
+HeldLoaders::HeldLoaders(WorkerPool& loaders) {
+  const std::shared_future<void> released(let_go_.get_future());
+  for (unsigned i = 0; i < loaders.threads(); ++i) loaders.post([released] { released.wait(); });
 }
 
 // --- one call

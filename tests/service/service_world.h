@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -33,6 +34,9 @@ class GatedDevice final : public SamplerDevice {
   void wait_until_held(size_t steps);
   // The next maps fail with this, once.
   void fail_next(const Error& error);
+  // The next maps throw, once: what no sampler should do.
+  void throw_next();
+  size_t samplers_made() const { return samplers_made_; }
 
  private:
   friend class GatedSampler;
@@ -44,6 +48,8 @@ class GatedDevice final : public SamplerDevice {
   bool closed_ = false;
   size_t held_ = 0;
   std::optional<Error> failure_;
+  bool throws_ = false;
+  std::atomic<size_t> samplers_made_{0};
 };
 
 struct WorldOptions {
@@ -67,6 +73,7 @@ class ServiceWorld {
   // How often the service has asked for the time. While all steps are held it asks only when a message
   // arrives.
   uint64_t clock_calls() const { return clock_calls_; }
+  size_t geometry_count() const { return geometry_.live_count(); }
 
   GatedDevice device;
 
@@ -78,14 +85,24 @@ class ServiceWorld {
 
  public:
   StreamRegistry streams;
+  WorkerPool loaders{2};
 
  private:
-  WorkerPool loaders_{2};
   WorkerPool steppers_;
   CameraControlService service_;
 
  public:
   std::unique_ptr<Listener> listener;
+};
+
+// Keeps the loaders of a service from doing anything until it is destroyed.
+class HeldLoaders {
+ public:
+  explicit HeldLoaders(WorkerPool& loaders);
+  ~HeldLoaders() { let_go_.set_value(); }
+
+ private:
+  std::promise<void> let_go_;
 };
 
 // One Control call, in step with the test: every read has a deadline of the whole call.

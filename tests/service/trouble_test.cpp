@@ -1,0 +1,206 @@
+// What clients, disks and devices do wrong, and that nobody but the one at fault pays for it.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "server/receive/inbox.h"
+#include "tests/service/service_world.h"
+#include "tests/support/glb_builder.h"
+
+namespace sightline {
+namespace {
+
+template <typename Condition>
+void wait_until(const Condition& condition) {
+  while (!condition()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+WorldOptions with_open_timeout(std::chrono::milliseconds timeout) {
+  WorldOptions options;
+  options.limits.open_timeout = timeout;
+  return options;
+}
+
+// A scene folder with one file.
+class SceneFolder {
+ public:
+  SceneFolder() {
+    std::filesystem::create_directories(path_);
+    GlbBuilder builder;
+    builder.triangle_node();
+    builder.json["meshes"][0]["name"] = "triangle";
+    const std::vector<std::byte> file = builder.glb();
+    std::ofstream(path_ / "one.glb")
+        .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
+  }
+  ~SceneFolder() { std::filesystem::remove_all(path_); }
+  std::string path() const { return path_.string(); }
+
+ private:
+  const std::filesystem::path path_ = std::filesystem::path(testing::TempDir()) / "trouble-scenes";
+};
+
+v1::Tick spawn_tick(uint64_t sequence, uint64_t id) {
+  v1::Tick tick;
+  tick.set_sequence(sequence);
+  tick.set_time_s(static_cast<double>(sequence) / 60.0);
+  v1::NewInstance& added = *tick.mutable_delta()->add_add();
+  added.set_id(id);
+  added.mutable_mesh()->set_scene_name("one.glb");
+  added.mutable_mesh()->set_mesh("triangle");
+  return tick;
+}
+
+TEST(Trouble, ACallThatSaysNothingEndsAndGivesItsPlaceBack) {
+  const ServiceWorld world(with_open_timeout(std::chrono::milliseconds(50)));
+  Stream silent(world.channel());
+  const grpc::Status status = silent.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_NE(status.error_message().find("--open-timeout-s"), std::string::npos) << status.error_message();
+  EXPECT_EQ(world.streams.size(), 0u);
+}
+
+TEST(Trouble, AnOpenSessionMayBeSilentForAsLongAsItLikes) {
+  const ServiceWorld world(with_open_timeout(std::chrono::milliseconds(50)));
+  Stream quiet(world.channel());
+  quiet.open(open_with_boxes(2));
+  for (int i = 0; i < 3; ++i) Stream(world.channel()).finish();  // each is silent for the whole time
+  quiet.send(move_tick(1, 1, 0.1));
+  const auto reply = quiet.read();
+  EXPECT_TRUE(reply && reply->has_camera());
+}
+
+TEST(Trouble, AnExceptionInAStepEndsItsSessionOnly) {
+  ServiceWorld world;
+  Stream unlucky(world.channel()), other(world.channel());
+  unlucky.open(open_with_boxes(2));
+  other.open(open_with_boxes(2));
+  world.device.throw_next();
+  unlucky.send(move_tick(1, 1, 0.1));
+  EXPECT_EQ(unlucky.finish().error_code(), grpc::StatusCode::INTERNAL);
+  other.send(move_tick(1, 1, 0.1));
+  const auto reply = other.read();
+  EXPECT_TRUE(reply && reply->has_camera());
+}
+
+TEST(Trouble, AStepThatFailsSaysThatItsTickWasApplied) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  const uint64_t at_first = stream.open(open_with_boxes(2)).hash();
+  world.device.fail_next({ErrorCode::kUnavailable, "", "the device was lost"});
+  stream.send(move_tick(1, 1, 0.1));
+  const auto failed = stream.read();
+  ASSERT_TRUE(failed && failed->has_rejected());
+  EXPECT_NE(failed->rejected().message().find("the tick was applied"), std::string::npos);
+  v1::Tick empty;
+  empty.set_sequence(2);
+  empty.set_time_s(1.0);
+  stream.send(empty);
+  const auto next = stream.read();
+  ASSERT_TRUE(next && next->has_camera());
+  EXPECT_NE(next->camera().hash(), at_first);
+  EXPECT_EQ(next->camera().merged_ticks(), 1u);
+}
+
+// Reading scenes may take seconds; at the stop of a server, dozens of calls may wait for it.
+TEST(Trouble, ACallThatEndedBeforeItsTurnIsNotOpenedAnyMore) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  {
+    const HeldLoaders held(world.loaders);
+    stream.send(open_with_boxes(2));
+    wait_until([&] { return world.clock_calls() > 0; });
+    world.streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
+  }
+  EXPECT_EQ(stream.finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(world.device.samplers_made(), 0u);
+}
+
+// With one stepper: had it read the file, the mesh would be there when the other session is answered.
+TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
+  const SceneFolder folder;
+  ServiceWorld world({.scene_dir = folder.path(), .threads = 1});
+  Stream spawning(world.channel()), other(world.channel());
+  spawning.open(open_with_boxes(2));
+  other.open(open_with_boxes(2));
+  const size_t geometries = world.geometry_count();
+  {
+    const HeldLoaders held(world.loaders);
+    const uint64_t before = world.clock_calls();
+    spawning.send(spawn_tick(1, 50));
+    wait_until([&] { return world.clock_calls() > before; });
+    for (uint64_t i = 1; i <= 3; ++i) {
+      other.send(move_tick(i, 1, 0.1));
+      const auto reply = other.read();
+      EXPECT_TRUE(reply && reply->has_camera());
+    }
+    EXPECT_EQ(world.geometry_count(), geometries);
+    spawning.send(move_tick(2, 50, 1.0));
+  }
+  uint64_t answered = 0;
+  while (answered < 2) {
+    const auto reply = spawning.read();
+    ASSERT_TRUE(reply && reply->has_camera()) << reply->ShortDebugString();
+    answered = reply->camera().sequence();
+  }
+  EXPECT_EQ(world.geometry_count(), geometries + 1);
+}
+
+TEST(Trouble, AMeshThatIsInMemoryNeedsNoLoader) {
+  const SceneFolder folder;
+  ServiceWorld world({.scene_dir = folder.path()});
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  stream.send(spawn_tick(1, 50));
+  ASSERT_TRUE(stream.read()->has_camera());
+  const HeldLoaders held(world.loaders);
+  stream.send(spawn_tick(2, 51));
+  const auto reply = stream.read();
+  EXPECT_TRUE(reply && reply->has_camera());
+}
+
+TEST(Trouble, AnErrorAboutALongNameStillArrives) {
+  const SceneFolder folder;
+  const ServiceWorld world({.scene_dir = folder.path()});
+  v1::OpenSession open = open_with_boxes(1);
+  open.mutable_scene()->set_name("one.glb");
+  v1::NodeBinding& binding = *open.mutable_scene()->add_bindings();
+  for (int i = 0; i < 20'000; ++i) binding.mutable_node()->append("\u00e9");
+  binding.set_id(9);
+  Stream stream(world.channel());
+  stream.send(open);
+  const grpc::Status status = stream.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND) << status.error_message();
+  EXPECT_EQ(fields_of(status), std::vector<std::string>{"open.scene.bindings[0].node"});
+}
+
+TEST(Trouble, TheInboxCountsBytesInMemory) {
+  v1::ControlRequest hollow;
+  for (int i = 0; i < 1000; ++i) hollow.mutable_tick()->mutable_delta()->add_add();
+  ASSERT_LT(hollow.ByteSizeLong(), 3000u);
+  Inbox inbox(100, 20'000);
+  inbox.push(hollow, 0);
+  EXPECT_TRUE(inbox.full());
+}
+
+TEST(Trouble, WhatIsPutBackIntoTheInboxIsTheOldestAgain) {
+  Inbox inbox(100, 100'000);
+  for (uint64_t i = 1; i <= 3; ++i) {
+    v1::ControlRequest request;
+    request.mutable_tick()->set_sequence(i);
+    inbox.push(request, 0);
+  }
+  auto taken = inbox.take_all();
+  taken.pop_front();
+  v1::ControlRequest newer;
+  newer.mutable_tick()->set_sequence(4);
+  inbox.push(newer, 0);
+  inbox.put_back(std::move(taken));
+  for (uint64_t i = 2; i <= 4; ++i) EXPECT_EQ(inbox.take_one().request.tick().sequence(), i);
+  EXPECT_TRUE(inbox.empty());
+}
+
+}  // namespace
+}  // namespace sightline
