@@ -26,7 +26,7 @@ constexpr std::array<CatalogEntry, 9> kCatalog{{
      [](const SceneRequest& r) { return make_city({.seed = r.seed}); }},
     {"arena", "two to eight targets run around obstacles",
      [](const SceneRequest& r) { return make_arena({.seed = r.seed, .targets = r.arena_targets}); }},
-    {"forest", "a winding path between 400 trees",
+    {"forest", "winding ways between some 400 trees",
      [](const SceneRequest& r) { return make_forest({.seed = r.seed}); }},
     {"crowd", "up to 35 others walk through the targets' way on a plaza",
      [](const SceneRequest& r) { return make_crowd({.seed = r.seed, .movers = r.crowd_movers}); }},

@@ -1,4 +1,4 @@
-// Forest: two targets walk a winding path, now closer and now farther apart, between some 500 trees; some
+// Forest: two targets walk a winding path, now closer and now farther apart, between 350 to 400 trees; some
 // trunks stand between them. What it tests: many thin and some thick occluders all around, none of which
 // hides for long, and crowns that hide a view from above.
 #pragma once

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "server/sample/embree_scene.h"
 #include "tests/scenes/hidden.h"
 #include "tests/scenes/stage.h"
@@ -41,7 +44,7 @@ TEST_P(Forest, PathWindsToBothSides) {
   }
 }
 
-// Rays from the targets' way outwards, at the height of a chest and of a high camera.
+// Rays from a target's way outwards, at the height of a chest and of a high camera.
 TEST_P(Forest, TrunksCollideAndCrownsDoNot) {
   Stage stage(make_forest({.seed = GetParam()}));
   stage.play(0);

@@ -276,7 +276,7 @@ TEST(Hall, TargetsTurnSharplyAtLeastSixTimes) {
   EXPECT_GE(sharp_turns, 6);
 }
 
-// Away from the corners, where they cut a little: 1.2 to 3 m/s, the speeds that the hall is meant for.
+// Averaged over half a second, corners included.
 TEST(Hall, TargetsWalkAtBetween1Point2And3MetresASecond) {
   for (uint64_t seed : {1, 2, 3, 77}) {
     const Stage stage(make_hall({.seed = seed}));
