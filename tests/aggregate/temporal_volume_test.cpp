@@ -202,6 +202,21 @@ TEST(TemporalVolume, APlaceTakesOverThePastOfTheLatticePointThatItComesNearestTo
   EXPECT_FLOAT_EQ(out.visible_share(0, 0), 1.0f) << "no lattice point, no past";
 }
 
+TEST(TemporalVolume, APlaceOfWhichTheWindowSaysNothingIsToldApart) {
+  for (const bool jointly : {false, true}) {
+    const FilterSettings settings = jointly ? joint(15, 0.6) : FilterSettings{};
+    Fixture f;
+    for (int i = 0; i < 20; ++i) f.step(0b11, settings);
+    const std::vector<uint32_t> slot{f.lattice.addresses()[0]}, now{0};
+    for (int away = 1; away <= 20; ++away) {
+      f.volume.begin_step(f.lattice, 0, f.ids, settings, kDt);
+      f.volume.filter(slot, now, 0b11, f.out);
+      EXPECT_EQ(f.out.known_targets[0], away < 15 ? 0b11u : 0u) << away;
+      EXPECT_EQ(f.out.visible_targets[0], jointly && away >= 15 ? 0u : 0b11u) << away;
+    }
+  }
+}
+
 TEST(TemporalVolume, ACandidateWithNoSlotIsTakenAsItIsNow) {
   Fixture f;
   f.step(0b00, {});
