@@ -29,11 +29,10 @@ glm::dvec3 direction_in_camera(const Pose& world_from_camera, const glm::dvec3& 
   return unit_or_zero(inverse_transform_point(world_from_camera, point_m));
 }
 
-// Mean over the steered targets by weight; 0 when there is none.
+// Mean by weight, so over the steered targets; 0 when there is none.
 double weighted_mean(std::span<const TargetView> targets, auto value_of) {
   double sum = 0, weight = 0;
   for (size_t i = 0; i < targets.size(); ++i) {
-    if (!targets[i].steered()) continue;
     sum += targets[i].weight * value_of(i);
     weight += targets[i].weight;
   }

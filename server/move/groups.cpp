@@ -68,13 +68,14 @@ class Finder {
         if (owns_member_cell(i) && s_.beside[i][2 * axis] < 0) transform_run(static_cast<int32_t>(i), axis);
   }
 
-  // Gives every candidate what its cell has.
+  // Gives every member what its cell has: no group and no depth where the first candidate of the cell is no
+  // member.
   void share_out() {
     g_.depth_squared.assign(cell_.size(), 0);
     g_.max_depth_squared = 0;
     for (size_t i = 0; i < cell_.size(); ++i) {
       const int32_t first = s_.first_in_cell[i];
-      if (!member_[i] || !member_[first]) continue;
+      if (!member_[i]) continue;
       g_.group_of[i] = g_.group_of[first];
       g_.depth_squared[i] = static_cast<uint32_t>(s_.distance[first]);
       g_.max_depth_squared = std::max(g_.max_depth_squared, g_.depth_squared[i]);

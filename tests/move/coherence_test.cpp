@@ -280,6 +280,19 @@ TEST(ShotCost, IsBetweenZeroAndOneWhateverIsAsked) {
   }
 }
 
+TEST(ShotCost, StaysBelowOneHoweverFarTheShotIsChangedAndStillGrows) {
+  Shot shot;
+  const CoherenceSettings s{.responsiveness = 0};
+  double last = 0;
+  for (int i = 1; i <= 10; ++i) {
+    shot.go({0, 0, 6 * std::exp2(8 * i)});
+    EXPECT_GT(shot.whole_cost(s), last);
+    EXPECT_LT(shot.whole_cost(s), 1.0);
+    last = shot.whole_cost(s);
+  }
+  EXPECT_GT(shot.cost(s), 1.0);
+}
+
 TEST(ShotCost, ResponsivenessChoosesBetweenSeeingNowAndKeepingTheShot) {
   Shot stays, goes;
   stays.share = stays.now_share = {0.2f, 0.2f}, stays.capture();

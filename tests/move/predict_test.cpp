@@ -343,6 +343,15 @@ TEST(Predict, TheSignOfAQuaternionIsNoMotion) {
   EXPECT_EQ(predictor.usable_ahead_s(0.3), 0.3);
 }
 
+TEST(Predict, TheSignOfAQuaternionIsNoPartOfATurn) {
+  MotionPredictor predictor;
+  for (int i = 0; i <= 20; ++i) {
+    const glm::dquat q = glm::angleAxis(0.04 * i, glm::dvec3(0, 1, 0));
+    predictor.observe(0.02, {{0, 0, 0}, i % 2 == 0 ? q : -q});
+  }
+  expect_same(predictor.at(0.5).pose, {{0, 0, 0}, glm::angleAxis(0.8 + 1.0, glm::dvec3(0, 1, 0))}, 1e-9);
+}
+
 TEST(Predict, PredictedRotationsHaveUnitLength) {
   CounterRandom random(15, 0, RandomPurpose::kTest);
   MotionPredictor predictor;
