@@ -12,6 +12,7 @@
 #include "client/follow.h"
 #include "client/metrics.h"
 #include "client/player.h"
+#include "client/progress_bar.h"
 #include "client/report.h"
 #include "client/scenario_session.h"
 #include "client/trace.h"

@@ -1,11 +1,22 @@
 #include "client/judge.h"
 
 #include <algorithm>
+#include <cmath>
 #include <mutex>
 #include <thread>
 
 namespace sightline {
 namespace {
+
+// In picture heights from the middle; none when outside the picture.
+std::optional<glm::dvec2> place_in_picture(const CameraFrame& frame, const glm::dvec3& point_m) {
+  const glm::dvec3 p = inverse_transform_point(frame.camera, point_m);
+  if (p.z >= 0) return std::nullopt;
+  const double height = 2 * -p.z * std::tan(frame.lens.vertical_fov_rad / 2);
+  const glm::dvec2 at(p.x / height, p.y / height);
+  if (std::abs(at.y) > 0.5 || std::abs(at.x) > 0.5 * frame.lens.aspect) return std::nullopt;
+  return at;
+}
 
 FrameTruth judge_frame(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i,
                        const JudgeOptions& options) {
@@ -14,6 +25,8 @@ FrameTruth judge_frame(ScenarioWorld& world, std::span<const CameraFrame> frames
   world.set_time(frame.time_s);
   FrameTruth truth;
   truth.body = feel(world.colliders(), before.camera.position_m, frame.camera.position_m);
+  for (const Target& target : world.targets())
+    truth.centers.push_back(place_in_picture(frame, world.mirror().find(target.instance_id)->center_m));
   if (options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0)
     truth.picture = look(world.occluders(), world.mirror(), world.targets(), frame.camera, frame.lens,
                          options.picture_size);

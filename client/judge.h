@@ -23,6 +23,9 @@ struct CameraFrame {
 
 struct FrameTruth {
   BodyTruth body;
+  // Where each target's centre is in the picture, in picture heights from its middle, right and up; none:
+  // outside. In the order of ScenarioWorld::targets(); of every frame.
+  std::vector<std::optional<glm::dvec2>> centers;
   std::optional<PictureTruth> picture;  // of every picture_every-th frame
 };
 

@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "client/drive_command.h"
+#include "client/evaluate_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 
@@ -37,6 +38,37 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
       ->capture_default_str();
 }
 
+void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
+  CLI::App* evaluate = app.add_subcommand("evaluate",
+                                          "Play scenes under several camera policies in this process; write "
+                                          "tables and plots of how well they did");
+  CLI::Option* suite =
+      evaluate->add_option("--suite", options.suite, "A list of scenes: scenes (all generated ones)")
+          ->check(CLI::IsMember(sightline::suite_names()));
+  evaluate
+      ->add_option("--scene", options.scenes,
+                   "A generated scene by name, or a .glb with roles; may be repeated")
+      ->excludes(suite);
+  std::vector<std::string> names;
+  for (const sightline::PolicyEntry& policy : sightline::policies()) names.emplace_back(policy.name);
+  evaluate->add_option("--policy", options.policies, "Which cameras (default: all); may be repeated")
+      ->check(CLI::IsMember(names));
+  evaluate->add_option("--seeds", options.seeds, "How many variants of each scene: seeds 1 to N")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  evaluate->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  evaluate->add_option("--duration", options.duration_s, "Seconds of each scene at most (default: all of it)")
+      ->check(CLI::Range(0.0, 86400.0));
+  evaluate->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
+      ->check(CLI::Range(1, 1024));
+  evaluate->add_option("--out", options.out, "Folder for the tables and plots")->capture_default_str();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -49,6 +81,10 @@ int main(int argc, char** argv) {
   drive.progress = isatty(STDERR_FILENO) != 0;
   add_drive(app, drive);
 
+  sightline::EvaluateOptions evaluate;
+  evaluate.progress = drive.progress;
+  add_evaluate(app, evaluate);
+
   std::string scene;
   app.add_subcommand("scene", "Say what a scene file contains")
       ->add_option("file", scene, "A .glb or .gltf")
@@ -57,5 +93,6 @@ int main(int argc, char** argv) {
 
   CLI11_PARSE(app, argc, argv);
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
+  if (app.got_subcommand("evaluate")) return sightline::run_evaluate_command(evaluate, std::cout, std::cerr);
   return sightline::run_scene_command(scene, std::cout, std::cerr);
 }

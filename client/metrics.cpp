@@ -32,29 +32,46 @@ bool exceeds(double value, double limit, double slack) {
 struct Rates {
   glm::dvec3 velocity_mps{0.0};
   double yaw_radps = 0.0, pitch_radps = 0.0;
+  glm::dvec3 acceleration_mps2{0.0};
 };
 
 Rates rates_between(const CameraFrame& before, const CameraFrame& now, double dt_s) {
   const Heading from = heading_of(before.camera.rotation), to = heading_of(now.camera.rotation);
   return {(now.camera.position_m - before.camera.position_m) / dt_s,
-          wrapped(to.yaw_rad - from.yaw_rad) / dt_s, (to.pitch_rad - from.pitch_rad) / dt_s};
+          wrapped(to.yaw_rad - from.yaw_rad) / dt_s, (to.pitch_rad - from.pitch_rad) / dt_s, glm::dvec3(0.0)};
 }
 
 MotionSample sample_of(const Rates& before, const Rates& now, double dt_s) {
   MotionSample sample;
   sample.valid = true;
   sample.speed_mps = glm::length(now.velocity_mps);
-  sample.acceleration_mps2 = glm::length(now.velocity_mps - before.velocity_mps) / dt_s;
+  sample.acceleration_mps2 = glm::length(now.acceleration_mps2);
+  sample.jerk_mps3 = glm::length(now.acceleration_mps2 - before.acceleration_mps2) / dt_s;
   sample.angular_speed_radps = std::hypot(now.yaw_radps, now.pitch_radps);
   sample.angular_acceleration_radps2 =
       std::hypot(now.yaw_radps - before.yaw_radps, now.pitch_radps - before.pitch_radps) / dt_s;
   return sample;
 }
 
+bool pops(const CameraFrame& before, const CameraFrame& now) {
+  return glm::distance(now.camera.position_m, before.camera.position_m) > kPopM ||
+         angle_between(now.camera.rotation, before.camera.rotation) > kPopRad;
+}
+
+void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
+                RunMetrics& metrics) {
+  for (size_t i = 1; i < frames.size(); ++i) {
+    if (frames[i].jump) continue;
+    metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
+    metrics.pops += pops(frames[i - 1], frames[i]);
+    const auto &before = truths[i - 1].centers, &now = truths[i].centers;
+    for (size_t k = 0; k < std::min(before.size(), now.size()); ++k)
+      if (before[k] && now[k]) metrics.d_s_heights += glm::distance(*before[k], *now[k]);
+  }
+}
+
 void add_motion(std::span<const CameraFrame> frames, const CameraLimits& limits, RunMetrics& metrics) {
-  for (size_t i = 1; i < frames.size(); ++i)
-    if (!frames[i].jump)
-      metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
+  size_t accelerations = 0, jerks = 0;
   for (const MotionSample& sample : motion_of(frames)) {
     if (!sample.valid) continue;
     if (breaks_limits(sample, limits)) ++metrics.limit_violations;
@@ -63,7 +80,16 @@ void add_motion(std::span<const CameraFrame> frames, const CameraLimits& limits,
     raise(metrics.peak_acceleration_mps2, sample.acceleration_mps2);
     raise(metrics.peak_angular_speed_radps, sample.angular_speed_radps);
     raise(metrics.peak_angular_acceleration_radps2, sample.angular_acceleration_radps2);
+    metrics.rms_acceleration_mps2 += sample.acceleration_mps2 * sample.acceleration_mps2;
+    ++accelerations;
+    if (!sample.has_jerk) continue;
+    raise(metrics.peak_jerk_mps3, sample.jerk_mps3);
+    metrics.rms_jerk_mps3 += sample.jerk_mps3 * sample.jerk_mps3;
+    ++jerks;
   }
+  const auto root_of_mean = [](double sum, size_t n) { return std::sqrt(sum / std::max<size_t>(n, 1)); };
+  metrics.rms_acceleration_mps2 = root_of_mean(metrics.rms_acceleration_mps2, accelerations);
+  metrics.rms_jerk_mps3 = root_of_mean(metrics.rms_jerk_mps3, jerks);
 }
 
 void add_bodies(std::span<const FrameTruth> truths, double body_radius_m, RunMetrics& metrics) {
@@ -95,7 +121,36 @@ void divide_by_pictures(RunMetrics& metrics) {
     target.mean_visible_share /= n;
     target.in_frame_share /= n;
     metrics.mean_visible_share += target.mean_visible_share / static_cast<double>(metrics.targets.size());
+    metrics.in_frame_share += target.in_frame_share / static_cast<double>(metrics.targets.size());
   }
+}
+
+void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths, RunMetrics& metrics) {
+  std::vector<std::vector<SightSample>> sights(metrics.targets.size());
+  double hidden = 0.0;
+  size_t pairs = 0;
+  for (size_t i = 0; i < truths.size(); ++i) {
+    if (!truths[i].picture) continue;
+    add_picture(*truths[i].picture, metrics);
+    for (size_t k = 0; k < sights.size(); ++k) {
+      const TargetTruth& target = truths[i].picture->targets[k];
+      sights[k].push_back({frames[i].time_s, target.visible_share()});
+      if (target.alone_pixels == 0) continue;
+      hidden += 1.0 - target.visible_share();
+      ++pairs;
+    }
+  }
+  divide_by_pictures(metrics);
+  metrics.mean_hidden_share = pairs == 0 ? 0.0 : hidden / static_cast<double>(pairs);
+  metrics.episodes = episodes_of(sights);
+}
+
+// The index of the first sample from `from` on that `wanted` holds of; the last index when there is none.
+template <typename Wanted>
+size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted wanted) {
+  size_t i = from;
+  while (i + 1 < samples.size() && !wanted(samples[i])) ++i;
+  return i;
 }
 
 }  // namespace
@@ -106,9 +161,11 @@ std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames) {
   for (size_t i = 1; i < frames.size(); ++i) {
     const double dt_s = frames[i].time_s - frames[i - 1].time_s;
     if (!(dt_s > 0)) continue;
-    const Rates now = rates_between(frames[i - 1], frames[i], dt_s);
+    Rates now = rates_between(frames[i - 1], frames[i], dt_s);
+    now.acceleration_mps2 = (now.velocity_mps - before.velocity_mps) / dt_s;
     // Neither the jump itself nor the change of velocity right after it says anything.
     if (!frames[i].jump && !frames[i - 1].jump) samples[i] = sample_of(before, now, dt_s);
+    samples[i].has_jerk = samples[i].valid && (i == 1 || samples[i - 1].valid);
     before = now;
   }
   return samples;
@@ -122,16 +179,60 @@ bool breaks_limits(const MotionSample& sample, const CameraLimits& limits) {
          exceeds(sample.angular_acceleration_radps2, limits.max_angular_acceleration_radps2, kAngleSlack);
 }
 
+EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
+  EpisodeMetrics metrics;
+  std::vector<double> lengths;
+  const auto seen = [](const SightSample& s) { return s.visible_share > 0.0; };
+  const auto clear = [](const SightSample& s) { return s.visible_share >= 1.0 - kPartialTolerance; };
+  for (const std::vector<SightSample>& samples : targets)
+    for (size_t i = 0; i < samples.size(); ++i) {
+      if (seen(samples[i])) continue;
+      const size_t end = first_where(samples, i, seen), regained = first_where(samples, i, clear);
+      lengths.push_back(samples[end].time_s - samples[i].time_s);
+      metrics.mean_reacquire_s += samples[regained].time_s - samples[i].time_s;
+      metrics.never_reacquired += !clear(samples[regained]);
+      i = end;
+    }
+  metrics.count = lengths.size();
+  if (metrics.count > 0) metrics.mean_reacquire_s /= static_cast<double>(metrics.count);
+  metrics.p95_length_s = percentile(std::move(lengths), 0.95);
+  return metrics;
+}
+
+WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words) {
+  WordMetrics metrics;
+  const auto share_of = [](double part, size_t whole) {
+    return whole == 0 ? 0.0 : part / static_cast<double>(whole);
+  };
+  for (size_t i = 0; i < truths.size(); ++i) {
+    if (!truths[i].picture) continue;
+    for (const TargetTruth& target : truths[i].picture->targets) {
+      const auto word = std::find_if(words[i].begin(), words[i].end(),
+                                     [&](const TargetWord& w) { return w.id == target.id; });
+      if (word == words[i].end() || target.alone_pixels == 0) continue;
+      const bool visible = target.visible_share() >= 0.5, said = word->visible_share >= 0.5;
+      ++metrics.pairs;
+      metrics.hidden_pairs += !visible;
+      metrics.false_visible += said && !visible;
+      metrics.false_occluded += visible && !said;
+      metrics.mean_absolute_error += std::abs(word->visible_share - target.visible_share());
+    }
+  }
+  metrics.false_visible = share_of(metrics.false_visible, metrics.hidden_pairs);
+  metrics.false_occluded = share_of(metrics.false_occluded, metrics.pairs - metrics.hidden_pairs);
+  metrics.mean_absolute_error = share_of(metrics.mean_absolute_error, metrics.pairs);
+  return metrics;
+}
+
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits) {
   RunMetrics metrics;
   metrics.frames = frames.size();
   for (const ScenarioActor& target : scenario.targets())
     if (target.weight > 0.0) metrics.targets.push_back({target.id, target.name, 0.0, 0.0});
-  for (const FrameTruth& truth : truths)
-    if (truth.picture) add_picture(*truth.picture, metrics);
-  divide_by_pictures(metrics);
+  add_sight(frames, truths, metrics);
   add_bodies(truths, limits.body_radius_m, metrics);
+  add_travel(frames, truths, metrics);
   add_motion(frames, limits, metrics);
   return metrics;
 }
@@ -148,19 +249,30 @@ std::string to_json(const RunMetrics& metrics) {
       {"pictures", metrics.pictures},
       {"targets", targets},
       {"mean_visible_share", metrics.mean_visible_share},
+      {"mean_hidden_share", metrics.mean_hidden_share},
+      {"in_frame_share", metrics.in_frame_share},
       {"r_n", metrics.r_n},
       {"r_p", metrics.r_p},
       {"r_p_tolerant", metrics.r_p_tolerant},
       {"all_seen", metrics.all_seen},
       {"all_clear", metrics.all_clear()},
+      {"episodes", metrics.episodes.count},
+      {"p95_episode_s", metrics.episodes.p95_length_s},
+      {"mean_reacquire_s", metrics.episodes.mean_reacquire_s},
+      {"never_reacquired", metrics.episodes.never_reacquired},
       {"body_collisions", metrics.body_collisions},
       {"least_clearance_m", metrics.least_clearance_m},
       {"limit_violations", metrics.limit_violations},
       {"d_c_m", metrics.d_c_m},
+      {"d_s_heights", metrics.d_s_heights},
+      {"pops", metrics.pops},
       {"peak_speed_mps", metrics.peak_speed_mps},
       {"peak_acceleration_mps2", metrics.peak_acceleration_mps2},
       {"peak_angular_speed_radps", metrics.peak_angular_speed_radps},
-      {"peak_angular_acceleration_radps2", metrics.peak_angular_acceleration_radps2}};
+      {"peak_angular_acceleration_radps2", metrics.peak_angular_acceleration_radps2},
+      {"rms_acceleration_mps2", metrics.rms_acceleration_mps2},
+      {"rms_jerk_mps3", metrics.rms_jerk_mps3},
+      {"peak_jerk_mps3", metrics.peak_jerk_mps3}};
   return json.dump(2);
 }
 

@@ -18,23 +18,4 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames);
 
-// A bar on `out` while something long goes on; nothing at all when `enabled` is false (not a terminal).
-class ProgressBar {
- public:
-  ProgressBar(std::ostream& out, bool enabled) : out_(out), enabled_(enabled) {}
-  ~ProgressBar() { clear(); }
-  ProgressBar(const ProgressBar&) = delete;
-  ProgressBar& operator=(const ProgressBar&) = delete;
-
-  void show(const std::string& what, size_t done, size_t of);
-  // Takes the bar away, so that a line can be printed.
-  void clear();
-
- private:
-  std::ostream& out_;
-  const bool enabled_;
-  int shown_permille_ = -1;
-  std::string shown_what_;
-};
-
 }  // namespace sightline

@@ -18,7 +18,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertRegex(result.stdout, r"^sightline \d+\.\d+\.\d+$")
 
     def test_every_sub_command_has_a_help_text(self):
-        for command in ("drive", "scene"):
+        for command in ("drive", "evaluate", "scene"):
             self.assertIn(command, run("--help").stdout)
             result = run(command, "--help")
             self.assertEqual(result.returncode, 0)

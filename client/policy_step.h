@@ -1,0 +1,12 @@
+// Sightline's own step as a policy: a session in this process, told what a game server would stream.
+#pragma once
+
+#include "client/policy.h"
+#include "server/step.h"
+
+namespace sightline {
+
+// Errors: what Session::open says.
+Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings);
+
+}  // namespace sightline
