@@ -16,7 +16,7 @@ double count(size_t n) {
   return static_cast<double>(n);
 }
 
-constexpr std::array<Figure, 36> kFigures{{
+constexpr std::array<Figure, 37> kFigures{{
     {"frames", "frames", [](const Run& r) { return count(r.metrics.frames); }},
     {"pictures", "judged pictures", [](const Run& r) { return count(r.metrics.pictures); }},
     {"joint_visible_share", "Share of pictures with all targets visible to 95 %",
@@ -47,6 +47,8 @@ constexpr std::array<Figure, 36> kFigures{{
      [](const Run& r) { return r.reaction.mean_delay_s; }, true},
     {"p95_reaction_s", "95th percentile of the reaction delay, seconds",
      [](const Run& r) { return r.reaction.p95_delay_s; }},
+    {"mean_regain_s", "Mean time until a lasting occlusion is over, seconds",
+     [](const Run& r) { return r.reaction.mean_regain_s; }, true},
     {"unanswered_occlusions", "lasting occlusions without an answer",
      [](const Run& r) { return count(r.reaction.unanswered); }},
     {"d_c_m", "d_c: camera travel, metres", [](const Run& r) { return r.metrics.d_c_m; }, true},

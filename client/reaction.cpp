@@ -38,8 +38,10 @@ class Reactions {
         const size_t answer = answer_to(i, k);
         delays.push_back(frames_[answer].time_s - frames_[i].time_s);
         metrics.unanswered += !answers(i, k, answer);
+        metrics.mean_regain_s += frames_[free_again(i, k)].time_s - frames_[i].time_s;
       }
     metrics.occlusions = delays.size();
+    if (!delays.empty()) metrics.mean_regain_s /= static_cast<double>(delays.size());
     for (const double delay : delays) metrics.mean_delay_s += delay / static_cast<double>(delays.size());
     metrics.p95_delay_s = percentile(std::move(delays), 0.95);
     return metrics;
@@ -67,6 +69,12 @@ class Reactions {
 
   bool answers(size_t onset, size_t k, size_t j) const {
     return !hidden_[j][k] || glm::distance(relative_velocity(j), relative_velocity(onset - 1)) > kReactionMps;
+  }
+
+  size_t free_again(size_t onset, size_t k) const {
+    size_t j = onset;
+    while (j + 1 < frames_.size() && hidden_[j][k]) ++j;
+    return j;
   }
 
   size_t answer_to(size_t onset, size_t k) const {

@@ -24,6 +24,8 @@ struct ReactionMetrics {
   double mean_delay_s = 0.0;  // one without any answer counts with kLongestReactionS, or up to the run's end
   double p95_delay_s = 0.0;
   size_t unanswered = 0;
+  // From the onset until the line to the aim point is free again, or to the run's end.
+  double mean_regain_s = 0.0;
 };
 
 // `world` must have a target; its time is left anywhere.
