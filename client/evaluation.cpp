@@ -31,6 +31,7 @@ struct Shared {
   GeometryStore store;
   EmbreeDevice device;
   std::unique_ptr<SamplerDevice> samplers = make_embree_sampler_device();
+  ExtentCache extents;
 };
 
 Result<Scenario> load_case(const SceneCase& scene, Shared& shared) {
@@ -105,7 +106,7 @@ class Run {
   }
 
   Result<Played> play(const Scenario& scenario) {
-    PolicySite site{scenario,       shared_.store,        shared_.device, *shared_.samplers,
+    PolicySite site{scenario,       shared_.store,        shared_.device, *shared_.samplers, shared_.extents,
                     CameraLimits{}, 1 / options_.rate_hz, scene_.seed};
     auto policy = policy_.make(site);
     if (!policy) return tl::unexpected(policy.error());

@@ -12,6 +12,7 @@
 
 #include "client/metrics.h"
 #include "client/scenario_world.h"
+#include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 
 namespace sightline {
@@ -22,6 +23,7 @@ struct PolicySite {
   GeometryStore& store;
   EmbreeDevice& device;
   SamplerDevice& samplers;
+  ExtentCache& extents;
   CameraLimits limits;
   double tick_s = 1.0 / 60.0;  // > 0; over which actors' velocities are taken
   uint64_t seed = 1;

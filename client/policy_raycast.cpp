@@ -58,11 +58,12 @@ void RaycastPolicy::look_at_targets() {
 
 void RaycastPolicy::list_candidates(const Bound& bound, const glm::dvec3& desired_m) {
   lattice_.cover(bound, settings_.aggregate.candidates);
-  candidates_.position_m = lattice_.positions_m();
-  candidates_.visible_targets.assign(candidates_.position_m.size(), 0);
+  candidates_.clear();
+  for (const glm::dvec3& place : lattice_.positions_m()) candidates_.add(place);
   candidates_.add(camera_.pose.position_m);
   candidates_.add(nearest_in_bound(bound, desired_m));
   cast_visibility(world_->occluders(), world_->mirror(), world_->targets(), candidates_);
+  candidates_.filtered_targets = candidates_.visible_targets;
 }
 
 Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {

@@ -73,6 +73,7 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.lens = site.scenario.lens();
   options.limits = site.limits;
   options.settings = settings;
+  options.extents = &site.extents;
   if (auto added = add_scene(site.scenario, site.store, options); !added)
     return tl::unexpected(added.error());
   // No stage clock: nothing that is measured in time may reach a figure.

@@ -152,12 +152,13 @@ int serve(const Flags& flags) {
                            "see `sightlined devices`; --sampler embree needs no OpenGL");
 
   GeometryStore geometry;
+  ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
   StreamRegistry streams(flags.max_sessions);
   WorkerPool loaders(kLoaderThreads);
   WorkerPool steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()));
   CameraControlService service(
-      ServiceParts{scenes, geometry, **sampler, steppers, loaders, streams, log, monotonic_ns, start_name()},
+      ServiceParts{scenes, geometry, extents, **sampler, steppers, loaders, streams, log, monotonic_ns, start_name()},
       service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)

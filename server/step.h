@@ -16,6 +16,7 @@
 #include "server/aggregate/compose.h"
 #include "server/aggregate/lattice.h"
 #include "server/aggregate/pair_volume.h"
+#include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
 #include "server/bound/bound.h"
@@ -24,6 +25,8 @@
 #include "server/move/decision.h"
 #include "server/move/framing.h"
 #include "server/move/motion.h"
+#include "server/move/predict.h"
+#include "server/sample/extent.h"
 #include "server/sample/plan.h"
 #include "server/sample/sampler.h"
 #include "server/scene/mirror.h"
@@ -51,6 +54,9 @@ struct StepInput {
   uint64_t seed = 0;
   uint64_t tick = 0;
   double dt_s = 0.0;  // >= 0; 0: paused
+  // By target: the sample table of its shape; empty, or null for one target: its aim point alone is sampled. Must outlive the
+  // call.
+  std::span<const ExtentTable* const> extents = {};
 };
 
 // Stage clock, injected so that tests and replays can do without one: returns nanoseconds, monotonic.
@@ -58,6 +64,23 @@ using StageClock = std::function<int64_t()>;
 
 enum class Stage { kBound, kSample, kAggregate, kMove };
 inline constexpr size_t kStageCount = 4;
+
+// What is sampled of the targets in one step. A point of a target has one map, or several, over the bound.
+struct Sampled {
+  std::vector<glm::dvec3> points_m;        // world
+  std::vector<MapRange> maps_of_point;     // over the bound
+  std::vector<uint32_t> sight_of_point;    // index of the single-texel map to the camera; not for points ahead
+  std::vector<MapRange> points_of_target;
+
+  void clear() { points_m.clear(), maps_of_point.clear(), sight_of_point.clear(), points_of_target.clear(); }
+};
+
+// Where one target has been: what its prediction is made from.
+struct TargetPast {
+  uint64_t id = 0;
+  MotionPredictor predictor;
+  bool current = false;  // still a target in this step
+};
 
 // What one session carries from step to step, and scratch memory that is reused.
 struct StepMemory {
@@ -69,6 +92,8 @@ struct StepMemory {
   uint64_t offset_targets = 0;         // for which set of steered targets (their ids, hashed) it holds
   double horizon_s = 0.0;              // grows while escaping
   Lattice lattice;
+  TemporalVolume volume;               // what the lattice's cells have seen
+  std::vector<TargetPast> pasts;
 
   // Intermediates of the last step: what is dumped and drawn.
   Bound bound;
@@ -76,14 +101,26 @@ struct StepMemory {
   std::vector<MapRequest> requests;
   std::vector<MapView> views;
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
-  std::vector<MapRange> maps_of_target;  // over the bound
-  std::vector<uint32_t> sight_of_target;  // by target: index of its single-texel map towards the camera
+  Sampled now;                          // the targets where they are
+  Sampled ahead;                        // and where they are predicted to be; empty without prediction
+  double ahead_s = 0.0;                 // for how far; 0: not in this step
+  double ahead_confidence = 0.0;
   std::vector<DepthMap> maps;
   CandidateSet candidates;
   SightCounts counts;
   ClearanceField colliders;
   MoversAhead movers_ahead;
+  std::vector<uint32_t> slots;
+  FilteredSights filtered;
+  std::vector<glm::ivec3> cells;
+  std::vector<uint8_t> members;
+  std::vector<uint8_t> seen;
+  GroupScratch group_scratch;
+  Groups groups;
+  std::vector<double> cost;
   std::vector<uint32_t> order;
+  std::vector<glm::vec3> picked;
+  std::vector<uint64_t> target_ids;
 };
 
 // Puts the camera at `pose` with velocity zero, as at the start or at a cut: the desired place and the escape are forgotten.
@@ -91,7 +128,9 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
 
 struct TargetSight {
   uint64_t id = 0;
-  double visible_share = 0.0;          // sampled points seen from the returned pose
+  double visible_share = 0.0;          // sampled points seen from the returned pose, in this step
+  double filtered_share = 0.0;         // of the camera's own place over the filter's window
+  bool filtered_visible = false;       // what the filter makes of it
   bool in_picture = false;
   double distance_m = 0.0;
   uint64_t occluder_id = 0;            // what hides it; 0: nothing

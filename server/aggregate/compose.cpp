@@ -7,6 +7,10 @@
 
 namespace sightline {
 
+bool is_enough(uint32_t seen, uint32_t points, double needed_share) {
+  return seen > 0 && seen >= needed_share * points - 1e-9;
+}
+
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias) {
   for (const DepthMap& map : maps) {
     const MapPoint at = project(map.view, point_m);
@@ -20,14 +24,18 @@ Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double 
   return {};
 }
 
-void compose_visibility(std::span<const DepthMap> maps, std::span<const MapRange> maps_of_target, double relative_bias,
-                        CandidateSet& candidates) {
-  std::fill(candidates.visible_targets.begin(), candidates.visible_targets.end(), 0u);
-  for (size_t target = 0; target < maps_of_target.size(); ++target) {
-    const auto own = maps.subspan(maps_of_target[target].first, maps_of_target[target].count);
-    const uint32_t bit = 1u << target;
-    for (size_t i = 0; i < candidates.size(); ++i)
-      if (look_up(own, candidates.position_m[i], relative_bias).visible) candidates.visible_targets[i] |= bit;
+void compose_visibility(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
+                        std::vector<uint8_t>& seen, std::vector<uint32_t>& visible) {
+  visible.assign(position_m.size(), 0);
+  for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
+    const MapRange& points = sampled.points_of_target[target];
+    seen.assign(position_m.size(), 0);
+    for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
+      const auto maps = sampled.maps.subspan(range.first, range.count);
+      for (size_t i = 0; i < position_m.size(); ++i) seen[i] += look_up(maps, position_m[i], relative_bias).visible;
+    }
+    for (size_t i = 0; i < position_m.size(); ++i)
+      if (is_enough(seen[i], points.count, sampled.needed_share)) visible[i] |= 1u << target;
   }
 }
 
@@ -35,7 +43,7 @@ void count_sights(const CandidateSet& candidates, uint32_t steered, size_t targe
   counts.total = static_cast<uint32_t>(candidates.size());
   counts.all_visible = counts.some_visible = counts.none_visible = 0;
   counts.visible_by_target.assign(target_count, 0);
-  for (const uint32_t visible : candidates.visible_targets) {
+  for (const uint32_t visible : candidates.filtered_targets) {
     const uint32_t seen = visible & steered;
     ++(seen == 0 ? counts.none_visible : seen == steered ? counts.all_visible : counts.some_visible);
     for (uint32_t rest = visible; rest != 0; rest &= rest - 1) ++counts.visible_by_target[std::countr_zero(rest)];
@@ -44,6 +52,8 @@ void count_sights(const CandidateSet& candidates, uint32_t steered, size_t targe
 
 Status validate(const AggregateSettings& s) {
   if (auto ok = check_range("aggregate.candidates", s.candidates, 27, 32768); !ok) return ok;
+  if (auto ok = check_range("aggregate.needed_share", s.needed_share, 0.0, 1.0); !ok) return ok;
+  if (auto ok = validate(s.filter); !ok) return ok;
   return check_range("aggregate.relative_bias", s.relative_bias, 0.0, 0.1);
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/aggregate/candidates.h"
+#include "server/aggregate/filter.h"
 #include "server/base/error.h"
 #include "server/sample/depth_map.h"
 
@@ -17,12 +18,15 @@ enum class Volume { kLattice, kPair };
 struct AggregateSettings {
   Volume volume = Volume::kLattice;
   int candidates = 343;          // [27, 32768]; about how many lattice points the bound holds
+  double needed_share = 0.75;    // [0, 1]; a place sees a target when it sees this share of its sampled points. Low: it is
+                                 // content with an arm; 1: one hidden point is as bad as all
+  FilterSettings filter{.mode = FilterMode::kNone};
   double relative_bias = 0.001;  // [0, 0.1]; slack of the distance comparison: too small and surfaces hide themselves,
                                  // too large and thin occluders next to the candidate are missed
 };
 Status validate(const AggregateSettings& settings);
 
-// Which of `maps` belong to a target: maps[first .. first + count).
+// A run of a list: [first, first + count).
 struct MapRange {
   uint32_t first = 0;
   uint32_t count = 0;
@@ -39,12 +43,22 @@ struct Sight {
 // equality it is visible; an unknown point is not.
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
 
-// Sets bit i of visible_targets of every candidate that target i's maps show as visible; clears the others.
-// O(candidates * maps).
-void compose_visibility(std::span<const DepthMap> maps, std::span<const MapRange> maps_of_target, double relative_bias,
-                        CandidateSet& candidates);
+// What has been sampled of the targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of
+// target i. A target is seen from a place when at least `needed_share` of its points are, [0, 1]; more than none in any case.
+struct SampledPoints {
+  std::span<const DepthMap> maps;
+  std::span<const MapRange> maps_of_point;
+  std::span<const MapRange> points_of_target;
+  double needed_share = 1.0;
+};
 
-// How many candidates see how much. `steered` has a bit for each target that counts.
+bool is_enough(uint32_t seen, uint32_t points, double needed_share);
+
+// visible[i] becomes the set of targets that position i sees. `seen` is scratch memory, reused. O(positions * maps).
+void compose_visibility(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
+                        std::vector<uint8_t>& seen, std::vector<uint32_t>& visible);
+
+// How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {
   uint32_t total = 0, all_visible = 0, some_visible = 0, none_visible = 0;
   std::vector<uint32_t> visible_by_target;

@@ -122,8 +122,7 @@ void compose_pair(const PairVolume& volume, const DepthMap& map_a, const DepthMa
         if (!bound.contains(point)) continue;
         const bool sees_a = glm::distance(point, map_a.view.eye_m) <= map_a.distance_at(xa, y) * slack;
         const bool sees_b = glm::distance(point, map_b.view.eye_m) <= map_b.distance_at(xb, y) * slack;
-        candidates.add(point);
-        candidates.visible_targets.back() = (sees_a ? 1u : 0u) | (sees_b ? 2u : 0u);
+        candidates.add(point, (sees_a ? 1u : 0u) | (sees_b ? 2u : 0u));
       }
     }
   }

@@ -58,16 +58,16 @@ uint32_t steered_mask(std::span<const TargetView> targets) {
 // Orders candidates for a choice and tries the best ones for reachability.
 class Search {
  public:
-  Search(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
-         const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order)
-      : candidates_(candidates), targets_(targets), desired_m_(desired_m), settings_(settings), reachable_(reachable),
-        order_(order) {}
+  Search(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
+         double ahead_weight, const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order)
+      : candidates_(candidates), targets_(targets), cost_(cost), ahead_weight_(ahead_weight), settings_(settings),
+        reachable_(reachable), order_(order) {}
 
   template <typename Wanted>
   bool collect(Wanted wanted) {
     order_.clear();
     for (uint32_t i = 0; i < candidates_.size(); ++i)
-      if (wanted(candidates_.visible_targets[i])) order_.push_back(i);
+      if (wanted(candidates_.filtered_targets[i])) order_.push_back(i);
     return !order_.empty();
   }
 
@@ -83,20 +83,27 @@ class Search {
 
  private:
   bool better(uint32_t a, uint32_t b) const {
-    const Weights wa = weight_seen(candidates_.visible_targets[a], targets_),
-                  wb = weight_seen(candidates_.visible_targets[b], targets_);
+    const Weights wa = weight_of(a), wb = weight_of(b);
     if (wa.required != wb.required) return wa.required > wb.required;
     if (wa.optional != wb.optional) return wa.optional > wb.optional;
     const glm::dvec3 &pa = candidates_.position_m[a], &pb = candidates_.position_m[b];
     const bool in_a = within_limits(pa, targets_, settings_), in_b = within_limits(pb, targets_, settings_);
     if (in_a != in_b) return in_a;
-    const double da = glm::distance(pa, desired_m_), db = glm::distance(pb, desired_m_);
-    return da != db ? da < db : a < b;
+    return cost_[a] != cost_[b] ? cost_[a] < cost_[b] : a < b;
+  }
+
+  Weights weight_of(uint32_t candidate) const {
+    const Weights now = weight_seen(candidates_.filtered_targets[candidate], targets_);
+    if (ahead_weight_ == 0) return now;
+    const Weights ahead = weight_seen(candidates_.ahead_targets[candidate], targets_);
+    return {now.required * (1 - ahead_weight_) + ahead.required * ahead_weight_,
+            now.optional * (1 - ahead_weight_) + ahead.optional * ahead_weight_};
   }
 
   const CandidateSet& candidates_;
   std::span<const TargetView> targets_;
-  const glm::dvec3& desired_m_;
+  std::span<const double> cost_;
+  const double ahead_weight_;
   const MoveSettings& settings_;
   const Reachable& reachable_;
   std::vector<uint32_t>& order_;
@@ -105,6 +112,9 @@ class Search {
 }  // namespace
 
 Status validate(const MoveSettings& s) {
+  if (auto ok = check_range("move.prediction_s", s.prediction_s, 0, 2); !ok) return ok;
+  if (auto ok = check_range("move.predictive_power", s.predictive_power, 0, 1); !ok) return ok;
+  if (auto ok = validate(s.blend); !ok) return ok;
   if (auto ok = check_range("move.min_distance_m", s.min_distance_m, 0, 1000); !ok) return ok;
   if (auto ok = check_above("move.max_distance_m", s.max_distance_m, s.min_distance_m, 10000); !ok) return ok;
   if (auto ok = check_range("move.min_elevation_rad", s.min_elevation_rad, -kHalfPi, kHalfPi); !ok) return ok;
@@ -143,11 +153,12 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> target
          elevation <= settings.max_elevation_rad;
 }
 
-Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
-                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
+Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
+                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
+                    const Reachable& reachable, std::vector<uint32_t>& order) {
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
-  Search search(candidates, targets, desired_m, settings, reachable, order);
+  Search search(candidates, targets, cost, ahead_weight, settings, reachable, order);
 
   const bool any_all = search.collect([=](uint32_t seen) { return (seen & steered) == steered; });
   if (any_all) {
@@ -164,6 +175,13 @@ Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> 
 
   search.collect([](uint32_t) { return true; });
   return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, search.best()};
+}
+
+Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
+                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
+  std::vector<double> cost;
+  basic_costs(candidates.position_m, desired_m, cost);
+  return choose_place(candidates, targets, cost, desired_m, 0.0, settings, reachable, order);
 }
 
 }  // namespace sightline

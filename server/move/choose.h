@@ -1,8 +1,9 @@
-// Choose: the goal among the candidates (paper 3.4, strategy "Basic"), with the ordered fallbacks of design 6: S_V, then
-// the best partial view by target weight (required before optional), then escape, then hold.
+// Choose: the goal among the candidates (paper 3.4), with the ordered fallbacks of design 6: S_V, then the best partial view by
+// target weight (required before optional), then escape, then hold. Among candidates that see the same, the one of least cost
+// is taken; the strategies of the paper are ways to set that cost (see cost.h).
 //
-// What Basic leaves open is nearest to *what*. Here: to the desired place (see DesiredPlace), which is the place that keeps
-// the shot when targets walk, and the camera's own place when `follow` is kStay (the method as printed).
+// What the paper leaves open is nearest to *what*. Here: to the desired place, which is the place that keeps the shot when
+// targets walk, and the camera's own place when `follow` is kStay (the method as printed).
 #pragma once
 
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include "server/aggregate/candidates.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
+#include "server/move/cost.h"
 #include "server/move/decision.h"
 #include "server/scene/target.h"
 
@@ -24,8 +26,19 @@ enum class Follow {
   kStay,    // the camera wants to stay where it is
 };
 
+enum class Strategy {
+  kBasic,   // the nearest place (paper 3.4)
+  kRobust,  // the deepest place of the largest group (paper 6.1, RobustMove)
+  kBlend,   // near, sheltered and coherent at once, by weights
+};
+
 struct MoveSettings {
+  Strategy strategy = Strategy::kBasic;
   Follow follow = Follow::kOffset;
+  BlendSettings blend = {};         // kBlend only
+  double prediction_s = 0.0;        // [0, 2]; how far ahead targets and occluders are predicted; 0: not at all
+  double predictive_power = 0.5;    // [0, 1]; what is predicted counts by this share against what is seen now. 0: the camera
+                                    // turns corners too late; 1: it leaves a good view for one that may not come
   double min_distance_m = 1.0;      // [0, 1000]; to the nearest target: nearer candidates are not taken
   double max_distance_m = 30.0;     // (min, 10000]; to the weighted centre
   double min_elevation_rad = -0.3;  // [-pi/2, pi/2]; of the camera above the horizontal, seen from the centre
@@ -66,7 +79,15 @@ using Reachable = std::function<bool(const glm::dvec3& place_m)>;
 // At most this many places of one set are tested for reachability, nearest first: it bounds the cost of a step.
 inline constexpr int kMaxReachTests = 24;
 
+// The goal among `candidates`. `cost` runs parallel to them. What a candidate sees is what the filter says now and what is
+// predicted, weighed by 1 - ahead_weight and ahead_weight, [0, 1]; a state (tracking, partial, escaping) is by what it sees
+// now: a prediction never replaces the real target. `desired_m` only tells whether the goal is the desired place itself.
 // `order` is scratch memory, reused. Candidates outside the limits are taken only when none inside is left.
+Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
+                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
+                    const Reachable& reachable, std::vector<uint32_t>& order);
+
+// Basic alone: choose_place by the distance to the desired place, without prediction.
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
                     const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
 

@@ -232,6 +232,7 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
+  options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
   session_ = std::move(*session);

@@ -108,7 +108,23 @@ Status read_bound(const v1::Bound& wire, const std::string& field, BoundSettings
 
 void read_sample(const v1::Sample& wire, SampleSettings& out) {
   if (wire.has_resolution()) out.resolution = saturate(wire.resolution());
+  if (wire.has_points()) out.points = saturate(wire.points());
   if (wire.has_jitter()) out.jitter_texels = wire.jitter();
+}
+
+Status read_filter(const v1::Filter& wire, const std::string& field, FilterSettings& out) {
+  if (!v1::Filter::Mode_IsValid(wire.mode())) return unknown_enum(field + ".mode", wire.mode());
+  if (wire.mode() == v1::Filter::NONE) out.mode = FilterMode::kNone;
+  if (wire.mode() == v1::Filter::JOINT) out.mode = FilterMode::kJoint;
+  if (wire.mode() == v1::Filter::PER_TARGET) out.mode = FilterMode::kPerTarget;
+  if (wire.has_alpha()) out.alpha = wire.alpha();
+  if (wire.has_n()) out.n = saturate(wire.n());
+  if (wire.has_window_s()) out.window_s = wire.window_s();
+  if (wire.has_on()) out.on = wire.on();
+  if (wire.has_off()) out.off = wire.off();
+  if (wire.has_min_occlusion_s()) out.min_occlusion_s = wire.min_occlusion_s();
+  if (wire.has_hold_s()) out.hold_s = wire.hold_s();
+  return {};
 }
 
 Status read_aggregate(const v1::Aggregate& wire, const std::string& field, AggregateSettings& out) {
@@ -117,6 +133,22 @@ Status read_aggregate(const v1::Aggregate& wire, const std::string& field, Aggre
   if (wire.volume() == v1::Aggregate::PAIR) out.volume = Volume::kPair;
   if (wire.has_candidates()) out.candidates = saturate(wire.candidates());
   if (wire.has_relative_bias()) out.relative_bias = wire.relative_bias();
+  if (wire.has_needed_share()) out.needed_share = wire.needed_share();
+  if (Status ok = read_filter(wire.filter(), field + ".filter", out.filter); !ok) return ok;
+  return {};
+}
+
+void read_blend(const v1::Blend& wire, BlendSettings& out) {
+  if (wire.has_distance()) out.distance = wire.distance();
+  if (wire.has_shelter()) out.shelter = wire.shelter();
+  if (wire.has_full_depth_m()) out.full_depth_m = wire.full_depth_m();
+}
+
+Status read_strategy(const v1::Move& wire, const std::string& field, MoveSettings& out) {
+  if (!v1::Move::Strategy_IsValid(wire.strategy())) return unknown_enum(field + ".strategy", wire.strategy());
+  if (wire.strategy() == v1::Move::BASIC) out.strategy = Strategy::kBasic;
+  if (wire.strategy() == v1::Move::ROBUST) out.strategy = Strategy::kRobust;
+  if (wire.strategy() == v1::Move::BLEND) out.strategy = Strategy::kBlend;
   return {};
 }
 
@@ -128,7 +160,10 @@ Status read_move(const v1::Move& wire, const std::string& field, MoveSettings& o
   if (wire.has_max_distance_m()) out.max_distance_m = wire.max_distance_m();
   if (wire.has_min_elevation_rad()) out.min_elevation_rad = wire.min_elevation_rad();
   if (wire.has_max_elevation_rad()) out.max_elevation_rad = wire.max_elevation_rad();
-  return {};
+  if (wire.has_prediction_s()) out.prediction_s = wire.prediction_s();
+  if (wire.has_predictive_power()) out.predictive_power = wire.predictive_power();
+  read_blend(wire.blend(), out.blend);
+  return read_strategy(wire, field, out);
 }
 
 void read_framing(const v1::Framing& wire, FramingSettings& out) {

@@ -8,6 +8,7 @@
 #include "server/receive/log.h"
 #include "server/receive/stream_registry.h"
 #include "server/receive/worker_pool.h"
+#include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 #include "server/scene/scene_folder.h"
 #include "server/step.h"
@@ -18,6 +19,7 @@ namespace sightline {
 struct ServiceParts {
   SceneLibrary& scenes;
   GeometryStore& geometry;
+  ExtentCache& extents;
   SamplerDevice& sampler;
   WorkerPool& steppers;  // apply ticks and take steps
   WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step

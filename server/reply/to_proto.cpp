@@ -81,6 +81,7 @@ void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraRepl
   target.set_id(sight.id);
   target.set_state(state_of(sight));
   target.set_visible_share(sight.visible_share);
+  target.set_filtered_share(sight.filtered_share);
   target.set_distance(sight.distance_m / metres_per_unit);
   target.set_in_picture(sight.in_picture);
   if (sight.occluder_id == 0) return;
@@ -153,10 +154,14 @@ void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& sessi
 
 void add_depth_maps(const Session& session, v1::CameraReply& out) {
   const StepMemory& memory = session.memory();
-  for (size_t target = 0; target < memory.maps_of_target.size(); ++target) {
-    const MapRange& range = memory.maps_of_target[target];
-    for (uint32_t i = range.first; i < range.first + range.count && i < memory.maps.size(); ++i)
-      set_depth_map(memory.maps[i], session.targets()[target].instance_id, session, *out.add_depth_maps());
+  const Sampled& now = memory.now;
+  for (size_t target = 0; target < now.points_of_target.size(); ++target) {
+    const MapRange& points = now.points_of_target[target];
+    for (uint32_t p = points.first; p < points.first + points.count; ++p) {
+      const MapRange& maps = now.maps_of_point[p];
+      for (uint32_t i = maps.first; i < maps.first + maps.count && i < memory.maps.size(); ++i)
+        set_depth_map(memory.maps[i], session.targets()[target].instance_id, session, *out.add_depth_maps());
+    }
   }
 }
 

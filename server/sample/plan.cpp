@@ -66,6 +66,7 @@ MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
 }
 
 Status validate(const SampleSettings& s) {
+  if (auto ok = check_range("sample.points", s.points, 0, 16); !ok) return ok;
   return check_range("sample.resolution", s.resolution, 2, kMaxMapSize);
 }
 

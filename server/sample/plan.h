@@ -13,6 +13,8 @@ namespace sightline {
 
 struct SampleSettings {
   int resolution = 7;        // texels a side, [2, 64]; more finds thinner gaps and costs time
+  int points = 0;            // [0, 16]; surface points of each target that are sampled in a step, in round robin (paper 4);
+                             // 0: its aim point alone. More see partial occlusion at once and cost a map each
   bool jitter_texels = true; // move the sample point inside every texel each tick, so that thin things are found
 };
 

@@ -73,8 +73,20 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   const IdsAfter ids(session->mirror_, nothing);
   if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok)
     return tl::unexpected(ok.error());
+  session->take_extents();
   place_camera(session->memory_, session->options_.camera, glm::dvec3(0.0));
   return session;
+}
+
+// A table belongs to a shape, so it is looked up again whenever targets or instances may have changed.
+void Session::take_extents() {
+  extents_.clear();
+  extent_views_.clear();
+  if (!options_.extents || options_.settings.sample.points == 0) return;
+  for (const Target& target : options_.targets) {
+    extents_.push_back(options_.extents->get(mirror_.find(target.instance_id)->geometry));
+    extent_views_.push_back(extents_.back().get());
+  }
 }
 
 Status Session::add_first_instances() {
@@ -212,6 +224,7 @@ void Session::commit(const TickInput& tick) {
   remember_derived(tick, dt_s);
   hold(tick.mesh_assets);
   if (tick.targets) options_.targets = *tick.targets;
+  if (tick.targets || !tick.delta.empty()) take_extents();
   if (tick.lens) options_.lens = *tick.lens;
   pending_dt_s_ = std::min(pending_dt_s_ + dt_s, std::numeric_limits<double>::max());
   if (tick.observed_camera) observe(*tick.observed_camera, dt_s);
@@ -255,7 +268,8 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
 Result<SessionAnswer> Session::step() {
   const int64_t start_ns = clock_();
   const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings,
-                        options_.lens, options_.seed,    steps_,          pending_dt_s_};
+                        options_.lens, options_.seed,    steps_,          pending_dt_s_,
+                        extent_views_};
   auto result = take_step(memory_, input, *sampler_, clock_);
   if (!result) return tl::unexpected(std::move(result.error()));
   ++steps_;

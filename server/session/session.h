@@ -55,6 +55,7 @@ struct SessionOptions {
   StepSettings settings;
   DiagnosticsWanted diagnostics;
   std::string label;
+  ExtentCache* extents = nullptr;  // tables of the targets' shapes; must outlive the session. Null: aim points alone
 };
 
 struct ObservedCamera {
@@ -138,6 +139,7 @@ class Session {
   glm::dvec3 derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const;
   void stop_unnamed(const IdsAfter& ids);
   void commit(const TickInput& tick);
+  void take_extents();
   void hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets);
   void remember_derived(const TickInput& tick, double dt_s);
   void observe(const ObservedCamera& observed, double dt_s);
@@ -146,6 +148,8 @@ class Session {
   SessionOptions options_;  // targets and lens as last told
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
+  std::vector<std::shared_ptr<const ExtentTable>> extents_;  // by target
+  std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
   SceneMirror mirror_;
   StepMemory memory_;
 

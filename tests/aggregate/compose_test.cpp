@@ -33,6 +33,13 @@ bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3
   return enter < leave;
 }
 
+// One point a target.
+std::vector<MapRange> one_each(size_t targets) {
+  std::vector<MapRange> points(targets);
+  for (uint32_t i = 0; i < targets; ++i) points[i] = {i, 1};
+  return points;
+}
+
 class ComposeManyTargets : public testing::TestWithParam<int> {};
 
 // Candidates at texel centres have no quantisation: there the maps must say exactly what straight lines say.
@@ -65,12 +72,14 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
   std::vector<DepthMap> maps;
   ASSERT_TRUE(device->make_sampler()->take(mirror, requests, maps));
   int visible = 0, hidden = 0;
+  std::vector<uint8_t> scratch;
   for (int t = 0; t < n; ++t) {
     CandidateSet candidates;
     for (int y = 0; y < 7; ++y)
       for (int x = 0; x < 7; ++x)
         candidates.add(eyes[t] + glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
-    compose_visibility(maps, ranges, 1e-5, candidates);
+    const std::vector<MapRange> points = one_each(ranges.size());
+    compose_visibility({maps, ranges, points}, 1e-5, candidates.position_m, scratch, candidates.visible_targets);
     for (size_t i = 0; i < candidates.size(); ++i) {
       bool blocked = false;
       for (const auto& [center, half] : boxes) blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
@@ -82,6 +91,25 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
   EXPECT_GT(hidden, 5);
 }
 INSTANTIATE_TEST_SUITE_P(Targets, ComposeManyTargets, testing::Values(1, 2, 3, 8, 32));
+
+// Three points of one target, of which a place sees two.
+TEST(Compose, ATargetIsSeenWhenEnoughOfItsPointsAre) {
+  MapView view;
+  view.width = view.height = 1;
+  const std::vector<DepthMap> maps = {{view, {9.0f}, {0}}, {view, {9.0f}, {0}}, {view, {1.0f}, {0}}};
+  const std::vector<MapRange> of_point = {{0, 1}, {1, 1}, {2, 1}}, of_target = {{0, 3}};
+  const std::vector<glm::dvec3> places = {{0, 0, -5}};
+  std::vector<uint8_t> scratch;
+  std::vector<uint32_t> visible;
+  for (const auto& [needed, seen] : std::vector<std::pair<double, uint32_t>>{{0.0, 1}, {0.6, 1}, {2.0 / 3, 1}, {0.7, 0}, {1.0, 0}}) {
+    compose_visibility({maps, of_point, of_target, needed}, 0.0, places, scratch, visible);
+    EXPECT_EQ(visible[0], seen) << needed;
+  }
+  const std::vector<DepthMap> hidden = {{view, {1.0f}, {0}}};
+  const std::vector<MapRange> alone = {{0, 1}};
+  compose_visibility({hidden, alone, alone, 0.0}, 0.0, places, scratch, visible);
+  EXPECT_EQ(visible[0], 0u) << "none seen is never enough";
+}
 
 TEST(Compose, EqualDistanceIsVisible) {
   MapView view;
@@ -107,7 +135,7 @@ TEST(Compose, OutsideEveryWindowIsUnknownAndNotVisible) {
 TEST(Compose, CountsAreThePapersSetsForTheSteeredTargets) {
   CandidateSet candidates;
   for (int i = 0; i < 5; ++i) candidates.add({});
-  candidates.visible_targets = {0b00, 0b01, 0b10, 0b11, 0b111};
+  candidates.filtered_targets = {0b00, 0b01, 0b10, 0b11, 0b111};
   SightCounts counts;
   count_sights(candidates, 0b011, 3, counts);
   EXPECT_EQ(counts.total, 5u);

@@ -185,7 +185,8 @@ TEST(PairVolume, CandidatesAreThePointsInTheBallAndCompareAtTheirOwnTexels) {
   }
   const std::vector<DepthMap> maps = {map_a, map_b};
   const std::vector<MapRange> ranges = {{0, 1}, {1, 1}};
-  compose_visibility(maps, ranges, 0.001, general);
+  std::vector<uint8_t> scratch;
+  compose_visibility({maps, ranges, ranges}, 0.001, general.position_m, scratch, general.visible_targets);
   EXPECT_EQ(general.visible_targets, pair.visible_targets);
 }
 

@@ -230,11 +230,12 @@ struct Place {
   GeometryStore store;
   EmbreeDevice device;
   std::unique_ptr<SamplerDevice> samplers = make_embree_sampler_device();
+  ExtentCache extents;
   Scenario scenario;
 
   explicit Place(const std::vector<std::byte>& glb)
       : scenario(*Scenario::from_asset(*read_gltf(glb, nullptr, store))) {}
-  PolicySite site() { return {scenario, store, device, *samplers, CameraLimits{}, 1.0 / 60, 1}; }
+  PolicySite site() { return {scenario, store, device, *samplers, extents, CameraLimits{}, 1.0 / 60, 1}; }
   std::unique_ptr<ScenarioWorld> world() { return *ScenarioWorld::make(scenario, store, device); }
 };
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "server/base/random.h"
+#include "server/move/cost.h"
 #include "server/move/framing.h"
 
 namespace sightline {
@@ -28,13 +29,15 @@ struct Case {
   glm::dvec3 desired{0, 0, 5};
   MoveSettings settings;
   std::vector<uint32_t> order;
+  std::vector<double> costs;
+  double ahead_weight = 0;
 
   void place(const glm::dvec3& at, uint32_t visible) {
-    candidates.add(at);
-    candidates.visible_targets.back() = visible;
+    candidates.add(at, visible);
   }
   Choice choose(const Reachable& reachable = kAlways) {
-    return choose_basic(candidates, targets, desired, settings, reachable, order);
+    basic_costs(candidates.position_m, desired, costs);
+    return choose_place(candidates, targets, costs, desired, ahead_weight, settings, reachable, order);
   }
 };
 
@@ -146,8 +149,28 @@ TEST(Choose, PlacesOutsideTheLimitsComeLast) {
   c.place({0, 0, 0.1}, 0b11);  // too near the targets
   c.place({0, 0, 4}, 0b11);
   EXPECT_EQ(c.choose().candidate, 1);
-  c.candidates.visible_targets[1] = 0;
+  c.candidates.filtered_targets[1] = 0;
   EXPECT_EQ(c.choose().candidate, 0);
+}
+
+// Both places see everything now; where the targets are going only one will.
+TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0b11);
+  c.place({0, 0, 6}, 0b11);
+  c.candidates.ahead_targets[0] = 0b01;
+  EXPECT_EQ(c.choose().candidate, 0) << "without prediction the nearest";
+  c.ahead_weight = 0.5;
+  EXPECT_EQ(c.choose().candidate, 1);
+}
+
+// The state is by what is seen now: a place that only a prediction sees is no S_V.
+TEST(Choose, PredictionNeverReplacesTheRealTarget) {
+  Case c = two_targets();
+  c.place({0, 0, 5}, 0b01);
+  c.candidates.ahead_targets[0] = 0b11;
+  c.ahead_weight = 0.9;
+  EXPECT_EQ(c.choose().status, MoveStatus::kPartial);
 }
 
 TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {

@@ -77,7 +77,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
     : scenes_(options.scene_dir, GltfLimits{}, geometry_),
       streams(options.max_sessions),
       steppers_(options.threads),
-      service_(ServiceParts{scenes_, geometry_, device, steppers_, loaders, streams, log_,
+      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, log_,
                             [this] { return static_cast<int64_t>(++clock_calls_); }, "test"},
                options.limits) {
   ListenOptions listen;

@@ -80,6 +80,7 @@ class ServiceWorld {
  private:
   std::atomic<uint64_t> clock_calls_{0};
   GeometryStore geometry_;
+  ExtentCache extents_;
   SceneLibrary scenes_;
   Log log_{LogFormat::kText, LogLevel::kOff};
 

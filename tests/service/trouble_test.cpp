@@ -27,7 +27,6 @@ WorldOptions with_open_timeout(std::chrono::milliseconds timeout) {
 class SceneFolder {
  public:
   SceneFolder() {
-    std::filesystem::create_directories(path_);
     GlbBuilder builder;
     builder.triangle_node();
     builder.json["meshes"][0]["name"] = "triangle";
@@ -39,7 +38,12 @@ class SceneFolder {
   std::string path() const { return path_.string(); }
 
  private:
-  const std::filesystem::path path_ = std::filesystem::path(testing::TempDir()) / "trouble-scenes";
+  // Tests run beside each other: each has a folder of its own.
+  static std::filesystem::path make_folder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "sightline-trouble-XXXXXX").string();
+    return mkdtemp(pattern.data());
+  }
+  const std::filesystem::path path_ = make_folder();
 };
 
 v1::Tick spawn_tick(uint64_t sequence, uint64_t id) {

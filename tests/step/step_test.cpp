@@ -237,5 +237,106 @@ TEST(Step, ASamplerThatFailsLeavesTheCameraWhereItWas) {
   EXPECT_EQ(world.memory.camera.pose.position_m, before.position_m);
 }
 
+// Half of the person is behind a wall that reaches to the waist: one point says all or nothing, eight say about a half.
+TEST(Step, SurfacePointsSeePartialOcclusionAtOnce) {
+  const auto shares = [](int points) {
+    World world;
+    world.settings.sample.points = points;
+    world.settings.move.follow = Follow::kStay;
+    world.add_target(1, {0, 0.9, 0});
+    world.add_box(10, {0, 0.45, 1}, {3, 0.45, 0.05});
+    world.place({0, 0.9, 6}, {0, 0.9, 0});
+    std::vector<double> taken;
+    for (int i = 0; i < 16; ++i) taken.push_back(world.step(0.0).targets[0].visible_share);
+    return taken;
+  };
+  for (const double share : shares(8)) {
+    EXPECT_GT(share, 0.25);
+    EXPECT_LT(share, 0.85);
+  }
+  double sum = 0;
+  for (const double share : shares(1)) {
+    EXPECT_TRUE(share == 0.0 || share == 1.0) << "the paper: one point a frame";
+    sum += share;
+  }
+  EXPECT_GT(sum, 3);
+  EXPECT_LT(sum, 13);
+}
+
+// A post passes between camera and target for a tenth of a second.
+TEST(Step, TheFilterOverlooksAPassingPost) {
+  const auto travelled = [](FilterMode mode) {
+    World world;
+    world.settings.aggregate.filter.mode = mode;
+    world.settings.sample.resolution = 15;
+    world.add_target(1, {0, 1, 0});
+    world.add_box(10, {-3, 1, 3}, {0.15, 3, 0.05}, {.collides = false});
+    world.place({0, 1.2, 6}, {0, 1, 0});
+    double path = 0;
+    for (int i = 0; i < 120; ++i) {
+      world.move(10, {-3 + 0.05 * i, 1, 3}, {3, 0, 0});
+      const glm::dvec3 before = world.memory.camera.pose.position_m;
+      world.step(kTick);
+      path += glm::distance(before, world.memory.camera.pose.position_m);
+    }
+    return path;
+  };
+  const double without = travelled(FilterMode::kNone), with = travelled(FilterMode::kPerTarget);
+  EXPECT_GT(without, 0.05) << "it would have moved";
+  EXPECT_LT(with, 0.25 * without);
+}
+
+TEST(Step, ALastingOcclusionIsReactedToWithin350Milliseconds) {
+  World world;
+  world.settings.aggregate.filter.mode = FilterMode::kPerTarget;
+  world.add_target(1, {0, 1, 0});
+  world.add_box(10, {-30, 1, 3}, {0.6, 3, 0.05}, {.collides = false});
+  world.place({0, 1.2, 6}, {0, 1, 0});
+  for (int i = 0; i < 60; ++i) world.step(kTick);
+  world.move(10, {0.2, 1, 3});
+  int steps = 0;
+  while (world.step(kTick).reason == MoveReason::kAtDesiredPlace && steps < 60) ++steps;
+  EXPECT_LE(steps * kTick, 0.35);
+  EXPECT_GE(steps * kTick, 0.10) << "and not at the first flicker";
+}
+
+// The deepest place of the free side is taken, not the first beyond the shadow's edge.
+TEST(Step, RobustMoveShelters) {
+  const auto depth = [](Strategy strategy) {
+    World world;
+    world.settings.move.strategy = strategy;
+    world.settings.sample.resolution = 15;
+    world.add_target(1, {0, 1, 0});
+    world.add_box(10, {0.8, 1, 3}, {0.9, 4, 0.05}, {.collides = false});
+    world.place({0, 1.2, 6}, {0, 1, 0});
+    for (int i = 0; i < 120; ++i) world.step(kTick);
+    // The edge of the shadow at the camera's depth: the line from the target over the box's left side.
+    const double edge = -0.1 * world.memory.camera.pose.position_m.z / 3.0;
+    return edge - world.memory.camera.pose.position_m.x;
+  };
+  EXPECT_GT(depth(Strategy::kRobust), 0.5);
+  EXPECT_GT(depth(Strategy::kBlend), 0.2);
+  EXPECT_LT(depth(Strategy::kBasic), depth(Strategy::kBlend));
+}
+
+// A target walks past pillars, parallel to the picture: foreseen, the camera is on its way before the target is lost.
+TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
+  const auto hidden_frames = [](double prediction_s) {
+    World world;
+    world.settings.move.prediction_s = prediction_s;
+    world.settings.sample.resolution = 15;
+    world.add_target(1, {-4, 1, 0});
+    for (uint64_t k = 0; k < 3; ++k) world.add_box(10 + k, {-2.0 + 2.5 * k, 1, 2}, {0.4, 3, 0.4}, {.collides = false});
+    world.place({-4, 1.2, 6}, {-4, 1, 0});
+    int hidden = 0;
+    for (int i = 0; i < 240; ++i) {
+      world.move(1, {-4 + 2.0 * i * kTick, 1, 0}, {2, 0, 0});
+      hidden += world.step(kTick).targets[0].visible_share == 0.0;
+    }
+    return hidden;
+  };
+  EXPECT_LT(hidden_frames(0.5), hidden_frames(0.0));
+}
+
 }  // namespace
 }  // namespace sightline::test

@@ -54,7 +54,13 @@ class World {
     place_camera(memory, Pose{at, look_rotation(look_at - at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
   }
   StepResult step(double dt_s) {
-    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s};
+    std::vector<std::shared_ptr<const ExtentTable>> tables;
+    std::vector<const ExtentTable*> extents;
+    for (const Target& target : targets) {
+      tables.push_back(extent_cache_.get(mirror.find(target.instance_id)->geometry));
+      extents.push_back(tables.back().get());
+    }
+    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents};
     auto result = take_step(memory, input, *sampler_, [] { return int64_t{0}; });
     if (!result) throw std::runtime_error(to_string(result.error()));
     return *result;
@@ -70,6 +76,7 @@ class World {
 
  private:
   GeometryStore store_;
+  ExtentCache extent_cache_;
   std::unique_ptr<SamplerDevice> device_;
   std::unique_ptr<Sampler> sampler_;
 };

@@ -1,0 +1,44 @@
+#include "server/move/cost.h"
+
+#include <algorithm>
+
+#include "server/base/check.h"
+
+namespace sightline {
+namespace {
+
+// More than any distance inside a bound: orders places outside the largest group after all inside.
+constexpr double kOutsideGroup = 1e6;
+
+}  // namespace
+
+void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, std::vector<double>& cost) {
+  cost.resize(position_m.size());
+  for (size_t i = 0; i < position_m.size(); ++i) cost[i] = glm::distance(position_m[i], desired_m);
+}
+
+void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
+                  std::vector<double>& cost) {
+  if (groups.deepest < 0) return basic_costs(position_m, desired_m, cost);
+  basic_costs(position_m, position_m[groups.deepest], cost);
+  for (size_t i = 0; i < cost.size(); ++i)
+    if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
+}
+
+Status validate(const BlendSettings& s) {
+  if (auto ok = check_range("move.blend.distance", s.distance, 0, 10); !ok) return ok;
+  if (auto ok = check_range("move.blend.shelter", s.shelter, 0, 10); !ok) return ok;
+  return check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5);
+}
+
+void blend_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
+                 double spacing_m, const BlendSettings& settings, std::vector<double>& cost) {
+  cost.resize(position_m.size());
+  for (size_t i = 0; i < position_m.size(); ++i) {
+    const double depth_m = groups.depth_steps(i) * spacing_m;
+    const double bare = 1.0 - std::min(depth_m / settings.full_depth_m, 1.0);
+    cost[i] = settings.distance * glm::distance(position_m[i], desired_m) + settings.shelter * bare;
+  }
+}
+
+}  // namespace sightline

@@ -1,0 +1,121 @@
+// The third stage: what every candidate sees, now, over the last steps, and where the targets are going (paper 3.3, 5).
+#include <algorithm>
+
+#include "server/step_work.h"
+
+namespace sightline {
+namespace {
+
+SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
+  return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target, w.input.settings.aggregate.needed_share};
+}
+
+bool filters(const StepWork& w) {
+  return w.input.settings.aggregate.filter.mode != FilterMode::kNone;
+}
+
+void list_candidates(StepWork& w) {
+  const AggregateSettings& settings = w.input.settings.aggregate;
+  CandidateSet& candidates = w.memory.candidates;
+  w.memory.lattice.cover(w.memory.bound, settings.candidates);
+  if (w.pair && !filters(w)) {
+    compose_pair(*w.pair, w.memory.maps[0], w.memory.maps[1], w.memory.bound, settings.relative_bias, candidates);
+    return;
+  }
+  // With a filter the pair's maps are looked up at the lattice's cells, by the inverse of the volume's map: only a place in
+  // the world can have a past.
+  candidates.position_m = w.memory.lattice.positions_m();
+  compose_visibility(as_input(w, w.memory.now), settings.relative_bias, candidates.position_m, w.memory.seen,
+                     candidates.visible_targets);
+}
+
+// The place itself when the bound holds it, else the nearest place of the bound.
+glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& place) {
+  const glm::dvec3 out = place - bound.center_m;
+  const double distance = glm::length(out), reach = bound.radius_m * (1 - 1e-9);
+  return distance <= reach ? place : bound.center_m + out * (reach / distance);
+}
+
+uint32_t seen_from_own_place(const StepWork& w) {
+  uint32_t visible = 0;
+  for (size_t i = 0; i < w.input.targets.size(); ++i) {
+    const OwnSight sight = own_sight(w, i, w.memory.camera.pose.position_m);
+    if (is_enough(sight.seen, sight.points, w.input.settings.aggregate.needed_share)) visible |= 1u << i;
+  }
+  return visible;
+}
+
+// Two places that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would step
+// between grid points.
+void add_own_and_desired_place(StepWork& w) {
+  CandidateSet& candidates = w.memory.candidates;
+  w.own_candidate = candidates.position_m.size();
+  candidates.position_m.push_back(w.memory.camera.pose.position_m);
+  candidates.visible_targets.push_back(seen_from_own_place(w));
+  if (w.steered == 0) return;
+  const glm::dvec3 desired = nearest_in_bound(w.memory.bound, desired_place(w));
+  std::vector<uint32_t> visible;
+  compose_visibility(as_input(w, w.memory.now), w.input.settings.aggregate.relative_bias, {&desired, 1}, w.memory.seen,
+                     visible);
+  candidates.position_m.push_back(desired);
+  candidates.visible_targets.push_back(visible[0]);
+}
+
+// Cells of the lattice keep what they saw; the two other places take over the past of the cell that they are nearest to.
+void filter(StepWork& w) {
+  CandidateSet& candidates = w.memory.candidates;
+  candidates.filtered_targets = candidates.visible_targets;
+  if (!filters(w) || w.move_s <= 0) return;
+  const size_t cells = w.memory.lattice.addresses().size(), places = candidates.size() - cells;
+  TemporalVolume& volume = w.memory.volume;
+  volume.begin_step(w.memory.lattice, 2, w.memory.target_ids, w.input.settings.aggregate.filter, w.move_s);
+  volume.push(w.memory.lattice, std::span(candidates.visible_targets).first(cells));
+  w.memory.slots = w.memory.lattice.addresses();
+  for (size_t k = 0; k < places; ++k) {
+    volume.push_place(k, w.memory.lattice, candidates.position_m[cells + k], candidates.visible_targets[cells + k]);
+    w.memory.slots.push_back(volume.place_slot(k));
+  }
+  volume.filter(w.memory.slots, candidates.visible_targets, w.steered, w.memory.filtered);
+  candidates.filtered_targets = w.memory.filtered.visible_targets;
+}
+
+void look_ahead(StepWork& w) {
+  CandidateSet& candidates = w.memory.candidates;
+  if (w.memory.ahead_s > 0)
+    compose_visibility(as_input(w, w.memory.ahead), w.input.settings.aggregate.relative_bias, candidates.position_m,
+                       w.memory.seen, candidates.ahead_targets);
+  else
+    candidates.ahead_targets = candidates.filtered_targets;
+}
+
+}  // namespace
+
+OwnSight own_sight(const StepWork& w, size_t target, const glm::dvec3& place_m) {
+  const Sampled& now = w.memory.now;
+  const MapRange& points = now.points_of_target[target];
+  const double slack = 1.0 + w.input.settings.aggregate.relative_bias;
+  OwnSight sight{.points = points.count};
+  for (uint32_t p = points.first; p < points.first + points.count; ++p) {
+    const DepthMap& map = w.memory.maps[now.sight_of_point[p]];
+    const bool visible = glm::distance(place_m, now.points_m[p]) <= map.distance_at(0, 0) * slack;
+    sight.seen += visible;
+    if (!visible && sight.occluder == kNoOccluder) sight.occluder = map.occluder_at(0, 0);
+  }
+  return sight;
+}
+
+void aggregate(StepWork& w) {
+  w.memory.candidates.clear();
+  w.result.volume = w.pair ? Volume::kPair : Volume::kLattice;
+  if (w.input.targets.empty()) {
+    count_sights(w.memory.candidates, 0, 0, w.memory.counts);
+    return;
+  }
+  list_candidates(w);
+  add_own_and_desired_place(w);
+  filter(w);
+  look_ahead(w);
+  count_sights(w.memory.candidates, w.steered, w.input.targets.size(), w.memory.counts);
+}
+
+}  // namespace sightline

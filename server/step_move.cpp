@@ -1,0 +1,124 @@
+// The fourth stage: the goal, the way there, and the way to look (paper 3.4, 6).
+#include <algorithm>
+#include <cmath>
+
+#include "server/step_work.h"
+
+namespace sightline {
+namespace {
+
+// The horizon doubles in this time while nothing is seen, and halves in it once something is (design 3).
+constexpr double kHorizonDoublingS = 0.25;
+
+void gather_colliders(StepWork& w) {
+  const glm::dvec3 place = w.memory.camera.pose.position_m;
+  const double body = swept_radius_m(w.input.limits, w.lens);
+  const double reach = 2 * w.memory.bound.radius_m + w.input.limits.max_speed_mps * w.move_s +
+                       braking_distance_m(glm::dvec3(w.input.limits.max_speed_mps, 0, 0), w.input.limits);
+  w.memory.colliders.gather(w.input.scene, place, std::min(reach, 2 * w.memory.bound.radius_m + 20.0) + 2 * body, {});
+  for (size_t look = 0; look < kEvadeS.size(); ++look)
+    w.memory.movers_ahead[look].gather_movers(w.input.scene, place,
+                                              w.input.limits.max_speed_mps * kEvadeS[look] + 2 * body + 1.0, {}, kEvadeS[look]);
+}
+
+double grid_step_m(const StepWork& w) {
+  return w.memory.lattice.spacing_m();
+}
+
+void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired) {
+  const CandidateSet& candidates = w.memory.candidates;
+  lattice_cells(candidates.position_m, grid_step_m(w), w.memory.cells);
+  w.memory.members.resize(candidates.size());
+  for (size_t i = 0; i < candidates.size(); ++i)
+    w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
+  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired, w.memory.group_scratch, w.memory.groups);
+}
+
+void set_costs(StepWork& w, const glm::dvec3& desired) {
+  const MoveSettings& settings = w.input.settings.move;
+  const auto& places = w.memory.candidates.position_m;
+  if (settings.strategy == Strategy::kBasic) return basic_costs(places, desired, w.memory.cost);
+  find_groups_of_all_visible(w, desired);
+  if (settings.strategy == Strategy::kRobust) return robust_costs(places, desired, w.memory.groups, w.memory.cost);
+  blend_costs(places, desired, w.memory.groups, grid_step_m(w), settings.blend, w.memory.cost);
+}
+
+Choice choose(StepWork& w) {
+  if (w.steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
+  const glm::dvec3 from = w.memory.camera.pose.position_m, desired = desired_place(w);
+  const double body = swept_radius_m(w.input.limits, w.lens);
+  const Reachable reachable = [&](const glm::dvec3& place) {
+    return path_is_free(w.memory.colliders, from, place, body);
+  };
+  set_costs(w, desired);
+  const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
+  return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
+                      w.input.settings.move, reachable, w.memory.order);
+}
+
+// Grows while no place sees everything, so that an escape looks further; shrinks again once one does.
+void adapt_horizon(StepWork& w) {
+  const double factor = std::exp2(w.move_s / kHorizonDoublingS);
+  const bool all_seen = w.result.status == MoveStatus::kTracking || w.steered == 0;
+  w.memory.horizon_s = all_seen ? w.memory.horizon_s / factor : w.memory.horizon_s * factor;
+}
+
+glm::dvec3 group_velocity(const StepWork& w) {
+  glm::dvec3 sum(0.0);
+  double weight = 0;
+  for (const TargetView& t : w.memory.target_views) sum += t.weight * t.velocity_mps, weight += t.weight;
+  return weight > 0 ? sum / weight : sum;
+}
+
+void travel(StepWork& w, const Choice& choice) {
+  CameraState& camera = w.memory.camera;
+  glm::dvec3 wanted = clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), w.input.limits, w.move_s);
+  if (choice.candidate >= 0) {
+    // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
+    const glm::dvec3 with = choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0);
+    wanted = velocity_towards(camera, w.memory.candidates.position_m[choice.candidate], with, w.input.limits, w.move_s);
+  }
+  wanted = evade(camera, wanted, w.input.limits, w.lens, w.memory.movers_ahead, w.move_s);
+  const SafeMove safe = make_safe(camera, wanted, w.input.limits, w.lens, w.memory.colliders, w.move_s);
+  w.result.flags.body_overlap = safe.overlap;
+  if (safe.overlap) w.result.reason = MoveReason::kBodyOverlap;
+  camera.velocity_mps = safe.velocity_mps;
+  camera.pose.position_m += safe.velocity_mps * w.move_s;
+}
+
+void turn(StepWork& w) {
+  TurnState& turn = w.memory.turn;
+  const FramingSettings& framing = w.input.settings.framing;
+  Aim aim{turn.angles, w.lens.vertical_fov_rad, true};
+  if (w.steered != 0)
+    aim = aim_at(w.memory.camera.pose.position_m, w.memory.target_views, turn.angles, w.lens, framing);
+  const glm::dquat before = w.memory.camera.pose.rotation;
+  turn = turn_towards(turn, aim.angles, w.input.limits, framing.response_s, w.move_s);
+  w.memory.camera.pose.rotation = rotation_from_angles(turn.angles);
+  const glm::dquat delta = w.memory.camera.pose.rotation * glm::conjugate(before);
+  w.memory.camera.angular_velocity_radps =
+      glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / w.move_s);
+  // Zoom closes at the same pace as the aim.
+  const double share = framing.response_s > 0 ? 1 - std::pow(0.01, w.move_s / framing.response_s) : 1.0;
+  w.memory.vertical_fov_rad += share * (aim.vertical_fov_rad - w.memory.vertical_fov_rad);
+}
+
+}  // namespace
+
+void move(StepWork& w) {
+  if (w.move_s <= 0) {
+    w.result.status = MoveStatus::kHolding;
+    w.result.reason = MoveReason::kPaused;
+    return;
+  }
+  gather_colliders(w);
+  const Choice choice = choose(w);
+  w.result.status = choice.status;
+  w.result.reason = choice.reason;
+  w.result.chosen_candidate = choice.candidate;
+  adapt_horizon(w);
+  travel(w, choice);
+  turn(w);
+}
+
+}  // namespace sightline

@@ -1,0 +1,171 @@
+// The second stage: which points of the targets are sampled, and the maps taken from them (paper 3.2, 4; design 4).
+#include <algorithm>
+
+#include "server/base/random.h"
+#include "server/step_work.h"
+
+namespace sightline {
+namespace {
+
+// A prediction is a guess: fewer points than of the real target are enough for it.
+constexpr size_t kPointsAhead = 3;
+// A shorter look ahead tells nothing that the present does not.
+constexpr double kLeastAheadS = 0.05;
+
+glm::dvec2 texel_jitter(const StepInput& input) {
+  if (!input.settings.sample.jitter_texels) return {0.5, 0.5};
+  CounterRandom random(input.seed, input.tick, RandomPurpose::kTexelJitter);
+  const double x = random.next_unit(), y = random.next_unit();
+  return {x, y};
+}
+
+const ExtentTable* table_of(const StepInput& input, size_t target) {
+  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
+  return input.extents[target];
+}
+
+// The surface points of one target to sample in this step, mesh frame: those that its shape shows towards the bound.
+void pick(StepWork& w, size_t target, const Instance& instance) {
+  const ExtentTable& table = *table_of(w.input, target);
+  const glm::dvec3 viewer = transform_point(inverse(instance.world_from_instance), w.memory.bound.center_m);
+  pick_points(table.points(viewer), w.input.tick, static_cast<size_t>(w.input.settings.sample.points), w.memory.picked);
+}
+
+void add_points(Sampled& sampled, std::span<const glm::vec3> points, const Affine& world_from_instance) {
+  for (const glm::vec3& p : points) sampled.points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+}
+
+// Where a predicted pose puts the instance.
+Affine placed(const Instance& instance, const Pose& pose) {
+  const glm::dmat3 linear = glm::mat3_cast(pose.rotation) * instance.linear;
+  return Affine(linear[0], linear[1], linear[2], pose.position_m);
+}
+
+const TargetPast* find_past(const StepMemory& memory, uint64_t id) {
+  const auto found = std::find_if(memory.pasts.begin(), memory.pasts.end(), [=](const auto& p) { return p.id == id; });
+  return found == memory.pasts.end() ? nullptr : &*found;
+}
+
+// As far as every steered target can be foretold, at most as the settings ask.
+void decide_ahead(StepWork& w) {
+  double ahead_s = w.input.settings.move.prediction_s, confidence = 1.0;
+  for (size_t i = 0; i < w.input.targets.size(); ++i)
+    if (w.steered >> i & 1u)
+      ahead_s = find_past(w.memory, w.input.targets[i].instance_id)->predictor.usable_ahead_s(ahead_s);
+  for (size_t i = 0; i < w.input.targets.size(); ++i)
+    if (w.steered >> i & 1u)
+      confidence = std::min(confidence, find_past(w.memory, w.input.targets[i].instance_id)->predictor.confidence(ahead_s));
+  const bool usable = w.steered != 0 && ahead_s >= kLeastAheadS;
+  w.memory.ahead_s = usable ? ahead_s : 0.0;
+  w.memory.ahead_confidence = usable ? confidence : 0.0;
+}
+
+void pick_all(StepWork& w) {
+  Sampled &now = w.memory.now, &ahead = w.memory.ahead;
+  for (size_t i = 0; i < w.input.targets.size(); ++i) {
+    const Instance& instance = *w.input.scene.find(w.input.targets[i].instance_id);
+    const auto first = static_cast<uint32_t>(now.points_m.size()), first_ahead = static_cast<uint32_t>(ahead.points_m.size());
+    const Affine later =
+        w.memory.ahead_s > 0 ? placed(instance, find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose)
+                             : instance.world_from_instance;
+    if (table_of(w.input, i) != nullptr) {
+      pick(w, i, instance);
+      add_points(now, w.memory.picked, instance.world_from_instance);
+      if (w.memory.ahead_s > 0)
+        add_points(ahead, std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())), later);
+    } else {
+      const glm::dvec3 aim = w.memory.target_views[i].aim_m;
+      now.points_m.push_back(aim);
+      if (w.memory.ahead_s > 0)
+        ahead.points_m.push_back(transform_point(later, transform_point(inverse(instance.world_from_instance), aim)));
+    }
+    now.points_of_target.push_back({first, static_cast<uint32_t>(now.points_m.size()) - first});
+    ahead.points_of_target.push_back({first_ahead, static_cast<uint32_t>(ahead.points_m.size()) - first_ahead});
+  }
+}
+
+bool wants_pair(StepWork& w) {
+  w.result.pair_asked = w.input.settings.aggregate.volume == Volume::kPair;
+  if (!w.result.pair_asked) return false;
+  w.result.pair_needs_two = w.input.targets.size() != 2;
+  if (w.result.pair_needs_two) return false;
+  const Sampled& now = w.memory.now;
+  w.result.pair_gap = pair_gap(now.points_m[now.points_of_target[0].first], now.points_m[now.points_of_target[1].first],
+                               w.memory.bound);
+  return w.result.pair_gap == PairGap::kNone;
+}
+
+// The pair volume is of one point of each target, the paper's one a frame.
+void plan_pair_maps(StepWork& w, const glm::dvec2& jitter) {
+  Sampled& now = w.memory.now;
+  const glm::dvec3 a = now.points_m[now.points_of_target[0].first], b = now.points_m[now.points_of_target[1].first];
+  now.points_m = {a, b};
+  now.points_of_target = {{0, 1}, {1, 1}};
+  w.pair = make_pair_volume(a, b, w.memory.bound, w.input.settings.sample.resolution);
+  for (const MapView& view : pair_views(*w.pair, jitter)) {
+    now.maps_of_point.push_back({static_cast<uint32_t>(w.memory.views.size()), 1});
+    w.memory.views.push_back(view);
+  }
+}
+
+void plan_maps(StepWork& w, Sampled& sampled, const glm::dvec2& jitter) {
+  for (const glm::dvec3& point : sampled.points_m) {
+    const auto first = static_cast<uint32_t>(w.memory.views.size());
+    const int count = plan_views(point, w.memory.bound, w.input.settings.sample, jitter, w.memory.views);
+    sampled.maps_of_point.push_back({first, static_cast<uint32_t>(count)});
+    w.result.flags.resampled_faces |= count > 1;
+  }
+}
+
+// Where the camera is about to be when nothing changes its course: the place whose visibility must be known exactly.
+glm::dvec3 place_on_course(const StepWork& w) {
+  return w.memory.camera.pose.position_m + w.memory.camera.velocity_mps * w.move_s;
+}
+
+void plan_sights(StepWork& w) {
+  for (const glm::dvec3& point : w.memory.now.points_m) {
+    w.memory.now.sight_of_point.push_back(static_cast<uint32_t>(w.memory.views.size()));
+    w.memory.views.push_back(plan_sight(point, place_on_course(w)));
+  }
+}
+
+void request(StepWork& w, const Sampled& sampled, double ahead_s) {
+  for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
+    const MapRange& points = sampled.points_of_target[target];
+    const auto ask = [&](uint32_t view) {
+      w.memory.requests[view] = {.view = w.memory.views[view],
+                                 .layer_mask = w.input.targets[target].layer_mask,
+                                 .ahead_s = ahead_s,
+                                 .ignored_slots = w.memory.ignored_slots[target]};
+    };
+    for (uint32_t p = points.first; p < points.first + points.count; ++p) {
+      const MapRange& maps = sampled.maps_of_point[p];
+      for (uint32_t view = maps.first; view < maps.first + maps.count; ++view) ask(view);
+      if (p < sampled.sight_of_point.size()) ask(sampled.sight_of_point[p]);
+    }
+  }
+}
+
+}  // namespace
+
+Status sample(StepWork& w, Sampler& sampler) {
+  w.memory.views.clear();
+  w.memory.now.clear();
+  w.memory.ahead.clear();
+  decide_ahead(w);
+  pick_all(w);
+  const glm::dvec2 jitter = texel_jitter(w.input);
+  if (wants_pair(w)) plan_pair_maps(w, jitter);
+  else plan_maps(w, w.memory.now, jitter);
+  plan_sights(w);
+  plan_maps(w, w.memory.ahead, jitter);
+
+  w.memory.requests.resize(w.memory.views.size());
+  request(w, w.memory.now, 0.0);
+  request(w, w.memory.ahead, w.memory.ahead_s);
+  if (!w.memory.requests.empty()) return sampler.take(w.input.scene, w.memory.requests, w.memory.maps);
+  w.memory.maps.clear();
+  return {};
+}
+
+}  // namespace sightline
