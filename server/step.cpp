@@ -70,7 +70,8 @@ void keep_offset(StepWork& w) {
   if (w.steered == 0) return;
   uint64_t set = 0;
   for (size_t i = 0; i < w.input.targets.size(); ++i)
-    if (w.steered >> i & 1u) set += hash64_bytes(std::as_bytes(std::span(&w.input.targets[i].instance_id, 1)));
+    if (w.steered >> i & 1u)
+      set += hash64_bytes(std::as_bytes(std::span(&w.input.targets[i].instance_id, 1)));
   if (w.memory.has_offset && w.memory.offset_targets == set) return;
   w.memory.desired_offset_m = w.memory.camera.pose.position_m - weighted_center_m(w.memory.target_views);
   w.memory.offset_targets = set;
@@ -105,8 +106,8 @@ void look_at_targets(StepWork& w) {
 
 glm::dvec3 desired_place(const StepWork& w) {
   if (w.input.settings.move.follow == Follow::kStay) return w.memory.camera.pose.position_m;
-  return desired_place_m(w.memory.target_views, w.memory.desired_offset_m, w.lens, w.input.settings.framing.margin,
-                         w.input.settings.move);
+  return desired_place_m(w.memory.target_views, w.memory.desired_offset_m, w.lens,
+                         w.input.settings.framing.margin, w.input.settings.move);
 }
 
 void bound(StepWork& w) {
@@ -152,7 +153,8 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.horizon_s = 0.0;
 }
 
-Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler, const StageClock& clock) {
+Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
+                             const StageClock& clock) {
   StepResult result;
   StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens, .pair = {}};
   start(work);

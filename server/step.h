@@ -67,9 +67,9 @@ inline constexpr size_t kStageCount = 4;
 
 // What is sampled of the targets in one step. A point of a target has one map, or several, over the bound.
 struct Sampled {
-  std::vector<glm::dvec3> points_m;        // world
-  std::vector<MapRange> maps_of_point;     // over the bound
-  std::vector<uint32_t> sight_of_point;    // index of the single-texel map to the camera; not for points ahead
+  std::vector<glm::dvec3> points_m;      // world
+  std::vector<MapRange> maps_of_point;   // over the bound
+  std::vector<uint32_t> sight_of_point;  // index of the single-texel map to the camera; not for points ahead
   std::vector<MapRange> points_of_target;
 
   void clear() { points_m.clear(), maps_of_point.clear(), sight_of_point.clear(), points_of_target.clear(); }
@@ -86,13 +86,13 @@ struct TargetPast {
 struct StepMemory {
   CameraState camera;
   TurnState turn;
-  double vertical_fov_rad = 0.0;       // present zoom; 0 before the first step
+  double vertical_fov_rad = 0.0;  // present zoom; 0 before the first step
   bool has_offset = false;
-  glm::dvec3 desired_offset_m{0.0};    // from the targets' weighted centre to the place that the camera wants
-  uint64_t offset_targets = 0;         // for which set of steered targets (their ids, hashed) it holds
-  double horizon_s = 0.0;              // grows while escaping
+  glm::dvec3 desired_offset_m{0.0};  // from the targets' weighted centre to the place that the camera wants
+  uint64_t offset_targets = 0;       // for which set of steered targets (their ids, hashed) it holds
+  double horizon_s = 0.0;            // grows while escaping
   Lattice lattice;
-  TemporalVolume volume;               // what the lattice's cells have seen
+  TemporalVolume volume;  // what the lattice's cells have seen
   std::vector<TargetPast> pasts;
 
   // Intermediates of the last step: what is dumped and drawn.
@@ -101,9 +101,9 @@ struct StepMemory {
   std::vector<MapRequest> requests;
   std::vector<MapView> views;
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
-  Sampled now;                          // the targets where they are
-  Sampled ahead;                        // and where they are predicted to be; empty without prediction
-  double ahead_s = 0.0;                 // for how far; 0: not in this step
+  Sampled now;                                       // the targets where they are
+  Sampled ahead;         // and where they are predicted to be; empty without prediction
+  double ahead_s = 0.0;  // for how far; 0: not in this step
   double ahead_confidence = 0.0;
   std::vector<DepthMap> maps;
   CandidateSet candidates;
@@ -128,12 +128,12 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
 
 struct TargetSight {
   uint64_t id = 0;
-  double visible_share = 0.0;          // sampled points seen from the returned pose, in this step
-  double filtered_share = 0.0;         // of the camera's own place over the filter's window
-  bool filtered_visible = false;       // what the filter makes of it
+  double visible_share = 0.0;     // sampled points seen from the returned pose, in this step
+  double filtered_share = 0.0;    // of the camera's own place over the filter's window
+  bool filtered_visible = false;  // what the filter makes of it
   bool in_picture = false;
   double distance_m = 0.0;
-  uint64_t occluder_id = 0;            // what hides it; 0: nothing
+  uint64_t occluder_id = 0;  // what hides it; 0: nothing
 };
 
 struct StepFlags {
@@ -152,13 +152,14 @@ struct StepResult {
   bool pair_asked = false;
   bool pair_needs_two = false;
   PairGap pair_gap = PairGap::kNone;
-  std::vector<TargetSight> targets;   // in the order of the input
+  std::vector<TargetSight> targets;  // in the order of the input
   int chosen_candidate = -1;
   StepFlags flags;
   std::array<int64_t, kStageCount> stage_ns{};
 };
 
 // Fails only when the sampler does (kUnavailable); the memory's camera is then where it was.
-Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler, const StageClock& clock);
+Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
+                             const StageClock& clock);
 
 }  // namespace sightline

@@ -7,7 +7,8 @@ namespace sightline {
 namespace {
 
 SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
-  return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target, w.input.settings.aggregate.needed_share};
+  return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target,
+          w.input.settings.aggregate.needed_share};
 }
 
 bool filters(const StepWork& w) {
@@ -19,7 +20,8 @@ void list_candidates(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
   w.memory.lattice.cover(w.memory.bound, settings.candidates);
   if (w.pair && !filters(w)) {
-    compose_pair(*w.pair, w.memory.maps[0], w.memory.maps[1], w.memory.bound, settings.relative_bias, candidates);
+    compose_pair(*w.pair, w.memory.maps[0], w.memory.maps[1], w.memory.bound, settings.relative_bias,
+                 candidates);
     return;
   }
   // With a filter the pair's maps are looked up at the lattice's cells, by the inverse of the volume's map: only a place in
@@ -55,8 +57,8 @@ void add_own_and_desired_place(StepWork& w) {
   if (w.steered == 0) return;
   const glm::dvec3 desired = nearest_in_bound(w.memory.bound, desired_place(w));
   std::vector<uint32_t> visible;
-  compose_visibility(as_input(w, w.memory.now), w.input.settings.aggregate.relative_bias, {&desired, 1}, w.memory.seen,
-                     visible);
+  compose_visibility(as_input(w, w.memory.now), w.input.settings.aggregate.relative_bias, {&desired, 1},
+                     w.memory.seen, visible);
   candidates.position_m.push_back(desired);
   candidates.visible_targets.push_back(visible[0]);
 }
@@ -72,7 +74,8 @@ void filter(StepWork& w) {
   volume.push(w.memory.lattice, std::span(candidates.visible_targets).first(cells));
   w.memory.slots = w.memory.lattice.addresses();
   for (size_t k = 0; k < places; ++k) {
-    volume.push_place(k, w.memory.lattice, candidates.position_m[cells + k], candidates.visible_targets[cells + k]);
+    volume.push_place(k, w.memory.lattice, candidates.position_m[cells + k],
+                      candidates.visible_targets[cells + k]);
     w.memory.slots.push_back(volume.place_slot(k));
   }
   volume.filter(w.memory.slots, candidates.visible_targets, w.steered, w.memory.filtered);
@@ -82,8 +85,8 @@ void filter(StepWork& w) {
 void look_ahead(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
   if (w.memory.ahead_s > 0)
-    compose_visibility(as_input(w, w.memory.ahead), w.input.settings.aggregate.relative_bias, candidates.position_m,
-                       w.memory.seen, candidates.ahead_targets);
+    compose_visibility(as_input(w, w.memory.ahead), w.input.settings.aggregate.relative_bias,
+                       candidates.position_m, w.memory.seen, candidates.ahead_targets);
   else
     candidates.ahead_targets = candidates.filtered_targets;
 }

@@ -15,10 +15,12 @@ void gather_colliders(StepWork& w) {
   const double body = swept_radius_m(w.input.limits, w.lens);
   const double reach = 2 * w.memory.bound.radius_m + w.input.limits.max_speed_mps * w.move_s +
                        braking_distance_m(glm::dvec3(w.input.limits.max_speed_mps, 0, 0), w.input.limits);
-  w.memory.colliders.gather(w.input.scene, place, std::min(reach, 2 * w.memory.bound.radius_m + 20.0) + 2 * body, {});
+  w.memory.colliders.gather(w.input.scene, place,
+                            std::min(reach, 2 * w.memory.bound.radius_m + 20.0) + 2 * body, {});
   for (size_t look = 0; look < kEvadeS.size(); ++look)
     w.memory.movers_ahead[look].gather_movers(w.input.scene, place,
-                                              w.input.limits.max_speed_mps * kEvadeS[look] + 2 * body + 1.0, {}, kEvadeS[look]);
+                                              w.input.limits.max_speed_mps * kEvadeS[look] + 2 * body + 1.0,
+                                              {}, kEvadeS[look]);
 }
 
 double grid_step_m(const StepWork& w) {
@@ -31,7 +33,8 @@ void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired) {
   w.memory.members.resize(candidates.size());
   for (size_t i = 0; i < candidates.size(); ++i)
     w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
-  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired, w.memory.group_scratch, w.memory.groups);
+  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired, w.memory.group_scratch,
+              w.memory.groups);
 }
 
 void set_costs(StepWork& w, const glm::dvec3& desired) {
@@ -39,7 +42,8 @@ void set_costs(StepWork& w, const glm::dvec3& desired) {
   const auto& places = w.memory.candidates.position_m;
   if (settings.strategy == Strategy::kBasic) return basic_costs(places, desired, w.memory.cost);
   find_groups_of_all_visible(w, desired);
-  if (settings.strategy == Strategy::kRobust) return robust_costs(places, desired, w.memory.groups, w.memory.cost);
+  if (settings.strategy == Strategy::kRobust)
+    return robust_costs(places, desired, w.memory.groups, w.memory.cost);
   blend_costs(places, desired, w.memory.groups, grid_step_m(w), settings.blend, w.memory.cost);
 }
 
@@ -75,8 +79,10 @@ void travel(StepWork& w, const Choice& choice) {
   glm::dvec3 wanted = clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), w.input.limits, w.move_s);
   if (choice.candidate >= 0) {
     // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
-    const glm::dvec3 with = choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0);
-    wanted = velocity_towards(camera, w.memory.candidates.position_m[choice.candidate], with, w.input.limits, w.move_s);
+    const glm::dvec3 with =
+        choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0);
+    wanted = velocity_towards(camera, w.memory.candidates.position_m[choice.candidate], with, w.input.limits,
+                              w.move_s);
   }
   wanted = evade(camera, wanted, w.input.limits, w.lens, w.memory.movers_ahead, w.move_s);
   const SafeMove safe = make_safe(camera, wanted, w.input.limits, w.lens, w.memory.colliders, w.move_s);

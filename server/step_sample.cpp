@@ -28,11 +28,13 @@ const ExtentTable* table_of(const StepInput& input, size_t target) {
 void pick(StepWork& w, size_t target, const Instance& instance) {
   const ExtentTable& table = *table_of(w.input, target);
   const glm::dvec3 viewer = transform_point(inverse(instance.world_from_instance), w.memory.bound.center_m);
-  pick_points(table.points(viewer), w.input.tick, static_cast<size_t>(w.input.settings.sample.points), w.memory.picked);
+  pick_points(table.points(viewer), w.input.tick, static_cast<size_t>(w.input.settings.sample.points),
+              w.memory.picked);
 }
 
 void add_points(Sampled& sampled, std::span<const glm::vec3> points, const Affine& world_from_instance) {
-  for (const glm::vec3& p : points) sampled.points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+  for (const glm::vec3& p : points)
+    sampled.points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
 }
 
 // Where a predicted pose puts the instance.
@@ -42,7 +44,8 @@ Affine placed(const Instance& instance, const Pose& pose) {
 }
 
 const TargetPast* find_past(const StepMemory& memory, uint64_t id) {
-  const auto found = std::find_if(memory.pasts.begin(), memory.pasts.end(), [=](const auto& p) { return p.id == id; });
+  const auto found =
+      std::find_if(memory.pasts.begin(), memory.pasts.end(), [=](const auto& p) { return p.id == id; });
   return found == memory.pasts.end() ? nullptr : &*found;
 }
 
@@ -54,7 +57,8 @@ void decide_ahead(StepWork& w) {
       ahead_s = find_past(w.memory, w.input.targets[i].instance_id)->predictor.usable_ahead_s(ahead_s);
   for (size_t i = 0; i < w.input.targets.size(); ++i)
     if (w.steered >> i & 1u)
-      confidence = std::min(confidence, find_past(w.memory, w.input.targets[i].instance_id)->predictor.confidence(ahead_s));
+      confidence = std::min(
+          confidence, find_past(w.memory, w.input.targets[i].instance_id)->predictor.confidence(ahead_s));
   const bool usable = w.steered != 0 && ahead_s >= kLeastAheadS;
   w.memory.ahead_s = usable ? ahead_s : 0.0;
   w.memory.ahead_confidence = usable ? confidence : 0.0;
@@ -64,23 +68,28 @@ void pick_all(StepWork& w) {
   Sampled &now = w.memory.now, &ahead = w.memory.ahead;
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const Instance& instance = *w.input.scene.find(w.input.targets[i].instance_id);
-    const auto first = static_cast<uint32_t>(now.points_m.size()), first_ahead = static_cast<uint32_t>(ahead.points_m.size());
+    const auto first = static_cast<uint32_t>(now.points_m.size()),
+               first_ahead = static_cast<uint32_t>(ahead.points_m.size());
     const Affine later =
-        w.memory.ahead_s > 0 ? placed(instance, find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose)
-                             : instance.world_from_instance;
+        w.memory.ahead_s > 0
+            ? placed(instance, find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose)
+            : instance.world_from_instance;
     if (table_of(w.input, i) != nullptr) {
       pick(w, i, instance);
       add_points(now, w.memory.picked, instance.world_from_instance);
       if (w.memory.ahead_s > 0)
-        add_points(ahead, std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())), later);
+        add_points(ahead, std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())),
+                   later);
     } else {
       const glm::dvec3 aim = w.memory.target_views[i].aim_m;
       now.points_m.push_back(aim);
       if (w.memory.ahead_s > 0)
-        ahead.points_m.push_back(transform_point(later, transform_point(inverse(instance.world_from_instance), aim)));
+        ahead.points_m.push_back(
+            transform_point(later, transform_point(inverse(instance.world_from_instance), aim)));
     }
     now.points_of_target.push_back({first, static_cast<uint32_t>(now.points_m.size()) - first});
-    ahead.points_of_target.push_back({first_ahead, static_cast<uint32_t>(ahead.points_m.size()) - first_ahead});
+    ahead.points_of_target.push_back(
+        {first_ahead, static_cast<uint32_t>(ahead.points_m.size()) - first_ahead});
   }
 }
 
@@ -90,15 +99,16 @@ bool wants_pair(StepWork& w) {
   w.result.pair_needs_two = w.input.targets.size() != 2;
   if (w.result.pair_needs_two) return false;
   const Sampled& now = w.memory.now;
-  w.result.pair_gap = pair_gap(now.points_m[now.points_of_target[0].first], now.points_m[now.points_of_target[1].first],
-                               w.memory.bound);
+  w.result.pair_gap = pair_gap(now.points_m[now.points_of_target[0].first],
+                               now.points_m[now.points_of_target[1].first], w.memory.bound);
   return w.result.pair_gap == PairGap::kNone;
 }
 
 // The pair volume is of one point of each target, the paper's one a frame.
 void plan_pair_maps(StepWork& w, const glm::dvec2& jitter) {
   Sampled& now = w.memory.now;
-  const glm::dvec3 a = now.points_m[now.points_of_target[0].first], b = now.points_m[now.points_of_target[1].first];
+  const glm::dvec3 a = now.points_m[now.points_of_target[0].first],
+                   b = now.points_m[now.points_of_target[1].first];
   now.points_m = {a, b};
   now.points_of_target = {{0, 1}, {1, 1}};
   w.pair = make_pair_volume(a, b, w.memory.bound, w.input.settings.sample.resolution);
@@ -155,8 +165,10 @@ Status sample(StepWork& w, Sampler& sampler) {
   decide_ahead(w);
   pick_all(w);
   const glm::dvec2 jitter = texel_jitter(w.input);
-  if (wants_pair(w)) plan_pair_maps(w, jitter);
-  else plan_maps(w, w.memory.now, jitter);
+  if (wants_pair(w))
+    plan_pair_maps(w, jitter);
+  else
+    plan_maps(w, w.memory.now, jitter);
   plan_sights(w);
   plan_maps(w, w.memory.ahead, jitter);
 

@@ -20,12 +20,12 @@ struct StepWork {
   size_t own_candidate = 0;  // index of the camera's own place among the candidates
 };
 
-void look_at_targets(StepWork& work);            // what is known of the targets, before the first stage
-void bound(StepWork& work);                      // paper 3.1
-Status sample(StepWork& work, Sampler& sampler); // paper 3.2, 4
-void aggregate(StepWork& work);                  // paper 3.3, 5
-void move(StepWork& work);                       // paper 3.4, 6
-void report_targets(StepWork& work);             // what the returned pose sees
+void look_at_targets(StepWork& work);             // what is known of the targets, before the first stage
+void bound(StepWork& work);                       // paper 3.1
+Status sample(StepWork& work, Sampler& sampler);  // paper 3.2, 4
+void aggregate(StepWork& work);                   // paper 3.3, 5
+void move(StepWork& work);                        // paper 3.4, 6
+void report_targets(StepWork& work);              // what the returned pose sees
 
 // The place that the camera wants now.
 glm::dvec3 desired_place(const StepWork& work);

@@ -24,29 +24,33 @@ Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double 
   return {};
 }
 
-void compose_visibility(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
-                        std::vector<uint8_t>& seen, std::vector<uint32_t>& visible) {
+void compose_visibility(const SampledPoints& sampled, double relative_bias,
+                        std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
+                        std::vector<uint32_t>& visible) {
   visible.assign(position_m.size(), 0);
   for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
     const MapRange& points = sampled.points_of_target[target];
     seen.assign(position_m.size(), 0);
     for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
       const auto maps = sampled.maps.subspan(range.first, range.count);
-      for (size_t i = 0; i < position_m.size(); ++i) seen[i] += look_up(maps, position_m[i], relative_bias).visible;
+      for (size_t i = 0; i < position_m.size(); ++i)
+        seen[i] += look_up(maps, position_m[i], relative_bias).visible;
     }
     for (size_t i = 0; i < position_m.size(); ++i)
       if (is_enough(seen[i], points.count, sampled.needed_share)) visible[i] |= 1u << target;
   }
 }
 
-void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count, SightCounts& counts) {
+void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count,
+                  SightCounts& counts) {
   counts.total = static_cast<uint32_t>(candidates.size());
   counts.all_visible = counts.some_visible = counts.none_visible = 0;
   counts.visible_by_target.assign(target_count, 0);
   for (const uint32_t visible : candidates.filtered_targets) {
     const uint32_t seen = visible & steered;
     ++(seen == 0 ? counts.none_visible : seen == steered ? counts.all_visible : counts.some_visible);
-    for (uint32_t rest = visible; rest != 0; rest &= rest - 1) ++counts.visible_by_target[std::countr_zero(rest)];
+    for (uint32_t rest = visible; rest != 0; rest &= rest - 1)
+      ++counts.visible_by_target[std::countr_zero(rest)];
   }
 }
 

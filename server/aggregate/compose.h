@@ -17,12 +17,14 @@ enum class Volume { kLattice, kPair };
 
 struct AggregateSettings {
   Volume volume = Volume::kLattice;
-  int candidates = 343;          // [27, 32768]; about how many lattice points the bound holds
-  double needed_share = 0.75;    // [0, 1]; a place sees a target when it sees this share of its sampled points. Low: it is
-                                 // content with an arm; 1: one hidden point is as bad as all
+  int candidates = 343;  // [27, 32768]; about how many lattice points the bound holds
+  double needed_share =
+      0.75;  // [0, 1]; a place sees a target when it sees this share of its sampled points. Low: it is
+             // content with an arm; 1: one hidden point is as bad as all
   FilterSettings filter{.mode = FilterMode::kNone};
-  double relative_bias = 0.001;  // [0, 0.1]; slack of the distance comparison: too small and surfaces hide themselves,
-                                 // too large and thin occluders next to the candidate are missed
+  double relative_bias =
+      0.001;  // [0, 0.1]; slack of the distance comparison: too small and surfaces hide themselves,
+              // too large and thin occluders next to the candidate are missed
 };
 Status validate(const AggregateSettings& settings);
 
@@ -34,8 +36,8 @@ struct MapRange {
 
 // Where one map shows a point: its texel, or nothing.
 struct Sight {
-  bool known = false;     // the point lies in the window of one of the maps
-  bool visible = false;   // and nothing stands between
+  bool known = false;               // the point lies in the window of one of the maps
+  bool visible = false;             // and nothing stands between
   uint32_t occluder = kNoOccluder;  // what does, when not visible
 };
 
@@ -55,8 +57,9 @@ struct SampledPoints {
 bool is_enough(uint32_t seen, uint32_t points, double needed_share);
 
 // visible[i] becomes the set of targets that position i sees. `seen` is scratch memory, reused. O(positions * maps).
-void compose_visibility(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
-                        std::vector<uint8_t>& seen, std::vector<uint32_t>& visible);
+void compose_visibility(const SampledPoints& sampled, double relative_bias,
+                        std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
+                        std::vector<uint32_t>& visible);
 
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {

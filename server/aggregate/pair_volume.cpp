@@ -50,7 +50,8 @@ PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& boun
   return between > radii ? PairGap::kNone : PairGap::kTooClose;
 }
 
-PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound, int resolution) {
+PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound,
+                            int resolution) {
   assert(pair_gap(a_m, b_m, bound) == PairGap::kNone);
   PairVolume v;
   v.a_m = a_m;
@@ -71,7 +72,8 @@ PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const 
 }
 
 std::array<MapView, 2> pair_views(const PairVolume& v, const glm::dvec2& jitter) {
-  return {view_from(v, 0.0, v.xa_min, v.xa_max, jitter), view_from(v, v.length_m, v.xb_min, v.xb_max, jitter)};
+  return {view_from(v, 0.0, v.xa_min, v.xa_max, jitter),
+          view_from(v, v.length_m, v.xb_min, v.xb_max, jitter)};
 }
 
 glm::dvec3 meet(const PairVolume& v, double xa, double xb, double y) {
@@ -117,8 +119,8 @@ void compose_pair(const PairVolume& volume, const DepthMap& map_a, const DepthMa
   for (int y = 0; y < volume.resolution; ++y) {
     for (int xb = 0; xb < volume.resolution; ++xb) {
       for (int xa = 0; xa < volume.resolution; ++xa) {
-        const glm::dvec3 point =
-            meet(volume, column_of_a(volume, xa + at.x), column_of_b(volume, xb + at.x), row(volume, y + at.y));
+        const glm::dvec3 point = meet(volume, column_of_a(volume, xa + at.x), column_of_b(volume, xb + at.x),
+                                      row(volume, y + at.y));
         if (!bound.contains(point)) continue;
         const bool sees_a = glm::distance(point, map_a.view.eye_m) <= map_a.distance_at(xa, y) * slack;
         const bool sees_b = glm::distance(point, map_b.view.eye_m) <= map_b.distance_at(xb, y) * slack;

@@ -9,8 +9,8 @@ namespace sightline {
 
 // A camera with zero size is a lens at `pose.position_m`, looking along its own -Z.
 struct CameraState {
-  Pose pose;                          // world_from_camera
-  glm::dvec3 velocity_mps{0.0};       // world frame
+  Pose pose;                               // world_from_camera
+  glm::dvec3 velocity_mps{0.0};            // world frame
   glm::dvec3 angular_velocity_radps{0.0};  // world frame
 };
 
@@ -23,11 +23,11 @@ struct Lens {
 // Hard limits of the returned path. Checked by finite differences of consecutive replies: the path between two poses
 // is straight at constant velocity, so |p1 - p0| / dt <= max_speed and |v1 - v0| / dt <= max_acceleration.
 struct CameraLimits {
-  double max_speed_mps = 10.0;             // (0, 1000]
-  double max_acceleration_mps2 = 10.0;     // (0, 10000]
-  double max_angular_speed_radps = 3.0;    // (0, 100]
+  double max_speed_mps = 10.0;                    // (0, 1000]
+  double max_acceleration_mps2 = 10.0;            // (0, 10000]
+  double max_angular_speed_radps = 3.0;           // (0, 100]
   double max_angular_acceleration_radps2 = 12.0;  // (0, 1000]
-  double body_radius_m = 0.3;              // [0, 10]; the sphere that never touches a collider; contains the near plane
+  double body_radius_m = 0.3;  // [0, 10]; the sphere that never touches a collider; contains the near plane
 };
 
 // Half of the horizontal field of view, radians.

@@ -10,7 +10,12 @@ namespace sightline {
 
 // What a stream of numbers is for; two purposes never share numbers. Values are part of what a recording replays:
 // append, never renumber.
-enum class RandomPurpose : uint32_t { kTexelJitter = 1, kExtentPoints = 2, kSceneGeneration = 900, kTest = 1000 };
+enum class RandomPurpose : uint32_t {
+  kTexelJitter = 1,
+  kExtentPoints = 2,
+  kSceneGeneration = 900,
+  kTest = 1000
+};
 
 // One Philox4x32-10 block.
 std::array<uint32_t, 4> philox4x32(std::array<uint32_t, 4> counter, std::array<uint32_t, 2> key);

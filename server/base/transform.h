@@ -21,7 +21,9 @@ using Affine = glm::dmat4x3;
 
 // Affine from translation, unit rotation and per-axis scale, applied scale first (as a glTF node's TRS).
 Affine make_affine(const glm::dvec3& translation_m, const glm::dquat& rotation, const glm::dvec3& scale);
-inline Affine identity_affine() { return make_affine({0, 0, 0}, {1, 0, 0, 0}, {1, 1, 1}); }
+inline Affine identity_affine() {
+  return make_affine({0, 0, 0}, {1, 0, 0, 0}, {1, 1, 1});
+}
 
 // a * b as affine maps.
 Affine compose(const Affine& a, const Affine& b);

@@ -16,7 +16,7 @@ enum class BoundMode { kHorizon, kPaper };
 
 struct BoundSettings {
   BoundMode mode = BoundMode::kHorizon;
-  double horizon_s = 0.5;      // [0.05, 2]; short: the camera finds no way round a pillar; long: coarse lattice
+  double horizon_s = 0.5;  // [0.05, 2]; short: the camera finds no way round a pillar; long: coarse lattice
   double max_horizon_s = 2.0;  // [horizon_s, 2]; how far an escape may look
   double paper_n = 300.0;      // [1, 1e6]; paper mode: the radius factor n
 };

@@ -22,9 +22,13 @@ double sweep_radius_m(const ClearanceField& field, const glm::dvec3& from_m, dou
 
 class SafetyCheck {
  public:
-  SafetyCheck(const CameraState& camera, const CameraLimits& limits, const Lens& lens, const ClearanceField& field,
-              double dt_s)
-      : camera_(camera), limits_(limits), field_(field), dt_s_(dt_s), body_m_(swept_radius_m(limits, lens)),
+  SafetyCheck(const CameraState& camera, const CameraLimits& limits, const Lens& lens,
+              const ClearanceField& field, double dt_s)
+      : camera_(camera),
+        limits_(limits),
+        field_(field),
+        dt_s_(dt_s),
+        body_m_(swept_radius_m(limits, lens)),
         sweep_m_(sweep_radius_m(field, camera.pose.position_m, body_m_)) {}
 
   double body_m() const { return body_m_; }
@@ -63,7 +67,8 @@ class SafetyCheck {
 };
 
 // Away from the nearest surface, as fast as still allows stopping within a body's length.
-glm::dvec3 velocity_out(const glm::dvec3& place, const glm::dvec3& surface, double body_m, const CameraLimits& limits) {
+glm::dvec3 velocity_out(const glm::dvec3& place, const glm::dvec3& surface, double body_m,
+                        const CameraLimits& limits) {
   const glm::dvec3 away = place - surface;
   const double distance = glm::length(away);
   if (distance < 1e-9) return glm::dvec3(0, 1, 0);
@@ -77,13 +82,14 @@ double swept_radius_m(const CameraLimits& limits, const Lens& lens) {
   return std::max(limits.body_radius_m, near_corner_distance_m(lens));
 }
 
-bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m, double body_radius_m) {
+bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m,
+                  double body_radius_m) {
   const double radius = sweep_radius_m(field, from_m, body_radius_m);
   return field.free_fraction(from_m, to_m, radius) >= 1.0;
 }
 
-glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
-                 const MoversAhead& movers, double dt_s) {
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
+                 const Lens& lens, const MoversAhead& movers, double dt_s) {
   const double keep = swept_radius_m(limits, lens) + kEvadeRoomM;
   glm::dvec3 velocity = wanted_mps;
   // A few rounds: what leads away from one collider may lead towards another.
@@ -110,7 +116,7 @@ SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, cons
   }
   if (check.is_safe(wanted_mps)) return {wanted_mps, false, false};
   const glm::dvec3 slide = check.along_surface(wanted_mps);
-  const std::array<glm::dvec3, 6> tries = {slide,      0.5 * slide,      0.5 * wanted_mps,
+  const std::array<glm::dvec3, 6> tries = {slide,       0.5 * slide,      0.5 * wanted_mps,
                                            0.2 * slide, 0.2 * wanted_mps, 0.05 * slide};
   for (const glm::dvec3& velocity : tries)
     if (const glm::dvec3 v = check.limited(velocity); check.is_safe(v)) return {v, false, true};

@@ -15,15 +15,15 @@ inline constexpr double kBodySkinM = 0.01;
 
 struct SafeMove {
   glm::dvec3 velocity_mps{0.0};
-  bool overlap = false;   // the body touches a collider now: a collider moved into it, or it was put there
-  bool deflected = false; // not the velocity that was wanted
+  bool overlap = false;    // the body touches a collider now: a collider moved into it, or it was put there
+  bool deflected = false;  // not the velocity that was wanted
 };
 
 // The velocity nearest to `wanted_mps` (which already obeys the limits) that is safe: as wanted, slower, along the surface in
 // the way, or braking. When the body overlaps a collider, the velocity that leaves it soonest. The result obeys the limits.
 // Colliders are taken where the field was gathered; it must cover the camera's reach for braking plus its radius.
-SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
-                   const ClearanceField& field, double dt_s);
+SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
+                   const Lens& lens, const ClearanceField& field, double dt_s);
 
 // When the camera looks for colliders that come towards it, seconds ahead: near enough together that nothing of a person's
 // size passes between two looks.
@@ -32,11 +32,12 @@ using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, 
 
 // `wanted_mps`, changed so that the body is clear of the colliders that move when they and the camera have gone on for each of
 // kEvadeS. Obeys the limits. The colliders of now are make_safe's matter, to be called next.
-glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
-                 const MoversAhead& movers, double dt_s);
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
+                 const Lens& lens, const MoversAhead& movers, double dt_s);
 
 // True when the body can go straight from one place to the other.
-bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m, double body_radius_m);
+bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m,
+                  double body_radius_m);
 
 // The radius that is swept: the body's, or the distance to the near plane's corners where that is more.
 double swept_radius_m(const CameraLimits& limits, const Lens& lens);

@@ -12,10 +12,11 @@ namespace {
 constexpr double kHalfPi = std::numbers::pi / 2;
 
 // The distance from the centre, along unit `outwards`, at which the whole group fits the picture.
-double fitting_distance_m(std::span<const TargetView> targets, const glm::dvec3& center_m, const glm::dvec3& outwards,
-                          const Lens& lens, double margin) {
+double fitting_distance_m(std::span<const TargetView> targets, const glm::dvec3& center_m,
+                          const glm::dvec3& outwards, const Lens& lens, double margin) {
   const glm::dquat camera = look_rotation(-outwards, {0, 1, 0}, {1, 0, 0});
-  const double half_y = lens.vertical_fov_rad / 2 * (1 - margin), half_x = half_horizontal_fov_rad(lens) * (1 - margin);
+  const double half_y = lens.vertical_fov_rad / 2 * (1 - margin),
+               half_x = half_horizontal_fov_rad(lens) * (1 - margin);
   double distance = 0;
   for (const TargetView& t : targets) {
     if (!t.steered()) continue;
@@ -59,9 +60,15 @@ uint32_t steered_mask(std::span<const TargetView> targets) {
 class Search {
  public:
   Search(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
-         double ahead_weight, const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order)
-      : candidates_(candidates), targets_(targets), cost_(cost), ahead_weight_(ahead_weight), settings_(settings),
-        reachable_(reachable), order_(order) {}
+         double ahead_weight, const MoveSettings& settings, const Reachable& reachable,
+         std::vector<uint32_t>& order)
+      : candidates_(candidates),
+        targets_(targets),
+        cost_(cost),
+        ahead_weight_(ahead_weight),
+        settings_(settings),
+        reachable_(reachable),
+        order_(order) {}
 
   template <typename Wanted>
   bool collect(Wanted wanted) {
@@ -134,17 +141,21 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
   const glm::dvec3 center = weighted_center_m(targets);
   glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
   if (settings.follow == Follow::kStay) return center + offset_m;
-  const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
+  const double elevation =
+      std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
   offset = with_elevation(offset, elevation);
   const glm::dvec3 outwards = glm::normalize(offset);
   double nearest_allowed = fitting_distance_m(targets, center, outwards, lens, framing_margin);
   for (const TargetView& t : targets)
-    if (t.steered()) nearest_allowed = std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
+    if (t.steered())
+      nearest_allowed =
+          std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
   const double distance = std::min(std::max(glm::length(offset), nearest_allowed), settings.max_distance_m);
   return center + outwards * distance;
 }
 
-bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets, const MoveSettings& settings) {
+bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
+                   const MoveSettings& settings) {
   for (const TargetView& t : targets)
     if (t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m) return false;
   const glm::dvec3 from_center = place_m - weighted_center_m(targets);
@@ -153,9 +164,9 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> target
          elevation <= settings.max_elevation_rad;
 }
 
-Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
-                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
-                    const Reachable& reachable, std::vector<uint32_t>& order) {
+Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
+                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
   Search search(candidates, targets, cost, ahead_weight, settings, reachable, order);
@@ -164,12 +175,15 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
   if (any_all) {
     if (const int best = search.best(); best >= 0) {
       const bool desired = glm::distance(candidates.position_m[best], desired_m) < 1e-6;
-      return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kNearestAllVisible, best};
+      return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kNearestAllVisible,
+              best};
     }
   }
-  const bool any_some = search.collect([=](uint32_t seen) { return (seen & steered) != 0 && (seen & steered) != steered; });
+  const bool any_some =
+      search.collect([=](uint32_t seen) { return (seen & steered) != 0 && (seen & steered) != steered; });
   if (any_some) {
-    if (const int best = search.best(); best >= 0) return {MoveStatus::kPartial, MoveReason::kBestPartial, best};
+    if (const int best = search.best(); best >= 0)
+      return {MoveStatus::kPartial, MoveReason::kBestPartial, best};
   }
   if (any_all || any_some) return {MoveStatus::kHolding, MoveReason::kBlockedByGeometry, -1};
 
@@ -177,8 +191,9 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
   return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, search.best()};
 }
 
-Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
-                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
+Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    const glm::dvec3& desired_m, const MoveSettings& settings, const Reachable& reachable,
+                    std::vector<uint32_t>& order) {
   std::vector<double> cost;
   basic_costs(candidates.position_m, desired_m, cost);
   return choose_place(candidates, targets, cost, desired_m, 0.0, settings, reachable, order);

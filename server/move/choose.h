@@ -23,7 +23,7 @@ namespace sightline {
 
 enum class Follow {
   kOffset,  // the camera wants the place relative to the targets that it had at the start or at the last observed cut
-  kStay,    // the camera wants to stay where it is
+  kStay,  // the camera wants to stay where it is
 };
 
 enum class Strategy {
@@ -35,10 +35,11 @@ enum class Strategy {
 struct MoveSettings {
   Strategy strategy = Strategy::kBasic;
   Follow follow = Follow::kOffset;
-  BlendSettings blend = {};         // kBlend only
-  double prediction_s = 0.0;        // [0, 2]; how far ahead targets and occluders are predicted; 0: not at all
-  double predictive_power = 0.5;    // [0, 1]; what is predicted counts by this share against what is seen now. 0: the camera
-                                    // turns corners too late; 1: it leaves a good view for one that may not come
+  BlendSettings blend = {};   // kBlend only
+  double prediction_s = 0.0;  // [0, 2]; how far ahead targets and occluders are predicted; 0: not at all
+  double predictive_power =
+      0.5;  // [0, 1]; what is predicted counts by this share against what is seen now. 0: the camera
+            // turns corners too late; 1: it leaves a good view for one that may not come
   double min_distance_m = 1.0;      // [0, 1000]; to the nearest target: nearer candidates are not taken
   double max_distance_m = 30.0;     // (min, 10000]; to the weighted centre
   double min_elevation_rad = -0.3;  // [-pi/2, pi/2]; of the camera above the horizontal, seen from the centre
@@ -48,8 +49,8 @@ Status validate(const MoveSettings& settings);
 
 // What the choice needs to know of a target this tick.
 struct TargetView {
-  glm::dvec3 aim_m{0.0};       // world
-  double radius_m = 0.0;       // of its bounding sphere
+  glm::dvec3 aim_m{0.0};  // world
+  double radius_m = 0.0;  // of its bounding sphere
   glm::dvec3 velocity_mps{0.0};
   double weight = 1.0;
   bool required = true;
@@ -65,7 +66,8 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
                            double framing_margin, const MoveSettings& settings);
 
 // A place the camera may not want by the distance or elevation limits.
-bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets, const MoveSettings& settings);
+bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
+                   const MoveSettings& settings);
 
 struct Choice {
   MoveStatus status = MoveStatus::kHolding;
@@ -83,12 +85,13 @@ inline constexpr int kMaxReachTests = 24;
 // predicted, weighed by 1 - ahead_weight and ahead_weight, [0, 1]; a state (tracking, partial, escaping) is by what it sees
 // now: a prediction never replaces the real target. `desired_m` only tells whether the goal is the desired place itself.
 // `order` is scratch memory, reused. Candidates outside the limits are taken only when none inside is left.
-Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
-                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
-                    const Reachable& reachable, std::vector<uint32_t>& order);
+Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
+                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
 
 // Basic alone: choose_place by the distance to the desired place, without prediction.
-Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets, const glm::dvec3& desired_m,
-                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
+Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    const glm::dvec3& desired_m, const MoveSettings& settings, const Reachable& reachable,
+                    std::vector<uint32_t>& order);
 
 }  // namespace sightline

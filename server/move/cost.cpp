@@ -12,7 +12,8 @@ constexpr double kOutsideGroup = 1e6;
 
 }  // namespace
 
-void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, std::vector<double>& cost) {
+void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
+                 std::vector<double>& cost) {
   cost.resize(position_m.size());
   for (size_t i = 0; i < position_m.size(); ++i) cost[i] = glm::distance(position_m[i], desired_m);
 }

@@ -13,7 +13,8 @@
 namespace sightline {
 
 // Basic: the distance to the desired place, metres.
-void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, std::vector<double>& cost);
+void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
+                 std::vector<double>& cost);
 
 // RobustMove as printed: the distance to the centre of the largest group, which is its deepest member; places outside that group
 // come after all inside it. The same as Basic when there is no group.

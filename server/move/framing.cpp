@@ -18,7 +18,9 @@ constexpr int kAimIterations = 4;
 // the weighted mean.
 struct Extent {
   double low = 1e9, high = -1e9, mean = 0;
-  void include(double middle, double half) { low = std::min(low, middle - half), high = std::max(high, middle + half); }
+  void include(double middle, double half) {
+    low = std::min(low, middle - half), high = std::max(high, middle + half);
+  }
   // How far to turn so that [low, high] fits into [-half, half] and the mean is as near the middle as that allows.
   double shift(double half) const {
     const double least = high - half, most = low + half;
@@ -35,7 +37,8 @@ bool must_fit(const TargetView& target, bool any_required) {
 }
 
 Extents extents_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& angles) {
-  const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
+  const glm::dquat camera_from_world =
+      glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
   const bool any_required =
       std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
   Extents out;
@@ -66,8 +69,11 @@ ViewAngles angles_towards(const glm::dvec3& direction, const ViewAngles& present
 
 double zoom_for(const Extents& extents, const Lens& lens, const FramingSettings& settings) {
   if (!settings.zooms()) return lens.vertical_fov_rad;
-  const auto tan_within = [&](double reach) { return std::tan(std::min(reach / (1 - settings.margin), 1.5)); };
-  const double half = std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
+  const auto tan_within = [&](double reach) {
+    return std::tan(std::min(reach / (1 - settings.margin), 1.5));
+  };
+  const double half =
+      std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
   return std::clamp(2 * half, settings.min_vertical_fov_rad, settings.max_vertical_fov_rad);
 }
 
@@ -78,8 +84,8 @@ double beyond(double shift, double dead) {
 
 }  // namespace
 
-Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present, const Lens& lens,
-           const FramingSettings& settings) {
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present,
+           const Lens& lens, const FramingSettings& settings) {
   const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
   const double room = 1 - settings.margin;
   ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);

@@ -11,9 +11,9 @@
 namespace sightline {
 
 struct FramingSettings {
-  double margin = 0.1;       // [0, 0.9]; share of the half picture kept free at each edge
-  double dead_zone = 0.05;   // [0, 0.9]; the view does not turn while its aim is off by less than this share
-  double response_s = 0.4;   // [0, 5]; time to close 99 % of an aiming error
+  double margin = 0.1;      // [0, 0.9]; share of the half picture kept free at each edge
+  double dead_zone = 0.05;  // [0, 0.9]; the view does not turn while its aim is off by less than this share
+  double response_s = 0.4;  // [0, 5]; time to close 99 % of an aiming error
   double min_vertical_fov_rad = 0.0;  // zoom range; 0, 0 = the lens keeps its field of view
   double max_vertical_fov_rad = 0.0;
   bool zooms() const { return max_vertical_fov_rad > 0.0; }
@@ -29,8 +29,8 @@ struct Aim {
 // Aims from `eye_m`: the weighted mean of the steered targets, moved as little as needed so that all required targets' spheres
 // are inside the picture; when they do not fit, the middle of them. `present` decides yaw when the aim is vertical, and
 // is returned when the aim lies in the dead zone around it. At least one target must be steered.
-Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present, const Lens& lens,
-           const FramingSettings& settings);
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present,
+           const Lens& lens, const FramingSettings& settings);
 
 // True when the world point is inside the picture.
 bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& point_m);

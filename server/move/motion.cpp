@@ -39,14 +39,18 @@ double roll_after(double roll_rad, double most) {
 Status validate(const CameraLimits& limits, const Lens& lens) {
   if (auto ok = check_above("max_speed_mps", limits.max_speed_mps, 0, 1000); !ok) return ok;
   if (auto ok = check_above("max_acceleration_mps2", limits.max_acceleration_mps2, 0, 10000); !ok) return ok;
-  if (auto ok = check_above("max_angular_speed_radps", limits.max_angular_speed_radps, 0, 100); !ok) return ok;
-  if (auto ok = check_above("max_angular_acceleration_radps2", limits.max_angular_acceleration_radps2, 0, 1000); !ok)
+  if (auto ok = check_above("max_angular_speed_radps", limits.max_angular_speed_radps, 0, 100); !ok)
+    return ok;
+  if (auto ok =
+          check_above("max_angular_acceleration_radps2", limits.max_angular_acceleration_radps2, 0, 1000);
+      !ok)
     return ok;
   if (auto ok = check_range("body_radius_m", limits.body_radius_m, 0, 10); !ok) return ok;
   if (const double corner = near_corner_distance_m(lens); corner > limits.body_radius_m) {
     char text[160];
-    std::snprintf(text, sizeof text, "must contain the near plane's corners, which are %g m from the lens, got %g",
-                  corner, limits.body_radius_m);
+    std::snprintf(text, sizeof text,
+                  "must contain the near plane's corners, which are %g m from the lens, got %g", corner,
+                  limits.body_radius_m);
     return invalid("body_radius_m", text);
   }
   return {};
@@ -59,8 +63,8 @@ glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, c
   return present + limit_length(allowed - present, limits.max_acceleration_mps2 * dt_s);
 }
 
-glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m, const glm::dvec3& goal_velocity_mps,
-                            const CameraLimits& limits, double dt_s) {
+glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
+                            const glm::dvec3& goal_velocity_mps, const CameraLimits& limits, double dt_s) {
   const glm::dvec3 error = goal_m - camera.pose.position_m;
   const double distance = glm::length(error);
   glm::dvec3 wanted = goal_velocity_mps;
@@ -93,11 +97,12 @@ glm::dquat rotation_from_angles(const ViewAngles& a) {
   return glm::normalize(yaw * pitch * glm::angleAxis(a.roll_rad, glm::dvec3(0, 0, 1)));
 }
 
-TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits, double response_s,
-                       double dt_s) {
+TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
+                       double response_s, double dt_s) {
   if (dt_s <= 0) return state;
   const glm::dvec2 present(state.yaw_rate_radps, state.pitch_rate_radps);
-  const glm::dvec2 error(wrap_angle(aim.yaw_rad - state.angles.yaw_rad), aim.pitch_rad - state.angles.pitch_rad);
+  const glm::dvec2 error(wrap_angle(aim.yaw_rad - state.angles.yaw_rad),
+                         aim.pitch_rad - state.angles.pitch_rad);
   const double size = glm::length(error);
   glm::dvec2 wanted(0.0);
   if (size > 1e-12) {
@@ -105,7 +110,8 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
     if (response_s > 0) rate = std::min(rate, size * (1 - std::pow(0.01, dt_s / response_s)) / dt_s);
     wanted = limit_length(error * (rate / size), limits.max_angular_speed_radps);
   }
-  const glm::dvec2 rates = present + limit_length(wanted - present, limits.max_angular_acceleration_radps2 * dt_s);
+  const glm::dvec2 rates =
+      present + limit_length(wanted - present, limits.max_angular_acceleration_radps2 * dt_s);
   TurnState next;
   next.yaw_rate_radps = rates.x;
   next.pitch_rate_radps = rates.y;

@@ -19,12 +19,13 @@ inline constexpr double kMaxStepS = 0.25;
 
 // The velocity that brings the camera to `goal_m` soonest and lets it arrive with `goal_velocity_mps` without overshoot:
 // the braking curve v = sqrt(2 a d), clamped to the limits as seen from the present velocity.
-glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m, const glm::dvec3& goal_velocity_mps,
-                            const CameraLimits& limits, double dt_s);
+glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
+                            const glm::dvec3& goal_velocity_mps, const CameraLimits& limits, double dt_s);
 
 // `wanted` brought into the ball |v' - v| <= a dt and then |v'| <= v_max. When the present speed is over the maximum (limits were
 // lowered) it brakes as fast as the acceleration allows.
-glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits, double dt_s);
+glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
+                          double dt_s);
 
 // Path length in which the camera can stop from velocity v: |v|^2 / (2 a). The discrete brake stays within it.
 double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& limits);
@@ -46,6 +47,7 @@ struct TurnState {
 // Turns towards the aim, (yaw rate, pitch rate) within max_angular_speed and its change within max_angular_acceleration * dt.
 // `response_s`: time to close 99 % of an error where the limits allow; 0 = as fast as they allow. Any roll is let go at no
 // more than max_angular_speed.
-TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits, double response_s, double dt_s);
+TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
+                       double response_s, double dt_s);
 
 }  // namespace sightline

@@ -10,7 +10,8 @@ glm::dvec3 texel_direction(const MapView& view, int x, int y) {
 
 MapPoint project(const MapView& view, const glm::dvec3& point_m) {
   const glm::dvec3 offset = point_m - view.eye_m;
-  const glm::dvec3 p = offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
+  const glm::dvec3 p =
+      offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
   MapPoint out;
   out.distance_m = glm::length(offset);
   if (p.z >= 0.0) return out;

@@ -25,12 +25,12 @@ inline constexpr double kMapNearM = 0.01;  // occluders nearer than this to the 
 //   (left + (x + jitter.x) / width * (right - left), bottom + (y + jitter.y) / height * (top - bottom)),
 // jitter (0.5, 0.5) being the texel centre.
 struct MapView {
-  glm::dvec3 eye_m{0.0};               // world
-  glm::dmat3 world_from_view{1.0};     // rotation; columns are right, up, back
+  glm::dvec3 eye_m{0.0};            // world
+  glm::dmat3 world_from_view{1.0};  // rotation; columns are right, up, back
   double left = -1, right = 1, bottom = -1, top = 1;
-  int width = 7, height = 7;           // [1, kMaxMapSize]
-  glm::dvec2 jitter{0.5, 0.5};         // [0, 1) within every texel
-  double near_m = kMapNearM;           // along the view axis, as a near plane
+  int width = 7, height = 7;    // [1, kMaxMapSize]
+  glm::dvec2 jitter{0.5, 0.5};  // [0, 1) within every texel
+  double near_m = kMapNearM;    // along the view axis, as a near plane
 };
 
 // World direction, not normalised, of the ray through texel (x, y) as jittered: one unit of depth along the view axis.
@@ -38,20 +38,21 @@ glm::dvec3 texel_direction(const MapView& view, int x, int y);
 
 // Where a world point falls in the map.
 struct MapPoint {
-  double x = 0, y = 0;      // continuous texel coordinates: texel i covers [i, i + 1)
-  double distance_m = 0;    // from the eye, Euclidean
-  bool in_window = false;   // in front of the eye and inside the window
+  double x = 0, y = 0;     // continuous texel coordinates: texel i covers [i, i + 1)
+  double distance_m = 0;   // from the eye, Euclidean
+  bool in_window = false;  // in front of the eye and inside the window
 };
 MapPoint project(const MapView& view, const glm::dvec3& point_m);
 
 // One map to be taken.
 struct MapRequest {
   MapView view;
-  uint32_t layer_mask = 0xFFFFFFFF;         // draws instances with (layers & layer_mask) != 0
+  uint32_t layer_mask = 0xFFFFFFFF;  // draws instances with (layers & layer_mask) != 0
   // Moving occluders are drawn where their velocities take them in this time, seconds, [0, 2]. The requests of one call
   // have at most one value besides 0.
   double ahead_s = 0.0;
-  std::span<const uint32_t> ignored_slots = {};  // ascending mirror slots that are left out; must outlive the call
+  std::span<const uint32_t> ignored_slots =
+      {};  // ascending mirror slots that are left out; must outlive the call
 };
 
 // Row-major from the bottom row: texel (x, y) is at y * width + x.

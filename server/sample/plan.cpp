@@ -34,8 +34,8 @@ MapView square_view(const glm::dvec3& eye_m, const glm::dmat3& world_from_view, 
 
 }  // namespace
 
-int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
-               std::vector<MapView>& views) {
+int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings,
+               const glm::dvec2& jitter, std::vector<MapView>& views) {
   const glm::dvec3 to_center = bound.center_m - eye_m;
   const double distance = glm::length(to_center);
   if (bound.radius_m < distance * std::sin(kMaxHalfAngleRad)) {

@@ -12,10 +12,12 @@
 namespace sightline {
 
 struct SampleSettings {
-  int resolution = 7;        // texels a side, [2, 64]; more finds thinner gaps and costs time
-  int points = 0;            // [0, 16]; surface points of each target that are sampled in a step, in round robin (paper 4);
-                             // 0: its aim point alone. More see partial occlusion at once and cost a map each
-  bool jitter_texels = true; // move the sample point inside every texel each tick, so that thin things are found
+  int resolution = 7;  // texels a side, [2, 64]; more finds thinner gaps and costs time
+  int points =
+      0;  // [0, 16]; surface points of each target that are sampled in a step, in round robin (paper 4);
+          // 0: its aim point alone. More see partial occlusion at once and cost a map each
+  bool jitter_texels =
+      true;  // move the sample point inside every texel each tick, so that thin things are found
 };
 
 // Names the first setting that is out of range, as "sample.<field>".
@@ -27,8 +29,8 @@ inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
 // Appends to `views` the views from `eye_m` that together show every point of the bound: one symmetric frustum that
 // just contains it, or up to six 90-degree cube faces (only those that the bound reaches) when the eye is inside or
 // so near that the half angle exceeds kMaxHalfAngleRad. Returns how many were appended (at least 1).
-int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
-               std::vector<MapView>& views);
+int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings,
+               const glm::dvec2& jitter, std::vector<MapView>& views);
 
 // A single-texel view from `eye_m` straight to `place_m`: the exact line of sight to one place, which a map over the whole
 // bound knows only to a texel. `place_m` differs from `eye_m`, or the view looks along -Z.

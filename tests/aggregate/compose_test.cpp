@@ -22,7 +22,8 @@ glm::dvec3 random_vector(CounterRandom& random, double size) {
 }
 
 // Whether a straight line from eye to point crosses a box, by slabs: shares nothing with maps.
-bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center, const glm::dvec3& half) {
+bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center,
+                const glm::dvec3& half) {
   double enter = 0, leave = 1;
   for (int axis = 0; axis < 3; ++axis) {
     const double d = point[axis] - eye[axis];
@@ -54,7 +55,8 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
     const glm::vec3 half(random.next_in(0.1, 0.6), random.next_in(0.1, 0.6), random.next_in(0.1, 0.6));
     const glm::dvec3 at = random_vector(random, 3.0);
     boxes.emplace_back(at, half);
-    delta.add.push_back({id, *store.intern(*tessellate(BoxShape{half})), Pose{at, {1, 0, 0, 0}}, glm::dmat3(1), {}});
+    delta.add.push_back(
+        {id, *store.intern(*tessellate(BoxShape{half})), Pose{at, {1, 0, 0, 0}}, glm::dmat3(1), {}});
   }
   ASSERT_TRUE(mirror.apply(delta, {}));
   const Bound bound = ball({0, 0, 6}, 1.5);
@@ -77,13 +79,17 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
     CandidateSet candidates;
     for (int y = 0; y < 7; ++y)
       for (int x = 0; x < 7; ++x)
-        candidates.add(eyes[t] + glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
+        candidates.add(eyes[t] +
+                       glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
     const std::vector<MapRange> points = one_each(ranges.size());
-    compose_visibility({maps, ranges, points}, 1e-5, candidates.position_m, scratch, candidates.visible_targets);
+    compose_visibility({maps, ranges, points}, 1e-5, candidates.position_m, scratch,
+                       candidates.visible_targets);
     for (size_t i = 0; i < candidates.size(); ++i) {
       bool blocked = false;
-      for (const auto& [center, half] : boxes) blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
-      EXPECT_EQ((candidates.visible_targets[i] >> t & 1) == 0, blocked) << "target " << t << " candidate " << i;
+      for (const auto& [center, half] : boxes)
+        blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
+      EXPECT_EQ((candidates.visible_targets[i] >> t & 1) == 0, blocked)
+          << "target " << t << " candidate " << i;
       ++(blocked ? hidden : visible);
     }
   }
@@ -101,7 +107,8 @@ TEST(Compose, ATargetIsSeenWhenEnoughOfItsPointsAre) {
   const std::vector<glm::dvec3> places = {{0, 0, -5}};
   std::vector<uint8_t> scratch;
   std::vector<uint32_t> visible;
-  for (const auto& [needed, seen] : std::vector<std::pair<double, uint32_t>>{{0.0, 1}, {0.6, 1}, {2.0 / 3, 1}, {0.7, 0}, {1.0, 0}}) {
+  for (const auto& [needed, seen] :
+       std::vector<std::pair<double, uint32_t>>{{0.0, 1}, {0.6, 1}, {2.0 / 3, 1}, {0.7, 0}, {1.0, 0}}) {
     compose_visibility({maps, of_point, of_target, needed}, 0.0, places, scratch, visible);
     EXPECT_EQ(visible[0], seen) << needed;
   }

@@ -56,7 +56,8 @@ TEST(PairVolume, RaysOfEqualRowsMeetAtTheClosedFormPoint) {
     const PairVolume volume = make_pair_volume(c.a, c.b, c.bound, 7);
     const auto views = pair_views(volume, {0.5, 0.5});
     const int xa = random.next_below(7), xb = random.next_below(7), y = random.next_below(7);
-    const glm::dvec3 point = meet(volume, column_of_a(volume, xa + 0.5), column_of_b(volume, xb + 0.5), row(volume, y + 0.5));
+    const glm::dvec3 point =
+        meet(volume, column_of_a(volume, xa + 0.5), column_of_b(volume, xb + 0.5), row(volume, y + 0.5));
     // Checked against the two rays as the maps define them, not against the formula.
     const double scale = glm::distance(point, c.a) + glm::distance(point, c.b);
     EXPECT_LT(distance_to_line(point, c.a, texel_direction(views[0], xa, y)), 1e-6 * scale);
@@ -120,7 +121,7 @@ TEST(PairVolume, CompletenessAgreesWithTracingTheOutermostRays) {
       return std::atan2(to.x, to.z) + side * std::asin(radius / glm::length(to));
     };
     const double ray_a = tangent(a, -1), ray_b = tangent(b, +1);  // angles from +z towards +x
-    const bool meets = std::sin(ray_a - ray_b) > 0;               // A's ray leans more towards B than B's does away
+    const bool meets = std::sin(ray_a - ray_b) > 0;  // A's ray leans more towards B than B's does away
     EXPECT_EQ(pair_gap(a, b, bound) == PairGap::kNone, meets);
     ++(meets ? complete : incomplete);
   }
@@ -138,10 +139,10 @@ TEST(PairVolume, NamesEachIncompleteCase) {
   const glm::dvec3 a(-1, 0, 0), b(1, 0, 0);
   EXPECT_EQ(pair_gap(a, a + glm::dvec3(0.1, 0, 0), ball({0, 0, 5}, 0.5)), PairGap::kTooClose);  // close pair
   EXPECT_EQ(pair_gap(a, a, ball({0, 0, 5}, 0.5)), PairGap::kTooClose);                          // same place
-  EXPECT_EQ(pair_gap(a, b, ball({-3, 0.2, 0}, 0.5)), PairGap::kOnLine);                         // over the shoulder
-  EXPECT_EQ(pair_gap(a, b, ball({0, 0.1, 0.1}, 0.5)), PairGap::kOnLine);                        // between the targets
-  EXPECT_EQ(pair_gap(a, b, ball({5, 0, 0}, 0.5)), PairGap::kOnLine);                            // on the line AB
-  EXPECT_EQ(pair_gap(a, b, ball({1.2, 0.1, 0}, 0.5)), PairGap::kTargetInBound);                 // a target in the ball
+  EXPECT_EQ(pair_gap(a, b, ball({-3, 0.2, 0}, 0.5)), PairGap::kOnLine);          // over the shoulder
+  EXPECT_EQ(pair_gap(a, b, ball({0, 0.1, 0.1}, 0.5)), PairGap::kOnLine);         // between the targets
+  EXPECT_EQ(pair_gap(a, b, ball({5, 0, 0}, 0.5)), PairGap::kOnLine);             // on the line AB
+  EXPECT_EQ(pair_gap(a, b, ball({1.2, 0.1, 0}, 0.5)), PairGap::kTargetInBound);  // a target in the ball
 }
 
 // With L = 2 m at 5 m and radius 0.5 m, equal pixel steps and the printed trilinear map part by more than a cell.
@@ -172,8 +173,10 @@ TEST(PairVolume, CandidatesAreThePointsInTheBallAndCompareAtTheirOwnTexels) {
   const auto views = pair_views(volume, {0.3, 0.8});
   DepthMap map_a{views[0], std::vector<float>(49), std::vector<uint32_t>(49, 0)};
   DepthMap map_b{views[1], std::vector<float>(49), std::vector<uint32_t>(49, 0)};
-  for (float& d : map_a.distance_m) d = static_cast<float>(random.next_in(0, 2 * glm::distance(c.a, c.bound.center_m)));
-  for (float& d : map_b.distance_m) d = static_cast<float>(random.next_in(0, 2 * glm::distance(c.b, c.bound.center_m)));
+  for (float& d : map_a.distance_m)
+    d = static_cast<float>(random.next_in(0, 2 * glm::distance(c.a, c.bound.center_m)));
+  for (float& d : map_b.distance_m)
+    d = static_cast<float>(random.next_in(0, 2 * glm::distance(c.b, c.bound.center_m)));
   CandidateSet pair;
   compose_pair(volume, map_a, map_b, c.bound, 0.001, pair);
   ASSERT_GT(pair.size(), 20u);

@@ -74,11 +74,14 @@ void run_steps(benchmark::State& state, City& city, SamplerDevice& device, Table
     world->set_time(static_cast<double>(tick % ticks) * kTickS);
     state.ResumeTiming();
     const int64_t begin = monotonic_ns();
-    const StepInput input{world->mirror(), world->targets(), limits, settings, city.scenario->lens(), 1, tick, kTickS};
+    const StepInput input{world->mirror(), world->targets(), limits, settings, city.scenario->lens(), 1, tick,
+                          kTickS};
     const auto result = take_step(memory, input, *sampler, monotonic_ns);
     if (!result) return state.SkipWithError(to_string(result.error()).c_str());
     total_ms.push_back(1e-6 * static_cast<double>(monotonic_ns() - begin));
-    const auto ms = [&](Stage stage) { return 1e-6 * static_cast<double>(result->stage_ns[static_cast<size_t>(stage)]); };
+    const auto ms = [&](Stage stage) {
+      return 1e-6 * static_cast<double>(result->stage_ns[static_cast<size_t>(stage)]);
+    };
     sample_ms.push_back(ms(Stage::kSample));
     aggregate_ms.push_back(ms(Stage::kAggregate));
     move_ms.push_back(ms(Stage::kMove));
@@ -95,8 +98,8 @@ void run_steps(benchmark::State& state, City& city, SamplerDevice& device, Table
 void print_table(const Table& table, const std::vector<std::unique_ptr<SamplerDevice>>& devices) {
   std::printf("\nTable 1 (ms, medians; p95 of the total in brackets; two targets, 280 K triangles)\n");
   for (const auto& device : devices) {
-    std::printf("\n%s: %s\n%4s %8s %8s %10s %8s %8s\n", device->kind().c_str(), device->description().c_str(), "r",
-                "samples", "render", "intersect", "select", "total");
+    std::printf("\n%s: %s\n%4s %8s %8s %10s %8s %8s\n", device->kind().c_str(), device->description().c_str(),
+                "r", "samples", "render", "intersect", "select", "total");
     for (const auto& [key, row] : table) {
       if (key.first != device->kind()) continue;
       std::printf("%4d %8zu %8.3f %10.3f %8.3f %8.3f  (%.3f)\n", key.second, row.samples, row.sample.p50,
@@ -115,15 +118,24 @@ int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   City city;
   std::vector<std::unique_ptr<SamplerDevice>> devices;
-  if (auto egl = make_egl_sampler_device({})) devices.push_back(std::move(*egl));
-  else std::fprintf(stderr, "EGL rows left out: %s\n", to_string(egl.error()).c_str());
+  if (auto egl = make_egl_sampler_device({}))
+    devices.push_back(std::move(*egl));
+  else
+    std::fprintf(stderr, "EGL rows left out: %s\n", to_string(egl.error()).c_str());
   devices.push_back(make_embree_sampler_device());
   Table table;
   for (const auto& device : devices) {
     SamplerDevice* const used = device.get();
-    benchmark::RegisterBenchmark(("step/" + used->kind()).c_str(),
-                                 [&city, &table, used](benchmark::State& state) { run_steps(state, city, *used, table); })
-        ->Arg(5)->Arg(7)->Arg(10)->Arg(15)->ArgName("r")->Unit(benchmark::kMillisecond)->Iterations(1200);
+    benchmark::RegisterBenchmark(
+        ("step/" + used->kind()).c_str(),
+        [&city, &table, used](benchmark::State& state) { run_steps(state, city, *used, table); })
+        ->Arg(5)
+        ->Arg(7)
+        ->Arg(10)
+        ->Arg(15)
+        ->ArgName("r")
+        ->Unit(benchmark::kMillisecond)
+        ->Iterations(1200);
   }
   benchmark::RunSpecifiedBenchmarks();
   print_table(table, devices);

@@ -57,7 +57,8 @@ TEST(Bound, HoldsEveryPlaceThatIsReachedFromRest) {
     // Steps move by the new velocity, so n of them cover a n (n + 1) / 2 dt^2: one step less stays within a T^2 / 2.
     for (int step = 0; step < 49; ++step) {
       const glm::dvec3 push(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
-      camera.velocity_mps = clamp_velocity(camera.velocity_mps, camera.velocity_mps + push * 100.0, limits, 0.01);
+      camera.velocity_mps =
+          clamp_velocity(camera.velocity_mps, camera.velocity_mps + push * 100.0, limits, 0.01);
       camera.pose.position_m += camera.velocity_mps * 0.01;
       ASSERT_TRUE(bound.contains(camera.pose.position_m));
     }

@@ -14,7 +14,8 @@ class Body : public testing::Test {
  protected:
   void add_box(const glm::dvec3& at, const glm::vec3& half, const glm::dquat& rotation = {1, 0, 0, 0}) {
     SceneDelta delta;
-    delta.add.push_back({next_id_++, *store_.intern(*tessellate(BoxShape{half})), Pose{at, rotation}, glm::dmat3(1), {}});
+    delta.add.push_back(
+        {next_id_++, *store_.intern(*tessellate(BoxShape{half})), Pose{at, rotation}, glm::dmat3(1), {}});
     ASSERT_TRUE(mirror_.apply(delta, {}));
   }
   void gather() { field_.gather(mirror_, camera_.pose.position_m, 20.0, {}); }
@@ -22,7 +23,8 @@ class Body : public testing::Test {
     const glm::dvec3 limited = clamp_velocity(camera_.velocity_mps, wanted, limits_, dt);
     const SafeMove move = make_safe(camera_, limited, limits_, {}, field_, dt);
     EXPECT_LE(glm::length(move.velocity_mps), limits_.max_speed_mps * (1 + 1e-9));
-    EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps), limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
+    EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps),
+              limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
     camera_.velocity_mps = move.velocity_mps;
     camera_.pose.position_m += move.velocity_mps * dt;
   }
@@ -67,7 +69,8 @@ TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   for (int i = 0; i < 40; ++i) {
     const glm::dvec3 at(random.next_in(-6, 6), random.next_in(-6, 6), random.next_in(-6, 6));
     if (glm::length(at) < 2.0) continue;
-    const glm::dquat turn = glm::normalize(glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
+    const glm::dquat turn = glm::normalize(glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1),
+                                                      random.next_in(-1, 1), random.next_in(-1, 1)));
     add_box(at, {random.next_in(0.1, 1), random.next_in(0.1, 1), random.next_in(0.1, 1)}, turn);
   }
   EmbreeDevice device;
@@ -76,7 +79,8 @@ TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   glm::dvec3 wanted(0);
   double nearest = 1e9;
   for (int step = 0; step < 6000; ++step) {
-    if (random.next_below(25) == 0) wanted = {random.next_in(-10, 10), random.next_in(-10, 10), random.next_in(-10, 10)};
+    if (random.next_below(25) == 0)
+      wanted = {random.next_in(-10, 10), random.next_in(-10, 10), random.next_in(-10, 10)};
     if (glm::length(camera_.pose.position_m) > 7) wanted = -camera_.pose.position_m;
     gather();
     advance(wanted, random.next_below(100) == 0 ? 0.25 : random.next_in(0.004, 0.03));

@@ -32,9 +32,7 @@ struct Case {
   std::vector<double> costs;
   double ahead_weight = 0;
 
-  void place(const glm::dvec3& at, uint32_t visible) {
-    candidates.add(at, visible);
-  }
+  void place(const glm::dvec3& at, uint32_t visible) { candidates.add(at, visible); }
   Choice choose(const Reachable& reachable = kAlways) {
     basic_costs(candidates.position_m, desired, costs);
     return choose_place(candidates, targets, costs, desired, ahead_weight, settings, reachable, order);
@@ -98,10 +96,11 @@ TEST(Choose, PassesOverPlacesThatTheBodyCannotReach) {
 
 TEST(Choose, FallsToTheBestPartialRequiredBeforeOptional) {
   Case c;
-  c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false), target_at({0, 0, 0}, 1.0, true)};
-  c.place({0, 0, 5}, 0b010);    // the heavy optional one alone, at the very place
-  c.place({0, 0, 6}, 0b001);    // one required
-  c.place({0, 0, 7}, 0b011);    // one required and the optional
+  c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false),
+               target_at({0, 0, 0}, 1.0, true)};
+  c.place({0, 0, 5}, 0b010);  // the heavy optional one alone, at the very place
+  c.place({0, 0, 6}, 0b001);  // one required
+  c.place({0, 0, 7}, 0b011);  // one required and the optional
   const Choice choice = c.choose();
   EXPECT_EQ(choice.candidate, 2);
   EXPECT_EQ(choice.status, MoveStatus::kPartial);
@@ -203,9 +202,11 @@ TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
 
 TEST(Choose, SettingsOutOfRangeAreNamed) {
   EXPECT_EQ(validate(MoveSettings{.min_distance_m = -1}).error().field, "move.min_distance_m");
-  EXPECT_EQ(validate(MoveSettings{.min_distance_m = 5, .max_distance_m = 5}).error().field, "move.max_distance_m");
+  EXPECT_EQ(validate(MoveSettings{.min_distance_m = 5, .max_distance_m = 5}).error().field,
+            "move.max_distance_m");
   EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = -2}).error().field, "move.min_elevation_rad");
-  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = 1, .max_elevation_rad = 0.5}).error().field, "move.max_elevation_rad");
+  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = 1, .max_elevation_rad = 0.5}).error().field,
+            "move.max_elevation_rad");
 }
 
 }  // namespace

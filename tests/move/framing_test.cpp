@@ -51,7 +51,8 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
     const int n = 1 + random.next_below(5);
     for (int i = 0; i < n; ++i)
       targets.push_back(target_at({random.next_in(-4, 4), random.next_in(-1, 1), random.next_in(-3, 3)},
-                                  random.next_in(0.1, 0.9), random.next_in(0.1, 3), i == 0 || random.next_below(3) > 0));
+                                  random.next_in(0.1, 0.9), random.next_in(0.1, 3),
+                                  i == 0 || random.next_below(3) > 0));
     const glm::dvec3 eye(random.next_in(-3, 3), random.next_in(-1, 5), random.next_in(7, 20));
     const Aim aim = aim_at(eye, targets, {}, {}, no_dead_zone());
     if (!aim.fits) continue;
@@ -69,9 +70,11 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
 }
 
 TEST(Framing, HeavierTargetsStandNearerTheMiddle) {
-  const std::vector<TargetView> targets = {target_at({-2, 0, -10}, 0.3, 5.0), target_at({2, 0, -10}, 0.3, 1.0)};
+  const std::vector<TargetView> targets = {target_at({-2, 0, -10}, 0.3, 5.0),
+                                           target_at({2, 0, -10}, 0.3, 1.0)};
   const Pose pose = pose_of({0, 0, 0}, aim_at({0, 0, 0}, targets, {}, {}, no_dead_zone()));
-  const double left = inverse_transform_point(pose, targets[0].aim_m).x, right = inverse_transform_point(pose, targets[1].aim_m).x;
+  const double left = inverse_transform_point(pose, targets[0].aim_m).x,
+               right = inverse_transform_point(pose, targets[1].aim_m).x;
   EXPECT_LT(std::abs(left), std::abs(right));
 }
 

@@ -98,9 +98,11 @@ TEST(Motion, TurningObeysTheLimitsEvenThroughThePoles) {
     if (random.next_below(40) == 0) aim = {random.next_in(-kPi, kPi), random.next_in(-kPi / 2, kPi / 2), 0};
     const double dt = random.next_in(0.001, 0.04);
     const TurnState next = turn_towards(state, aim, limits, random.next_in(0, 0.5), dt);
-    const double turned = angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles));
+    const double turned =
+        angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles));
     EXPECT_LE(turned, 2 * dt * (1 + 1e-6) + 1e-9);
-    const glm::dvec2 change(next.yaw_rate_radps - state.yaw_rate_radps, next.pitch_rate_radps - state.pitch_rate_radps);
+    const glm::dvec2 change(next.yaw_rate_radps - state.yaw_rate_radps,
+                            next.pitch_rate_radps - state.pitch_rate_radps);
     EXPECT_LE(glm::length(change), 9 * dt * (1 + 1e-9));
     EXPECT_EQ(next.angles.roll_rad, 0.0);
     state = next;

@@ -19,8 +19,9 @@ struct OnePerson : World {
 };
 
 bool is_sound(const StepResult& r) {
-  return is_finite(r.camera.pose.position_m) && is_finite(r.camera.pose.rotation) && is_finite(r.camera.velocity_mps) &&
-         is_finite(r.camera.angular_velocity_radps) && std::abs(glm::length(r.camera.pose.rotation) - 1) < 1e-9;
+  return is_finite(r.camera.pose.position_m) && is_finite(r.camera.pose.rotation) &&
+         is_finite(r.camera.velocity_mps) && is_finite(r.camera.angular_velocity_radps) &&
+         std::abs(glm::length(r.camera.pose.rotation) - 1) < 1e-9;
 }
 
 // Steps and checks that the path is finite, within the limits, and without a jump.
@@ -31,9 +32,11 @@ class Watch {
     const StepResult r = world_.step(dt);
     EXPECT_TRUE(is_sound(r));
     const double moved_s = std::min(dt, kMaxStepS);
-    const glm::dvec3 velocity = moved_s > 0 ? (r.camera.pose.position_m - last_.pose.position_m) / moved_s : last_.velocity_mps;
+    const glm::dvec3 velocity =
+        moved_s > 0 ? (r.camera.pose.position_m - last_.pose.position_m) / moved_s : last_.velocity_mps;
     EXPECT_LE(glm::length(velocity), world_.limits.max_speed_mps * (1 + 1e-6));
-    EXPECT_LE(glm::length(velocity - last_.velocity_mps), world_.limits.max_acceleration_mps2 * moved_s * (1 + 1e-6) + 1e-9);
+    EXPECT_LE(glm::length(velocity - last_.velocity_mps),
+              world_.limits.max_acceleration_mps2 * moved_s * (1 + 1e-6) + 1e-9);
     EXPECT_LE(angle_between(last_.pose.rotation, r.camera.pose.rotation),
               world_.limits.max_angular_speed_radps * moved_s * (1 + 1e-6) + 1e-7);
     last_ = r.camera;
@@ -68,7 +71,8 @@ TEST(EdgeCase, WeightToZeroMakesNoPop) {
   const glm::dvec3 before = world.memory.camera.pose.position_m;
   world.targets[1].weight = 0;
   for (int i = 0; i < 60; ++i) watch.step();
-  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, before), 0.05) << "the place stays, only the view turns";
+  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, before), 0.05)
+      << "the place stays, only the view turns";
 }
 
 TEST(EdgeCase, EveryWeightZeroHolds) {
@@ -218,7 +222,8 @@ TEST(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
         const glm::dvec3 at = rest + from * (4.0 - speed * i * kTick);
         if (glm::distance(at, glm::dvec3(0, 1, 0)) < 1.5) break;  // not through the target
         world.move(9, at, -speed * from);
-        EXPECT_FALSE(watch.step().flags.body_overlap) << "heading " << heading << " speed " << speed << " step " << i;
+        EXPECT_FALSE(watch.step().flags.body_overlap)
+            << "heading " << heading << " speed " << speed << " step " << i;
       }
     }
   }
@@ -242,7 +247,8 @@ TEST(EdgeCase, AspectChangeKeepsThePlaceAndFramesAgain) {
   world.lens.aspect = 0.5;
   StepResult r;
   for (int i = 0; i < 300; ++i) r = watch.step();
-  EXPECT_TRUE(r.targets[0].in_picture && r.targets[1].in_picture) << "backed off until both fit the narrow picture";
+  EXPECT_TRUE(r.targets[0].in_picture && r.targets[1].in_picture)
+      << "backed off until both fit the narrow picture";
 }
 
 TEST(EdgeCase, MasksChangedAtRunTimeTakeEffectAtOnce) {

@@ -22,7 +22,8 @@ struct TwoPeople : World {
 };
 
 bool all_seen(const StepResult& result) {
-  return std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.visible_share == 1.0; });
+  return std::all_of(result.targets.begin(), result.targets.end(),
+                     [](const auto& t) { return t.visible_share == 1.0; });
 }
 
 TEST(Step, StaysWhereItIsWhenEverythingIsSeen) {
@@ -102,9 +103,10 @@ TEST_P(StepTargets, AnyNumberOfTargetsIsSteeredFor) {
   for (int i = 0; i < 120; ++i) result = world.step(kTick);
   ASSERT_EQ(result.targets.size(), static_cast<size_t>(n));
   EXPECT_EQ(world.memory.counts.visible_by_target.size(), static_cast<size_t>(n));
-  EXPECT_EQ(world.memory.counts.total,
-            world.memory.counts.all_visible + world.memory.counts.some_visible + world.memory.counts.none_visible);
-  EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
+  EXPECT_EQ(world.memory.counts.total, world.memory.counts.all_visible + world.memory.counts.some_visible +
+                                           world.memory.counts.none_visible);
+  EXPECT_TRUE(
+      std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
 }
 INSTANTIATE_TEST_SUITE_P(Counts, StepTargets, testing::Values(1, 2, 3, 8, 32));
 
@@ -124,10 +126,10 @@ TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
     PairGap gap;
   };
   const Shot shots[] = {
-      {{-0.2, 1, 0}, {0.2, 1, 0}, {0, 1, 6}, PairGap::kTooClose},         // a close pair
-      {{-1, 1, 0}, {1, 1, 0}, {-4, 1.3, 0}, PairGap::kOnLine},            // over the shoulder
-      {{-4, 1, 0}, {4, 1, 0}, {0, 1.2, 0.1}, PairGap::kOnLine},           // between the targets
-      {{-1, 1, 0}, {1, 1, 0}, {6, 1, 0}, PairGap::kOnLine},               // on the line AB
+      {{-0.2, 1, 0}, {0.2, 1, 0}, {0, 1, 6}, PairGap::kTooClose},           // a close pair
+      {{-1, 1, 0}, {1, 1, 0}, {-4, 1.3, 0}, PairGap::kOnLine},              // over the shoulder
+      {{-4, 1, 0}, {4, 1, 0}, {0, 1.2, 0.1}, PairGap::kOnLine},             // between the targets
+      {{-1, 1, 0}, {1, 1, 0}, {6, 1, 0}, PairGap::kOnLine},                 // on the line AB
       {{-1, 1, 0}, {1.5, 1, 0}, {1.5, 1.1, 0.9}, PairGap::kTargetInBound},  // a target inside the ball
   };
   for (const Shot& shot : shots) {
@@ -326,7 +328,8 @@ TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
     world.settings.move.prediction_s = prediction_s;
     world.settings.sample.resolution = 15;
     world.add_target(1, {-4, 1, 0});
-    for (uint64_t k = 0; k < 3; ++k) world.add_box(10 + k, {-2.0 + 2.5 * k, 1, 2}, {0.4, 3, 0.4}, {.collides = false});
+    for (uint64_t k = 0; k < 3; ++k)
+      world.add_box(10 + k, {-2.0 + 2.5 * k, 1, 2}, {0.4, 3, 0.4}, {.collides = false});
     world.place({-4, 1.2, 6}, {-4, 1, 0});
     int hidden = 0;
     for (int i = 0; i < 240; ++i) {
