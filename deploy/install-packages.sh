@@ -9,14 +9,14 @@ build_packages=(
   ca-certificates ccache cmake g++ git ninja-build pkg-config
   libgrpc++-dev libgrpc-dev libprotobuf-dev libprotoc-dev protobuf-compiler protobuf-compiler-grpc
   libc-ares-dev libre2-dev libssl-dev zlib1g-dev libabsl-dev
-  libegl-dev libepoxy-dev libegl1 libegl-mesa0 libgl1-mesa-dri
+  libegl-dev libepoxy-dev libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
   libgtest-dev libgmock-dev libbenchmark-dev
   python3 python3-grpcio python3-protobuf
 )
 run_packages=(
-  libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
+  libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
   libspdlog1.10 libfmt9 libxxhash0
 )
 
