@@ -6,6 +6,7 @@
 #include "client/policy_raycast.h"
 #include "client/policy_spring_arm.h"
 #include "client/policy_step.h"
+#include "server/presets.h"
 
 namespace sightline {
 namespace {
@@ -47,18 +48,11 @@ MadePolicy make_step(const PolicySite& site) {
 }
 
 StepSettings sightline_settings() {
-  return {};
+  return preset_settings(Preset::kSightline);
 }
 
-// As printed: r x r texel centres, the sphere of n dt^2 a_max, the pair volume, nearest to where the camera
-// is.
 StepSettings paper_settings() {
-  StepSettings settings;
-  settings.bound.mode = BoundMode::kPaper;
-  settings.sample.jitter_texels = false;
-  settings.aggregate.volume = Volume::kPair;
-  settings.move.follow = Follow::kStay;
-  return settings;
+  return preset_settings(Preset::kPaper);
 }
 
 // Everything that the step has beyond Basic but the filter: near and sheltered at once, eight points a target, predicted 0.3 s.
@@ -75,7 +69,7 @@ constexpr std::array<PolicyEntry, 6> kPolicies{{
     {"spring-arm", "pulled in along its arm by a sphere sweep", &make_in_world<SpringArmPolicy>},
     {"raycast", "single rays to the targets' centres over the same candidates",
      &make_in_world<RaycastPolicy>},
-    {"paper", "the method as printed, as far as the step has it", &make_step<paper_settings>},
+    {"paper", "the method as printed: RobustMove, prediction 0.3 s, filter 6/10", &make_step<paper_settings>},
     {"sightline", "the default settings", &make_step<sightline_settings>},
     {"ahead", "strategy blend, 8 points a target, prediction 0.3 s", &make_step<ahead_settings>},
 }};
