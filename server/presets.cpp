@@ -3,6 +3,19 @@
 namespace sightline {
 namespace {
 
+// Chosen by measurement: see tests/results.
+StepSettings sightline_settings() {
+  StepSettings settings;
+  settings.bound.towards_m = 5.0;
+  settings.sample.points = 8;
+  settings.move.strategy = Strategy::kBlend;
+  settings.move.prediction_s = 0.3;
+  settings.move.turn_share = 0.4;
+  settings.move.response_s = 0.15;
+  settings.move.survey.enabled = true;
+  return settings;
+}
+
 StepSettings paper_settings() {
   StepSettings settings;
   settings.bound.mode = BoundMode::kPaper;
@@ -20,7 +33,7 @@ StepSettings paper_settings() {
 }  // namespace
 
 StepSettings preset_settings(Preset preset) {
-  return preset == Preset::kPaper ? paper_settings() : StepSettings{};
+  return preset == Preset::kPaper ? paper_settings() : sightline_settings();
 }
 
 std::string_view name_of(Preset preset) {

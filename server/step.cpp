@@ -21,6 +21,12 @@ class StageTimer {
   int64_t begin_ns_;
 };
 
+// What an optional target's weight counts beside a required one's where both are weighed together.
+constexpr double kOptionalShare = 0.1;
+
+// The bound keeps this much more from the targets' centre than the camera from a target: nearer, one map no longer shows it all.
+constexpr double kBoundFromTargetsM = 0.5;
+
 TargetView view_of(const Target& target, const Instance& instance) {
   TargetView view;
   const glm::dvec3 aim = target.aim_offset_m.value_or(glm::dvec3(instance.geometry->bounds.center()));
@@ -74,6 +80,8 @@ void keep_offset(StepWork& w) {
       set += hash64_bytes(std::as_bytes(std::span(&w.input.targets[i].instance_id, 1)));
   if (w.memory.has_offset && w.memory.offset_targets == set) return;
   w.memory.desired_offset_m = w.memory.camera.pose.position_m - weighted_center_m(w.memory.target_views);
+  w.memory.shot.asked_offset_m = w.memory.desired_offset_m;
+  w.memory.shot.place.reset();
   w.memory.offset_targets = set;
   w.memory.has_offset = true;
 }
@@ -87,6 +95,7 @@ void start(StepWork& w) {
   look_at_targets(w);
   remember_pasts(w);
   keep_offset(w);
+  if (w.steered != 0) w.memory.goal.trail.pass(weighted_center_m(w.memory.target_views));
 }
 
 }  // namespace
@@ -95,10 +104,12 @@ void look_at_targets(StepWork& w) {
   const auto& targets = w.input.targets;
   w.memory.target_views.clear();
   w.memory.target_ids.clear();
+  w.memory.goal.target_weights.clear();
   w.memory.ignored_slots.resize(targets.size());
   for (size_t i = 0; i < targets.size(); ++i) {
     w.memory.target_views.push_back(view_of(targets[i], *w.input.scene.find(targets[i].instance_id)));
     w.memory.target_ids.push_back(targets[i].instance_id);
+    w.memory.goal.target_weights.push_back(targets[i].weight * (targets[i].required ? 1.0 : kOptionalShare));
     if (targets[i].weight > 0) w.steered |= 1u << i;
     slots_left_out(w.input.scene, targets[i], w.memory.ignored_slots[i]);
   }
@@ -114,6 +125,9 @@ void bound(StepWork& w) {
   const BoundSettings& settings = w.input.settings.bound;
   w.memory.horizon_s = std::clamp(w.memory.horizon_s, settings.horizon_s, settings.max_horizon_s);
   w.memory.bound = bound_camera(w.memory.camera, w.input.limits, settings, w.memory.horizon_s, w.move_s);
+  if (w.steered == 0 || settings.towards_m == 0) return;
+  w.memory.bound = extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.towards_m,
+                                  w.input.settings.move.min_distance_m + kBoundFromTargetsM);
 }
 
 void report_targets(StepWork& w) {
@@ -151,6 +165,7 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.turn.angles = angles_from_rotation(pose.rotation, 0.0);
   memory.has_offset = false;
   memory.horizon_s = 0.0;
+  memory.goal.goal_m.reset();
 }
 
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,

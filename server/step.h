@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "server/aggregate/compose.h"
 #include "server/aggregate/lattice.h"
 #include "server/aggregate/pair_volume.h"
+#include "server/aggregate/survey.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
@@ -26,6 +28,10 @@
 #include "server/move/framing.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
+#include "server/move/route.h"
+#include "server/move/shot.h"
+#include "server/move/standoff.h"
+#include "server/move/trail.h"
 #include "server/sample/extent.h"
 #include "server/sample/plan.h"
 #include "server/sample/sampler.h"
@@ -82,6 +88,32 @@ struct TargetPast {
   bool current = false;  // still a target in this step
 };
 
+// One way in which the targets may go on from here, all of them alike: where each one's aim point will be.
+struct Future {
+  Sampled sampled;
+  double weight = 0.0;  // how likely; those of all futures sum to 1
+};
+
+// The survey of a step, and the shot that it leads to.
+struct ShotSearch {
+  Survey survey;
+  size_t looking = 0;          // which target looks round in this step
+  MapRange maps;               // what it sees; none without a survey
+  glm::dvec3 asked_offset_m{0.0};  // of the shot that the client gave
+  std::optional<size_t> place;     // of the survey, that the camera wants
+  ShotState asked, present;
+};
+
+// How a goal is found and gone to (strategy kBlend).
+struct GoalSearch {
+  std::vector<double> target_weights;
+  std::vector<double> hidden;  // by candidate: expected hidden share, [0, 1]
+  Standoff standoff;
+  RouteFinder routes;
+  Trail trail;
+  std::optional<glm::dvec3> goal_m;  // the former step's
+};
+
 // What one session carries from step to step, and scratch memory that is reused.
 struct StepMemory {
   CameraState camera;
@@ -103,6 +135,7 @@ struct StepMemory {
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
   Sampled now;                                       // the targets where they are
   Sampled ahead;         // and where they are predicted to be; empty without prediction
+  std::vector<Future> futures;  // other ways that the targets may take until then
   double ahead_s = 0.0;  // for how far; 0: not in this step
   double ahead_confidence = 0.0;
   std::vector<DepthMap> maps;
@@ -115,6 +148,8 @@ struct StepMemory {
   std::vector<glm::ivec3> cells;
   std::vector<uint8_t> members;
   std::vector<uint8_t> seen;
+  ShotSearch shot;
+  GoalSearch goal;
   GroupScratch group_scratch;
   Groups groups;
   std::vector<double> cost;

@@ -6,11 +6,6 @@
 namespace sightline {
 namespace {
 
-SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
-  return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target,
-          w.input.settings.aggregate.needed_share};
-}
-
 bool filters(const StepWork& w) {
   return w.input.settings.aggregate.filter.mode != FilterMode::kNone;
 }
@@ -93,6 +88,11 @@ void look_ahead(StepWork& w) {
 
 }  // namespace
 
+SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
+  return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target,
+          w.input.settings.aggregate.needed_share};
+}
+
 OwnSight own_sight(const StepWork& w, size_t target, const glm::dvec3& place_m) {
   const Sampled& now = w.memory.now;
   const MapRange& points = now.points_of_target[target];
@@ -114,10 +114,12 @@ void aggregate(StepWork& w) {
     count_sights(w.memory.candidates, 0, 0, w.memory.counts);
     return;
   }
+  learn_survey(w);
   list_candidates(w);
   add_own_and_desired_place(w);
   filter(w);
   look_ahead(w);
+  expect_hidden(w);
   count_sights(w.memory.candidates, w.steered, w.input.targets.size(), w.memory.counts);
 }
 

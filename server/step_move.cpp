@@ -23,33 +23,18 @@ void gather_colliders(StepWork& w) {
                                               {}, kEvadeS[look]);
 }
 
-double grid_step_m(const StepWork& w) {
-  return w.memory.lattice.spacing_m();
-}
-
-void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired) {
-  const CandidateSet& candidates = w.memory.candidates;
-  lattice_cells(candidates.position_m, grid_step_m(w), w.memory.cells);
-  w.memory.members.resize(candidates.size());
-  for (size_t i = 0; i < candidates.size(); ++i)
-    w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
-  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired, w.memory.group_scratch,
-              w.memory.groups);
-}
-
 void set_costs(StepWork& w, const glm::dvec3& desired) {
   const MoveSettings& settings = w.input.settings.move;
   const auto& places = w.memory.candidates.position_m;
   if (settings.strategy == Strategy::kBasic) return basic_costs(places, desired, w.memory.cost);
   find_groups_of_all_visible(w, desired);
-  if (settings.strategy == Strategy::kRobust)
-    return robust_costs(places, desired, w.memory.groups, w.memory.cost);
-  blend_costs(places, desired, w.memory.groups, grid_step_m(w), settings.blend, w.memory.cost);
+  robust_costs(places, desired, w.memory.groups, w.memory.cost);
 }
 
 Choice choose(StepWork& w) {
   if (w.steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
   const glm::dvec3 from = w.memory.camera.pose.position_m, desired = desired_place(w);
+  if (w.input.settings.move.strategy == Strategy::kBlend) return choose_goal(w, desired);
   const double body = swept_radius_m(w.input.limits, w.lens);
   const Reachable reachable = [&](const glm::dvec3& place) {
     return path_is_free(w.memory.colliders, from, place, body);
@@ -67,17 +52,12 @@ void adapt_horizon(StepWork& w) {
   w.memory.horizon_s = all_seen ? w.memory.horizon_s / factor : w.memory.horizon_s * factor;
 }
 
-glm::dvec3 group_velocity(const StepWork& w) {
-  glm::dvec3 sum(0.0);
-  double weight = 0;
-  for (const TargetView& t : w.memory.target_views) sum += t.weight * t.velocity_mps, weight += t.weight;
-  return weight > 0 ? sum / weight : sum;
-}
-
-void travel(StepWork& w, const Choice& choice) {
+void travel(StepWork& w, Choice& choice) {
   CameraState& camera = w.memory.camera;
   glm::dvec3 wanted = clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), w.input.limits, w.move_s);
-  if (choice.candidate >= 0) {
+  if (w.input.settings.move.strategy == Strategy::kBlend) {
+    wanted = velocity_to_goal(w, choice);
+  } else if (choice.candidate >= 0) {
     // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
     const glm::dvec3 with =
         choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0);
@@ -111,6 +91,23 @@ void turn(StepWork& w) {
 
 }  // namespace
 
+glm::dvec3 group_velocity(const StepWork& w) {
+  glm::dvec3 sum(0.0);
+  double weight = 0;
+  for (const TargetView& t : w.memory.target_views) sum += t.weight * t.velocity_mps, weight += t.weight;
+  return weight > 0 ? sum / weight : sum;
+}
+
+void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired_m) {
+  const CandidateSet& candidates = w.memory.candidates;
+  lattice_cells(candidates.position_m, w.memory.lattice.spacing_m(), w.memory.cells);
+  w.memory.members.resize(candidates.size());
+  for (size_t i = 0; i < candidates.size(); ++i)
+    w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
+  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired_m, w.memory.group_scratch,
+              w.memory.groups);
+}
+
 void move(StepWork& w) {
   if (w.move_s <= 0) {
     w.result.status = MoveStatus::kHolding;
@@ -118,7 +115,7 @@ void move(StepWork& w) {
     return;
   }
   gather_colliders(w);
-  const Choice choice = choose(w);
+  Choice choice = choose(w);
   w.result.status = choice.status;
   w.result.reason = choice.reason;
   w.result.chosen_candidate = choice.candidate;

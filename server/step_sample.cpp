@@ -1,5 +1,7 @@
 // The second stage: which points of the targets are sampled, and the maps taken from them (paper 3.2, 4; design 4).
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 
 #include "server/base/random.h"
 #include "server/step_work.h"
@@ -93,6 +95,32 @@ void pick_all(StepWork& w) {
   }
 }
 
+// The same way, turned about the vertical.
+glm::dvec3 turned(const glm::dvec3& way, double rad) {
+  const double c = std::cos(rad), s = std::sin(rad);
+  return {c * way.x + s * way.z, way.y, c * way.z - s * way.x};
+}
+
+// What is foretold is one future; people also turn. Each future is of aim points alone.
+void pick_futures(StepWork& w) {
+  const MoveSettings& settings = w.input.settings.move;
+  w.memory.futures.clear();
+  if (w.memory.ahead_s <= 0 || settings.strategy != Strategy::kBlend || settings.turn_share <= 0) return;
+  const double shares[] = {1 - settings.turn_share, settings.turn_share / 2, settings.turn_share / 2};
+  const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
+  for (size_t f = 0; f < std::size(shares); ++f) {
+    Future& future = w.memory.futures.emplace_back();
+    future.weight = shares[f];
+    for (size_t i = 0; i < w.input.targets.size(); ++i) {
+      const Instance& instance = *w.input.scene.find(w.input.targets[i].instance_id);
+      const Pose foretold = find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose;
+      const glm::dvec3 way = foretold.position_m - instance.world_from_instance[3];
+      future.sampled.points_of_target.push_back({static_cast<uint32_t>(i), 1});
+      future.sampled.points_m.push_back(w.memory.target_views[i].aim_m + turned(way, turns_rad[f]));
+    }
+  }
+}
+
 bool wants_pair(StepWork& w) {
   w.result.pair_asked = w.input.settings.aggregate.volume == Volume::kPair;
   if (!w.result.pair_asked) return false;
@@ -171,10 +199,15 @@ Status sample(StepWork& w, Sampler& sampler) {
     plan_maps(w, w.memory.now, jitter);
   plan_sights(w);
   plan_maps(w, w.memory.ahead, jitter);
+  pick_futures(w);
+  for (Future& future : w.memory.futures) plan_maps(w, future.sampled, jitter);
+  plan_survey(w);
 
   w.memory.requests.resize(w.memory.views.size());
   request(w, w.memory.now, 0.0);
   request(w, w.memory.ahead, w.memory.ahead_s);
+  for (const Future& future : w.memory.futures) request(w, future.sampled, w.memory.ahead_s);
+  request_survey(w);
   if (!w.memory.requests.empty()) return sampler.take(w.input.scene, w.memory.requests, w.memory.maps);
   w.memory.maps.clear();
   return {};

@@ -27,6 +27,23 @@ void aggregate(StepWork& work);                   // paper 3.3, 5
 void move(StepWork& work);                        // paper 3.4, 6
 void report_targets(StepWork& work);              // what the returned pose sees
 
+// Of the survey (step_survey.cpp): one target looks round, the places learn from it, the shot to want is chosen.
+void plan_survey(StepWork& work);
+void request_survey(StepWork& work);
+void learn_survey(StepWork& work);
+
+// Strategy kBlend (step_goal.cpp): the goal by what is hidden, now and ahead, and by the way there; and the velocity to it.
+void expect_hidden(StepWork& work);
+Choice choose_goal(StepWork& work, const glm::dvec3& desired_m);
+glm::dvec3 velocity_to_goal(StepWork& work, Choice& choice);
+
+// The targets' mean velocity, by weight.
+glm::dvec3 group_velocity(const StepWork& work);
+// Of the step's sampled points, as compose_visibility takes them.
+SampledPoints as_input(const StepWork& work, const Sampled& sampled);
+// Finds memory.groups: the groups of places that see all steered targets.
+void find_groups_of_all_visible(StepWork& work, const glm::dvec3& desired_m);
+
 // The place that the camera wants now.
 glm::dvec3 desired_place(const StepWork& work);
 

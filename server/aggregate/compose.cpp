@@ -6,6 +6,20 @@
 #include "server/base/check.h"
 
 namespace sightline {
+namespace {
+
+// seen[i]: how many of a target's points position i sees.
+void count_seen(const SampledPoints& sampled, const MapRange& points, double relative_bias,
+                std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen) {
+  seen.assign(position_m.size(), 0);
+  for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
+    const auto maps = sampled.maps.subspan(range.first, range.count);
+    for (size_t i = 0; i < position_m.size(); ++i)
+      seen[i] += look_up(maps, position_m[i], relative_bias).visible;
+  }
+}
+
+}  // namespace
 
 bool is_enough(uint32_t seen, uint32_t points, double needed_share) {
   return seen > 0 && seen >= needed_share * points - 1e-9;
@@ -30,14 +44,24 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
   visible.assign(position_m.size(), 0);
   for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
     const MapRange& points = sampled.points_of_target[target];
-    seen.assign(position_m.size(), 0);
-    for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
-      const auto maps = sampled.maps.subspan(range.first, range.count);
-      for (size_t i = 0; i < position_m.size(); ++i)
-        seen[i] += look_up(maps, position_m[i], relative_bias).visible;
-    }
+    count_seen(sampled, points, relative_bias, position_m, seen);
     for (size_t i = 0; i < position_m.size(); ++i)
       if (is_enough(seen[i], points.count, sampled.needed_share)) visible[i] |= 1u << target;
+  }
+}
+
+void add_shares(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
+                std::span<const double> weight_of_target, double weight, std::vector<uint8_t>& seen,
+                std::span<double> share) {
+  double total = 0;
+  for (const double w : weight_of_target) total += w;
+  if (!(total > 0)) return;
+  for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
+    const MapRange& points = sampled.points_of_target[target];
+    if (points.count == 0 || weight_of_target[target] <= 0) continue;
+    count_seen(sampled, points, relative_bias, position_m, seen);
+    const double each = weight * weight_of_target[target] / (total * points.count);
+    for (size_t i = 0; i < position_m.size(); ++i) share[i] += each * seen[i];
   }
 }
 

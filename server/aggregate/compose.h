@@ -61,6 +61,12 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
                         std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
                         std::vector<uint32_t>& visible);
 
+// share[i] += weight * the mean, by `weight_of_target`, of the shares of each target's points that position i sees; nothing when
+// all weights are 0. `seen` is scratch memory, reused. O(positions * maps).
+void add_shares(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
+                std::span<const double> weight_of_target, double weight, std::vector<uint8_t>& seen,
+                std::span<double> share);
+
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {
   uint32_t total = 0, all_visible = 0, some_visible = 0, none_visible = 0;

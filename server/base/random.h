@@ -13,6 +13,7 @@ namespace sightline {
 enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,
+  kSurveyPoint = 3,
   kSceneGeneration = 900,
   kTest = 1000
 };

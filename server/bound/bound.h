@@ -18,6 +18,8 @@ struct BoundSettings {
   BoundMode mode = BoundMode::kHorizon;
   double horizon_s = 0.5;  // [0.05, 2]; short: the camera finds no way round a pillar; long: coarse lattice
   double max_horizon_s = 2.0;  // [horizon_s, 2]; how far an escape may look
+  double towards_m = 0.0;  // [0, 100]; how far the ball also reaches towards the targets: nearer places are the way out of
+                           // most occlusions
   double paper_n = 300.0;      // [1, 1e6]; paper mode: the radius factor n
 };
 
@@ -37,6 +39,10 @@ struct Bound {
 // among the candidates.
 Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const BoundSettings& settings,
                    double horizon_s, double dt_s);
+
+// The least ball that contains `bound` and reaches from it `towards_m` metres towards a point, but no nearer to it than
+// `nearest_m`; the bound itself when it reaches there already.
+Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double towards_m, double nearest_m);
 
 // Names the first setting that is out of range, as "bound.<field>".
 Status validate(const BoundSettings& settings);

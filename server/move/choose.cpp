@@ -122,6 +122,11 @@ Status validate(const MoveSettings& s) {
   if (auto ok = check_range("move.prediction_s", s.prediction_s, 0, 2); !ok) return ok;
   if (auto ok = check_range("move.predictive_power", s.predictive_power, 0, 1); !ok) return ok;
   if (auto ok = validate(s.blend); !ok) return ok;
+  if (auto ok = validate(s.survey); !ok) return ok;
+  if (auto ok = validate(s.coherence); !ok) return ok;
+  if (auto ok = check_range("move.turn_share", s.turn_share, 0, 0.5); !ok) return ok;
+  if (auto ok = check_range("move.turn_rad", s.turn_rad, 0, kHalfPi); !ok) return ok;
+  if (auto ok = check_range("move.response_s", s.response_s, 0, 1); !ok) return ok;
   if (auto ok = check_range("move.min_distance_m", s.min_distance_m, 0, 1000); !ok) return ok;
   if (auto ok = check_above("move.max_distance_m", s.max_distance_m, s.min_distance_m, 10000); !ok) return ok;
   if (auto ok = check_range("move.min_elevation_rad", s.min_elevation_rad, -kHalfPi, kHalfPi); !ok) return ok;
@@ -189,6 +194,20 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
 
   search.collect([](uint32_t) { return true; });
   return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, search.best()};
+}
+
+Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    std::span<const double> cost, const glm::dvec3& desired_m) {
+  const uint32_t steered = steered_mask(targets);
+  if (steered == 0 || cost.empty()) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
+  const auto best = std::min_element(cost.begin(), cost.end()) - cost.begin();
+  if (std::isinf(cost[best])) return {MoveStatus::kHolding, MoveReason::kBlockedByGeometry, -1};
+  const auto candidate = static_cast<int>(best);
+  const uint32_t seen = candidates.filtered_targets[best] & steered;
+  if (seen == 0) return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, candidate};
+  if (seen != steered) return {MoveStatus::kPartial, MoveReason::kBestPartial, candidate};
+  const bool desired = glm::distance(candidates.position_m[best], desired_m) < 1e-6;
+  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible, candidate};
 }
 
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,

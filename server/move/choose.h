@@ -15,8 +15,11 @@
 #include "server/aggregate/candidates.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
+#include "server/move/coherence.h"
 #include "server/move/cost.h"
 #include "server/move/decision.h"
+#include "server/move/shot.h"
+#include "server/move/target_view.h"
 #include "server/scene/target.h"
 
 namespace sightline {
@@ -29,33 +32,30 @@ enum class Follow {
 enum class Strategy {
   kBasic,   // the nearest place (paper 3.4)
   kRobust,  // the deepest place of the largest group (paper 6.1, RobustMove)
-  kBlend,   // near, sheltered and coherent at once, by weights
+  kBlend,   // what is hidden, now and ahead, the way there, nearness and shelter weighed against each other
 };
 
 struct MoveSettings {
   Strategy strategy = Strategy::kBasic;
   Follow follow = Follow::kOffset;
-  BlendSettings blend = {};   // kBlend only
+  BlendSettings blend = {};           // kBlend only
+  SurveySettings survey = {};         // kBlend with kOffset only
+  CoherenceSettings coherence = {};   // of the survey's choice; its predictive_power is not read, see below
   double prediction_s = 0.0;  // [0, 2]; how far ahead targets and occluders are predicted; 0: not at all
   double predictive_power =
       0.5;  // [0, 1]; what is predicted counts by this share against what is seen now. 0: the camera
             // turns corners too late; 1: it leaves a good view for one that may not come
+  double turn_share = 0.0;  // [0, 0.5]; how likely targets are to turn to either side instead of going on as foretold
+                            // (kBlend only). 0: every corner comes as a surprise; 0.5: what they do now tells nothing
+  double turn_rad = 1.0;    // [0, pi/2]; by how much they then turn
+  double response_s = 0.0;  // [0, 1]; time constant of the camera's velocity: 0: as quick as the limits allow, which is jerky;
+                            // long: late at every turn
   double min_distance_m = 1.0;      // [0, 1000]; to the nearest target: nearer candidates are not taken
   double max_distance_m = 30.0;     // (min, 10000]; to the weighted centre
   double min_elevation_rad = -0.3;  // [-pi/2, pi/2]; of the camera above the horizontal, seen from the centre
   double max_elevation_rad = 1.4;   // (min, pi/2]
 };
 Status validate(const MoveSettings& settings);
-
-// What the choice needs to know of a target this tick.
-struct TargetView {
-  glm::dvec3 aim_m{0.0};  // world
-  double radius_m = 0.0;  // of its bounding sphere
-  glm::dvec3 velocity_mps{0.0};
-  double weight = 1.0;
-  bool required = true;
-  bool steered() const { return weight > 0; }
-};
 
 // Weighted centre of the steered targets; required and optional alike. Must have at least one.
 glm::dvec3 weighted_center_m(std::span<const TargetView> targets);
@@ -88,6 +88,10 @@ inline constexpr int kMaxReachTests = 24;
 Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
+
+// The reachable candidate of least cost, whatever it sees: for costs that hold what is hidden. Unreachable ones cost infinity.
+Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
+                    std::span<const double> cost, const glm::dvec3& desired_m);
 
 // Basic alone: choose_place by the distance to the desired place, without prediction.
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,

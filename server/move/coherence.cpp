@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/base/check.h"
+#include "server/move/choose.h"
 
 namespace sightline {
 namespace {

@@ -20,7 +20,7 @@
 #include "server/base/camera.h"
 #include "server/base/error.h"
 #include "server/base/transform.h"
-#include "server/move/choose.h"
+#include "server/move/target_view.h"
 
 namespace sightline {
 

@@ -1,6 +1,7 @@
 #include "server/move/cost.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "server/base/check.h"
 
@@ -27,18 +28,29 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
 }
 
 Status validate(const BlendSettings& s) {
+  if (auto ok = check_range("move.blend.hidden", s.hidden, 0, 1000); !ok) return ok;
   if (auto ok = check_range("move.blend.distance", s.distance, 0, 10); !ok) return ok;
   if (auto ok = check_range("move.blend.shelter", s.shelter, 0, 10); !ok) return ok;
-  return check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5);
+  if (auto ok = check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5); !ok) return ok;
+  if (auto ok = check_range("move.blend.route", s.route, 0, 10); !ok) return ok;
+  if (auto ok = check_range("move.blend.exposure", s.exposure, 0, 100); !ok) return ok;
+  if (auto ok = check_range("move.blend.steadiness", s.steadiness, 0, 10); !ok) return ok;
+  if (s.hidden + s.distance + s.shelter + s.route <= 0)
+    return invalid("move.blend.hidden", "must be above 0, or one of distance, shelter and route must: all weights are 0");
+  return {};
 }
 
-void blend_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
-                 double spacing_m, const BlendSettings& settings, std::vector<double>& cost) {
-  cost.resize(position_m.size());
-  for (size_t i = 0; i < position_m.size(); ++i) {
-    const double depth_m = groups.depth_steps(i) * spacing_m;
+void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost) {
+  cost.resize(input.position_m.size());
+  for (size_t i = 0; i < cost.size(); ++i) {
+    const double depth_m = input.groups.depth_steps(i) * input.spacing_m;
     const double bare = 1.0 - std::min(depth_m / settings.full_depth_m, 1.0);
-    cost[i] = settings.distance * glm::distance(position_m[i], desired_m) + settings.shelter * bare;
+    cost[i] = settings.hidden * input.hidden[i] + settings.distance * glm::distance(input.position_m[i], input.desired_m) +
+              settings.shelter * bare;
+    // Kept apart: no weight times infinity.
+    cost[i] += std::isinf(input.route_m[i]) ? input.route_m[i] : settings.route * input.route_m[i];
+    if (input.former_goal_m)
+      cost[i] += settings.steadiness * std::min(glm::distance(input.position_m[i], *input.former_goal_m), 1.0);
   }
 }
 

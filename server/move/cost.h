@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,17 +22,30 @@ void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desir
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
                   std::vector<double>& cost);
 
-// How the blend weighs. What goes wrong at the ends: with no shelter the camera hovers at the edge of a view and loses it at the
-// targets' next step; with much of it, it wanders into the middle of free space and lets the shot go.
+// How the blend weighs; all in metres of the camera's way. What goes wrong at the ends: with little for what is hidden the camera
+// keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view and loses it at
+// the targets' next step, with much it wanders into the middle of free space and lets the shot go.
 struct BlendSettings {
-  double distance = 1.0;  // [0, 10]; of a metre from the desired place
-  double shelter = 1.0;   // [0, 10]; of standing at the rim of a group instead of `full_depth_m` inside it
+  double hidden = 80.0;       // [0, 1000]; what seeing all targets instead of none is worth
+  double distance = 1.0;      // [0, 10]; of a metre from the desired place
+  double shelter = 1.0;       // [0, 10]; of standing at the rim of a group instead of `full_depth_m` inside it
   double full_depth_m = 0.6;  // (0, 5]; deeper is not better
+  double route = 0.3;         // [0, 10]; of a metre of the way there
+  double exposure = 5.0;      // [0, 100]; how much more a metre costs on which nothing is seen
+  double steadiness = 0.0;    // [0, 10]; of a goal a metre or more from the former one: 0: it flits between equals
 };
 Status validate(const BlendSettings& settings);
 
-// Near the desired place and sheltered at once. `spacing_m` is one grid step of the groups.
-void blend_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
-                 double spacing_m, const BlendSettings& settings, std::vector<double>& cost);
+// What a blend is made of; spans as long as the candidates.
+struct BlendInput {
+  std::span<const glm::dvec3> position_m;
+  std::span<const double> hidden;   // [0, 1]: expected hidden share of the targets
+  std::span<const double> route_m;  // the way there; infinite: none
+  const Groups& groups;             // of the places that see all
+  double spacing_m = 1.0;           // of the groups' grid
+  glm::dvec3 desired_m{0.0};
+  std::optional<glm::dvec3> former_goal_m;
+};
+void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost);
 
 }  // namespace sightline

@@ -8,10 +8,14 @@ std::string_view explain(MoveReason reason) {
       return "all targets are seen from the place that keeps the shot";
     case MoveReason::kNearestAllVisible:
       return "going to the nearest place that sees all targets";
+    case MoveReason::kBestAllVisible:
+      return "going to the place that sees all targets best, now and soon";
     case MoveReason::kBestPartial:
       return "no place in reach sees all targets; going where the best of them are seen";
     case MoveReason::kHorizonGrown:
       return "no place in reach sees any target; looking further";
+    case MoveReason::kOnTrail:
+      return "no place in reach sees any target; going the way that they went";
     case MoveReason::kNoTargets:
       return "no target to steer for";
     case MoveReason::kPaused:
@@ -46,10 +50,14 @@ std::string_view to_string(MoveReason reason) {
       return "at_desired_place";
     case MoveReason::kNearestAllVisible:
       return "nearest_all_visible";
+    case MoveReason::kBestAllVisible:
+      return "best_all_visible";
     case MoveReason::kBestPartial:
       return "best_partial";
     case MoveReason::kHorizonGrown:
       return "horizon_grown";
+    case MoveReason::kOnTrail:
+      return "on_trail";
     case MoveReason::kNoTargets:
       return "no_targets";
     case MoveReason::kPaused:

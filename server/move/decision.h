@@ -15,8 +15,10 @@ enum class MoveStatus {
 enum class MoveReason {
   kAtDesiredPlace,
   kNearestAllVisible,
+  kBestAllVisible,
   kBestPartial,
   kHorizonGrown,
+  kOnTrail,
   kNoTargets,
   kPaused,
   kBlockedByGeometry,

@@ -36,10 +36,14 @@ v1::Reason to_proto(MoveReason reason) {
       return v1::AT_DESIRED_PLACE;
     case MoveReason::kNearestAllVisible:
       return v1::NEAREST_ALL_VISIBLE;
+    case MoveReason::kBestAllVisible:
+      return v1::BEST_ALL_VISIBLE;
     case MoveReason::kBestPartial:
       return v1::BEST_PARTIAL;
     case MoveReason::kHorizonGrown:
       return v1::HORIZON_GROWN;
+    case MoveReason::kOnTrail:
+      return v1::ON_TRAIL;
     case MoveReason::kNoTargets:
       return v1::NO_TARGETS;
     case MoveReason::kPaused:

@@ -1,0 +1,76 @@
+#include "server/aggregate/survey.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "server/aggregate/compose.h"
+
+namespace sightline {
+namespace {
+
+// From level to steep: over heads, over hedges, over pillars.
+constexpr std::array<double, Survey::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15};
+constexpr std::array<double, Survey::kDistances> kDistanceShares = {0.4, 0.7, 1.0};
+
+size_t place_at(size_t azimuth, size_t elevation, size_t distance) {
+  return (azimuth % Survey::kAzimuths * Survey::kElevations + elevation) * Survey::kDistances + distance;
+}
+
+}  // namespace
+
+void Survey::follow(std::span<const uint64_t> target_ids, double distance_m) {
+  distance_m_ = distance_m;
+  if (std::equal(ids_.begin(), ids_.end(), target_ids.begin(), target_ids.end())) return;
+  std::vector<float> shares(target_ids.size() * kPlaces, 1.0f);
+  std::vector<uint8_t> known(target_ids.size(), 0);
+  for (size_t i = 0; i < target_ids.size(); ++i) {
+    const auto old = static_cast<size_t>(std::find(ids_.begin(), ids_.end(), target_ids[i]) - ids_.begin());
+    if (old == ids_.size()) continue;
+    const auto from = std::span<const float>(shares_).subspan(old * kPlaces, kPlaces);
+    std::copy(from.begin(), from.end(), std::span<float>(shares).subspan(i * kPlaces, kPlaces).begin());
+    known[i] = known_[old];
+  }
+  ids_.assign(target_ids.begin(), target_ids.end());
+  shares_ = std::move(shares);
+  known_ = std::move(known);
+}
+
+glm::dvec3 Survey::offset_m(size_t place) const {
+  const size_t distance = place % kDistances, elevation = place / kDistances % kElevations,
+               azimuth = place / (kDistances * kElevations);
+  const double turn = 2 * std::numbers::pi * static_cast<double>(azimuth) / static_cast<double>(kAzimuths),
+               rise = kElevationsRad[elevation];
+  return distance_m_ * kDistanceShares[distance] *
+         glm::dvec3(std::cos(rise) * std::cos(turn), std::sin(rise), std::cos(rise) * std::sin(turn));
+}
+
+void Survey::learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m,
+                   double relative_bias, double since_s, double memory_s) {
+  const auto newest = static_cast<float>(known_[target] ? -std::expm1(-since_s / memory_s) : 1.0);
+  known_[target] = 1;
+  for (size_t place = 0; place < kPlaces; ++place) {
+    const Sight sight = look_up(maps, center_m + offset_m(place), relative_bias);
+    if (!sight.known) continue;
+    float& share = shares_[target * kPlaces + place];
+    share += newest * ((sight.visible ? 1.0f : 0.0f) - share);
+  }
+}
+
+float Survey::share_beside(size_t target, size_t place) const {
+  const size_t distance = place % kDistances, elevation = place / kDistances % kElevations,
+               azimuth = place / (kDistances * kElevations);
+  float sum = share(target, place_at(azimuth + 1, elevation, distance)) +
+              share(target, place_at(azimuth + kAzimuths - 1, elevation, distance));
+  float count = 2;
+  if (elevation > 0) sum += share(target, place_at(azimuth, elevation - 1, distance)), ++count;
+  if (elevation + 1 < kElevations) sum += share(target, place_at(azimuth, elevation + 1, distance)), ++count;
+  return sum / count;
+}
+
+bool Survey::complete() const {
+  return !known_.empty() && std::find(known_.begin(), known_.end(), 0) == known_.end();
+}
+
+}  // namespace sightline

@@ -1,0 +1,51 @@
+// Survey: from which sides, heights and distances are the targets well seen? The lattice tells which places near the camera are
+// good now; the paper's conclusion names the want of a global evaluation, which this is.
+//
+// Places stand round the targets' centre in a fixed polar pattern (world axes) and travel with it. In each step one target looks all
+// round, from another of its points each time, and every place learns whether it sees it. A place remembers each target's
+// visible share as a low pass, so that it comes to know which shot is good for long.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "server/sample/depth_map.h"
+
+namespace sightline {
+
+// Memory grows when targets are added, otherwise no allocation. Not thread-safe. Deterministic.
+class Survey {
+ public:
+  static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 3;
+  static constexpr size_t kPlaces = kAzimuths * kElevations * kDistances;
+
+  // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the outermost places.
+  void follow(std::span<const uint64_t> target_ids, double distance_m);
+  void forget() { ids_.clear(), shares_.clear(), known_.clear(); }
+
+  // From the targets' centre to a place, world axes.
+  glm::dvec3 offset_m(size_t place) const;
+
+  // Target `target` looked round: `maps` together show every direction from one of its points. `since_s`: the time since it last
+  // did; `memory_s` > 0: the time constant. The first look counts fully.
+  void learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m, double relative_bias,
+             double since_s, double memory_s);
+
+  // The visible share of a target at a place, [0, 1]; 1 before it looked round.
+  float share(size_t target, size_t place) const { return shares_[target * kPlaces + place]; }
+  // The mean over the places beside it at the same distance: what becomes of it when the targets turn a little.
+  float share_beside(size_t target, size_t place) const;
+  // True when every target has looked round.
+  bool complete() const;
+  size_t target_count() const { return ids_.size(); }
+
+ private:
+  double distance_m_ = 1.0;
+  std::vector<uint64_t> ids_;
+  std::vector<float> shares_;   // target by target, place by place
+  std::vector<uint8_t> known_;  // by target: has looked round
+};
+
+}  // namespace sightline

@@ -1,0 +1,64 @@
+// Route: how the camera body gets from where it is to every candidate, round what stands in the way (design 6: never inside or
+// through geometry). A straight line to the goal is often blocked by the very wall or pillar that hides the targets; the way
+// round it leads through other candidates.
+//
+// The candidates of the lattice are the nodes; neighbours (26 of them) are joined where the body fits. What a leg costs is its
+// length, more where the targets are hidden on the way, so that a detour in sight of them is preferred to a short cut behind a
+// wall (Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weigh their road map alike).
+// Dijkstra from the camera's own place: exact on the graph.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace sightline {
+
+inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
+
+// The nodes; all spans have one length.
+struct RouteNodes {
+  std::span<const glm::dvec3> position_m;
+  std::span<const glm::ivec3> cell;     // several may share one (places off the grid)
+  std::span<const float> clearance_m;   // to the nearest collider; may be cut off at twice the spacing
+  std::span<const double> hidden;       // [0, 1]: what is hidden there; costs the more to pass
+};
+
+struct RouteSettings {
+  double body_radius_m = 0.3;
+  double exposure = 3.0;          // [0, 100]: a metre with all hidden costs 1 + exposure metres
+};
+
+// Memory is kept from call to call. Not thread-safe. Deterministic.
+class RouteFinder {
+ public:
+  // Ways from node `start`, which is a node whatever its clearance. O(n log n).
+  void find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings);
+
+  // By node: metres, with what exposure adds; kUnreachable.
+  const std::vector<double>& cost_m() const { return cost_m_; }
+  // The nodes from the one after `start` to `goal`, which is reachable; empty for `start` itself. Valid until the next call.
+  const std::vector<uint32_t>& to(uint32_t goal);
+
+ private:
+  struct Entry {
+    double cost;
+    uint32_t node;
+    bool operator>(const Entry& other) const { return cost != other.cost ? cost > other.cost : node > other.node; }
+  };
+  void index(std::span<const glm::ivec3> cell);
+  void relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from);
+  size_t slot_of(const glm::ivec3& cell) const;
+
+  glm::ivec3 low_{0}, size_{0};
+  std::vector<uint32_t> first_in_slot_, next_in_cell_;
+  std::vector<double> cost_m_;
+  std::vector<uint32_t> before_;
+  std::vector<uint8_t> done_;
+  std::vector<Entry> heap_;
+  std::vector<uint32_t> route_;
+};
+
+}  // namespace sightline

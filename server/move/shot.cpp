@@ -1,0 +1,54 @@
+#include "server/move/shot.h"
+
+#include <limits>
+
+#include "server/base/check.h"
+#include "server/move/choose.h"
+
+namespace sightline {
+namespace {
+
+// Looking at the targets' centre: enough to compare shots with each other.
+Pose pose_at(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
+  return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
+}
+
+// The cost of coherence.h against both shots. What is hidden counts once for each, and so does a change.
+double cost_of(const ShotCandidate& candidate, const ShotState& asked, const ShotState& present,
+               std::span<const TargetView> targets, const CoherenceSettings& coherence) {
+  return (shot_cost(candidate, asked, targets, coherence) + shot_cost(candidate, present, targets, coherence)) / 2;
+}
+
+}  // namespace
+
+Status validate(const SurveySettings& s) {
+  if (auto ok = check_above("move.survey.memory_s", s.memory_s, 0, 10); !ok) return ok;
+  if (auto ok = check_range("move.survey.resolution", s.resolution, 2, 32); !ok) return ok;
+  return check_range("move.survey.hold", s.hold, 0, 1);
+}
+
+std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
+                                  const ShotState& present, std::optional<size_t> former,
+                                  const SurveySettings& settings, const CoherenceSettings& coherence,
+                                  const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
+  const glm::dvec3 center_m = weighted_center_m(targets);
+  std::vector<float> seen(targets.size()), beside(targets.size());
+  double least = std::numeric_limits<double>::infinity();
+  std::optional<size_t> best;
+  for (size_t place = 0; place < Survey::kPlaces; ++place) {
+    const glm::dvec3 offset_m = survey.offset_m(place);
+    if (!allowed(offset_m)) continue;
+    for (size_t i = 0; i < targets.size(); ++i) {
+      seen[i] = survey.share(i, place);
+      beside[i] = survey.share_beside(i, place);
+    }
+    ShotCandidate candidate{.world_from_camera = pose_at(center_m, offset_m), .seen_share = seen};
+    candidate.hidden_ahead = hidden_share(targets, beside);
+    double cost = cost_of(candidate, asked, present, targets, coherence);
+    if (former == place) cost -= settings.hold;
+    if (cost < least) least = cost, best = place;
+  }
+  return best;
+}
+
+}  // namespace sightline

@@ -1,0 +1,33 @@
+// Shot: which of the surveyed places the camera should want (paper 6.2, coherence; 3.4, responsiveness and predictive power).
+//
+// A place is good when the targets are seen from it, and from beside it, so that it stays good when they turn. It is dear when
+// it changes the shot that is, or departs from the one that was asked for: coherence.h says what a change costs.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/aggregate/survey.h"
+#include "server/move/coherence.h"
+
+namespace sightline {
+
+struct SurveySettings {
+  bool enabled = false;    // off: the camera wants the place that it was asked for, seen or not
+  double memory_s = 0.7;   // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
+  int resolution = 8;      // texels a side of each face, [2, 32]
+  double hold = 0.02;      // [0, 1]; a new shot must be this much better, of the shot cost in [0, 1]
+};
+Status validate(const SurveySettings& settings);
+
+// The place of least cost, or none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
+// targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
+// of them taken as seen. `former`: the place that was chosen before. The survey is complete and of these targets, in this order.
+std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
+                                  const ShotState& present, std::optional<size_t> former,
+                                  const SurveySettings& settings, const CoherenceSettings& coherence,
+                                  const std::function<bool(const glm::dvec3& offset_m)>& allowed);
+
+}  // namespace sightline

@@ -1,0 +1,143 @@
+// Strategy kBlend: the goal by what is hidden, now and in every future, and by the way there; and the velocity to it.
+#include <algorithm>
+#include <cmath>
+
+#include "server/step_work.h"
+
+namespace sightline {
+namespace {
+
+// What is foretold with all its points counts this share of the future; the rest are the futures of aim points.
+constexpr double kForetoldShare = 0.5;
+// Places outside the limits come after all inside.
+constexpr double kOutsideLimits = 1e4;
+// Nothing at all is seen from a place.
+constexpr double kAllHidden = 0.999;
+// Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
+constexpr double kRouteRoomM = 0.05;
+// How far along the trail a lost camera looks.
+constexpr double kTrailReachM = 12.0;
+// Braking is planned with this share of the allowed acceleration.
+constexpr double kBrakeShare = 0.7;
+
+double body_m(const StepWork& w) {
+  return swept_radius_m(w.input.limits, w.lens);
+}
+
+void find_routes(StepWork& w) {
+  StepMemory& m = w.memory;
+  const RouteNodes nodes{.position_m = m.candidates.position_m,
+                         .cell = m.cells,
+                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m),
+                         .hidden = m.goal.hidden};
+  m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
+                     {.body_radius_m = body_m(w) + kRouteRoomM, .exposure = w.input.settings.move.blend.exposure});
+}
+
+bool is_lost(const StepWork& w) {
+  const auto& hidden = w.memory.goal.hidden;
+  const auto& route_m = w.memory.goal.routes.cost_m();
+  for (size_t i = 0; i < hidden.size(); ++i)
+    if (hidden[i] < kAllHidden && !std::isinf(route_m[i])) return false;
+  return true;
+}
+
+// Where to head for on the way to the goal, and how far it is to the goal by that way.
+struct Leg {
+  glm::dvec3 to_m{0.0};
+  double length_m = 0;
+};
+
+// The farthest place of the route to which the body can go straight.
+Leg first_leg(StepWork& w, uint32_t goal) {
+  const auto& places = w.memory.candidates.position_m;
+  const std::vector<uint32_t>& route = w.memory.goal.routes.to(goal);
+  const glm::dvec3 from = w.memory.camera.pose.position_m;
+  if (route.empty()) return {from, 0};
+  size_t k = route.size() - 1;
+  while (k > 0 && !path_is_free(w.memory.colliders, from, places[route[k]], body_m(w))) k = k > 4 ? k - 2 : k - 1;
+  double length_m = glm::distance(from, places[route[k]]);
+  for (; k + 1 < route.size(); ++k) length_m += glm::distance(places[route[k]], places[route[k + 1]]);
+  return {places[route[k]], length_m};
+}
+
+// Towards the leg's end, as fast as lets the camera stop at the goal; the velocity changes with the time constant response_s.
+glm::dvec3 velocity_along(const StepWork& w, const Leg& leg, const glm::dvec3& with_mps) {
+  const CameraState& camera = w.memory.camera;
+  const double response_s = w.input.settings.move.response_s;
+  const glm::dvec3 way = leg.to_m - camera.pose.position_m;
+  const double distance = glm::length(way);
+  glm::dvec3 wanted = with_mps;
+  if (distance > 1e-9) {
+    const double brake = std::sqrt(2 * kBrakeShare * w.input.limits.max_acceleration_mps2 * leg.length_m);
+    wanted += way * (std::min(brake, leg.length_m / std::max(response_s, 2 * w.move_s)) / distance);
+  }
+  const double share = response_s > 0 ? std::min(1.0, w.move_s / response_s) : 1.0;
+  return clamp_velocity(camera.velocity_mps, camera.velocity_mps + share * (wanted - camera.velocity_mps), w.input.limits,
+                        w.move_s);
+}
+
+// The way that the targets went; false when the camera can reach no place of it.
+bool follow_trail(StepWork& w, Leg& leg) {
+  const glm::dvec3 from = w.memory.camera.pose.position_m;
+  w.memory.colliders.gather(w.input.scene, from, kTrailReachM + 1, {});
+  const auto place = w.memory.goal.trail.way_back(w.memory.colliders, from, kTrailReachM, body_m(w));
+  if (!place) return false;
+  leg = {*place, glm::distance(from, *place)};
+  return true;
+}
+
+}  // namespace
+
+void expect_hidden(StepWork& w) {
+  const MoveSettings& settings = w.input.settings.move;
+  if (settings.strategy != Strategy::kBlend) return;
+  const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
+  std::vector<double>& hidden = w.memory.goal.hidden;
+  const double bias = w.input.settings.aggregate.relative_bias;
+  const double ahead = w.memory.ahead_s > 0 ? settings.predictive_power : 0.0;
+  hidden.assign(places.size(), 0.0);
+  const auto see = [&](const Sampled& sampled, double weight) {
+    add_shares(as_input(w, sampled), bias, places, w.memory.goal.target_weights, weight, w.memory.seen, hidden);
+  };
+  see(w.memory.now, 1 - ahead);
+  if (ahead > 0) see(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
+  for (const Future& future : w.memory.futures) see(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
+  for (double& share : hidden) share = std::clamp(1 - share, 0.0, 1.0);
+}
+
+Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
+  StepMemory& m = w.memory;
+  const MoveSettings& settings = w.input.settings.move;
+  find_groups_of_all_visible(w, desired_m);
+  find_routes(w);
+  blend_costs({.position_m = m.candidates.position_m,
+               .hidden = m.goal.hidden,
+               .route_m = m.goal.routes.cost_m(),
+               .groups = m.groups,
+               .spacing_m = m.lattice.spacing_m(),
+               .desired_m = desired_m,
+               .former_goal_m = m.goal.goal_m},
+              settings.blend, m.cost);
+  for (size_t i = 0; i < m.cost.size(); ++i)
+    if (!within_limits(m.candidates.position_m[i], m.target_views, settings)) m.cost[i] += kOutsideLimits;
+  const Choice choice = choose_least(m.candidates, m.target_views, m.cost, desired_m);
+  m.goal.goal_m.reset();
+  if (choice.candidate >= 0) m.goal.goal_m = m.candidates.position_m[static_cast<size_t>(choice.candidate)];
+  return choice;
+}
+
+glm::dvec3 velocity_to_goal(StepWork& w, Choice& choice) {
+  Leg leg{w.memory.camera.pose.position_m, 0};
+  if (w.steered != 0 && is_lost(w) && follow_trail(w, leg)) {
+    w.result.status = MoveStatus::kEscaping;
+    w.result.reason = MoveReason::kOnTrail;
+    choice.candidate = w.result.chosen_candidate = -1;
+    return velocity_along(w, leg, glm::dvec3(0.0));
+  }
+  if (choice.candidate >= 0) leg = first_leg(w, static_cast<uint32_t>(choice.candidate));
+  // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
+  return velocity_along(w, leg, choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0));
+}
+
+}  // namespace sightline
