@@ -29,6 +29,8 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
 Status validate(const BlendSettings& s) {
   if (auto ok = check_range("move.blend.distance", s.distance, 0, 10); !ok) return ok;
   if (auto ok = check_range("move.blend.shelter", s.shelter, 0, 10); !ok) return ok;
+  if (auto ok = check_some_weight("move.blend", "distance and shelter", {s.distance, s.shelter}); !ok)
+    return ok;
   return check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5);
 }
 

@@ -21,7 +21,7 @@ void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desir
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
                   std::vector<double>& cost);
 
-// How the blend weighs. What goes wrong at the ends: with no shelter the camera hovers at the edge of a view and loses it at the
+// How the blend weighs; not all weights 0. What goes wrong at the ends: with no shelter the camera hovers at the edge of a view and loses it at the
 // targets' next step; with much of it, it wanders into the middle of free space and lets the shot go.
 struct BlendSettings {
   double distance = 1.0;  // [0, 10]; of a metre from the desired place

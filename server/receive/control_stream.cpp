@@ -269,8 +269,7 @@ Status ControlStream::apply(const Inbox::Message& message) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   ++tally_.ticks;
-  auto tick = tick_from_proto(message.request.tick(), session_->convention(),
-                              SceneSource{parts_.scenes, parts_.geometry});
+  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry});
   if (!tick) return tl::unexpected(std::move(tick.error()));
   tick->arrival_ns = message.arrival_ns;
   return session_->apply(*tick);

@@ -3,6 +3,7 @@
 #include <set>
 #include <string_view>
 
+#include "server/presets.h"
 #include "server/receive/from_proto_scene.h"
 #include "server/receive/from_proto_values.h"
 
@@ -62,6 +63,7 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(open.label().size()));
   if (Status ok = read_frame(open, out.convention); !ok) return ok;
   if (Status ok = read_camera(open, out); !ok) return ok;
+  out.settings = preset_settings(Preset::kSightline);
   if (Status ok = read_settings(open.settings(), "open.settings", out.settings); !ok) return ok;
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
@@ -84,8 +86,17 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   return {};
 }
 
-Status read_tick(const v1::Tick& tick, const Convention& convention, const SceneSource& source,
-                 TickInput& out) {
+Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
+  if (tick.has_lens())
+    if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
+      return ok;
+  if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
+  if (!tick.has_settings()) return {};
+  return read_settings(tick.settings(), "tick.settings", out.settings.emplace(session.settings()));
+}
+
+Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
+  const Convention& convention = session.convention();
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();
@@ -103,8 +114,7 @@ Status read_tick(const v1::Tick& tick, const Convention& convention, const Scene
   if (tick.has_observed_camera())
     if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok)
       return ok;
-  if (!tick.has_lens()) return {};
-  return read_lens(tick.lens(), convention, "tick.lens", out.lens.emplace());
+  return read_terms(tick, session, out);
 }
 
 }  // namespace
@@ -126,10 +136,9 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   return false;
 }
 
-Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,
-                                  const SceneSource& source) {
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source) {
   TickInput input;
-  if (Status ok = read_tick(tick, convention, source, input); !ok) return tl::unexpected(ok.error());
+  if (Status ok = read_tick(tick, session, source, input); !ok) return tl::unexpected(ok.error());
   return input;
 }
 
