@@ -170,8 +170,7 @@ Status Session::check_terms(const TickInput& tick) const {
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(settings); !ok) return below("tick.settings.", ok.error());
-  const Status ok =
-      validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
   return invalid(tick.lens ? "tick.lens" : "tick.settings.framing.max_vertical_fov_rad",
