@@ -1,5 +1,6 @@
 #include "server/receive/from_proto.h"
 
+#include <algorithm>
 #include <set>
 #include <string_view>
 
@@ -126,6 +127,8 @@ Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, c
   return options;
 }
 
+namespace {
+
 bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   std::set<std::string_view> asked;
   for (const v1::NewInstance& added : tick.delta().add()) {
@@ -134,6 +137,27 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
     if (asked.insert(name).second && !library.is_loaded(name)) return true;
   }
   return false;
+}
+
+// Only a tick that changes the settings or the targets can need a table that the session has not.
+bool builds_tables(const v1::Tick& tick, const Session& session) {
+  if (!tick.has_settings() && !tick.has_targets()) return false;
+  StepSettings settings = session.settings();
+  if (!read_settings(tick.settings(), "tick.settings", settings) || settings.sample.points == 0) return false;
+  if (tick.has_targets()) {
+    const auto& targets = tick.targets().targets();
+    return std::any_of(targets.begin(), targets.end(),
+                       [&](const auto& t) { return session.lacks_table(t.id()); });
+  }
+  const auto& targets = session.targets();
+  return std::any_of(targets.begin(), targets.end(),
+                     [&](const Target& t) { return session.lacks_table(t.instance_id); });
+}
+
+}  // namespace
+
+bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& library) {
+  return reads_files(tick, library) || builds_tables(tick, session);
 }
 
 Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source) {

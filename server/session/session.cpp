@@ -90,6 +90,11 @@ void Session::take_extents() {
   }
 }
 
+bool Session::lacks_table(uint64_t instance_id) const {
+  const Instance* instance = mirror_.find(instance_id);
+  return options_.extents && instance && instance->geometry && !options_.extents->has(*instance->geometry);
+}
+
 Status Session::add_first_instances() {
   SceneDelta delta;
   delta.asset_ids_allowed = true;

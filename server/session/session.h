@@ -135,6 +135,9 @@ class Session {
   const Lens& lens() const { return options_.lens; }  // as last told, not zoomed
   const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
   const std::string& label() const { return options_.label; }
+  // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a capsule,
+  // seconds for a million triangles (ExtentTable::build). Points or not is a setting.
+  bool lacks_table(uint64_t instance_id) const;
   // Intermediates of the last step, for dumps, and the camera.
   const StepMemory& memory() const { return memory_; }
   size_t triangle_count() const;  // as instanced, hidden ones too
