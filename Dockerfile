@@ -3,7 +3,7 @@
 #   docker build -t sightline .
 #   docker run --rm -p 127.0.0.1:50151:50151 -v "$PWD/my-scenes:/scenes:ro" sightline
 #
-# Software rendering (Mesa's llvmpipe) is in the image, so it runs anywhere. On a node with a GPU: run it with the NVIDIA
+# It runs anywhere: without a GPU it takes Embree's rays on the CPU. On a node with a GPU: run it with the NVIDIA
 # container toolkit (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL beside Mesa's, or pass
 # --device /dev/dri for AMD and Intel; add --require-gpu so that a node that lost its GPU says so instead of falling
 # back to software.

@@ -1,5 +1,6 @@
 #include "client/drive_command.h"
 
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -28,6 +29,19 @@ Result<std::vector<std::byte>> read_file(const std::string& path) {
   if (!in) return fail(ErrorCode::kUnavailable, path, "cannot be read");
   const auto bytes = std::as_bytes(std::span(text));
   return std::vector<std::byte>(bytes.begin(), bytes.end());
+}
+
+std::string lower_case(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+Result<v1::Settings::Preset> preset_named(const std::string& name) {
+  const google::protobuf::EnumDescriptor& presets = *v1::Settings::Preset_descriptor();
+  for (int i = 1; i < presets.value_count(); ++i)  // 0: not named
+    if (lower_case(presets.value(i)->name()) == name)
+      return static_cast<v1::Settings::Preset>(presets.value(i)->number());
+  return invalid("--preset", "there is no preset " + name);
 }
 
 // The figures of one path, and the truth that they come from.
@@ -75,7 +89,11 @@ class Drive {
     if (!file) return tl::unexpected(file.error());
     const auto scene = client->upload_scene(*file, 2min);
     if (!scene) return tl::unexpected(scene.error());
-    auto session = client->open_session(open_request(*scenario_, scene->hash(), options_.seed), 30s);
+    const auto preset = preset_named(options_.preset);
+    if (!preset) return tl::unexpected(preset.error());
+    v1::OpenSession open = open_request(*scenario_, scene->hash(), options_.seed);
+    open.mutable_settings()->set_preset(*preset);
+    auto session = client->open_session(open, 30s);
     if (!session) return tl::unexpected(session.error());
     say_opened((*session)->opened());
     auto frames = play(*scenario_, **session, play_);
@@ -162,6 +180,13 @@ class Drive {
 };
 
 }  // namespace
+
+std::vector<std::string> drive_presets() {
+  const google::protobuf::EnumDescriptor& presets = *v1::Settings::Preset_descriptor();
+  std::vector<std::string> names;
+  for (int i = 1; i < presets.value_count(); ++i) names.push_back(lower_case(presets.value(i)->name()));
+  return names;
+}
 
 int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err) {
   if (const Status done = Drive(options, out, err).run(); !done) {

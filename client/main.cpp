@@ -28,6 +28,9 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
                    "Seconds of scenario time to play (default: its animation)")
       ->check(CLI::Range(0.0, 86400.0));
   drive->add_option("--seed", options.seed, "Of all that is random in the session")->capture_default_str();
+  drive->add_option("--preset", options.preset, "What the session's settings start from")
+      ->check(CLI::IsMember(sightline::drive_presets()))
+      ->capture_default_str();
   drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")
       ->capture_default_str();
   drive->add_flag("--fast", options.lockstep,

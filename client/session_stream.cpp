@@ -112,6 +112,39 @@ void ClientSession::Stream::OnDone(const grpc::Status& status) {
   changed_.notify_all();
 }
 
+namespace {
+
+// As the server would take them one after the other: a preset starts anew.
+void put_over(const v1::Settings& change, v1::Settings& settings) {
+  if (change.preset() != v1::Settings::PRESET_UNSPECIFIED) settings.Clear();
+  settings.MergeFrom(change);
+}
+
+// The tick's own settings and limits over those that waited for it.
+void take_changes(v1::Tick& changes, v1::Tick& tick) {
+  if (changes.has_settings()) {
+    put_over(tick.settings(), *changes.mutable_settings());
+    tick.mutable_settings()->Swap(changes.mutable_settings());
+  }
+  if (changes.has_limits()) {
+    changes.mutable_limits()->MergeFrom(tick.limits());
+    tick.mutable_limits()->Swap(changes.mutable_limits());
+  }
+  changes.Clear();
+}
+
+}  // namespace
+
+void ClientSession::Stream::change(const v1::Settings& settings) {
+  const std::lock_guard lock(mutex_);
+  put_over(settings, *changes_.mutable_settings());
+}
+
+void ClientSession::Stream::change(const v1::CameraLimits& limits) {
+  const std::lock_guard lock(mutex_);
+  changes_.mutable_limits()->MergeFrom(limits);
+}
+
 Error ClientSession::Stream::end_error() const {
   if (end_status_.ok()) return {ErrorCode::kUnavailable, "session", "the session was closed"};
   return error_from_status(end_status_);
@@ -132,7 +165,9 @@ Status ClientSession::Stream::send(const v1::Tick& tick) {
   if (unsent_.size() >= kMaxUnsent)
     return fail(ErrorCode::kResourceExhausted, "tick",
                 std::to_string(unsent_.size()) + " ticks wait to be sent: the server does not take them");
-  *unsent_.emplace_back().mutable_tick() = tick;
+  v1::Tick& queued = *unsent_.emplace_back().mutable_tick();
+  queued = tick;
+  take_changes(changes_, queued);
   if (!writing_) start_next_write();
   return {};
 }

@@ -22,6 +22,8 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   // The server's first answer.
   Result<v1::SessionOpened> wait_opened(std::chrono::nanoseconds timeout);
   Status send(const v1::Tick& tick);
+  void change(const v1::Settings& settings);
+  void change(const v1::CameraLimits& limits);
   Result<std::optional<SessionEvent>> receive(std::chrono::nanoseconds timeout);
   Status close(std::chrono::nanoseconds timeout);
   size_t dropped_events() const;
@@ -50,6 +52,7 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   std::condition_variable changed_;
   // guarded by mutex_
   std::deque<v1::ControlRequest> unsent_;  // the front is on its way while writing_
+  v1::Tick changes_;                       // settings and limits that wait for the next tick
   bool writing_ = false;
   bool closing_ = false;      // no more sends
   bool writes_done_ = false;  // the hold is released

@@ -96,6 +96,12 @@ ClientSession::~ClientSession() = default;
 Status ClientSession::send(const v1::Tick& tick) {
   return stream_->send(tick);
 }
+void ClientSession::change(const v1::Settings& settings) {
+  stream_->change(settings);
+}
+void ClientSession::change(const v1::CameraLimits& limits) {
+  stream_->change(limits);
+}
 Result<std::optional<SessionEvent>> ClientSession::receive(std::chrono::nanoseconds timeout) {
   return stream_->receive(timeout);
 }

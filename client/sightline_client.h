@@ -6,6 +6,7 @@
 //   auto scene = client->upload_scene(bytes, std::chrono::minutes(1));       // once per scene
 //   auto session = client->open_session(open, std::chrono::seconds(10));     // once per camera
 //   session->send(tick);                                                     // every tick, never blocks
+//   session->change(settings);                                               // when the game wants another shot
 //   auto event = session->receive(std::chrono::milliseconds(5));             // or a handler, see
 //   open_session
 //
@@ -66,6 +67,13 @@ class ClientSession {
   // Queues one tick and returns. kResourceExhausted (field "tick"): kMaxUnsent ticks wait, nothing was
   // queued; the error that ended the stream when it has ended.
   Status send(const v1::Tick& tick);
+
+  // Changes settings or limits of the running session with the next tick that is sent, as the fields of the same names of that
+  // tick would: what is sent is put over what the session has; with settings.preset it starts anew from that preset. Several
+  // changes before one tick add up in order; what that tick itself sends comes last. When that tick is refused its changes
+  // are refused with it: the Rejection names the field, "tick.settings....". Called on the thread that sends.
+  void change(const v1::Settings& settings);
+  void change(const v1::CameraLimits& limits);
 
   // The next event, oldest first; empty when none came within `timeout` (0: only what is there). An Error
   // when the stream has ended and all events are read. With a handler set, events never come here.

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # The main job, end to end: installs what is missing, builds, starts the daemon, lets it steer a camera through the hall,
 # prints how well it did and where the picture is, and stops the daemon.
-#   deploy/demo.sh [--sampler egl|embree] [--scene hall|rooms|arena|fence|city] [--out FOLDER] [more flags of sightline drive]
+#   deploy/demo.sh [--sampler auto|egl|embree] [--scene hall|rooms|arena|fence|city] [--out FOLDER] [more flags of sightline drive]
 set -euo pipefail
 cd "$(dirname "$0")/.."
-sampler=egl scene=hall out=out/demo drive=()
+sampler=auto scene=hall out=out/demo drive=()
 while [ $# -gt 0 ]; do
   case "$1" in
-    --sampler) sampler=${2:?--sampler needs egl or embree}; shift 2 ;;
+    --sampler) sampler=${2:?--sampler needs auto, egl or embree}; shift 2 ;;
     --scene) scene=${2:?--scene needs a name}; shift 2 ;;
     --out) out=${2:?--out needs a folder}; shift 2 ;;
     -h | --help) sed -n '2,4s/^# //p' "$0"; exit 0 ;;

@@ -16,15 +16,15 @@ constexpr int kUsageError = 2;
 struct RawFlags {
   Flags flags;
   std::string unix_mode = "0660";
-  std::string sampler = "egl";
+  std::string sampler = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
   bool print_config = false;
   bool check_config = false;
 };
 
-const std::map<std::string, SamplerChoice> kSamplers{{"egl", SamplerChoice::kEgl},
-                                                     {"embree", SamplerChoice::kEmbree}};
+const std::map<std::string, SamplerChoice> kSamplers{
+    {"auto", SamplerChoice::kAuto}, {"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -79,8 +79,10 @@ void add_listening(CLI::App& app, RawFlags& raw) {
 void add_sampling(CLI::App& app, RawFlags& raw) {
   app.add_option("--scene-dir", raw.flags.scene_dir, "Folder of the scene files that sessions can name")
       ->check(CLI::Validator(check_folder, "DIR"));
-  app.add_option("--sampler", raw.sampler,
-                 "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU")
+  app.add_option(
+         "--sampler", raw.sampler,
+         "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU, auto takes egl "
+         "where it renders in hardware and else embree")
       ->check(one_of(kSamplers))
       ->capture_default_str();
   app.add_option("--egl-device", raw.flags.egl_device,
@@ -88,7 +90,7 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(-1, 1023))
       ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
-               "Refuse to start when OpenGL would render in software");
+               "Refuse to start when OpenGL would render in software; embree itself needs no GPU");
 }
 
 void add_limits(CLI::App& app, RawFlags& raw) {

@@ -6,10 +6,9 @@
 #include <variant>
 
 #include "server/receive/log.h"
+#include "server/sampler_choice.h"
 
 namespace sightline {
-
-enum class SamplerChoice { kEgl, kEmbree };
 
 // Every default works; --help says what each is for.
 struct Flags {
@@ -17,7 +16,7 @@ struct Flags {
   std::string listen_unix;
   unsigned unix_mode = 0660;
   std::string scene_dir;
-  SamplerChoice sampler = SamplerChoice::kEgl;
+  SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
   unsigned threads = 0;  // 0: as many as there are CPUs to use

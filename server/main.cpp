@@ -17,8 +17,8 @@
 #include "server/receive/listener.h"
 #include "server/receive/server_info.h"
 #include "server/receive/service.h"
-#include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
+#include "server/sampler_choice.h"
 
 namespace sightline {
 namespace {
@@ -50,9 +50,8 @@ void prepare_process() {
   setenv("GRPC_VERBOSITY", "NONE", 0);
 }
 
-Result<std::unique_ptr<SamplerDevice>> make_sampler_device(const Flags& flags) {
-  if (flags.sampler == SamplerChoice::kEmbree) return make_embree_sampler_device();
-  return make_egl_sampler_device({.device_index = flags.egl_device, .require_gpu = flags.require_gpu});
+EglOptions egl_options(const Flags& flags) {
+  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
 }
 
 ListenOptions listen_options(const Flags& flags) {
@@ -146,10 +145,12 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
 
 int serve(const Flags& flags) {
   Log log(flags.log_format, flags.log_level);
-  const auto sampler = make_sampler_device(flags);
-  if (!sampler)
-    return failed_to_start(log, sampler.error(),
-                           "see `sightlined devices`; --sampler embree needs no OpenGL");
+  const auto chosen = choose_sampler_device(flags.sampler, egl_options(flags));
+  if (!chosen)
+    return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
+  SamplerDevice& sampler = *chosen->device;
+  log.info("sampler",
+           {{"kind", sampler.kind()}, {"renderer", sampler.description()}, {"reason", chosen->reason}});
 
   GeometryStore geometry;
   ExtentCache extents;
@@ -157,9 +158,9 @@ int serve(const Flags& flags) {
   StreamRegistry streams(flags.max_sessions);
   WorkerPool loaders(kLoaderThreads);
   WorkerPool steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()));
-  CameraControlService service(
-      ServiceParts{scenes, geometry, extents, **sampler, steppers, loaders, streams, log, monotonic_ns, start_name()},
-      service_limits(flags));
+  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams,
+                                            log, monotonic_ns, start_name(), chosen->reason},
+                               service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
@@ -169,8 +170,7 @@ int serve(const Flags& flags) {
     log.error("cannot write", {{"file", flags.ready_file}});
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
-                     {"sampler", (*sampler)->kind()},
-                     {"renderer", (*sampler)->description()},
+                     {"sampler", sampler.kind()},
                      {"threads", std::to_string(steppers.threads())}});
   wait_for_stop_signal(log);
   ready.remove();
@@ -187,8 +187,10 @@ std::string device_note(const EglDeviceInfo& device) {
 }
 
 int report_devices(const Flags& flags) {
-  const EglOptions options{.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
-  const bool egl = flags.sampler == SamplerChoice::kEgl;
+  const EglOptions options = egl_options(flags);
+  const auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
+  const bool egl = decision && decision->sampler == SamplerChoice::kEgl;
+  const bool embree = decision && decision->sampler == SamplerChoice::kEmbree;
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
   for (const EglDeviceInfo& device : list_egl_devices(options)) {
     std::printf("%-5s %-6s %-6d %-12s %-20s %s, %s (%s)\n", egl && device.chosen ? "*" : "", "egl",
@@ -197,8 +199,10 @@ int report_devices(const Flags& flags) {
                 device.renderer.empty() ? "-" : device.renderer.c_str(),
                 device.gl_version.empty() ? "-" : device.gl_version.c_str(), device_note(device).c_str());
   }
-  std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", egl ? "" : "*", "embree", "-", "cpu", "-",
+  std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
               make_embree_sampler_device()->description().c_str());
+  std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
+                               : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;
 }
 

@@ -52,10 +52,10 @@ void slots_left_out(const SceneMirror& scene, const Target& target, std::vector<
   slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
 }
 
-TargetPast& past_of(StepMemory& memory, uint64_t id, double ahead_s) {
+TargetPast& past_of(StepMemory& memory, uint64_t id) {
   for (TargetPast& past : memory.pasts)
     if (past.id == id) return past;
-  memory.pasts.push_back({id, MotionPredictor({.ahead_s = ahead_s})});
+  memory.pasts.push_back({id, MotionPredictor()});
   return memory.pasts.back();
 }
 
@@ -63,8 +63,9 @@ TargetPast& past_of(StepMemory& memory, uint64_t id, double ahead_s) {
 void remember_pasts(StepWork& w) {
   for (TargetPast& past : w.memory.pasts) past.current = false;
   for (const Target& target : w.input.targets) {
-    TargetPast& past = past_of(w.memory, target.instance_id, w.input.settings.move.prediction_s);
+    TargetPast& past = past_of(w.memory, target.instance_id);
     past.current = true;
+    past.predictor.configure({.ahead_s = w.input.settings.move.prediction_s});
     past.predictor.observe(w.input.dt_s, w.input.scene.find(target.instance_id)->pose);
   }
   std::erase_if(w.memory.pasts, [](const TargetPast& past) { return !past.current; });
@@ -86,12 +87,20 @@ void keep_offset(StepWork& w) {
   w.memory.has_offset = true;
 }
 
+// A lens that is told anew holds at once. One that has zoomed and shall no more goes back as it went (see `turn`).
+void take_lens(StepWork& w) {
+  const double told_rad = w.input.lens.vertical_fov_rad;
+  const bool told_anew = w.memory.told_fov_rad != told_rad;
+  if (w.memory.vertical_fov_rad == 0.0 || (told_anew && !w.input.settings.framing.zooms()))
+    w.memory.vertical_fov_rad = told_rad;
+  w.memory.told_fov_rad = told_rad;
+  w.lens.vertical_fov_rad = w.memory.vertical_fov_rad;
+}
+
 void start(StepWork& w) {
   w.move_s = std::min(w.input.dt_s, kMaxStepS);
   w.result.flags.dt_capped = w.input.dt_s > kMaxStepS;
-  if (w.memory.vertical_fov_rad == 0.0 || !w.input.settings.framing.zooms())
-    w.memory.vertical_fov_rad = w.input.lens.vertical_fov_rad;
-  w.lens.vertical_fov_rad = w.memory.vertical_fov_rad;
+  take_lens(w);
   look_at_targets(w);
   remember_pasts(w);
   keep_offset(w);

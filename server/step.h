@@ -114,11 +114,13 @@ struct GoalSearch {
   std::optional<glm::dvec3> goal_m;  // the former step's
 };
 
-// What one session carries from step to step, and scratch memory that is reused.
+// What one session carries from step to step, and scratch memory that is reused. Limits, settings and the lens may be others
+// at every step: nothing here depends on what they were, but the way that the camera has gone.
 struct StepMemory {
   CameraState camera;
   TurnState turn;
   double vertical_fov_rad = 0.0;  // present zoom; 0 before the first step
+  double told_fov_rad = 0.0;      // of the input's lens at the last step
   bool has_offset = false;
   glm::dvec3 desired_offset_m{0.0};  // from the targets' weighted centre to the place that the camera wants
   uint64_t offset_targets = 0;       // for which set of steered targets (their ids, hashed) it holds

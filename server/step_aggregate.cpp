@@ -62,6 +62,8 @@ void add_own_and_desired_place(StepWork& w) {
 void filter(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
   candidates.filtered_targets = candidates.visible_targets;
+  // Steps are counted only while a filter is on: what was seen before it went off must not pass for the newest.
+  if (!filters(w)) w.memory.volume = {};
   if (!filters(w) || w.move_s <= 0) return;
   const size_t cells = w.memory.lattice.addresses().size(), places = candidates.size() - cells;
   TemporalVolume& volume = w.memory.volume;

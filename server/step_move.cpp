@@ -86,7 +86,8 @@ void turn(StepWork& w) {
       glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / w.move_s);
   // Zoom closes at the same pace as the aim.
   const double share = framing.response_s > 0 ? 1 - std::pow(0.01, w.move_s / framing.response_s) : 1.0;
-  w.memory.vertical_fov_rad += share * (aim.vertical_fov_rad - w.memory.vertical_fov_rad);
+  const double fov_rad = framing.zooms() ? aim.vertical_fov_rad : w.input.lens.vertical_fov_rad;
+  w.memory.vertical_fov_rad += share * (fov_rad - w.memory.vertical_fov_rad);
 }
 
 }  // namespace

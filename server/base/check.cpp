@@ -1,5 +1,6 @@
 #include "server/base/check.h"
 
+#include <algorithm>
 #include <cstdio>
 
 namespace sightline {
@@ -21,6 +22,11 @@ Status check_range(const char* field, double value, double low, double high) {
 Status check_above(const char* field, double value, double low, double high) {
   if (value > low && value <= high) return {};
   return out_of_range(field, value, '(', low, high);
+}
+
+Status check_some_weight(const char* field, const char* names, std::initializer_list<double> weights) {
+  if (std::any_of(weights.begin(), weights.end(), [](double weight) { return weight > 0; })) return {};
+  return invalid(field, std::string("at least one of ") + names + " must be above 0");
 }
 
 }  // namespace sightline

@@ -1,6 +1,7 @@
 // Range checks for settings: one sentence for every setting, always with the range and the value that was got.
 #pragma once
 
+#include <initializer_list>
 #include <string>
 
 #include "server/base/error.h"
@@ -11,5 +12,7 @@ namespace sightline {
 Status check_range(const char* field, double value, double low, double high);
 // The same with an open lower end: low < value <= high.
 Status check_above(const char* field, double value, double low, double high);
+// Weights that are all 0 prefer nothing. Fails with "at least one of <names> must be above 0" unless one is.
+Status check_some_weight(const char* field, const char* names, std::initializer_list<double> weights);
 
 }  // namespace sightline

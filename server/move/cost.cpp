@@ -35,9 +35,8 @@ Status validate(const BlendSettings& s) {
   if (auto ok = check_range("move.blend.route", s.route, 0, 10); !ok) return ok;
   if (auto ok = check_range("move.blend.exposure", s.exposure, 0, 100); !ok) return ok;
   if (auto ok = check_range("move.blend.steadiness", s.steadiness, 0, 10); !ok) return ok;
-  if (s.hidden + s.distance + s.shelter + s.route <= 0)
-    return invalid("move.blend.hidden", "must be above 0, or one of distance, shelter and route must: all weights are 0");
-  return {};
+  return check_some_weight("move.blend", "hidden, distance, shelter and route",
+                           {s.hidden, s.distance, s.shelter, s.route});
 }
 
 void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost) {

@@ -22,7 +22,7 @@ void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desir
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
                   std::vector<double>& cost);
 
-// How the blend weighs; all in metres of the camera's way. What goes wrong at the ends: with little for what is hidden the camera
+// How the blend weighs; all in metres of the camera's way, not all weights 0. What goes wrong at the ends: with little for what is hidden the camera
 // keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view and loses it at
 // the targets' next step, with much it wanders into the middle of free space and lets the shot go.
 struct BlendSettings {

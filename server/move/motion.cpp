@@ -30,6 +30,18 @@ Vec limit_length(const Vec& v, double most) {
   return length > most ? v * (most / length) : v;
 }
 
+// A rate over its maximum brakes straight, as far as its change is allowed; less than this share over it is rounding.
+constexpr double kOverMaximum = 1 + 1e-9;
+
+// `wanted` brought to within `most`, and then to within `most_change` of `present`. With present within `most` too the segment
+// between both is, so that the two limits do not fight.
+template <typename Vec>
+Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_change) {
+  const double rate = glm::length(present);
+  if (rate > most * kOverMaximum) return present * (std::max(most, rate - most_change) / rate);
+  return present + limit_length(limit_length(wanted, most) - present, most_change);
+}
+
 double roll_after(double roll_rad, double most) {
   return roll_rad - std::clamp(roll_rad, -most, most);
 }
@@ -58,9 +70,7 @@ Status validate(const CameraLimits& limits, const Lens& lens) {
 
 glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
                           double dt_s) {
-  // With both ends inside the speed ball the segment between them is too, so the two limits do not fight.
-  const glm::dvec3 allowed = limit_length(wanted, limits.max_speed_mps);
-  return present + limit_length(allowed - present, limits.max_acceleration_mps2 * dt_s);
+  return limit_rate(present, wanted, limits.max_speed_mps, limits.max_acceleration_mps2 * dt_s);
 }
 
 glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
@@ -108,10 +118,10 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
   if (size > 1e-12) {
     double rate = approach_speed(size, kBrakeShare * limits.max_angular_acceleration_radps2, dt_s);
     if (response_s > 0) rate = std::min(rate, size * (1 - std::pow(0.01, dt_s / response_s)) / dt_s);
-    wanted = limit_length(error * (rate / size), limits.max_angular_speed_radps);
+    wanted = error * (rate / size);
   }
-  const glm::dvec2 rates =
-      present + limit_length(wanted - present, limits.max_angular_acceleration_radps2 * dt_s);
+  const glm::dvec2 rates = limit_rate(present, wanted, limits.max_angular_speed_radps,
+                                      limits.max_angular_acceleration_radps2 * dt_s);
   TurnState next;
   next.yaw_rate_radps = rates.x;
   next.pitch_rate_radps = rates.y;

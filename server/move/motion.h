@@ -22,8 +22,8 @@ inline constexpr double kMaxStepS = 0.25;
 glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
                             const glm::dvec3& goal_velocity_mps, const CameraLimits& limits, double dt_s);
 
-// `wanted` brought into the ball |v' - v| <= a dt and then |v'| <= v_max. When the present speed is over the maximum (limits were
-// lowered) it brakes as fast as the acceleration allows.
+// `wanted` brought into the balls |v'| <= v_max and |v' - v| <= a dt. When the present speed is over the maximum (limits were
+// lowered) it brakes straight ahead, as fast as the acceleration allows, until it is not: |v'| <= max(v_max, |v| - a dt).
 glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
                           double dt_s);
 
@@ -44,7 +44,8 @@ struct TurnState {
   double yaw_rate_radps = 0, pitch_rate_radps = 0;
 };
 
-// Turns towards the aim, (yaw rate, pitch rate) within max_angular_speed and its change within max_angular_acceleration * dt.
+// Turns towards the aim, (yaw rate, pitch rate) within max_angular_speed and its change within max_angular_acceleration * dt;
+// a rate over the maximum brakes as in clamp_velocity.
 // `response_s`: time to close 99 % of an error where the limits allow; 0 = as fast as they allow. Any roll is let go at no
 // more than max_angular_speed.
 TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,

@@ -205,7 +205,7 @@ ControlStream::Work ControlStream::take_work() {
   work.drain_reason = std::exchange(drain_reason_, std::nullopt);
   if (session_) {
     work.messages = inbox_.take_all();
-    work.may_read_files = needs_loader_;
+    work.may_take_long = needs_loader_;
   } else if (!inbox_.empty()) {
     work.messages.push_back(inbox_.take_one());
   }
@@ -248,14 +248,14 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   return {};
 }
 
-// Every tick is applied; one step is taken for the newest that was. A tick for which a file must be read, and
-// those behind it, are left to a loader: the steps of other sessions do not wait for a disk.
+// Every tick is applied; one step is taken for the newest that was. A tick for which a file must be read or a
+// sample table built, and those behind it, are left to a loader: the steps of other sessions do not wait for it.
 void ControlStream::take_ticks(Work& work, Outcome& outcome) {
   std::optional<uint64_t> newest;
   for (Messages& messages = work.messages; !messages.empty(); messages.pop_front()) {
     const Inbox::Message& message = messages.front();
     const v1::Tick& tick = message.request.tick();
-    if (!work.may_read_files && reads_files(tick, parts_.scenes)) break;
+    if (!work.may_take_long && takes_long(tick, *session_, parts_.scenes)) break;
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
     } else {
@@ -269,8 +269,7 @@ Status ControlStream::apply(const Inbox::Message& message) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   ++tally_.ticks;
-  auto tick = tick_from_proto(message.request.tick(), session_->convention(),
-                              SceneSource{parts_.scenes, parts_.geometry});
+  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry});
   if (!tick) return tl::unexpected(std::move(tick.error()));
   tick->arrival_ns = message.arrival_ns;
   return session_->apply(*tick);

@@ -52,7 +52,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   struct Work {
     Messages messages;
     std::optional<std::string> drain_reason;
-    bool may_read_files = false;  // on a loader
+    bool may_take_long = false;  // on a loader
   };
   struct Outcome {
     Replies replies;
@@ -107,7 +107,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   Replies outbox_;
   bool heard_ = false;         // a message has come
   bool opened_ = false;        // session_ exists
-  bool needs_loader_ = false;  // the oldest tick names a file that must be read first
+  bool needs_loader_ = false;  // the oldest tick takes long (takes_long)
   bool busy_ = false;          // a worker runs, or is about to
   bool reading_ = false;       // a read is under way
   bool writing_ = false;       // a write is under way

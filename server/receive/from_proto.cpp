@@ -1,8 +1,10 @@
 #include "server/receive/from_proto.h"
 
+#include <algorithm>
 #include <set>
 #include <string_view>
 
+#include "server/presets.h"
 #include "server/receive/from_proto_scene.h"
 #include "server/receive/from_proto_values.h"
 
@@ -62,6 +64,7 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(open.label().size()));
   if (Status ok = read_frame(open, out.convention); !ok) return ok;
   if (Status ok = read_camera(open, out); !ok) return ok;
+  out.settings = preset_settings(Preset::kSightline);
   if (Status ok = read_settings(open.settings(), "open.settings", out.settings); !ok) return ok;
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
@@ -84,8 +87,17 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   return {};
 }
 
-Status read_tick(const v1::Tick& tick, const Convention& convention, const SceneSource& source,
-                 TickInput& out) {
+Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
+  if (tick.has_lens())
+    if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
+      return ok;
+  if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
+  if (!tick.has_settings()) return {};
+  return read_settings(tick.settings(), "tick.settings", out.settings.emplace(session.settings()));
+}
+
+Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
+  const Convention& convention = session.convention();
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();
@@ -103,8 +115,7 @@ Status read_tick(const v1::Tick& tick, const Convention& convention, const Scene
   if (tick.has_observed_camera())
     if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok)
       return ok;
-  if (!tick.has_lens()) return {};
-  return read_lens(tick.lens(), convention, "tick.lens", out.lens.emplace());
+  return read_terms(tick, session, out);
 }
 
 }  // namespace
@@ -116,6 +127,8 @@ Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, c
   return options;
 }
 
+namespace {
+
 bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   std::set<std::string_view> asked;
   for (const v1::NewInstance& added : tick.delta().add()) {
@@ -126,10 +139,30 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   return false;
 }
 
-Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,
-                                  const SceneSource& source) {
+// Only a tick that changes the settings or the targets can need a table that the session has not.
+bool builds_tables(const v1::Tick& tick, const Session& session) {
+  if (!tick.has_settings() && !tick.has_targets()) return false;
+  StepSettings settings = session.settings();
+  if (!read_settings(tick.settings(), "tick.settings", settings) || settings.sample.points == 0) return false;
+  if (tick.has_targets()) {
+    const auto& targets = tick.targets().targets();
+    return std::any_of(targets.begin(), targets.end(),
+                       [&](const auto& t) { return session.lacks_table(t.id()); });
+  }
+  const auto& targets = session.targets();
+  return std::any_of(targets.begin(), targets.end(),
+                     [&](const Target& t) { return session.lacks_table(t.instance_id); });
+}
+
+}  // namespace
+
+bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& library) {
+  return reads_files(tick, library) || builds_tables(tick, session);
+}
+
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source) {
   TickInput input;
-  if (Status ok = read_tick(tick, convention, source, input); !ok) return tl::unexpected(ok.error());
+  if (Status ok = read_tick(tick, session, source, input); !ok) return tl::unexpected(ok.error());
   return input;
 }
 

@@ -25,12 +25,13 @@ struct SceneSource {
 Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, const SceneSource& source,
                                                   std::vector<std::string>& warnings);
 
-// Whether tick_from_proto would have to read a scene file now, which may take seconds.
-bool reads_files(const v1::Tick& tick, SceneLibrary& library);
+// Whether a scene file would have to be read, or a sample table of a target's shape built, before the tick can be applied:
+// that may take seconds. Targets that the tick itself adds are not looked at.
+bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& library);
 
-// Fields "tick....". Cheap unless the tick adds meshes from a file. `convention` is the session's; arrival_ns
-// is left to the caller.
-Result<TickInput> tick_from_proto(const v1::Tick& tick, const Convention& convention,
-                                  const SceneSource& source);
+// Fields "tick....". Cheap unless the tick adds meshes from a file. Read in the convention of `session`, for `session` as it is:
+// its settings and limits stay where the tick says nothing else, so every tick before must have been applied. arrival_ns is
+// left to the caller.
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source);
 
 }  // namespace sightline

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "server/base/check.h"
+#include "server/presets.h"
 
 namespace sightline {
 namespace {
@@ -174,20 +175,33 @@ void read_framing(const v1::Framing& wire, FramingSettings& out) {
   if (wire.has_max_vertical_fov_rad()) out.max_vertical_fov_rad = wire.max_vertical_fov_rad();
 }
 
-// Inside, 0 stands for "no zoom"; on the wire only absence does.
-Status check_zoom(const v1::Framing& wire, const std::string& field) {
-  if (wire.has_min_vertical_fov_rad() != wire.has_max_vertical_fov_rad())
-    return invalid(
-        field + (wire.has_min_vertical_fov_rad() ? ".max_vertical_fov_rad" : ".min_vertical_fov_rad"),
-        "is absent: a zoom range needs both ends");
-  if (!wire.has_min_vertical_fov_rad()) return {};
-  const double low = wire.min_vertical_fov_rad(), high = wire.max_vertical_fov_rad();
-  if (!(low > 0.01 && low < 3.0))
-    return invalid(field + ".min_vertical_fov_rad", "must be in (0.01, 3), got " + number(low));
-  if (!(high >= low && high < 3.0))
-    return invalid(field + ".max_vertical_fov_rad",
-                   "must be in [min_vertical_fov_rad, 3), got " + number(high));
-  return {};
+// Inside, 0 stands for "no zoom"; on the wire only absence does. `present` is what is sent put over what there is.
+Status check_zoom(const v1::Framing& wire, const std::string& field, const FramingSettings& present) {
+  const bool has_min = wire.has_min_vertical_fov_rad(), has_max = wire.has_max_vertical_fov_rad();
+  if (!has_min && !has_max) return {};
+  const double low = present.min_vertical_fov_rad, high = present.max_vertical_fov_rad;
+  const std::string min_field = field + ".min_vertical_fov_rad", max_field = field + ".max_vertical_fov_rad";
+  if (!has_min && low == 0) return invalid(min_field, "is absent: a zoom range needs both ends");
+  if (!has_max && high == 0) return invalid(max_field, "is absent: a zoom range needs both ends");
+  if (!(low > 0.01 && low < 3.0)) return invalid(min_field, "must be in (0.01, 3), got " + number(low));
+  if (high >= low && high < 3.0) return {};
+  if (!has_max) return invalid(min_field, "must be in (0.01, " + number(high) + "], got " + number(low));
+  return invalid(max_field, "must be in [" + number(low) + ", 3), got " + number(high));
+}
+
+Status start_from_preset(v1::Settings::Preset wire, const std::string& field, StepSettings& out) {
+  switch (wire) {
+    case v1::Settings::PRESET_UNSPECIFIED:
+      return {};
+    case v1::Settings::SIGHTLINE:
+      out = preset_settings(Preset::kSightline);
+      return {};
+    case v1::Settings::PAPER:
+      out = preset_settings(Preset::kPaper);
+      return {};
+    default:
+      return unknown_enum(field, wire);
+  }
 }
 
 }  // namespace
@@ -230,13 +244,13 @@ Status read_lens(const v1::Lens& wire, const Convention& convention, const std::
 }
 
 Status read_settings(const v1::Settings& wire, const std::string& field, StepSettings& out) {
+  if (Status ok = start_from_preset(wire.preset(), field + ".preset", out); !ok) return ok;
   if (Status ok = read_bound(wire.bound(), field + ".bound", out.bound); !ok) return ok;
   read_sample(wire.sample(), out.sample);
   if (Status ok = read_aggregate(wire.aggregate(), field + ".aggregate", out.aggregate); !ok) return ok;
   if (Status ok = read_move(wire.move(), field + ".move", out.move); !ok) return ok;
-  if (Status ok = check_zoom(wire.framing(), field + ".framing"); !ok) return ok;
   read_framing(wire.framing(), out.framing);
-  return {};
+  return check_zoom(wire.framing(), field + ".framing", out.framing);
 }
 
 void read_limits(const v1::CameraLimits& wire, CameraLimits& out) {

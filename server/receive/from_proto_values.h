@@ -17,7 +17,8 @@ Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out);
 // Preset or custom; fields below "<prefix>convention".
 Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out);
 Status read_lens(const v1::Lens& wire, const Convention& convention, const std::string& field, Lens& out);
-// Ranges are checked by the session; here only enums.
+// Starts from the preset that is named, if one is, and puts what is sent over it. Ranges are checked by the session; here only
+// enums and the zoom's two ends.
 Status read_settings(const v1::Settings& wire, const std::string& field, StepSettings& out);
 void read_limits(const v1::CameraLimits& wire, CameraLimits& out);
 

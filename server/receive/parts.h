@@ -25,8 +25,9 @@ struct ServiceParts {
   WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step
   StreamRegistry& streams;
   Log& log;
-  StageClock clock;       // nanoseconds, monotonic; for stage and queue times only
-  std::string id_prefix;  // of session ids; differs between daemons
+  StageClock clock;                 // nanoseconds, monotonic; for stage and queue times only
+  std::string id_prefix;            // of session ids; differs between daemons
+  std::string sampler_reason = {};  // why it is this sampler, for people
 };
 
 struct ServiceLimits {

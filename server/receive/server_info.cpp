@@ -9,6 +9,7 @@ grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, 
   info.set_version(kVersion);
   info.set_sampler(parts.sampler.kind());
   info.set_renderer(parts.sampler.description());
+  info.set_sampler_reason(parts.sampler_reason);
   info.set_open_sessions(static_cast<uint32_t>(parts.streams.size()));
   info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
   info.set_geometry_count(parts.geometry.live_count());

@@ -329,6 +329,14 @@ std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options) {
   return out;
 }
 
+Result<EglDeviceInfo> choose_egl_device(const EglOptions& options) {
+  const ContextResult context = create_context(options);
+  if (!context) return tl::unexpected(context.error());
+  EglDeviceInfo info = describe((*context)->info().index, context);
+  info.chosen = true;
+  return info;
+}
+
 Result<std::unique_ptr<EglSamplerDevice>> make_egl_sampler_device(const EglOptions& options) {
   return SharedEglDevice::create(options);
 }

@@ -28,6 +28,8 @@ struct EglDeviceInfo {
   bool chosen = false;       // what the given options pick
 };
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
+// The one of them that the options pick; fails as make_egl_sampler_device does.
+Result<EglDeviceInfo> choose_egl_device(const EglOptions& options);
 
 // Samplers of many sessions share one context and one copy of each geometry; threads take turns. A lost context is made
 // anew, with everything in it, and the take that met the loss is repeated once.

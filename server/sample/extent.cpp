@@ -1,6 +1,7 @@
 #include "server/sample/extent.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -200,6 +201,13 @@ std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const 
   }
   if (is_new) built.set_value(ExtentTable::build(*geometry, seed_));
   return table.get();
+}
+
+bool ExtentCache::has(const Geometry& geometry) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = by_hash_.find(geometry.hash);
+  return found != by_hash_.end() &&
+         found->second.table.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 size_t ExtentCache::count() const {

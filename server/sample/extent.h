@@ -106,6 +106,9 @@ class ExtentCache {
   // for it.
   std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry);
 
+  // Whether `get` would answer at once.
+  bool has(const Geometry& geometry) const;
+
   // Tables kept now, those of dead geometries that nobody has looked for yet included.
   size_t count() const;
 

@@ -78,7 +78,8 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   return session;
 }
 
-// A table belongs to a shape, so it is looked up again whenever targets or instances may have changed.
+// A table belongs to a shape, so it is looked up again whenever targets or instances may have changed, or the settings, which
+// say whether any is needed.
 void Session::take_extents() {
   extents_.clear();
   extent_views_.clear();
@@ -87,6 +88,11 @@ void Session::take_extents() {
     extents_.push_back(options_.extents->get(mirror_.find(target.instance_id)->geometry));
     extent_views_.push_back(extents_.back().get());
   }
+}
+
+bool Session::lacks_table(uint64_t instance_id) const {
+  const Instance* instance = mirror_.find(instance_id);
+  return options_.extents && instance && instance->geometry && !options_.extents->has(*instance->geometry);
 }
 
 Status Session::add_first_instances() {
@@ -159,12 +165,21 @@ Status Session::check_camera(const TickInput& tick) const {
     if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok)
       return ok;
   }
-  if (!tick.lens) return {};
-  if (Status ok = check_lens(*tick.lens, "tick.lens"); !ok) return ok;
-  if (Status ok = validate(options_.limits, widest(*tick.lens, options_.settings.framing)); !ok)
-    return invalid("tick.lens",
-                   "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
-  return {};
+  return check_terms(tick);
+}
+
+// Lens, settings and limits, each by itself and with what the session has of the others.
+Status Session::check_terms(const TickInput& tick) const {
+  if (!tick.lens && !tick.settings && !tick.limits) return {};
+  const Lens& lens = tick.lens ? *tick.lens : options_.lens;
+  const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
+  if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
+  if (Status ok = validate(settings); !ok) return below("tick.settings.", ok.error());
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
+  if (ok) return {};
+  if (tick.limits) return below("tick.limits.", ok.error());
+  return invalid(tick.lens ? "tick.lens" : "tick.settings.framing.max_vertical_fov_rad",
+                 "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
 }
 
 double Session::step_length_s(const TickInput& tick) const {
@@ -224,8 +239,10 @@ void Session::commit(const TickInput& tick) {
   remember_derived(tick, dt_s);
   hold(tick.mesh_assets);
   if (tick.targets) options_.targets = *tick.targets;
-  if (tick.targets || !tick.delta.empty()) take_extents();
   if (tick.lens) options_.lens = *tick.lens;
+  if (tick.settings) options_.settings = *tick.settings;
+  if (tick.limits) options_.limits = *tick.limits;
+  if (tick.targets || tick.settings || !tick.delta.empty()) take_extents();
   pending_dt_s_ = std::min(pending_dt_s_ + dt_s, std::numeric_limits<double>::max());
   if (tick.observed_camera) observe(*tick.observed_camera, dt_s);
   ++pending_ticks_;

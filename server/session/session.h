@@ -75,7 +75,11 @@ struct TickInput {
   std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;  // files that meshes of delta.add came from
   std::optional<std::vector<Target>> targets;
   std::optional<ObservedCamera> observed_camera;
+  // From this tick on, each whole: what the session had, with what the tick changes put over it. Nothing of the former ones
+  // remains but the way that the camera has gone.
   std::optional<Lens> lens;
+  std::optional<StepSettings> settings;
+  std::optional<CameraLimits> limits;
   int64_t arrival_ns = 0;  // by the stage clock, for the queue time only; 0: not known
 };
 
@@ -111,7 +115,12 @@ class Session {
 
   // Applies a tick whole, or answers what is wrong (field "tick....") and leaves the session as it was.
   // Several ticks may be applied before one step: they merge. The dt of merged ticks adds up; an observed
-  // camera starts it anew, since the camera is known to be there at that tick.
+  // camera starts it anew, since the camera is known to be there at that tick. Of settings, limits and lenses
+  // the newest hold.
+  //
+  // Lower limits than the camera is at: it brakes, as hard as the new acceleration allows, and is within them
+  // from then on. A lower acceleration or a larger body than the room in front of the camera was left for may
+  // bring it to touch a collider, flagged as `body_overlap`.
   Status apply(const TickInput& tick);
 
   // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does:
@@ -122,8 +131,13 @@ class Session {
   const Convention& convention() const { return options_.convention; }
   const std::vector<Target>& targets() const { return options_.targets; }
   const CameraLimits& limits() const { return options_.limits; }
+  const StepSettings& settings() const { return options_.settings; }
+  const Lens& lens() const { return options_.lens; }  // as last told, not zoomed
   const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
   const std::string& label() const { return options_.label; }
+  // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a capsule,
+  // seconds for a million triangles (ExtentTable::build). Points or not is a setting.
+  bool lacks_table(uint64_t instance_id) const;
   // Intermediates of the last step, for dumps, and the camera.
   const StepMemory& memory() const { return memory_; }
   size_t triangle_count() const;  // as instanced, hidden ones too
@@ -134,6 +148,7 @@ class Session {
   Status check(const TickInput& tick, const IdsAfter& ids) const;
   Status check_clock(const TickInput& tick) const;
   Status check_camera(const TickInput& tick) const;
+  Status check_terms(const TickInput& tick) const;
   double step_length_s(const TickInput& tick) const;
   void fill_update(const TickInput& tick, const IdsAfter& ids);
   glm::dvec3 derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const;
@@ -145,7 +160,7 @@ class Session {
   void observe(const ObservedCamera& observed, double dt_s);
   void describe_relative(SessionAnswer& answer) const;
 
-  SessionOptions options_;  // targets and lens as last told
+  SessionOptions options_;  // targets, lens, settings and limits as last told
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
   std::vector<std::shared_ptr<const ExtentTable>> extents_;  // by target

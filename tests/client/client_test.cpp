@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <condition_variable>
 #include <mutex>
+#include <numbers>
 #include <thread>
 
 #include "scenes/glb_writer.h"
@@ -134,6 +136,75 @@ TEST_F(ClientTest, ARefusedTickIsAnEventAndTheSessionLivesOn) {
   EXPECT_THAT(error.field, HasSubstr("transforms.id[0]"));
   ASSERT_TRUE(session->send(tick(2)));
   EXPECT_EQ(next_reply(*session).sequence(), 2u);
+}
+
+v1::Settings with_resolution(uint32_t texels) {
+  v1::Settings settings;
+  settings.mutable_sample()->set_resolution(texels);
+  return settings;
+}
+
+TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
+  Client client = connect();
+  v1::OpenSession request = two_capsules();
+  request.mutable_diagnostics()->set_depth_maps(true);
+  const auto session = open(client, request);
+  v1::Settings paper, zoom;
+  paper.set_preset(v1::Settings::PAPER);
+  zoom.mutable_framing()->set_min_vertical_fov_rad(1.0),
+      zoom.mutable_framing()->set_max_vertical_fov_rad(1.0);
+  session->change(with_resolution(9)), session->change(zoom);  // lost: the preset starts anew
+  session->change(paper), session->change(with_resolution(12)), session->change(with_resolution(13));
+  v1::Tick first = tick(1);
+  first.mutable_settings()->mutable_sample()->set_resolution(14);
+  for (uint64_t sequence = 1; sequence <= 2; ++sequence) {
+    ASSERT_TRUE(session->send(sequence == 1 ? first : tick(sequence)));
+    const v1::CameraReply reply = next_reply(*session);
+    const bool used = reply.volume() == v1::PAIR_VOLUME;
+    EXPECT_TRUE(used || reply.pair_fallback() == v1::PAIR_TOO_CLOSE)
+        << "asked for, and told why when not used";
+    EXPECT_EQ(reply.depth_maps(0).width(), 14u) << sequence;
+    EXPECT_NEAR(reply.field_of_view(), std::numbers::pi * 40 / 180, 1e-9) << sequence;
+  }
+  session->change(with_resolution(15));
+  ASSERT_TRUE(session->send(tick(3)));
+  EXPECT_EQ(next_reply(*session).depth_maps(0).width(), 15u);
+}
+
+TEST_F(ClientTest, AChangedLimitIsKept) {
+  Client client = connect();
+  const auto session = open(client);
+  v1::CameraLimits limits, more;
+  limits.set_max_speed_mps(0.05), more.set_max_acceleration_mps2(1.0);
+  session->change(limits), session->change(more);
+  double fastest = 0;
+  for (uint64_t i = 1; i <= 60; ++i) {
+    v1::Tick message = tick(i);  // both walk away, at 2 m/s
+    for (const uint64_t id : {1, 2}) {
+      message.mutable_transforms()->add_id(id);
+      for (const double p : {static_cast<double>(id) + 2.0 / 60 * i, 0.0, 0.0})
+        message.mutable_transforms()->add_position(p);
+    }
+    ASSERT_TRUE(session->send(message));
+    const v1::Vector3 v = next_reply(*session).velocity();
+    fastest = std::max(fastest, std::hypot(v.x(), v.y(), v.z()));
+  }
+  EXPECT_GT(fastest, 0.04);
+  EXPECT_LE(fastest, 0.05 + 1e-9);
+}
+
+TEST_F(ClientTest, ARefusedChangeIsNamedAndGoneAndTheSessionLivesOn) {
+  Client client = connect();
+  v1::OpenSession request = two_capsules();
+  request.mutable_diagnostics()->set_depth_maps(true);
+  const auto session = open(client, request);
+  session->change(with_resolution(1));
+  ASSERT_TRUE(session->send(tick(1)));
+  const auto event = session->receive(10s);
+  ASSERT_TRUE(event && *event && std::holds_alternative<v1::Rejection>(**event));
+  EXPECT_EQ(to_error(std::get<v1::Rejection>(**event)).field, "tick.settings.sample.resolution");
+  ASSERT_TRUE(session->send(tick(2)));
+  EXPECT_EQ(next_reply(*session).depth_maps(0).width(), 7u);
 }
 
 TEST_F(ClientTest, AHandlerGetsTheEventsAndTheEnd) {

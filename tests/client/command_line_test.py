@@ -27,7 +27,8 @@ class CommandLineTest(unittest.TestCase):
     def test_nothing_and_the_unknown_are_errors(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for arguments in ((), ("fly",), ("--fast",), ("drive",), ("drive", file.name, "--warp"),
-                              ("drive", file.name, "--rate", "0"), ("drive", "/nowhere.glb"), ("scene",)):
+                              ("drive", file.name, "--rate", "0"), ("drive", file.name, "--preset", "magic"),
+                              ("drive", "/nowhere.glb"), ("scene",)):
                 result = run(*arguments)
                 self.assertNotEqual(result.returncode, 0, arguments)
                 self.assertTrue(result.stderr, arguments)

@@ -15,12 +15,15 @@ namespace {
 using namespace std::chrono_literals;
 
 Result<std::vector<PlayedFrame>> play_on(const std::string& address, std::span<const std::byte> glb,
-                                         const Scenario& scenario, const PlayOptions& options) {
+                                         const Scenario& scenario, const v1::Settings& settings,
+                                         const PlayOptions& options) {
   auto client = Client::connect(address, 10s);
   if (!client) return tl::unexpected(client.error());
   const auto scene = client->upload_scene(glb, 60s);
   if (!scene) return tl::unexpected(scene.error());
-  auto session = client->open_session(open_request(scenario, scene->hash(), 1), 60s);
+  v1::OpenSession open = open_request(scenario, scene->hash(), 1);
+  *open.mutable_settings() = settings;
+  auto session = client->open_session(open, 60s);
   if (!session) return tl::unexpected(session.error());
   return play(scenario, **session, options);
 }
@@ -53,21 +56,30 @@ struct Reference {
   }
 };
 
+std::vector<PlayedFrame> play_or_fail(const std::string& address, std::span<const std::byte> glb,
+                                      const Scenario& scenario, const DriveTestOptions& options) {
+  PlayOptions play_options;
+  play_options.rate_hz = options.rate_hz;
+  play_options.duration_s = options.duration_s > 0 ? options.duration_s : scenario.duration_s();
+  play_options.lockstep = true;
+  auto frames = play_on(address, glb, scenario, options.settings, play_options);
+  if (frames) return std::move(*frames);
+  ADD_FAILURE() << to_string(frames.error());
+  return {};
+}
+
 }  // namespace
+
+std::vector<PlayedFrame> play_only(const std::string& address, std::span<const std::byte> glb,
+                                   const DriveTestOptions& options) {
+  return play_or_fail(address, glb, *Reference(glb).scenario, options);
+}
 
 Driven drive(const std::string& address, std::span<const std::byte> glb, const DriveTestOptions& options) {
   Reference reference(glb);
-  PlayOptions play_options;
-  play_options.rate_hz = options.rate_hz;
-  play_options.duration_s = options.duration_s > 0 ? options.duration_s : reference.scenario->duration_s();
-  play_options.lockstep = true;
   Driven driven;
-  auto frames = play_on(address, glb, *reference.scenario, play_options);
-  if (!frames) {
-    ADD_FAILURE() << to_string(frames.error());
-    return driven;
-  }
-  driven.frames = std::move(*frames);
+  driven.frames = play_or_fail(address, glb, *reference.scenario, options);
+  if (driven.frames.empty()) return driven;
   for (const PlayedFrame& played : driven.frames) driven.path.push_back(played.frame);
   driven.run = reference.judge_path(driven.path, options.picture_every, driven.truths);
   std::vector<FrameTruth> unused;

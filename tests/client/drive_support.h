@@ -21,10 +21,14 @@ struct DriveTestOptions {
   double rate_hz = 60.0;
   double duration_s = 0.0;  // 0: the animation's
   int picture_every = 6;    // bodies and motion are judged at every tick
+  v1::Settings settings = {};
 };
 
-// Uploads, opens, plays in lockstep and judges, together with the follow baseline. A failure on the way fails
-// the test and leaves `frames` empty.
+// Uploads, opens and plays in lockstep. A failure on the way fails the test and gives nothing.
+std::vector<PlayedFrame> play_only(const std::string& address, std::span<const std::byte> glb,
+                                   const DriveTestOptions& options = {});
+
+// As play_only, and judges, together with the follow baseline. After a failure `frames` is empty.
 Driven drive(const std::string& address, std::span<const std::byte> glb,
              const DriveTestOptions& options = {});
 

@@ -111,6 +111,24 @@ TEST_F(DriveCommandTest, TheTraceHasOneLineATickAndAsManyFieldsInEach) {
   for (const std::string& line : lines) EXPECT_EQ(commas(line), commas(lines[0]));
 }
 
+TEST_F(DriveCommandTest, ThePresetIsWhatTheSessionStartsFrom) {
+  options_.truth = false;
+  const auto uses_pairs = [&] {
+    EXPECT_EQ(run(), 0) << err_.str();
+    const auto lines = trace_lines();
+    return std::any_of(lines.begin(), lines.end(), [](const std::string& line) {
+      return line.find("PAIR_VOLUME") != std::string::npos ||
+             line.find("PAIR_TOO_CLOSE") != std::string::npos;
+    });
+  };
+  EXPECT_FALSE(uses_pairs());
+  options_.preset = "paper";
+  EXPECT_TRUE(uses_pairs());
+  options_.preset = "magic";
+  EXPECT_EQ(run(), 1);
+  EXPECT_THAT(err_.str(), HasSubstr("magic"));
+}
+
 TEST_F(DriveCommandTest, WithoutTruthThereIsNoBaseline) {
   options_.truth = false;
   ASSERT_EQ(run(), 0) << err_.str();

@@ -30,6 +30,31 @@ TEST(Motion, PathObeysTheLimitsWhateverTheGoalAndTheTimeStepDo) {
   }
 }
 
+// Limits can be lowered below what the camera is at.
+TEST(Motion, WhatIsOverItsLimitIsBrakedAndNeverLetJump) {
+  CounterRandom random(43, 0, RandomPurpose::kTest);
+  const auto within = [&](double most) {
+    return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most));
+  };
+  for (int trial = 0; trial < 5000; ++trial) {
+    CameraLimits limits{.max_speed_mps = random.next_in(0.1, 5),
+                        .max_acceleration_mps2 = random.next_in(1, 20)};
+    limits.max_angular_speed_radps = limits.max_speed_mps;
+    limits.max_angular_acceleration_radps2 = limits.max_acceleration_mps2;
+    const double dt = random.next_in(0.001, 0.25), change = limits.max_acceleration_mps2 * dt;
+    const glm::dvec3 before = within(10), after = clamp_velocity(before, within(10), limits, dt);
+    EXPECT_LE(glm::distance(before, after), change * (1 + 1e-9));
+    EXPECT_LE(glm::length(after), std::max(limits.max_speed_mps, glm::length(before) - change) * (1 + 1e-9));
+
+    const TurnState turning{{0.3, -0.2, 0.0}, before.x, before.y};
+    const TurnState turned = turn_towards(turning, {before.z, 0.4, 0.0}, limits, 0.4, dt);
+    const glm::dvec2 rate(turned.yaw_rate_radps, turned.pitch_rate_radps), former(before);
+    EXPECT_LE(glm::distance(rate, former), change * (1 + 1e-9));
+    EXPECT_LE(glm::length(rate),
+              std::max(limits.max_angular_speed_radps, glm::length(former) - change) * (1 + 1e-9));
+  }
+}
+
 TEST(Motion, ArrivesAtAFixedGoalWithoutOvershoot) {
   for (const double dt : {0.004, 0.016, 0.1}) {
     CameraState camera;

@@ -100,6 +100,101 @@ TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   EXPECT_EQ(after->camera().pose().SerializeAsString(), reference->camera().pose().SerializeAsString());
 }
 
+// A value that settings or limits must not have, where it stands, and a part of what the error must say.
+struct BadValue {
+  const char* field;
+  const char* range;
+  void (*set)(v1::Settings&, v1::CameraLimits&);
+};
+v1::Filter& filter_of(v1::Settings& settings) {
+  return *settings.mutable_aggregate()->mutable_filter();
+}
+const BadValue kBadValues[] = {
+    {"settings.aggregate.filter.alpha", "[0, 1]", [](auto& s, auto&) { filter_of(s).set_alpha(1.5); }},
+    {"settings.aggregate.filter.alpha", "[0, 1]", [](auto& s, auto&) { filter_of(s).set_alpha(-0.1); }},
+    {"settings.aggregate.filter.n", "[1, 64]", [](auto& s, auto&) { filter_of(s).set_n(0); }},
+    {"settings.aggregate.filter.n", "[1, 64]", [](auto& s, auto&) { filter_of(s).set_n(65); }},
+    {"settings.aggregate.filter.window_s", "(0, 1]", [](auto& s, auto&) { filter_of(s).set_window_s(0); }},
+    {"settings.aggregate.filter.off", "[0, 0.3]",
+     [](auto& s, auto&) { filter_of(s).set_on(0.3), filter_of(s).set_off(0.4); }},
+    {"settings.aggregate.candidates", "[27, 32768]",
+     [](auto& s, auto&) { s.mutable_aggregate()->set_candidates(UINT32_MAX); }},
+    {"settings.bound.horizon_s", "[0.05, 2]", [](auto& s, auto&) { s.mutable_bound()->set_horizon_s(2.5); }},
+    {"settings.bound.max_horizon_s", "[0.5, 2]",
+     [](auto& s, auto&) {
+       s.mutable_bound()->set_horizon_s(0.5), s.mutable_bound()->set_max_horizon_s(2.5);
+     }},
+    {"settings.bound.paper_n", "[1, 1e+06]", [](auto& s, auto&) { s.mutable_bound()->set_paper_n(0); }},
+    {"settings.sample.resolution", "[2, 64]", [](auto& s, auto&) { s.mutable_sample()->set_resolution(0); }},
+    {"settings.sample.points", "[0, 16]", [](auto& s, auto&) { s.mutable_sample()->set_points(17); }},
+    {"settings.move.prediction_s", "[0, 2]",
+     [](auto& s, auto&) { s.mutable_move()->set_prediction_s(2.01); }},
+    {"settings.move.blend", "above 0",
+     [](auto& s, auto&) {
+       s.mutable_move()->mutable_blend()->set_distance(0), s.mutable_move()->mutable_blend()->set_shelter(0);
+     }},
+    {"settings.move.max_distance_m", "(1, 10000]",
+     [](auto& s, auto&) {
+       s.mutable_move()->set_min_distance_m(1), s.mutable_move()->set_max_distance_m(1);
+     }},
+    {"settings.framing.margin", "[0, 0.9]",
+     [](auto& s, auto&) { s.mutable_framing()->set_margin(std::numeric_limits<double>::quiet_NaN()); }},
+    {"settings.preset", "named values",
+     [](auto& s, auto&) { s.set_preset(static_cast<v1::Settings::Preset>(7)); }},
+    {"limits.max_speed_mps", "(0, 1000]", [](auto&, auto& l) { l.set_max_speed_mps(-1); }},
+    {"limits.max_acceleration_mps2", "(0, 10000]", [](auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
+    {"limits.max_angular_speed_radps", "(0, 100]", [](auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
+    {"limits.max_angular_acceleration_radps2", "(0, 1000]",
+     [](auto&, auto& l) { l.set_max_angular_acceleration_radps2(-12); }},
+    {"limits.body_radius_m", "[0, 10]", [](auto&, auto& l) { l.set_body_radius_m(-0.3); }},
+};
+
+TEST(ControlInput, ABadSettingOrLimitAtTheOpeningIsNamedWithItsRange) {
+  const ServiceWorld world;
+  for (const BadValue& bad : kBadValues) {
+    SCOPED_TRACE(bad.field);
+    v1::OpenSession open = open_with_boxes(2);
+    bad.set(*open.mutable_settings(), *open.mutable_limits());
+    Stream stream(world.channel());
+    stream.send(open);
+    const grpc::Status status = stream.finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_EQ(fields_of(status), std::vector<std::string>{std::string("open.") + bad.field});
+    EXPECT_NE(status.error_message().find(bad.range), std::string::npos) << status.error_message();
+  }
+}
+
+// The tick is good but for one value: it moves a target and starts from another preset, and nothing of it is applied.
+TEST(ControlInput, ABadSettingOrLimitOnALiveSessionRefusesTheWholeTick) {
+  const ServiceWorld world;
+  Stream told_wrong(world.channel()), other(world.channel());
+  for (Stream* stream : {&told_wrong, &other}) stream->open(open_with_boxes(3));
+  uint64_t sequence = 0;
+  for (const BadValue& bad : kBadValues) {
+    SCOPED_TRACE(bad.field);
+    v1::Tick wrong = move_tick(++sequence, 1, 5.0);
+    wrong.mutable_settings()->set_preset(v1::Settings::PAPER);
+    wrong.mutable_limits()->set_max_speed_mps(0.5);
+    bad.set(*wrong.mutable_settings(), *wrong.mutable_limits());
+    told_wrong.send(wrong);
+    const auto refused = told_wrong.read();
+    ASSERT_TRUE(refused && refused->has_rejected());
+    EXPECT_EQ(refused->rejected().sequence(), sequence);
+    EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
+    ASSERT_EQ(refused->rejected().field_violations_size(), 1);
+    const auto& violation = refused->rejected().field_violations(0);
+    EXPECT_EQ(violation.field(), std::string("tick.") + bad.field);
+    EXPECT_NE(violation.description().find(bad.range), std::string::npos) << violation.description();
+
+    ++sequence;
+    for (Stream* stream : {&told_wrong, &other}) stream->send(move_tick(sequence, 1, 0.05 * sequence));
+    auto after = told_wrong.read(), reference = other.read();
+    ASSERT_TRUE(after && after->has_camera() && reference && reference->has_camera());
+    for (auto* reply : {&*after, &*reference}) reply->mutable_camera()->clear_stage_times();
+    EXPECT_EQ(after->SerializeAsString(), reference->SerializeAsString());
+  }
+}
+
 TEST(ControlInput, AnUnknownIdAsksForAResync) {
   const ServiceWorld world;
   Stream stream(world.channel());

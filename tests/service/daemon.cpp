@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -61,7 +62,9 @@ RunResult run_sightlined(const std::vector<std::string>& arguments) {
 
 Daemon::Daemon(std::vector<std::string> arguments) {
   const std::string ready = folder_ / "ready";
-  arguments.insert(arguments.end(), {"--sampler", "embree", "--ready-file", ready});
+  if (std::find(arguments.begin(), arguments.end(), "--sampler") == arguments.end())
+    arguments.insert(arguments.end(), {"--sampler", "embree"});
+  arguments.insert(arguments.end(), {"--ready-file", ready});
   pid_ = spawn(arguments, folder_ / "out", folder_ / "err");
 }
 

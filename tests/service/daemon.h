@@ -27,7 +27,7 @@ struct RunResult {
 // Runs it to its end.
 RunResult run_sightlined(const std::vector<std::string>& arguments);
 
-// Started with the Embree sampler and the given arguments; killed, if it still runs, at the end.
+// Started with the given arguments, and the Embree sampler unless they name one; killed, if it still runs, at the end.
 class Daemon {
  public:
   explicit Daemon(std::vector<std::string> arguments);

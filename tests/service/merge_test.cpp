@@ -93,6 +93,61 @@ TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
   EXPECT_EQ(merged->camera().merged_ticks(), 6u);  // 2 3 4 6 7 8
 }
 
+// Each tick of the burst changes another setting, one is refused, and two name the same: one step later all are in force as
+// if each had been answered by itself.
+TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
+  constexpr uint64_t kTicks = 8;
+  const auto tick_with_settings = [](uint64_t sequence) {
+    v1::Tick tick = burst_tick(sequence);
+    v1::Settings& settings = *tick.mutable_settings();
+    if (sequence == 2) settings.mutable_sample()->set_points(3);  // lost in tick 3, which starts anew
+    if (sequence == 3) settings.set_preset(v1::Settings::PAPER);
+    if (sequence == 4) settings.mutable_sample()->set_resolution(40);
+    if (sequence == 5) settings.mutable_sample()->set_resolution(12);
+    if (sequence == 6) settings.mutable_sample()->set_resolution(1);  // refused
+    if (sequence == 7) settings.mutable_aggregate()->set_volume(v1::Aggregate::LATTICE);
+    if (sequence == 8) tick.mutable_limits()->set_max_speed_mps(0.25);
+    return tick;
+  };
+  ServiceWorld world;
+  Stream burst(world.channel()), slow(world.channel());
+  v1::OpenSession open = open_with_boxes(kBoxes);
+  open.mutable_diagnostics()->set_depth_maps(true);
+  for (Stream* stream : {&burst, &slow}) stream->open(open);
+  for (uint64_t i = 1; i <= kTicks; ++i) {
+    slow.send(tick_with_settings(i));
+    const auto reply = slow.read();
+    ASSERT_TRUE(reply && (i == 6 ? reply->has_rejected() : reply->has_camera())) << i;
+  }
+  world.device.close_gate();
+  burst.send(tick_with_settings(1));
+  world.device.wait_until_held(1);
+  for (uint64_t i = 2; i <= kTicks; ++i) ASSERT_TRUE(burst.send(tick_with_settings(i)));
+  settled([&] { return world.clock_calls(); });
+  world.device.open_gate();
+  uint64_t merged = 0;
+  for (uint64_t newest = 0; newest < kTicks;) {
+    const auto reply = burst.read();
+    ASSERT_TRUE(reply);
+    if (reply->has_rejected()) continue;
+    newest = reply->camera().sequence(), merged = reply->camera().merged_ticks();
+  }
+  EXPECT_EQ(merged, kTicks - 3);  // all but the first, the refused and the newest
+
+  for (Stream* stream : {&burst, &slow}) stream->send(burst_tick(kTicks + 1));
+  for (Stream* stream : {&burst, &slow}) {
+    const auto reply = stream->read();
+    ASSERT_TRUE(reply && reply->has_camera());
+    const v1::CameraReply& camera = reply->camera();
+    EXPECT_EQ(camera.depth_maps(0).width(), 12u);
+    EXPECT_EQ(camera.volume(), v1::LATTICE_VOLUME);
+    EXPECT_EQ(camera.pair_fallback(), v1::PAIR_FALLBACK_NONE);
+    EXPECT_LE(std::abs(camera.velocity().x()), 0.25 + 1e-9);
+    // Two targets, one point each, a map over the bound, a sight, and PAPER's prediction.
+    EXPECT_LE(camera.depth_maps_size(), 6);
+  }
+}
+
 TEST(Merge, AFullInboxStopsReading) {
   ServiceWorld world;
   Stream stream(world.channel());

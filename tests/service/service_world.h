@@ -74,6 +74,7 @@ class ServiceWorld {
   // arrives.
   uint64_t clock_calls() const { return clock_calls_; }
   size_t geometry_count() const { return geometry_.live_count(); }
+  size_t table_count() const { return extents_.count(); }
 
   GatedDevice device;
 

@@ -152,6 +152,36 @@ TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
   EXPECT_EQ(world.geometry_count(), geometries + 1);
 }
 
+// Likewise the table of a shape that settings of a tick ask for; once it is there, no loader is needed.
+TEST(Trouble, ATableThatNewSettingsNeedIsBuiltByALoaderAndNoStepWaits) {
+  ServiceWorld world({.threads = 1});
+  Stream changing(world.channel()), other(world.channel());
+  changing.open(open_with_boxes(2));
+  other.open(open_with_boxes(2));
+  v1::Tick points = move_tick(1, 1, 0.1);
+  points.mutable_settings()->mutable_sample()->set_points(2);
+  {
+    const HeldLoaders held(world.loaders);
+    const uint64_t before = world.clock_calls();
+    changing.send(points);
+    wait_until([&] { return world.clock_calls() > before; });
+    for (uint64_t i = 1; i <= 3; ++i) {
+      other.send(move_tick(i, 1, 0.1));
+      const auto reply = other.read();
+      EXPECT_TRUE(reply && reply->has_camera());
+    }
+    EXPECT_EQ(world.table_count(), 0u);
+  }
+  ASSERT_TRUE(changing.read()->has_camera());
+  EXPECT_EQ(world.table_count(), 1u) << "both targets have one shape";
+
+  const HeldLoaders held(world.loaders);
+  points.set_sequence(4), points.set_time_s(1.0);
+  other.send(points);
+  const auto reply = other.read();
+  EXPECT_TRUE(reply && reply->has_camera());
+}
+
 TEST(Trouble, AMeshThatIsInMemoryNeedsNoLoader) {
   const SceneFolder folder;
   ServiceWorld world({.scene_dir = folder.path()});

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <stdexcept>
 
@@ -35,7 +36,7 @@ struct TickMaker : TickInput {
 class Game {
  public:
   Game() : Game(first_options) {}
-  explicit Game(void (*change)(SessionOptions&)) {
+  explicit Game(const std::function<void(SessionOptions&)>& change) {
     SessionOptions options = make_options();
     change(options);
     auto opened = Session::open(std::move(options), device_->make_sampler(), nullptr);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {
@@ -350,6 +351,13 @@ Target broken_target(void (*breaks)(Target&)) {
   return target;
 }
 
+// A tick that moves a target and changes settings and limits, all right.
+StepSettings& otherwise_good(TickMaker& tick) {
+  tick.move(kAnn, {-3, 1, 0});
+  tick.limits = CameraLimits{.max_speed_mps = 0.1};
+  return tick.settings.emplace(preset_settings(Preset::kPaper));
+}
+
 const WrongTick kWrongTicks[] = {
     {"tick.sequence", E::kInvalidArgument, [](Game&, TickMaker& t) { t.sequence = 3; }},
     {"tick.sequence", E::kInvalidArgument, [](Game&, TickMaker& t) { t.sequence = 0; }},
@@ -453,6 +461,29 @@ const WrongTick kWrongTicks[] = {
     {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},
     {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
     {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
+    // Beside what would change the answers, were any of it applied.
+    {"tick.settings.bound.horizon_s", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).bound.horizon_s = 2.1; }},
+    {"tick.settings.sample.resolution", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).sample.resolution = 1; }},
+    {"tick.settings.aggregate.filter.alpha", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.alpha = 1.01; }},
+    {"tick.settings.aggregate.filter.n", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.n = 0; }},
+    {"tick.settings.move.blend", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).move.blend = {.distance = 0, .shelter = 0}; }},
+    {"tick.settings.framing.dead_zone", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},
+    {"tick.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {  // right in itself, but the body would not hold the near plane
+       otherwise_good(t).framing.min_vertical_fov_rad = 0.5, t.settings->framing.max_vertical_fov_rad = 2.6;
+       t.limits.reset();
+     }},
+    {"tick.limits.max_acceleration_mps2", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t), t.limits->max_acceleration_mps2 = -1; }},
+    {"tick.limits.body_radius_m", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t), t.limits->body_radius_m = 0.05; }},
+    {"tick.transforms.id[1]", E::kNotFound, [](Game&, TickMaker& t) { otherwise_good(t), t.move(99, {}); }},
 };
 
 void expect_same_session(const Session& a, const Session& b) {

@@ -35,7 +35,7 @@ class Wire {
     session = std::move(*opened);
   }
   const v1::CameraReply& play(const v1::Tick& tick, const DiagnosticsWanted& wanted = {}) {
-    auto input = tick_from_proto(tick, session->convention(), source_);
+    auto input = tick_from_proto(tick, *session, source_);
     if (!input) throw std::runtime_error(to_string(input.error()));
     if (Status ok = session->apply(*input); !ok) throw std::runtime_error(to_string(ok.error()));
     auto answer = session->step();
