@@ -13,7 +13,7 @@ constexpr uint64_t kStepsPerChoice = 4;
 // Points of the targets' boxes that look round: this share of the box, since its corners are mostly outside the shape.
 constexpr double kBoxShare = 0.7;
 // A shot that the framing would push out by more than this share does not show the whole group.
-constexpr double kFitSlack = 1.6;
+constexpr double kFitSlack = 1.05;
 
 bool surveys(const StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;

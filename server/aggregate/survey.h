@@ -18,10 +18,10 @@ namespace sightline {
 // Memory grows when targets are added, otherwise no allocation. Not thread-safe. Deterministic.
 class Survey {
  public:
-  static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 3;
+  static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 4;
   static constexpr size_t kPlaces = kAzimuths * kElevations * kDistances;
 
-  // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the outermost places.
+  // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the third of four distances.
   void follow(std::span<const uint64_t> target_ids, double distance_m);
   void forget() { ids_.clear(), shares_.clear(), known_.clear(); }
 
