@@ -104,6 +104,7 @@ Status read_bound(const v1::Bound& wire, const std::string& field, BoundSettings
   if (wire.has_horizon_s()) out.horizon_s = wire.horizon_s();
   if (wire.has_max_horizon_s()) out.max_horizon_s = wire.max_horizon_s();
   if (wire.has_paper_n()) out.paper_n = wire.paper_n();
+  if (wire.has_towards_m()) out.towards_m = wire.towards_m();
   return {};
 }
 
@@ -143,6 +144,26 @@ void read_blend(const v1::Blend& wire, BlendSettings& out) {
   if (wire.has_distance()) out.distance = wire.distance();
   if (wire.has_shelter()) out.shelter = wire.shelter();
   if (wire.has_full_depth_m()) out.full_depth_m = wire.full_depth_m();
+  if (wire.has_hidden()) out.hidden = wire.hidden();
+  if (wire.has_route()) out.route = wire.route();
+  if (wire.has_exposure()) out.exposure = wire.exposure();
+  if (wire.has_steadiness()) out.steadiness = wire.steadiness();
+}
+
+void read_survey(const v1::Survey& wire, SurveySettings& out) {
+  if (wire.has_enabled()) out.enabled = wire.enabled();
+  if (wire.has_memory_s()) out.memory_s = wire.memory_s();
+  if (wire.has_resolution()) out.resolution = saturate(wire.resolution());
+  if (wire.has_hold()) out.hold = wire.hold();
+}
+
+void read_coherence(const v1::Coherence& wire, CoherenceSettings& out) {
+  if (wire.has_visibility()) out.visibility = wire.visibility();
+  if (wire.has_view_angle()) out.view_angle = wire.view_angle();
+  if (wire.has_height()) out.height = wire.height();
+  if (wire.has_distance()) out.distance = wire.distance();
+  if (wire.has_screen()) out.screen = wire.screen();
+  if (wire.has_responsiveness()) out.responsiveness = wire.responsiveness();
 }
 
 Status read_strategy(const v1::Move& wire, const std::string& field, MoveSettings& out) {
@@ -163,7 +184,12 @@ Status read_move(const v1::Move& wire, const std::string& field, MoveSettings& o
   if (wire.has_max_elevation_rad()) out.max_elevation_rad = wire.max_elevation_rad();
   if (wire.has_prediction_s()) out.prediction_s = wire.prediction_s();
   if (wire.has_predictive_power()) out.predictive_power = wire.predictive_power();
+  if (wire.has_turn_share()) out.turn_share = wire.turn_share();
+  if (wire.has_turn_rad()) out.turn_rad = wire.turn_rad();
+  if (wire.has_response_s()) out.response_s = wire.response_s();
   read_blend(wire.blend(), out.blend);
+  read_survey(wire.survey(), out.survey);
+  read_coherence(wire.coherence(), out.coherence);
   return read_strategy(wire, field, out);
 }
 
