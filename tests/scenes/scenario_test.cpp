@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 
 #include "scenes/arena.h"
 #include "scenes/catalog.h"
@@ -227,8 +228,42 @@ TEST(Fence, MovesToAndFroBetweenTheCameraAndTheTargets) {
     turns += step * before < 0;
     before = step;
   }
-  EXPECT_GE(turns, 7);  // four periods of 2.5 s
-  EXPECT_LE(turns, 8);
+  EXPECT_GE(turns, 15);  // every 0.6 s
+  EXPECT_LE(turns, 17);
+}
+
+// Whether the camera sees both targets, each by one point of its body: (x, y) from its feet.
+bool both_seen(const Stage& stage, const EmbreeScene& occluders, double time_s, const glm::dvec2& point_m) {
+  const glm::dvec3 eye = stage.pose_of(stage.with_role("camera")[0], 0).position_m;
+  for (const Role& role : stage.with_role("target")) {
+    const glm::dvec3 at = stage.pose_of(role, time_s).position_m + glm::dvec3(point_m, 0.0);
+    const std::vector<uint32_t> ignored = stage.target_slots();
+    if (occluders.trace(eye, glm::vec3(at - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX)
+      return false;
+  }
+  return true;
+}
+
+// Another point at each step, of both targets the same, as the paper samples a target's extent.
+TEST(Fence, HidesATargetOftenButInFewOfAnyTenSteps) {
+  for (uint64_t seed : {1, 2, 3, 4, 5}) {
+    Stage stage(make_fence({.seed = seed}));
+    EmbreeDevice device;
+    EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
+    std::vector<int> hidden;
+    for (int tick = 0; tick <= 600; ++tick) {
+      stage.play(tick * kTick_s);
+      occluders.take_in(stage.mirror());
+      const glm::dvec2 point{-0.27 + 0.06 * (tick * 7 % 10), 0.9 + 0.1 * (tick * 3 % 7 - 3)};
+      hidden.push_back(!both_seen(stage, occluders, tick * kTick_s, point));
+    }
+    const auto count = [&](auto begin, int steps) { return std::accumulate(begin, begin + steps, 0); };
+    EXPECT_EQ(count(hidden.begin(), 15), 0) << "seed " << seed;
+    EXPECT_GE(count(hidden.begin(), 600), 30) << "seed " << seed;
+    EXPECT_LE(count(hidden.begin(), 600), 90) << "seed " << seed;
+    for (int first = 0; first + 10 <= 600; ++first)
+      EXPECT_LE(count(hidden.begin() + first, 10), 4) << "seed " << seed << ", from step " << first;
+  }
 }
 
 TEST(Rooms, TargetsPassAtLeastFourDoorsOneBehindTheOther) {
