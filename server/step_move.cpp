@@ -23,12 +23,18 @@ void gather_colliders(StepWork& w) {
                                               {}, kEvadeS[look]);
 }
 
+void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
+  StepMemory& m = w.memory;
+  measure_shelter(m.cells, m.members, m.shelter_scratch, m.shelter_squared);
+  robust_costs(m.candidates.position_m, desired, m.groups, m.shelter_squared, m.cost);
+}
+
 void set_costs(StepWork& w, const glm::dvec3& desired) {
   const MoveSettings& settings = w.input.settings.move;
-  const auto& places = w.memory.candidates.position_m;
-  if (settings.strategy == Strategy::kBasic) return basic_costs(places, desired, w.memory.cost);
+  if (settings.strategy == Strategy::kBasic)
+    return basic_costs(w.memory.candidates.position_m, desired, w.memory.cost);
   find_groups_of_all_visible(w, desired);
-  robust_costs(places, desired, w.memory.groups, w.memory.cost);
+  set_robust_costs(w, desired);
 }
 
 Choice choose(StepWork& w) {
