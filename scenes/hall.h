@@ -13,8 +13,7 @@
 //              is still on its way back at 3 m/s cannot turn in time, whatever it knows.
 // Sharp turns are what a long look ahead gets wrong, as does the curtain's stop: at 0.5 s it is foretold to go on by 2 m.
 // The targets keep side by side across the nave when they turn, so that seen from behind neither hides the other. They walk
-// within the columns: a column between camera and targets would be passed on the wrong side by any camera that looks at
-// half a metre around it, and no row of the table tells anything about that.
+// between the rows of columns, so that none stands between them and a camera in the nave.
 #pragma once
 
 #include <cstddef>
