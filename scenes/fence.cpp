@@ -1,5 +1,6 @@
 #include "scenes/fence.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "scenes/exact.h"
@@ -14,28 +15,53 @@ constexpr double kBetweenTargets_m = 1.6;
 constexpr double kFence_z_m = 2.0;
 constexpr double kFenceHalfWidth_m = 5.0;
 constexpr double kFenceHeight_m = 2.2;
-constexpr double kPicket_m = 0.125;
 constexpr double kHalfThickness_m = 0.02;
+// The picket between the targets at the start stands this near to the middle, so that its neighbours stand outside of both.
+constexpr double kOffMiddle_m = 0.02;
+// For this long the fence stands.
+constexpr double kRest_s = 0.25;
 
-// Pickets 12.5 cm wide, 20 to 30 cm of air between them, two rails.
-MeshData fence_mesh(CounterRandom& random) {
+// Pickets from one between the two targets outwards, and two rails. `start_x_m`: where the fence begins, so that the mesh
+// is moved by as much the other way.
+MeshData fence_mesh(CounterRandom& random, const FenceOptions& options, double start_x_m) {
   MeshData mesh;
-  for (double x = -kFenceHalfWidth_m; x < kFenceHalfWidth_m; x += kPicket_m + snapped_in(random, 0.2, 0.3))
-    append_box(mesh, {x, 0, -kHalfThickness_m}, {x + kPicket_m, kFenceHeight_m, kHalfThickness_m});
+  const double half_m = snap(options.picket_m / 2);
+  const auto picket = [&](double x) {
+    append_box(mesh, {x - half_m, 0, -kHalfThickness_m}, {x + half_m, kFenceHeight_m, kHalfThickness_m});
+  };
+  const auto next_m = [&] {
+    return 2 * half_m + snapped_in(random, options.least_gap_m, options.greatest_gap_m);
+  };
+  const double middle = snapped_in(random, -kOffMiddle_m, kOffMiddle_m) - snap(start_x_m);
+  for (double x = middle; x < kFenceHalfWidth_m; x += next_m()) picket(x);
+  for (double x = middle - next_m(); x > -kFenceHalfWidth_m; x -= next_m()) picket(x);
   for (double y : {0.3, 1.9})
     append_box(mesh, {-kFenceHalfWidth_m, y, -2 * kHalfThickness_m},
                {kFenceHalfWidth_m, y + 0.06, -kHalfThickness_m});
   return mesh;
 }
 
+// Where the fence is `turns` periods after its left stop.
+double place_m(const FenceOptions& options, double turns) {
+  const double part = turns - std::floor(turns);
+  return options.amplitude_m * (part < 0.5 ? 4 * part - 1 : 3 - 4 * part);
+}
+
+// Straight from stop to stop, after a moment at rest.
 Motion to_and_fro(const FenceOptions& options, double phase_turns) {
   Motion motion;
-  const auto last = static_cast<int>(std::floor(options.duration_s * kKeysPerSecond + 0.5));
-  for (int i = 0; i <= last; ++i) {
-    const double time_s = i / kKeysPerSecond;
-    const double x = options.amplitude_m * circle_point(time_s / options.period_s + phase_turns).y;
+  const auto add = [&](double time_s) {
+    const double x = place_m(options, std::max(time_s - kRest_s, 0.0) / options.period_s + phase_turns);
     motion.add(time_s, {x, 0, kFence_z_m}, {1, 0, 0, 0});
+  };
+  add(0.0);
+  add(kRest_s);
+  for (double half_turns = std::floor(2 * phase_turns) + 1;; half_turns += 1) {
+    const double time_s = kRest_s + (half_turns / 2 - phase_turns) * options.period_s;
+    if (time_s >= options.duration_s) break;
+    if (time_s > kRest_s) add(time_s);
   }
+  add(options.duration_s);
   return motion;
 }
 
@@ -52,14 +78,16 @@ std::vector<std::byte> make_fence(const FenceOptions& options) {
   ScenarioBuilder scene(options.duration_s);
   scene.add_static("ground", scene.add_mesh("ground", standing_box(40, 0.25, 40), colors::kFloor),
                    {0, -0.25, 0});
-  scene.add_camera({0, 1.6, options.camera_distance_m}, {0, 1.0, 0});
+  scene.add_camera({0, 1.6, options.camera_distance_m}, {0, kBodyHeight_m / 2, 0});
   const double half = kBetweenTargets_m / 2;
   scene.add_character("target-1", standing({-half, 0, snapped_in(random, -0.1, 0.1)}, options.duration_s));
   scene.add_character("target-2", standing({half, 0, snapped_in(random, -0.1, 0.1)}, options.duration_s));
   InstanceAttributes attributes;
   attributes.collides = false;  // it would sweep through the camera
-  const int fence = scene.add_mesh("fence", fence_mesh(random), colors::kWood);
-  scene.add_occluder("fence", fence, to_and_fro(options, random.next_in(0, 1)), attributes);
+  const double phase_turns = random.next_in(0, 1);
+  const int fence =
+      scene.add_mesh("fence", fence_mesh(random, options, place_m(options, phase_turns)), colors::kWood);
+  scene.add_occluder("fence", fence, to_and_fro(options, phase_turns), attributes);
   return scene.write();
 }
 

@@ -29,6 +29,7 @@
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/route.h"
+#include "server/move/shelter.h"
 #include "server/move/shot.h"
 #include "server/move/standoff.h"
 #include "server/move/trail.h"
@@ -154,6 +155,8 @@ struct StepMemory {
   GoalSearch goal;
   GroupScratch group_scratch;
   Groups groups;
+  ShelterScratch shelter_scratch;
+  std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
   std::vector<double> cost;
   std::vector<uint32_t> order;
   std::vector<glm::vec3> picked;

@@ -23,12 +23,31 @@ void gather_colliders(StepWork& w) {
                                               {}, kEvadeS[look]);
 }
 
+// With a prediction what is hidden from the targets as they will be counts as hidden, while some place is free of both: else the
+// camera would go to the very rim of what is about to be hidden, and begin slowly.
+void leave_out_hidden_ahead(StepWork& w) {
+  if (w.memory.ahead_s <= 0) return;
+  const CandidateSet& candidates = w.memory.candidates;
+  const auto seen_ahead = [&](size_t i) { return (candidates.ahead_targets[i] & w.steered) == w.steered; };
+  bool any = false;
+  for (size_t i = 0; i < candidates.size(); ++i) any |= w.memory.members[i] && seen_ahead(i);
+  if (!any) return;
+  for (size_t i = 0; i < candidates.size(); ++i)
+    if (!seen_ahead(i)) w.memory.members[i] = 0;
+}
+
+void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
+  StepMemory& m = w.memory;
+  measure_shelter(m.cells, m.members, m.shelter_scratch, m.shelter_squared);
+  robust_costs(m.candidates.position_m, desired, m.groups, m.shelter_squared, m.cost);
+}
+
 void set_costs(StepWork& w, const glm::dvec3& desired) {
   const MoveSettings& settings = w.input.settings.move;
-  const auto& places = w.memory.candidates.position_m;
-  if (settings.strategy == Strategy::kBasic) return basic_costs(places, desired, w.memory.cost);
+  if (settings.strategy == Strategy::kBasic)
+    return basic_costs(w.memory.candidates.position_m, desired, w.memory.cost);
   find_groups_of_all_visible(w, desired);
-  robust_costs(places, desired, w.memory.groups, w.memory.cost);
+  set_robust_costs(w, desired);
 }
 
 Choice choose(StepWork& w) {
@@ -105,6 +124,7 @@ void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired_m) {
   w.memory.members.resize(candidates.size());
   for (size_t i = 0; i < candidates.size(); ++i)
     w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
+  if (w.input.settings.move.strategy == Strategy::kRobust) leave_out_hidden_ahead(w);
   find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired_m, w.memory.group_scratch,
               w.memory.groups);
 }

@@ -31,7 +31,7 @@ enum class Follow {
 
 enum class Strategy {
   kBasic,   // the nearest place (paper 3.4)
-  kRobust,  // the deepest place of the largest group (paper 6.1, RobustMove)
+  kRobust,  // the place of the largest group that is farthest from what is hidden (paper 6.1, RobustMove)
   kBlend,   // what is hidden, now and ahead, the way there, nearness and shelter weighed against each other
 };
 

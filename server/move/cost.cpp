@@ -20,9 +20,18 @@ void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desir
 }
 
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
-                  std::vector<double>& cost) {
-  if (groups.deepest < 0) return basic_costs(position_m, desired_m, cost);
-  basic_costs(position_m, position_m[groups.deepest], cost);
+                  std::span<const uint32_t> shelter_squared, std::vector<double>& cost) {
+  basic_costs(position_m, desired_m, cost);
+  size_t best = position_m.size();
+  for (size_t i = 0; i < position_m.size(); ++i) {
+    if (groups.largest == kNoGroup || groups.group_of[i] != groups.largest) continue;
+    const bool first = best == position_m.size();
+    if (first || shelter_squared[i] > shelter_squared[best] ||
+        (shelter_squared[i] == shelter_squared[best] && cost[i] < cost[best]))
+      best = i;
+  }
+  if (best == position_m.size()) return;
+  basic_costs(position_m, position_m[best], cost);
   for (size_t i = 0; i < cost.size(); ++i)
     if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
 }

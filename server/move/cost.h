@@ -17,10 +17,11 @@ namespace sightline {
 void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
                  std::vector<double>& cost);
 
-// RobustMove as printed: the distance to the centre of the largest group, which is its deepest member; places outside that group
-// come after all inside it. The same as Basic when there is no group.
+// RobustMove: the distance to the place of the largest group that is farthest from everything hidden, of equal ones the nearest to
+// the desired place; places outside that group come after all inside it. The same as Basic when there is no group.
+// `shelter_squared`: see measure_shelter.
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
-                  std::vector<double>& cost);
+                  std::span<const uint32_t> shelter_squared, std::vector<double>& cost);
 
 // How the blend weighs; all in metres of the camera's way, not all weights 0. What goes wrong at the ends: with little for what is hidden the camera
 // keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view and loses it at

@@ -341,5 +341,27 @@ TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
   EXPECT_LT(hidden_frames(0.5), hidden_frames(0.0));
 }
 
+// A screen slides before the camera and stops: whoever sets out only to the rim of its coming shadow is too late.
+TEST(Step, RobustMoveWithPredictionIsOutOfASlidingScreensWay) {
+  const auto hidden_frames = [](double prediction_s) {
+    const double speed_mps = 6.0, rest_x = -2.2;  // its edge stops at 0.8
+    World world;
+    world.settings.move.strategy = Strategy::kRobust;
+    world.settings.move.prediction_s = prediction_s;
+    world.add_target(1, {0, 1, 0});
+    world.add_box(10, {-6, 1.5, 4.8}, {3, 1.5, 0.03}, {.collides = false});
+    world.place({0, 1.2, 6}, {0, 1, 0});
+    int hidden = 0;
+    for (int i = 0; i < 120; ++i) {
+      const double x = std::min(-6 + speed_mps * i * kTick, rest_x);
+      world.move(10, {x, 1.5, 4.8}, {x < rest_x ? speed_mps : 0.0, 0, 0});
+      hidden += world.step(kTick).targets[0].visible_share == 0.0;
+    }
+    return hidden;
+  };
+  EXPECT_EQ(hidden_frames(0.3), 0);
+  EXPECT_GT(hidden_frames(0.0), 6);
+}
+
 }  // namespace
 }  // namespace sightline::test

@@ -1,0 +1,64 @@
+#include "server/move/shelter.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace sightline {
+namespace {
+
+constexpr int32_t kFar = 1 << 28;  // more than any squared distance, and twice it still is an int
+
+struct Box {
+  glm::ivec3 low{0}, size{0};
+  size_t index(const glm::ivec3& cell) const {
+    const glm::ivec3 at = cell - low;
+    return (static_cast<size_t>(at.z) * size.y + at.y) * size.x + at.x;
+  }
+  size_t count() const { return static_cast<size_t>(size.x) * size.y * size.z; }
+};
+
+Box box_around(std::span<const glm::ivec3> cell) {
+  glm::ivec3 low = cell[0], high = cell[0];
+  for (const glm::ivec3& c : cell) low = glm::min(low, c), high = glm::max(high, c);
+  return {low, high - low + 1};
+}
+
+// Along one line: the least of distance + squared way to it. Lines are short, so every pair is looked at.
+void spread_line(int32_t* first, size_t stride, int count, std::vector<int32_t>& line) {
+  line.resize(count);
+  for (int i = 0; i < count; ++i) line[i] = first[i * stride];
+  for (int to = 0; to < count; ++to) {
+    int32_t least = kFar;
+    for (int from = 0; from < count; ++from) least = std::min(least, line[from] + (to - from) * (to - from));
+    first[to * stride] = least;
+  }
+}
+
+// The squared distance is a sum over the axes: one pass an axis.
+void spread(const Box& box, ShelterScratch& s) {
+  const size_t row = box.size.x, slice = row * box.size.y;
+  for (int z = 0; z < box.size.z; ++z)
+    for (int y = 0; y < box.size.y; ++y) spread_line(&s.distance[z * slice + y * row], 1, box.size.x, s.line);
+  for (int z = 0; z < box.size.z; ++z)
+    for (int x = 0; x < box.size.x; ++x) spread_line(&s.distance[z * slice + x], row, box.size.y, s.line);
+  for (size_t in_slice = 0; in_slice < slice; ++in_slice)
+    spread_line(&s.distance[in_slice], slice, box.size.z, s.line);
+}
+
+}  // namespace
+
+void measure_shelter(std::span<const glm::ivec3> cell, std::span<const uint8_t> member,
+                     ShelterScratch& scratch, std::vector<uint32_t>& shelter_squared) {
+  assert(cell.size() == member.size());
+  shelter_squared.assign(cell.size(), kAllOpen);
+  if (std::find(member.begin(), member.end(), 0) == member.end()) return;
+  const Box box = box_around(cell);
+  scratch.distance.assign(box.count(), kFar);
+  for (size_t i = 0; i < cell.size(); ++i)
+    if (!member[i]) scratch.distance[box.index(cell[i])] = 0;
+  spread(box, scratch);
+  for (size_t i = 0; i < cell.size(); ++i)
+    shelter_squared[i] = static_cast<uint32_t>(scratch.distance[box.index(cell[i])]);
+}
+
+}  // namespace sightline
