@@ -16,6 +16,10 @@ constexpr double kFenceHalfWidth_m = 5.0;
 constexpr double kFenceHeight_m = 2.2;
 constexpr double kPicket_m = 0.125;
 constexpr double kHalfThickness_m = 0.02;
+constexpr double kBoard_z_m = 1.25;
+constexpr double kBoardWidth_m = 2.6;
+constexpr double kBoardHeight_m = 2.5;
+constexpr double kBoardComing_s = 0.25;
 
 // Pickets 12.5 cm wide, 20 to 30 cm of air between them, two rails.
 MeshData fence_mesh(CounterRandom& random) {
@@ -45,6 +49,20 @@ Motion standing(const glm::dvec3& position_m, double duration_s) {
   return motion;
 }
 
+// Up out of the ground, and there to stay.
+void add_board(ScenarioBuilder& scene, const FenceOptions& options) {
+  const double hidden_y_m = -kBoardHeight_m - 0.5;
+  Motion motion;
+  for (double time_s : {0.0, options.board_at_s})
+    motion.add(time_s, {0, hidden_y_m, kBoard_z_m}, {1, 0, 0, 0});
+  motion.add(options.board_at_s + kBoardComing_s, {0, 0, kBoard_z_m}, {1, 0, 0, 0});
+  InstanceAttributes attributes;
+  attributes.collides = false;  // it comes faster than a camera can flee
+  const int board =
+      scene.add_mesh("board", standing_box(kBoardWidth_m, kBoardHeight_m, 0.0625), colors::kWood);
+  scene.add_occluder("board", board, motion, attributes);
+}
+
 }  // namespace
 
 std::vector<std::byte> make_fence(const FenceOptions& options) {
@@ -60,6 +78,7 @@ std::vector<std::byte> make_fence(const FenceOptions& options) {
   attributes.collides = false;  // it would sweep through the camera
   const int fence = scene.add_mesh("fence", fence_mesh(random), colors::kWood);
   scene.add_occluder("fence", fence, to_and_fro(options, random.next_in(0, 1)), attributes);
+  if (options.board_at_s > 0) add_board(scene, options);
   return scene.write();
 }
 

@@ -15,6 +15,8 @@ struct FenceOptions {
   double period_s = 2.5;           // [0.5, 60]: once to and fro
   double amplitude_m = 0.9;        // [0, 2]: to each side; the fence always covers both targets
   double camera_distance_m = 6.0;  // [4, 20]: from the targets; the fence stands 2 m before them
+  // From when on a solid board stands before both targets: an occlusion that lasts. [0, duration_s - 0.25]; 0: none ever.
+  double board_at_s = 0.0;
 };
 
 // A .glb file.
