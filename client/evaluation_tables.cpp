@@ -16,7 +16,7 @@ double count(size_t n) {
   return static_cast<double>(n);
 }
 
-constexpr std::array<Figure, 37> kFigures{{
+constexpr std::array<Figure, 38> kFigures{{
     {"frames", "frames", [](const Run& r) { return count(r.metrics.frames); }},
     {"pictures", "judged pictures", [](const Run& r) { return count(r.metrics.pictures); }},
     {"joint_visible_share", "Share of pictures with all targets visible to 95 %",
@@ -82,6 +82,8 @@ constexpr std::array<Figure, 37> kFigures{{
      true, true},
     {"share_error", "Mean absolute error of the reported share",
      [](const Run& r) { return r.words->mean_absolute_error; }, true, true},
+    {"filtered_share_error", "Mean absolute error of the share over the filter's window",
+     [](const Run& r) { return r.words->filtered_error; }, true, true},
 }};
 
 // Quoted, with quotes doubled: a user's file may have any name.

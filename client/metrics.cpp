@@ -216,11 +216,13 @@ WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std:
       metrics.false_visible += said && !visible;
       metrics.false_occluded += visible && !said;
       metrics.mean_absolute_error += std::abs(word->visible_share - target.visible_share());
+      metrics.filtered_error += std::abs(word->filtered_share - target.visible_share());
     }
   }
   metrics.false_visible = share_of(metrics.false_visible, metrics.hidden_pairs);
   metrics.false_occluded = share_of(metrics.false_occluded, metrics.pairs - metrics.hidden_pairs);
   metrics.mean_absolute_error = share_of(metrics.mean_absolute_error, metrics.pairs);
+  metrics.filtered_error = share_of(metrics.filtered_error, metrics.pairs);
   return metrics;
 }
 

@@ -88,7 +88,8 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
 // What a policy says of one target at one frame.
 struct TargetWord {
   uint64_t id = 0;
-  double visible_share = 0.0;  // as reported, [0, 1]
+  double visible_share = 0.0;   // as reported, [0, 1]
+  double filtered_share = 0.0;  // the same over the filter's window
 };
 // The service's own word against the truth, over judged pictures and those targets of which the picture holds
 // a pixel. Visible means a share of at least one half, said or true.
@@ -97,6 +98,7 @@ struct WordMetrics {
   double false_visible = 0.0;          // of the hidden pairs, those said to be visible
   double false_occluded = 0.0;         // of the visible pairs, those said not to be
   double mean_absolute_error = 0.0;    // of the reported share, over all pairs
+  double filtered_error = 0.0;         // the same of the filtered share, against the truth of that frame
 };
 // `words` as long as `truths`, matched by id; a target without a word is left out.
 WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words);
