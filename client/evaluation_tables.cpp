@@ -86,27 +86,6 @@ constexpr std::array<Figure, 38> kFigures{{
      [](const Run& r) { return r.words->filtered_error; }, true, true},
 }};
 
-// Quoted, with quotes doubled: a user's file may have any name.
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"') out += '"';
-    out += c;
-  }
-  out += '"';
-  return out;
-}
-
-std::string fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
-std::string percent(double share) {
-  return fixed(100 * share, 2) + " %";
-}
-
 // A cell of the summary must not end its row or its cell.
 std::string in_cell(const std::string& text) {
   std::string out;
@@ -222,6 +201,26 @@ void write_timing(std::ostream& out, std::span<const RunRecord> runs) {
     write_identity(out, run);
     out << ',' << fixed(run.timing.run_s, 3) << ',' << fixed(run.timing.step_ms, 4) << '\n';
   }
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  out += '"';
+  return out;
+}
+
+std::string fixed(double value, int digits) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+std::string percent(double share) {
+  return fixed(100 * share, 2) + " %";
 }
 
 std::string exact_text(double value) {

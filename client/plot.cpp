@@ -13,11 +13,12 @@ namespace {
 using Anchor = Svg::Anchor;
 
 // Distinct on white and on near-black, and for the colour-blind (after Okabe and Ito).
-std::string color_of(const std::string& policy) {
+// `number`: of the policy among those shown; it decides for one that is not in the table of policies.
+std::string color_of(const std::string& policy, size_t number) {
   static constexpr std::array<std::string_view, 8> kColors{"#8c8c8c", "#d98200", "#009e73", "#b565a7",
                                                            "#1f83d6", "#d1495b", "#7a9a01", "#6f5fd0"};
   const PolicyEntry* entry = find_policy(policy);
-  const size_t index = entry ? static_cast<size_t>(entry - policies().data()) : 0;
+  const size_t index = entry ? static_cast<size_t>(entry - policies().data()) : number;
   return std::string(kColors[index % kColors.size()]);
 }
 
@@ -53,7 +54,7 @@ struct Strip {
   }
 };
 
-void draw_strip(Svg& svg, const Strip& strip, const RunRecord& run) {
+void draw_strip(Svg& svg, const Strip& strip, const RunRecord& run, size_t number) {
   for (const double share : {0.0, 0.5, 1.0})
     svg.line(strip.at(0, share), strip.at(strip.last_s, share), "grid");
   svg.text({strip.left - 8, strip.top + 5}, "100 %", Anchor::kEnd, 10, "faint");
@@ -61,7 +62,7 @@ void draw_strip(Svg& svg, const Strip& strip, const RunRecord& run) {
   std::vector<glm::dvec2> points{strip.at(0, 0)};
   for (const JointSight& sight : run.sights) points.push_back(strip.at(sight.time_s, sight.least_share));
   points.push_back(strip.at(run.sights.empty() ? 0.0 : run.sights.back().time_s, 0));
-  svg.area(points, color_of(run.policy));
+  svg.area(points, color_of(run.policy, number));
   svg.text({strip.left + strip.width + 10, strip.top + 16}, run.policy, Anchor::kStart, 13);
   svg.text({strip.left + strip.width + 10, strip.top + 33}, percent(run.metrics.all_clear()) + " joint",
            Anchor::kStart, 11, "faint");
@@ -124,7 +125,7 @@ class PathPlot {
     cut(plan.movers, "mover");
     cut(plan.walls, "wall");
     for (const auto& way : plan.targets_m) draw_way(way);
-    for (const RunRecord& run : runs) draw_camera(run);
+    for (size_t i = 0; i < runs.size(); ++i) draw_camera(runs[i], i);
     legend(runs);
   }
   std::string finish() { return svg_.finish(); }
@@ -155,18 +156,18 @@ class PathPlot {
     svg_.polyline(points, "#d1495b", 1.4, "4 3");
     if (!points.empty()) svg_.circle(points.front(), 3.5, "#d1495b");
   }
-  void draw_camera(const RunRecord& run) {
+  void draw_camera(const RunRecord& run, size_t number) {
     std::vector<glm::dvec2> points = thinned(run.path_m);
     for (glm::dvec2& p : points) p = at(p);
-    svg_.polyline(points, color_of(run.policy), 1.8);
-    if (!points.empty()) svg_.circle(points.front(), 3.5, color_of(run.policy));
+    svg_.polyline(points, color_of(run.policy, number), 1.8);
+    if (!points.empty()) svg_.circle(points.front(), 3.5, color_of(run.policy, number));
   }
   void legend(std::span<const RunRecord> runs) {
     double x = kMargin;
-    for (const RunRecord& run : runs) {
-      svg_.rectangle({x, 41}, {14, 4}, color_of(run.policy));
-      svg_.text({x + 19, 48}, run.policy);
-      x += 34 + 7.5 * static_cast<double>(run.policy.size());
+    for (size_t i = 0; i < runs.size(); ++i) {
+      svg_.rectangle({x, 41}, {14, 4}, color_of(runs[i].policy, i));
+      svg_.text({x + 19, 48}, runs[i].policy);
+      x += 34 + 7.5 * static_cast<double>(runs[i].policy.size());
     }
   }
 
@@ -207,7 +208,7 @@ std::string plot_shares(std::span<const RunRecord> runs) {
            "faint");
   for (size_t i = 0; i < runs.size(); ++i)
     draw_strip(svg, {kLeft, kTop + static_cast<double>(i) * (kHeight + kGap), kWidth, kHeight, last_s},
-               runs[i]);
+               runs[i], i);
   const double step = round_step(last_s, 8);
   const Strip axis{kLeft, bottom - kGap, kWidth, 0, last_s};
   for (int k = 0; k * step <= last_s + 1e-9; ++k) {
@@ -234,10 +235,11 @@ std::string plot_bars(const Figure& figure, std::span<const Group> groups) {
   double y = kTop;
   for (const std::string& scene : scenes) {
     svg.text({kLeft - 10, y + 11}, scene, Anchor::kEnd, 12);
+    size_t number = 0;
     for (const Group& group : groups) {
       if (group.scene != scene || !group_has(group, figure)) continue;
       const double value = group.mean(figure), length = greatest > 0 ? kWidth * value / greatest : 0.0;
-      svg.rectangle({kLeft, y}, {std::max(length, 0.5), kBar - 3}, color_of(group.policy));
+      svg.rectangle({kLeft, y}, {std::max(length, 0.5), kBar - 3}, color_of(group.policy, number++));
       svg.text({kLeft + length + 6, y + 9}, short_text(value).append("  ").append(group.policy),
                Anchor::kStart, 10, "faint");
       y += kBar;

@@ -7,7 +7,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -23,6 +22,7 @@
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
+#include "tests/client/table_files.h"
 
 namespace sightline {
 namespace {
@@ -414,25 +414,8 @@ class EvaluateCommand : public testing::Test {
     options.out = folder_ / name;
     return options;
   }
-  static std::map<std::string, std::string> files_in(const std::filesystem::path& folder) {
-    std::map<std::string, std::string> files;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-      if (!entry.is_regular_file()) continue;
-      std::ifstream in(entry.path(), std::ios::binary);
-      files[std::filesystem::relative(entry.path(), folder)] = {std::istreambuf_iterator<char>(in), {}};
-    }
-    return files;
-  }
   std::filesystem::path folder_;
 };
-
-std::vector<std::string> split(const std::string& line) {
-  std::vector<std::string> cells;
-  std::stringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
-  if (line.ends_with(',')) cells.emplace_back();
-  return cells;
-}
 
 TEST_F(EvaluateCommand, WritesTheSameBytesWithOneJobAndWithMany) {
   std::ostringstream out, err;
