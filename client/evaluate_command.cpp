@@ -200,7 +200,7 @@ Status write_paper(const Folder& folder, const PaperResults& results) {
     if (auto done = folder.write(plots / name, plot_bars(figure, groups)); !done) return done;
   }
   const auto first_runs = std::span(fence).first(fence.size() / results.fence.plans.size());
-  return folder.write(plots / "table3-path.svg", plot_paths(results.fence.plans.front(), first_runs));
+  return folder.write(plots / "table3-offset.svg", plot_offsets(first_runs));
 }
 
 Status play_paper_into_folder(const EvaluateOptions& options, std::ostream& out, std::ostream& err) {

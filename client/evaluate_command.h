@@ -2,7 +2,7 @@
 //
 // The suite "paper" instead plays the paper's tables (see paper_suite.h and paper_tables.h) and writes
 //   table1.csv, table2.csv, table3.csv
-//   plots/table2-r_n.svg, table2-r_p.svg, table3-path.svg
+//   plots/table2-r_n.svg, table2-r_p.svg, table3-offset.svg
 // Everything else writes into the folder `out`:
 //   runs.csv, runs.json       a row a run, every figure
 //   summary.md                scene x policy

@@ -155,6 +155,13 @@ size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted 
 
 }  // namespace
 
+// A count over the pictures, so that runs compare without the rounding of differences.
+double RunMetrics::all_clear() const {
+  if (pictures == 0) return 0.0;
+  const double n = static_cast<double>(pictures);
+  return std::round((1.0 - r_n - r_p_tolerant) * n) / n;
+}
+
 std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames) {
   std::vector<MotionSample> samples(frames.size());
   Rates before;

@@ -41,8 +41,8 @@ struct RunMetrics {
   double r_p = 0.0;                 // not that, and some target pixel hidden or some target off screen
   double r_p_tolerant = 0.0;        // the same with 5 % tolerance
   double all_seen = 0.0;            // every target has a visible pixel
-  // The joint visible share: every target visible to 95 % at least: 1 - r_n - r_p_tolerant.
-  double all_clear() const { return pictures == 0 ? 0.0 : 1.0 - r_n - r_p_tolerant; }
+  // The joint visible share: every target visible to 95 % at least: 1 - r_n - r_p_tolerant, to the picture.
+  double all_clear() const;
   size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four limits

@@ -54,19 +54,77 @@ struct Strip {
   }
 };
 
-void draw_strip(Svg& svg, const Strip& strip, const RunRecord& run, size_t number) {
+void draw_frame(Svg& svg, const Strip& strip, const std::string& greatest) {
   for (const double share : {0.0, 0.5, 1.0})
     svg.line(strip.at(0, share), strip.at(strip.last_s, share), "grid");
-  svg.text({strip.left - 8, strip.top + 5}, "100 %", Anchor::kEnd, 10, "faint");
+  svg.text({strip.left - 8, strip.top + 5}, greatest, Anchor::kEnd, 10, "faint");
   svg.text({strip.left - 8, strip.top + strip.height + 3}, "0", Anchor::kEnd, 10, "faint");
+}
+
+void draw_names(Svg& svg, const Strip& strip, const std::string& policy, const std::string& figure) {
+  svg.text({strip.left + strip.width + 10, strip.top + 16}, policy, Anchor::kStart, 13);
+  svg.text({strip.left + strip.width + 10, strip.top + 33}, figure, Anchor::kStart, 11, "faint");
+}
+
+void draw_share(Svg& svg, const Strip& strip, const RunRecord& run, size_t number) {
+  draw_frame(svg, strip, "100 %");
   std::vector<glm::dvec2> points{strip.at(0, 0)};
   for (const JointSight& sight : run.sights) points.push_back(strip.at(sight.time_s, sight.least_share));
   points.push_back(strip.at(run.sights.empty() ? 0.0 : run.sights.back().time_s, 0));
   svg.area(points, color_of(run.policy, number));
-  svg.text({strip.left + strip.width + 10, strip.top + 16}, run.policy, Anchor::kStart, 13);
-  svg.text({strip.left + strip.width + 10, strip.top + 33}, percent(run.metrics.all_clear()) + " joint",
-           Anchor::kStart, 11, "faint");
+  draw_names(svg, strip, run.policy, percent(run.metrics.all_clear()) + " joint");
 }
+
+// Of the frames' places from the first.
+double offset_m(const RunRecord& run, size_t frame) {
+  return glm::distance(run.path_m[frame], run.path_m.front());
+}
+
+void draw_offset(Svg& svg, const Strip& strip, const RunRecord& run, size_t number, double greatest_m) {
+  draw_frame(svg, strip, short_text(greatest_m) + " m");
+  std::vector<glm::dvec2> points;
+  for (size_t i = 0; i < run.path_m.size(); ++i)
+    points.push_back(strip.at(static_cast<double>(i) / run.rate_hz, offset_m(run, i) / greatest_m));
+  svg.polyline(points, color_of(run.policy, number), 1.4);
+  draw_names(svg, strip, run.policy, short_text(run.metrics.d_c_m) + " m in all");
+}
+
+// The strips of one plot, one below the other over one axis of time.
+class Strips {
+ public:
+  Strips(std::span<const RunRecord> runs, const std::string& title, const std::string& subtitle,
+         double last_s)
+      : last_s_(last_s),
+        bottom_(kTop + static_cast<double>(runs.size()) * (kHeight + kGap)),
+        svg_(kLeft + kWidth + 150, bottom_ + 30) {
+    if (runs.empty()) return;
+    svg_.text({kLeft, 24}, title_of(runs.front().scene, runs.front().seed) + ": " + title, Anchor::kStart,
+              16);
+    svg_.text({kLeft, 42}, subtitle, Anchor::kStart, 11, "faint");
+    draw_axis();
+  }
+  Strip strip(size_t i) const {
+    return {kLeft, kTop + static_cast<double>(i) * (kHeight + kGap), kWidth, kHeight, last_s_};
+  }
+  Svg& svg() { return svg_; }
+
+ private:
+  static constexpr double kLeft = 60, kTop = 58, kWidth = 720, kHeight = 56, kGap = 24;
+
+  void draw_axis() {
+    const double step = round_step(last_s_, 8);
+    const Strip axis{kLeft, bottom_ - kGap, kWidth, 0, last_s_};
+    for (int k = 0; k * step <= last_s_ + 1e-9; ++k) {
+      svg_.line(axis.at(k * step, 0), axis.at(k * step, 0) + glm::dvec2(0, 5), "axis");
+      svg_.text(axis.at(k * step, 0) + glm::dvec2(0, 20), short_text(k * step) + " s", Anchor::kMiddle, 11,
+                "faint");
+    }
+  }
+
+  const double last_s_;
+  const double bottom_;
+  Svg svg_;
+};
 
 // ---- paths ----
 
@@ -194,29 +252,26 @@ bool group_has(const Group& group, const Figure& figure) {
 }  // namespace
 
 std::string plot_shares(std::span<const RunRecord> runs) {
-  constexpr double kLeft = 60, kTop = 58, kWidth = 720, kHeight = 56, kGap = 24;
   double last_s = 0.0;
   for (const RunRecord& run : runs)
     if (!run.sights.empty()) last_s = std::max(last_s, run.sights.back().time_s);
-  const double bottom = kTop + static_cast<double>(runs.size()) * (kHeight + kGap);
-  Svg svg(kLeft + kWidth + 150, bottom + 30);
-  if (runs.empty()) return svg.finish();
-  svg.text({kLeft, 24},
-           title_of(runs.front().scene, runs.front().seed) + ": visible share of the target seen least",
-           Anchor::kStart, 16);
-  svg.text({kLeft, 42}, "joint: share of pictures with every target visible to 95 %", Anchor::kStart, 11,
-           "faint");
-  for (size_t i = 0; i < runs.size(); ++i)
-    draw_strip(svg, {kLeft, kTop + static_cast<double>(i) * (kHeight + kGap), kWidth, kHeight, last_s},
-               runs[i], i);
-  const double step = round_step(last_s, 8);
-  const Strip axis{kLeft, bottom - kGap, kWidth, 0, last_s};
-  for (int k = 0; k * step <= last_s + 1e-9; ++k) {
-    svg.line(axis.at(k * step, 0), axis.at(k * step, 0) + glm::dvec2(0, 5), "axis");
-    svg.text(axis.at(k * step, 0) + glm::dvec2(0, 20), short_text(k * step) + " s", Anchor::kMiddle, 11,
-             "faint");
+  Strips strips(runs, "visible share of the target seen least",
+                "joint: share of pictures with every target visible to 95 %", last_s);
+  for (size_t i = 0; i < runs.size(); ++i) draw_share(strips.svg(), strips.strip(i), runs[i], i);
+  return strips.svg().finish();
+}
+
+std::string plot_offsets(std::span<const RunRecord> runs) {
+  double last_s = 0.0, greatest_m = 1e-3;
+  for (const RunRecord& run : runs) {
+    if (!run.path_m.empty())
+      last_s = std::max(last_s, static_cast<double>(run.path_m.size() - 1) / run.rate_hz);
+    for (size_t i = 0; i < run.path_m.size(); ++i) greatest_m = std::max(greatest_m, offset_m(run, i));
   }
-  return svg.finish();
+  Strips strips(runs, "how far the camera is from where it started", "in all: the length of its path",
+                last_s);
+  for (size_t i = 0; i < runs.size(); ++i) draw_offset(strips.svg(), strips.strip(i), runs[i], i, greatest_m);
+  return strips.svg().finish();
 }
 
 std::string plot_paths(const ScenePlan& plan, std::span<const RunRecord> runs) {

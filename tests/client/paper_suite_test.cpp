@@ -183,7 +183,7 @@ TEST_F(PaperSuite, WritesThreeTablesTheSameWithOneJobAndWithTwoButForTimes) {
     one.erase(table), two.erase(table);
   }
   EXPECT_EQ(one, two);
-  EXPECT_THAT(one, Contains(Key("plots/table3-path.svg")));
+  EXPECT_THAT(one, Contains(Key("plots/table3-offset.svg")));
   EXPECT_THAT(one, Contains(Key("plots/table2-r_n.svg")));
 }
 
