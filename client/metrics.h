@@ -88,17 +88,20 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
 // What a policy says of one target at one frame.
 struct TargetWord {
   uint64_t id = 0;
-  double visible_share = 0.0;   // as reported, [0, 1]
-  double filtered_share = 0.0;  // the same over the filter's window
+  double visible_share = 0.0;   // of this step, as reported, [0, 1]
+  double filtered_share = 0.0;  // of the last steps, as reported, [0, 1]
+};
+// Of one of the reported shares.
+struct WordErrors {
+  double false_visible = 0.0;        // of the hidden pairs, those said to be visible
+  double false_occluded = 0.0;       // of the visible pairs, those said not to be
+  double mean_absolute_error = 0.0;  // of the share, over all pairs
 };
 // The service's own word against the truth, over judged pictures and those targets of which the picture holds
 // a pixel. Visible means a share of at least one half, said or true.
 struct WordMetrics {
   size_t pairs = 0, hidden_pairs = 0;  // (picture, target): all; truly not visible
-  double false_visible = 0.0;          // of the hidden pairs, those said to be visible
-  double false_occluded = 0.0;         // of the visible pairs, those said not to be
-  double mean_absolute_error = 0.0;    // of the reported share, over all pairs
-  double filtered_error = 0.0;         // the same of the filtered share, against the truth of that frame
+  WordErrors visible, filtered;        // of visible_share, of filtered_share
 };
 // `words` as long as `truths`, matched by id; a target without a word is left out.
 WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words);

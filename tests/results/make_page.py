@@ -22,7 +22,8 @@ SCENE_PLOTS = ("bars-joint_visible_share.svg", "hall-s1-share.svg", "hall-s1-pat
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "lasting_occlusions", "mean_reaction_s", "d_c_m",
                "d_s_heights", "rms_jerk_mps3", "body_collisions", "limit_violations", "pops", "word_pairs",
-               "word_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_share_error")
+               "word_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
+               "filtered_false_occluded", "filtered_share_error")
 HOW_KEYS = ("paper_command", "scenes_command", "rate_hz", "seeds", "paper_every", "scenes_every", "minutes", "cores")
 
 
@@ -190,20 +191,23 @@ def words_part(runs):
     rows = [word_row(scene, select(own, scene=scene)) for scene in distinct(own, "scene")]
     return """## The service's own word
 
-What the default says of each target against the truth, over all judged pictures that hold a pixel of it. *Error*: mean absolute, of the visible share that the
-reply reports for this frame, and of the share over its filter's window. *False visible*: said to be visible (a share of one half at least) of those
-truly not; *false occluded*: said not to be, of those truly visible.
+What the default says of each target against the truth, over all judged pictures that hold a pixel of it: first of the frame, then of the
+last steps, as the filter has them. *Error*: mean absolute, of the visible share. *False visible*: said to be visible (a share of one half at least) of
+those truly not; *false occluded*: said not to be, of those truly visible.
 
-""" + markdown(["<scene", "words", "error", "error, filtered", "truly hidden", "false visible", "false occluded"], rows)
+""" + markdown(["<scene", "words", "truly hidden", "error", "false visible", "false occluded", "filtered: error",
+                "false visible", "false occluded"], rows)
 
 
 def word_row(scene, runs):
     for run in runs:
         run["word_visible_pairs"] = (run["word_pairs"] or 0) - (run["word_hidden_pairs"] or 0)
-    return [scene, int(total(runs, "word_pairs")), number(weighted_mean(runs, "share_error", "word_pairs"), 3),
-            number(weighted_mean(runs, "filtered_share_error", "word_pairs"), 3), int(total(runs, "word_hidden_pairs")),
-            percent(weighted_mean(runs, "false_visible", "word_hidden_pairs"), 1),
-            percent(weighted_mean(runs, "false_occluded", "word_visible_pairs"), 1)]
+    cells = [scene, int(total(runs, "word_pairs")), int(total(runs, "word_hidden_pairs"))]
+    for kind in ("", "filtered_"):
+        cells += [number(weighted_mean(runs, kind + "share_error", "word_pairs"), 3),
+                  percent(weighted_mean(runs, kind + "false_visible", "word_hidden_pairs"), 1),
+                  percent(weighted_mean(runs, kind + "false_occluded", "word_visible_pairs"), 1)]
+    return cells
 
 
 def image(name, words):
