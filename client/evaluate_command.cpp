@@ -9,6 +9,8 @@
 #include <thread>
 
 #include "client/evaluation_tables.h"
+#include "client/paper_suite.h"
+#include "client/paper_tables.h"
 #include "client/plot.h"
 #include "client/progress_bar.h"
 #include "scenes/catalog.h"
@@ -85,6 +87,9 @@ constexpr std::array<Suite, 1> kSuites{{
        for (const CatalogEntry& entry : scenes::catalog()) add_generated(entry, seeds, cases);
      }},
 }};
+
+// Tables of its own, see paper_suite.h.
+constexpr std::string_view kPaperSuite = "paper";
 
 Result<std::vector<const PolicyEntry*>> policies_of(const EvaluateOptions& options) {
   std::vector<const PolicyEntry*> chosen;
@@ -163,6 +168,63 @@ Status write_plots(const Folder& folder, const Evaluation& evaluation) {
   return {};
 }
 
+EvaluationOptions playing_of(const EvaluateOptions& options) {
+  EvaluationOptions how;
+  how.rate_hz = options.rate_hz;
+  how.duration_s = options.duration_s;
+  how.picture_every = options.picture_every;
+  how.jobs =
+      options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return how;
+}
+
+void show(ProgressBar& bar, std::string_view what, double share) {
+  bar.show(std::string(what), static_cast<size_t>(1000 * share), 1000);
+}
+
+Status write_paper(const Folder& folder, const PaperResults& results) {
+  const auto write = [&](const char* name, auto writer, const auto& rows) {
+    std::ostringstream text;
+    writer(text, rows);
+    return folder.write(name, text.str());
+  };
+  const std::vector<RunRecord>&hall = results.hall.runs, &fence = results.fence.runs;
+  if (auto done = write("table1.csv", write_table1, results.timings); !done) return done;
+  if (auto done = write("table2.csv", write_table2, hall); !done) return done;
+  if (auto done = write("table3.csv", write_table3, fence); !done) return done;
+  const std::filesystem::path plots("plots");
+  const std::vector<Group> groups = group_runs(hall);
+  for (const Figure& figure : figures()) {
+    if (figure.name != "r_n" && figure.name != "r_p") continue;
+    const std::string name = std::string("table2-").append(figure.name).append(".svg");
+    if (auto done = folder.write(plots / name, plot_bars(figure, groups)); !done) return done;
+  }
+  const auto first_runs = std::span(fence).first(fence.size() / results.fence.plans.size());
+  return folder.write(plots / "table3-offset.svg", plot_offsets(first_runs));
+}
+
+Status play_paper_into_folder(const EvaluateOptions& options, std::ostream& out, std::ostream& err) {
+  if (!options.policies.empty()) return invalid("policy", "the suite \"paper\" has its own");
+  PaperCases cases;
+  add_generated(*scenes::find_scene("hall"), options.seeds, cases.hall);
+  for (const char* name : {"fence", "fence-board"})
+    add_generated(*scenes::find_scene(name), options.seeds, cases.fence);
+  const Folder folder(options.out);
+  if (auto made = folder.make(); !made) return made;
+  ProgressBar bar(err, options.progress);
+  PaperOptions how;
+  how.timed_frames = options.timed_frames;
+  how.playing = playing_of(options);
+  how.progress = [&](std::string_view table, double share) { show(bar, table, share); };
+  const auto results = play_paper(cases, how);
+  bar.clear();
+  if (!results) return tl::unexpected(results.error());
+  if (auto done = write_paper(folder, *results); !done) return done;
+  write_paper_summary(out, *results);
+  out << "\nwritten to " << options.out << ": table1.csv, table2.csv, table3.csv, plots\n";
+  return {};
+}
+
 Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, std::ostream& err) {
   auto cases = cases_of(options);
   if (!cases) return tl::unexpected(cases.error());
@@ -172,13 +234,8 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   // Found out now rather than after the runs.
   if (auto made = folder.make(); !made) return made;
   ProgressBar bar(err, options.progress);
-  EvaluationOptions how;
-  how.rate_hz = options.rate_hz;
-  how.duration_s = options.duration_s;
-  how.picture_every = options.picture_every;
-  how.jobs =
-      options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  how.progress = [&](double share) { bar.show("evaluate", static_cast<size_t>(1000 * share), 1000); };
+  EvaluationOptions how = playing_of(options);
+  how.progress = [&](double share) { show(bar, "evaluate", share); };
   const auto evaluation = evaluate(*cases, *chosen, how);
   bar.clear();
   if (!evaluation) return tl::unexpected(evaluation.error());
@@ -194,6 +251,7 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
 std::vector<std::string> suite_names() {
   std::vector<std::string> names;
   for (const Suite& suite : kSuites) names.emplace_back(suite.name);
+  names.emplace_back(kPaperSuite);
   return names;
 }
 
@@ -217,7 +275,10 @@ Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options) {
 }
 
 int run_evaluate_command(const EvaluateOptions& options, std::ostream& out, std::ostream& err) {
-  if (const Status done = evaluate_into_folder(options, out, err); !done) {
+  const bool paper = options.suite == kPaperSuite && options.scenes.empty();
+  const Status done =
+      paper ? play_paper_into_folder(options, out, err) : evaluate_into_folder(options, out, err);
+  if (!done) {
     err << "sightline evaluate: " << to_string(done.error()) << '\n';
     return 1;
   }

@@ -90,6 +90,7 @@ class Run {
     record_.scene = scene_.name;
     record_.seed = scene_.seed;
     record_.policy = policy_.name;
+    record_.rate_hz = options_.rate_hz;
     auto played = play(*scenario);
     if (!played) return in_policy(played.error());
     if (auto judged = judge_run(*scenario, *played); !judged) return in_policy(judged.error());

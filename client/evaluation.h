@@ -52,7 +52,8 @@ struct RunRecord {
   ReactionMetrics reaction;
   std::optional<WordMetrics> words;  // of policies that say what they see
   std::vector<JointSight> sights;
-  std::vector<glm::dvec3> path_m;  // of the camera, by frame
+  double rate_hz = 60.0;
+  std::vector<glm::dvec3> path_m;  // of the camera, by frame, at that rate
   RunTiming timing;
 };
 

@@ -16,7 +16,7 @@ double count(size_t n) {
   return static_cast<double>(n);
 }
 
-constexpr std::array<Figure, 37> kFigures{{
+constexpr std::array<Figure, 40> kFigures{{
     {"frames", "frames", [](const Run& r) { return count(r.metrics.frames); }},
     {"pictures", "judged pictures", [](const Run& r) { return count(r.metrics.pictures); }},
     {"joint_visible_share", "Share of pictures with all targets visible to 95 %",
@@ -76,34 +76,19 @@ constexpr std::array<Figure, 37> kFigures{{
     {"word_pairs", "judged words", [](const Run& r) { return count(r.words->pairs); }, false, true},
     {"word_hidden_pairs", "judged words of targets truly not visible",
      [](const Run& r) { return count(r.words->hidden_pairs); }, false, true},
-    {"false_visible", "Said visible, of what is not", [](const Run& r) { return r.words->false_visible; },
-     true, true},
-    {"false_occluded", "Said not visible, of what is", [](const Run& r) { return r.words->false_occluded; },
-     true, true},
-    {"share_error", "Mean absolute error of the reported share",
-     [](const Run& r) { return r.words->mean_absolute_error; }, true, true},
+    {"false_visible", "Said visible in this step, of what is not",
+     [](const Run& r) { return r.words->visible.false_visible; }, true, true},
+    {"false_occluded", "Said not visible in this step, of what is",
+     [](const Run& r) { return r.words->visible.false_occluded; }, true, true},
+    {"share_error", "Mean absolute error of the share reported of a step",
+     [](const Run& r) { return r.words->visible.mean_absolute_error; }, true, true},
+    {"filtered_false_visible", "Said visible over the last steps, of what is not",
+     [](const Run& r) { return r.words->filtered.false_visible; }, true, true},
+    {"filtered_false_occluded", "Said not visible over the last steps, of what is",
+     [](const Run& r) { return r.words->filtered.false_occluded; }, true, true},
+    {"filtered_share_error", "Mean absolute error of the share reported over the last steps",
+     [](const Run& r) { return r.words->filtered.mean_absolute_error; }, true, true},
 }};
-
-// Quoted, with quotes doubled: a user's file may have any name.
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"') out += '"';
-    out += c;
-  }
-  out += '"';
-  return out;
-}
-
-std::string fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
-std::string percent(double share) {
-  return fixed(100 * share, 2) + " %";
-}
 
 // A cell of the summary must not end its row or its cell.
 std::string in_cell(const std::string& text) {
@@ -192,14 +177,31 @@ void write_json(std::ostream& out, std::span<const RunRecord> runs) {
   out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
 }
 
+namespace {
+
+// Two cells, empty for a policy that says nothing.
+std::string words_in_cells(const Group& group) {
+  if (!group.runs.front()->words) return "| ";
+  return fixed(group.mean("share_error"), 3) + ", " + fixed(group.mean("filtered_share_error"), 3) + " | " +
+         percent(group.mean("filtered_false_visible")) + ", " +
+         percent(group.mean("filtered_false_occluded"));
+}
+
+}  // namespace
+
 void write_summary(std::ostream& out, std::span<const RunRecord> runs) {
   out << "Means over seeds. Joint visible share: pictures in which every target is visible to 95 %. "
          "Episodes: times a\n"
-         "target was lost from sight. Collisions, violations and pops are summed over seeds.\n\n"
+         "target was lost from sight. Collisions, violations and pops are summed over seeds. Error of the "
+         "word: mean\n"
+         "absolute error of the visible share that a policy reports, of one step and over the last steps; "
+         "false words: over\n"
+         "the last steps, said visible of what is not, and the reverse.\n\n"
          "| scene | policy | runs | joint visible share | r_N | r_P (5 %) | episodes | reacquire s | "
          "collisions | "
-         "violations | pops | d_c m | d_s heights | jerk m/s3 | reaction s |\n"
-         "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n";
+         "violations | pops | d_c m | d_s heights | jerk m/s3 | reaction s | error of the word | false words "
+         "|\n"
+         "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n";
   for (const Group& group : group_runs(runs)) {
     const auto sum = [&](std::string_view name) {
       return fixed(group.mean(name) * count(group.runs.size()), 0);
@@ -210,7 +212,7 @@ void write_summary(std::ostream& out, std::span<const RunRecord> runs) {
         << fixed(group.mean("mean_reacquire_s"), 2) << " | " << sum("body_collisions") << " | "
         << sum("limit_violations") << " | " << sum("pops") << " | " << fixed(group.mean("d_c_m"), 1) << " | "
         << fixed(group.mean("d_s_heights"), 1) << " | " << fixed(group.mean("rms_jerk_mps3"), 0) << " | "
-        << fixed(group.mean("mean_reaction_s"), 2) << " |\n";
+        << fixed(group.mean("mean_reaction_s"), 2) << " | " << words_in_cells(group) << " |\n";
   }
 }
 
@@ -220,6 +222,26 @@ void write_timing(std::ostream& out, std::span<const RunRecord> runs) {
     write_identity(out, run);
     out << ',' << fixed(run.timing.run_s, 3) << ',' << fixed(run.timing.step_ms, 4) << '\n';
   }
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  out += '"';
+  return out;
+}
+
+std::string fixed(double value, int digits) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+std::string percent(double share) {
+  return fixed(100 * share, 2) + " %";
 }
 
 std::string exact_text(double value) {

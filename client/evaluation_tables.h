@@ -43,6 +43,12 @@ void write_summary(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took: different each time.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);
 
+// ---- cells ----
+
+// Quoted, with quotes doubled: a user's file may have any name.
+std::string quoted(const std::string& text);
+std::string fixed(double value, int digits);
+std::string percent(double share);  // "12.34 %"
 // The shortest text that reads back as the same double, whatever the locale.
 std::string exact_text(double value);
 

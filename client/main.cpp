@@ -8,6 +8,7 @@
 #include "client/evaluate_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
+#include "server/gl/software_renderer.h"
 
 namespace {
 
@@ -45,9 +46,10 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   CLI::App* evaluate = app.add_subcommand("evaluate",
                                           "Play scenes under several camera policies in this process; write "
                                           "tables and plots of how well they did");
-  CLI::Option* suite =
-      evaluate->add_option("--suite", options.suite, "A list of scenes: scenes (all generated ones)")
-          ->check(CLI::IsMember(sightline::suite_names()));
+  CLI::Option* suite = evaluate
+                           ->add_option("--suite", options.suite,
+                                        "scenes: all generated ones; paper: the paper's tables 1 to 3")
+                           ->check(CLI::IsMember(sightline::suite_names()));
   evaluate
       ->add_option("--scene", options.scenes,
                    "A generated scene by name, or a .glb with roles; may be repeated")
@@ -67,6 +69,11 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  evaluate
+      ->add_option("--frames", options.timed_frames,
+                   "Steps to time for each row of the suite paper's table 1")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
   evaluate->add_option("--out", options.out, "Folder for the tables and plots")->capture_default_str();
@@ -75,6 +82,7 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  sightline::prepare_software_rendering();
   CLI::App app("Sightline: a camera that keeps several targets in view");
   app.set_version_flag("--version", "sightline " SIGHTLINE_VERSION);
   app.require_subcommand(1);

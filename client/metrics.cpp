@@ -145,6 +145,20 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   metrics.episodes = episodes_of(sights);
 }
 
+void add_word(double said, double truth, WordErrors& sums) {
+  sums.false_visible += said >= 0.5 && truth < 0.5;
+  sums.false_occluded += said < 0.5 && truth >= 0.5;
+  sums.mean_absolute_error += std::abs(said - truth);
+}
+
+// Sums over pairs become shares and a mean.
+void divide_by_pairs(const WordMetrics& metrics, WordErrors& errors) {
+  const auto divide = [](double& sum, size_t n) { sum = n == 0 ? 0.0 : sum / static_cast<double>(n); };
+  divide(errors.false_visible, metrics.hidden_pairs);
+  divide(errors.false_occluded, metrics.pairs - metrics.hidden_pairs);
+  divide(errors.mean_absolute_error, metrics.pairs);
+}
+
 // The index of the first sample from `from` on that `wanted` holds of; the last index when there is none.
 template <typename Wanted>
 size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted wanted) {
@@ -154,6 +168,13 @@ size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted 
 }
 
 }  // namespace
+
+// A count over the pictures, so that runs compare without the rounding of differences.
+double RunMetrics::all_clear() const {
+  if (pictures == 0) return 0.0;
+  const double n = static_cast<double>(pictures);
+  return std::round((1.0 - r_n - r_p_tolerant) * n) / n;
+}
 
 std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames) {
   std::vector<MotionSample> samples(frames.size());
@@ -201,26 +222,20 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
 
 WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words) {
   WordMetrics metrics;
-  const auto share_of = [](double part, size_t whole) {
-    return whole == 0 ? 0.0 : part / static_cast<double>(whole);
-  };
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;
     for (const TargetTruth& target : truths[i].picture->targets) {
       const auto word = std::find_if(words[i].begin(), words[i].end(),
                                      [&](const TargetWord& w) { return w.id == target.id; });
       if (word == words[i].end() || target.alone_pixels == 0) continue;
-      const bool visible = target.visible_share() >= 0.5, said = word->visible_share >= 0.5;
       ++metrics.pairs;
-      metrics.hidden_pairs += !visible;
-      metrics.false_visible += said && !visible;
-      metrics.false_occluded += visible && !said;
-      metrics.mean_absolute_error += std::abs(word->visible_share - target.visible_share());
+      metrics.hidden_pairs += target.visible_share() < 0.5;
+      add_word(word->visible_share, target.visible_share(), metrics.visible);
+      add_word(word->filtered_share, target.visible_share(), metrics.filtered);
     }
   }
-  metrics.false_visible = share_of(metrics.false_visible, metrics.hidden_pairs);
-  metrics.false_occluded = share_of(metrics.false_occluded, metrics.pairs - metrics.hidden_pairs);
-  metrics.mean_absolute_error = share_of(metrics.mean_absolute_error, metrics.pairs);
+  divide_by_pairs(metrics, metrics.visible);
+  divide_by_pairs(metrics, metrics.filtered);
   return metrics;
 }
 

@@ -41,8 +41,8 @@ struct RunMetrics {
   double r_p = 0.0;                 // not that, and some target pixel hidden or some target off screen
   double r_p_tolerant = 0.0;        // the same with 5 % tolerance
   double all_seen = 0.0;            // every target has a visible pixel
-  // The joint visible share: every target visible to 95 % at least: 1 - r_n - r_p_tolerant.
-  double all_clear() const { return pictures == 0 ? 0.0 : 1.0 - r_n - r_p_tolerant; }
+  // The joint visible share: every target visible to 95 % at least: 1 - r_n - r_p_tolerant, to the picture.
+  double all_clear() const;
   size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four limits
@@ -88,15 +88,20 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
 // What a policy says of one target at one frame.
 struct TargetWord {
   uint64_t id = 0;
-  double visible_share = 0.0;  // as reported, [0, 1]
+  double visible_share = 0.0;   // of this step, as reported, [0, 1]
+  double filtered_share = 0.0;  // of the last steps, as reported, [0, 1]
+};
+// Of one of the reported shares.
+struct WordErrors {
+  double false_visible = 0.0;        // of the hidden pairs, those said to be visible
+  double false_occluded = 0.0;       // of the visible pairs, those said not to be
+  double mean_absolute_error = 0.0;  // of the share, over all pairs
 };
 // The service's own word against the truth, over judged pictures and those targets of which the picture holds
 // a pixel. Visible means a share of at least one half, said or true.
 struct WordMetrics {
   size_t pairs = 0, hidden_pairs = 0;  // (picture, target): all; truly not visible
-  double false_visible = 0.0;          // of the hidden pairs, those said to be visible
-  double false_occluded = 0.0;         // of the visible pairs, those said not to be
-  double mean_absolute_error = 0.0;    // of the reported share, over all pairs
+  WordErrors visible, filtered;        // of visible_share, of filtered_share
 };
 // `words` as long as `truths`, matched by id; a target without a word is left out.
 WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words);

@@ -13,11 +13,12 @@ namespace {
 using Anchor = Svg::Anchor;
 
 // Distinct on white and on near-black, and for the colour-blind (after Okabe and Ito).
-std::string color_of(const std::string& policy) {
+// `number`: of the policy among those shown; it decides for one that is not in the table of policies.
+std::string color_of(const std::string& policy, size_t number) {
   static constexpr std::array<std::string_view, 8> kColors{"#8c8c8c", "#d98200", "#009e73", "#b565a7",
                                                            "#1f83d6", "#d1495b", "#7a9a01", "#6f5fd0"};
   const PolicyEntry* entry = find_policy(policy);
-  const size_t index = entry ? static_cast<size_t>(entry - policies().data()) : 0;
+  const size_t index = entry ? static_cast<size_t>(entry - policies().data()) : number;
   return std::string(kColors[index % kColors.size()]);
 }
 
@@ -53,19 +54,77 @@ struct Strip {
   }
 };
 
-void draw_strip(Svg& svg, const Strip& strip, const RunRecord& run) {
+void draw_frame(Svg& svg, const Strip& strip, const std::string& greatest) {
   for (const double share : {0.0, 0.5, 1.0})
     svg.line(strip.at(0, share), strip.at(strip.last_s, share), "grid");
-  svg.text({strip.left - 8, strip.top + 5}, "100 %", Anchor::kEnd, 10, "faint");
+  svg.text({strip.left - 8, strip.top + 5}, greatest, Anchor::kEnd, 10, "faint");
   svg.text({strip.left - 8, strip.top + strip.height + 3}, "0", Anchor::kEnd, 10, "faint");
+}
+
+void draw_names(Svg& svg, const Strip& strip, const std::string& policy, const std::string& figure) {
+  svg.text({strip.left + strip.width + 10, strip.top + 16}, policy, Anchor::kStart, 13);
+  svg.text({strip.left + strip.width + 10, strip.top + 33}, figure, Anchor::kStart, 11, "faint");
+}
+
+void draw_share(Svg& svg, const Strip& strip, const RunRecord& run, size_t number) {
+  draw_frame(svg, strip, "100 %");
   std::vector<glm::dvec2> points{strip.at(0, 0)};
   for (const JointSight& sight : run.sights) points.push_back(strip.at(sight.time_s, sight.least_share));
   points.push_back(strip.at(run.sights.empty() ? 0.0 : run.sights.back().time_s, 0));
-  svg.area(points, color_of(run.policy));
-  svg.text({strip.left + strip.width + 10, strip.top + 16}, run.policy, Anchor::kStart, 13);
-  svg.text({strip.left + strip.width + 10, strip.top + 33}, percent(run.metrics.all_clear()) + " joint",
-           Anchor::kStart, 11, "faint");
+  svg.area(points, color_of(run.policy, number));
+  draw_names(svg, strip, run.policy, percent(run.metrics.all_clear()) + " joint");
 }
+
+// Of the frames' places from the first.
+double offset_m(const RunRecord& run, size_t frame) {
+  return glm::distance(run.path_m[frame], run.path_m.front());
+}
+
+void draw_offset(Svg& svg, const Strip& strip, const RunRecord& run, size_t number, double greatest_m) {
+  draw_frame(svg, strip, short_text(greatest_m) + " m");
+  std::vector<glm::dvec2> points;
+  for (size_t i = 0; i < run.path_m.size(); ++i)
+    points.push_back(strip.at(static_cast<double>(i) / run.rate_hz, offset_m(run, i) / greatest_m));
+  svg.polyline(points, color_of(run.policy, number), 1.4);
+  draw_names(svg, strip, run.policy, short_text(run.metrics.d_c_m) + " m in all");
+}
+
+// The strips of one plot, one below the other over one axis of time.
+class Strips {
+ public:
+  Strips(std::span<const RunRecord> runs, const std::string& title, const std::string& subtitle,
+         double last_s)
+      : last_s_(last_s),
+        bottom_(kTop + static_cast<double>(runs.size()) * (kHeight + kGap)),
+        svg_(kLeft + kWidth + 150, bottom_ + 30) {
+    if (runs.empty()) return;
+    svg_.text({kLeft, 24}, title_of(runs.front().scene, runs.front().seed) + ": " + title, Anchor::kStart,
+              16);
+    svg_.text({kLeft, 42}, subtitle, Anchor::kStart, 11, "faint");
+    draw_axis();
+  }
+  Strip strip(size_t i) const {
+    return {kLeft, kTop + static_cast<double>(i) * (kHeight + kGap), kWidth, kHeight, last_s_};
+  }
+  Svg& svg() { return svg_; }
+
+ private:
+  static constexpr double kLeft = 60, kTop = 58, kWidth = 720, kHeight = 56, kGap = 24;
+
+  void draw_axis() {
+    const double step = round_step(last_s_, 8);
+    const Strip axis{kLeft, bottom_ - kGap, kWidth, 0, last_s_};
+    for (int k = 0; k * step <= last_s_ + 1e-9; ++k) {
+      svg_.line(axis.at(k * step, 0), axis.at(k * step, 0) + glm::dvec2(0, 5), "axis");
+      svg_.text(axis.at(k * step, 0) + glm::dvec2(0, 20), short_text(k * step) + " s", Anchor::kMiddle, 11,
+                "faint");
+    }
+  }
+
+  const double last_s_;
+  const double bottom_;
+  Svg svg_;
+};
 
 // ---- paths ----
 
@@ -124,7 +183,7 @@ class PathPlot {
     cut(plan.movers, "mover");
     cut(plan.walls, "wall");
     for (const auto& way : plan.targets_m) draw_way(way);
-    for (const RunRecord& run : runs) draw_camera(run);
+    for (size_t i = 0; i < runs.size(); ++i) draw_camera(runs[i], i);
     legend(runs);
   }
   std::string finish() { return svg_.finish(); }
@@ -155,18 +214,18 @@ class PathPlot {
     svg_.polyline(points, "#d1495b", 1.4, "4 3");
     if (!points.empty()) svg_.circle(points.front(), 3.5, "#d1495b");
   }
-  void draw_camera(const RunRecord& run) {
+  void draw_camera(const RunRecord& run, size_t number) {
     std::vector<glm::dvec2> points = thinned(run.path_m);
     for (glm::dvec2& p : points) p = at(p);
-    svg_.polyline(points, color_of(run.policy), 1.8);
-    if (!points.empty()) svg_.circle(points.front(), 3.5, color_of(run.policy));
+    svg_.polyline(points, color_of(run.policy, number), 1.8);
+    if (!points.empty()) svg_.circle(points.front(), 3.5, color_of(run.policy, number));
   }
   void legend(std::span<const RunRecord> runs) {
     double x = kMargin;
-    for (const RunRecord& run : runs) {
-      svg_.rectangle({x, 41}, {14, 4}, color_of(run.policy));
-      svg_.text({x + 19, 48}, run.policy);
-      x += 34 + 7.5 * static_cast<double>(run.policy.size());
+    for (size_t i = 0; i < runs.size(); ++i) {
+      svg_.rectangle({x, 41}, {14, 4}, color_of(runs[i].policy, i));
+      svg_.text({x + 19, 48}, runs[i].policy);
+      x += 34 + 7.5 * static_cast<double>(runs[i].policy.size());
     }
   }
 
@@ -193,29 +252,26 @@ bool group_has(const Group& group, const Figure& figure) {
 }  // namespace
 
 std::string plot_shares(std::span<const RunRecord> runs) {
-  constexpr double kLeft = 60, kTop = 58, kWidth = 720, kHeight = 56, kGap = 24;
   double last_s = 0.0;
   for (const RunRecord& run : runs)
     if (!run.sights.empty()) last_s = std::max(last_s, run.sights.back().time_s);
-  const double bottom = kTop + static_cast<double>(runs.size()) * (kHeight + kGap);
-  Svg svg(kLeft + kWidth + 150, bottom + 30);
-  if (runs.empty()) return svg.finish();
-  svg.text({kLeft, 24},
-           title_of(runs.front().scene, runs.front().seed) + ": visible share of the target seen least",
-           Anchor::kStart, 16);
-  svg.text({kLeft, 42}, "joint: share of pictures with every target visible to 95 %", Anchor::kStart, 11,
-           "faint");
-  for (size_t i = 0; i < runs.size(); ++i)
-    draw_strip(svg, {kLeft, kTop + static_cast<double>(i) * (kHeight + kGap), kWidth, kHeight, last_s},
-               runs[i]);
-  const double step = round_step(last_s, 8);
-  const Strip axis{kLeft, bottom - kGap, kWidth, 0, last_s};
-  for (int k = 0; k * step <= last_s + 1e-9; ++k) {
-    svg.line(axis.at(k * step, 0), axis.at(k * step, 0) + glm::dvec2(0, 5), "axis");
-    svg.text(axis.at(k * step, 0) + glm::dvec2(0, 20), short_text(k * step) + " s", Anchor::kMiddle, 11,
-             "faint");
+  Strips strips(runs, "visible share of the target seen least",
+                "joint: share of pictures with every target visible to 95 %", last_s);
+  for (size_t i = 0; i < runs.size(); ++i) draw_share(strips.svg(), strips.strip(i), runs[i], i);
+  return strips.svg().finish();
+}
+
+std::string plot_offsets(std::span<const RunRecord> runs) {
+  double last_s = 0.0, greatest_m = 1e-3;
+  for (const RunRecord& run : runs) {
+    if (!run.path_m.empty())
+      last_s = std::max(last_s, static_cast<double>(run.path_m.size() - 1) / run.rate_hz);
+    for (size_t i = 0; i < run.path_m.size(); ++i) greatest_m = std::max(greatest_m, offset_m(run, i));
   }
-  return svg.finish();
+  Strips strips(runs, "how far the camera is from where it started", "in all: the length of its path",
+                last_s);
+  for (size_t i = 0; i < runs.size(); ++i) draw_offset(strips.svg(), strips.strip(i), runs[i], i, greatest_m);
+  return strips.svg().finish();
 }
 
 std::string plot_paths(const ScenePlan& plan, std::span<const RunRecord> runs) {
@@ -234,10 +290,11 @@ std::string plot_bars(const Figure& figure, std::span<const Group> groups) {
   double y = kTop;
   for (const std::string& scene : scenes) {
     svg.text({kLeft - 10, y + 11}, scene, Anchor::kEnd, 12);
+    size_t number = 0;
     for (const Group& group : groups) {
       if (group.scene != scene || !group_has(group, figure)) continue;
       const double value = group.mean(figure), length = greatest > 0 ? kWidth * value / greatest : 0.0;
-      svg.rectangle({kLeft, y}, {std::max(length, 0.5), kBar - 3}, color_of(group.policy));
+      svg.rectangle({kLeft, y}, {std::max(length, 0.5), kBar - 3}, color_of(group.policy, number++));
       svg.text({kLeft + length + 6, y + 9}, short_text(value).append("  ").append(group.policy),
                Anchor::kStart, 10, "faint");
       y += kBar;

@@ -42,11 +42,6 @@ MadePolicy make_in_world(const PolicySite& site) {
 
 // ---- presets of the step ----
 
-template <StepSettings (*settings)()>
-MadePolicy make_step(const PolicySite& site) {
-  return make_step_policy(site, settings());
-}
-
 StepSettings sightline_settings() {
   return preset_settings(Preset::kSightline);
 }

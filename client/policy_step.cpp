@@ -21,7 +21,7 @@ class StepPolicy : public CameraPolicy {
     step.jump = answer->cut || answer->step.flags.dt_capped;
     step.words.emplace();
     for (const TargetSight& sight : answer->step.targets)
-      step.words->push_back({sight.id, sight.visible_share});
+      step.words->push_back({sight.id, sight.visible_share, sight.filtered_share});
     return step;
   }
 

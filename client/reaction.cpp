@@ -31,7 +31,7 @@ class Reactions {
 
   ReactionMetrics measure() {
     ReactionMetrics metrics;
-    std::vector<double> delays;
+    std::vector<double>& delays = metrics.delays_s;
     for (size_t k = 0; k < world_.targets().size(); ++k)
       for (size_t i = 2; i < frames_.size(); ++i) {
         if (!hidden_[i][k] || hidden_[i - 1][k] || frames_[i].jump || !lasts(i, k)) continue;
@@ -43,7 +43,7 @@ class Reactions {
     metrics.occlusions = delays.size();
     if (!delays.empty()) metrics.mean_regain_s /= static_cast<double>(delays.size());
     for (const double delay : delays) metrics.mean_delay_s += delay / static_cast<double>(delays.size());
-    metrics.p95_delay_s = percentile(std::move(delays), 0.95);
+    metrics.p95_delay_s = percentile(delays, 0.95);
     return metrics;
   }
 

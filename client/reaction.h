@@ -10,6 +10,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "client/judge.h"
 
@@ -20,7 +21,8 @@ inline constexpr double kReactionMps = 0.25;
 inline constexpr double kLongestReactionS = 2.0;
 
 struct ReactionMetrics {
-  size_t occlusions = 0;      // lasting ones, over all targets; none counts that the run's end cuts short
+  size_t occlusions = 0;         // lasting ones, over all targets; none counts that the run's end cuts short
+  std::vector<double> delays_s;  // of each, targets in their order; the two below are of these
   double mean_delay_s = 0.0;  // one without any answer counts with kLongestReactionS, or up to the run's end
   double p95_delay_s = 0.0;
   size_t unanswered = 0;

@@ -15,9 +15,11 @@
 namespace sightline::scenes {
 namespace {
 
-constexpr std::array<CatalogEntry, 9> kCatalog{{
+constexpr std::array<CatalogEntry, 10> kCatalog{{
     {"fence", "a sparse fence sways before two standing targets (Table 3)",
      [](const SceneRequest& r) { return make_fence({.seed = r.seed}); }},
+    {"fence-board", "the same, and after 4 s a solid board before the targets that stays",
+     [](const SceneRequest& r) { return make_fence({.seed = r.seed, .board_at_s = 4.0}); }},
     {"hall", "a colonnade, sharp turns, sudden occluders (Table 2)",
      [](const SceneRequest& r) { return make_hall({.seed = r.seed}); }},
     {"rooms", "nine rooms, two targets through the doors",

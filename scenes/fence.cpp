@@ -20,6 +20,10 @@ constexpr double kHalfThickness_m = 0.02;
 constexpr double kOffMiddle_m = 0.02;
 // For this long the fence stands.
 constexpr double kRest_s = 0.25;
+constexpr double kBoard_z_m = 1.25;
+constexpr double kBoardWidth_m = 2.6;
+constexpr double kBoardHeight_m = 2.5;
+constexpr double kBoardComing_s = 0.25;
 
 // Pickets from one between the two targets outwards, and two rails. `start_x_m`: where the fence begins, so that the mesh
 // is moved by as much the other way.
@@ -71,6 +75,20 @@ Motion standing(const glm::dvec3& position_m, double duration_s) {
   return motion;
 }
 
+// Up out of the ground, and there to stay.
+void add_board(ScenarioBuilder& scene, const FenceOptions& options) {
+  const double hidden_y_m = -kBoardHeight_m - 0.5;
+  Motion motion;
+  for (double time_s : {0.0, options.board_at_s})
+    motion.add(time_s, {0, hidden_y_m, kBoard_z_m}, {1, 0, 0, 0});
+  motion.add(options.board_at_s + kBoardComing_s, {0, 0, kBoard_z_m}, {1, 0, 0, 0});
+  InstanceAttributes attributes;
+  attributes.collides = false;  // it comes faster than a camera can flee
+  const int board =
+      scene.add_mesh("board", standing_box(kBoardWidth_m, kBoardHeight_m, 0.0625), colors::kWood);
+  scene.add_occluder("board", board, motion, attributes);
+}
+
 }  // namespace
 
 std::vector<std::byte> make_fence(const FenceOptions& options) {
@@ -88,6 +106,7 @@ std::vector<std::byte> make_fence(const FenceOptions& options) {
   const int fence =
       scene.add_mesh("fence", fence_mesh(random, options, place_m(options, phase_turns)), colors::kWood);
   scene.add_occluder("fence", fence, to_and_fro(options, phase_turns), attributes);
+  if (options.board_at_s > 0) add_board(scene, options);
   return scene.write();
 }
 

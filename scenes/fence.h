@@ -29,6 +29,8 @@ struct FenceOptions {
   double picket_m = 0.04;    // [0.01, 0.5]: how wide a picket is
   double least_gap_m = 0.75, greatest_gap_m = 0.9;  // [0.05, 2]: air between two pickets
   double camera_distance_m = 6.0;  // [4, 20]: from the targets; the fence stands 2 m before them
+  // From when on a solid board stands before both targets: an occlusion that lasts. [0, duration_s - 0.25]; 0: none ever.
+  double board_at_s = 0.0;
 };
 
 // A .glb file.

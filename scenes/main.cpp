@@ -14,7 +14,7 @@ using namespace sightline::scenes;
 
 void list_scenes() {
   for (const CatalogEntry& entry : catalog())
-    std::printf("%-10.*s %.*s\n", static_cast<int>(entry.name.size()), entry.name.data(),
+    std::printf("%-12.*s %.*s\n", static_cast<int>(entry.name.size()), entry.name.data(),
                 static_cast<int>(entry.summary.size()), entry.summary.data());
 }
 

@@ -7,7 +7,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -23,6 +22,7 @@
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
+#include "tests/client/table_files.h"
 
 namespace sightline {
 namespace {
@@ -196,7 +196,16 @@ TEST(Words, EqualAPlainCountOnRandomShares) {
   Random random(5);
   std::vector<FrameTruth> truths;
   std::vector<std::vector<TargetWord>> words;
-  double error = 0, pairs = 0, hidden = 0, false_visible = 0, false_occluded = 0;
+  struct Sums {
+    double error = 0, false_visible = 0, false_occluded = 0;
+  };
+  Sums step = {}, filtered = {};
+  double pairs = 0, hidden = 0;
+  const auto add = [](Sums& sums, double share, double true_share) {
+    sums.error += std::abs(share - true_share);
+    sums.false_visible += true_share < 0.5 && share >= 0.5;
+    sums.false_occluded += true_share >= 0.5 && share < 0.5;
+  };
   for (int i = 0; i < 500; ++i) {
     FrameTruth& truth = truths.emplace_back();
     std::vector<TargetWord>& said = words.emplace_back();
@@ -204,23 +213,25 @@ TEST(Words, EqualAPlainCountOnRandomShares) {
     for (uint64_t id = 1; id <= 2; ++id) {
       const auto alone = static_cast<uint32_t>(unit(random) < 0.2 ? 0 : 100);
       const auto visible = static_cast<uint32_t>(alone * unit(random));
-      const double share = unit(random);
-      said.insert(said.begin(), {id, share});  // not in the truth's order
+      const double share = unit(random), filtered_share = unit(random) * unit(random);
+      said.insert(said.begin(), {id, share, filtered_share});  // not in the truth's order
       if (!truth.picture) continue;
       truth.picture->targets.push_back({id, alone, visible, true});
       if (alone == 0) continue;
       const double true_share = visible / 100.0;
-      pairs += 1, error += std::abs(share - true_share);
-      hidden += true_share < 0.5;
-      false_visible += true_share < 0.5 && share >= 0.5;
-      false_occluded += true_share >= 0.5 && share < 0.5;
+      pairs += 1, hidden += true_share < 0.5;
+      add(step, share, true_share);
+      add(filtered, filtered_share, true_share);
     }
   }
   const WordMetrics metrics = judge_words(truths, words);
   EXPECT_EQ(static_cast<double>(metrics.pairs), pairs);
-  EXPECT_NEAR(metrics.mean_absolute_error, error / pairs, 1e-9);
-  EXPECT_NEAR(metrics.false_visible, false_visible / hidden, 1e-9);
-  EXPECT_NEAR(metrics.false_occluded, false_occluded / (pairs - hidden), 1e-9);
+  EXPECT_EQ(static_cast<double>(metrics.hidden_pairs), hidden);
+  for (const auto& [got, sums] : {std::pair(metrics.visible, step), std::pair(metrics.filtered, filtered)}) {
+    EXPECT_NEAR(got.mean_absolute_error, sums.error / pairs, 1e-9);
+    EXPECT_NEAR(got.false_visible, sums.false_visible / hidden, 1e-9);
+    EXPECT_NEAR(got.false_occluded, sums.false_occluded / (pairs - hidden), 1e-9);
+  }
 }
 
 // ---- policies ----
@@ -412,25 +423,8 @@ class EvaluateCommand : public testing::Test {
     options.out = folder_ / name;
     return options;
   }
-  static std::map<std::string, std::string> files_in(const std::filesystem::path& folder) {
-    std::map<std::string, std::string> files;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-      if (!entry.is_regular_file()) continue;
-      std::ifstream in(entry.path(), std::ios::binary);
-      files[std::filesystem::relative(entry.path(), folder)] = {std::istreambuf_iterator<char>(in), {}};
-    }
-    return files;
-  }
   std::filesystem::path folder_;
 };
-
-std::vector<std::string> split(const std::string& line) {
-  std::vector<std::string> cells;
-  std::stringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
-  if (line.ends_with(',')) cells.emplace_back();
-  return cells;
-}
 
 TEST_F(EvaluateCommand, WritesTheSameBytesWithOneJobAndWithMany) {
   std::ostringstream out, err;

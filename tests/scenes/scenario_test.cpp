@@ -44,7 +44,9 @@ std::vector<Case> all_cases() {
 }
 
 std::string print_case(const testing::TestParamInfo<Case>& info) {
-  return info.param.name + "_" + std::to_string(info.param.seed);
+  std::string name = info.param.name + "_" + std::to_string(info.param.seed);
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
 }
 
 class EveryScenario : public testing::TestWithParam<Case> {};
@@ -265,6 +267,38 @@ TEST(Fence, HidesATargetOftenButInFewOfAnyTenSteps) {
     for (int first = 0; first + 10 <= 600; ++first)
       EXPECT_LE(count(hidden.begin() + first, 10), 4) << "seed " << seed << ", from step " << first;
   }
+}
+
+// How many of the targets' chests are hidden from where the camera starts.
+size_t hidden_from_the_start(Stage& stage, double time_s) {
+  stage.play(time_s);
+  EmbreeDevice device;
+  EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
+  occluders.take_in(stage.mirror());
+  const glm::dvec3 camera = stage.pose_of(stage.with_role("camera")[0], 0).position_m;
+  const std::vector<uint32_t> targets = stage.target_slots();
+  size_t hidden = 0;
+  for (const Role& role : stage.with_role("target")) {
+    const glm::dvec3 chest = stage.pose_of(role, time_s).position_m + glm::dvec3(0, 1.1, 0);
+    const RayFilter filter{.ignored_slots = targets};
+    hidden += occluders.trace(chest, glm::vec3(camera - chest), 0, 1, filter).slot != UINT32_MAX;
+  }
+  return hidden;
+}
+
+TEST(Fence, ItsBoardHidesBothTargetsFromThenOnAndNothingLastsBefore) {
+  Stage stage(make_fence({.board_at_s = 4.0}));
+  std::map<size_t, int> frames_before;
+  for (double time_s = 0; time_s <= 4.0; time_s += 4 * kTick_s)
+    ++frames_before[hidden_from_the_start(stage, time_s)];
+  EXPECT_GT(frames_before[0], frames_before[2]) << "the fence hides for moments";
+  for (double time_s = 4.25; time_s <= 10.0; time_s += 0.25)
+    EXPECT_EQ(hidden_from_the_start(stage, time_s), 2u) << "at " << time_s;
+}
+
+TEST(Fence, HasNoBoardUnlessAsked) {
+  EXPECT_EQ(Stage(make_fence({})).with_role("occluder").size(), 1u);
+  EXPECT_EQ(Stage(make_fence({.board_at_s = 4.0})).with_role("occluder").size(), 2u);
 }
 
 TEST(Rooms, TargetsPassAtLeastFourDoorsOneBehindTheOther) {

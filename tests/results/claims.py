@@ -1,0 +1,167 @@
+"""What the results are held against. A claim is computed from the tables alone; nothing here knows an outcome."""
+import collections
+import operator
+
+from figures import (distinct, find, mean, number, over_seeds, percent, select, total, weighted_mean)
+
+# `holds` is None where the tables do not have what it needs.
+Claim = collections.namedtuple("Claim", "text holds figure")
+
+RIVALS = ("follow", "spring-arm", "raycast", "paper")
+MISSING = "not measured"
+
+
+def verdict(claim):
+    return {True: "**holds**", False: "**does not hold**", None: "cannot be told"}[claim.holds]
+
+
+def claim_if(text, needed, test, figure):
+    """A claim on figures of which any may be missing."""
+    if any(value is None for value in needed):
+        return Claim(text, None, MISSING)
+    return Claim(text, bool(test(*needed)), figure(*needed))
+
+
+# ---- table 3 ----
+
+def stability_claims(table3):
+    claims = []
+    for stability, d_c_times, d_s_times in (("3/5", 4, 1.4), ("6/10", 38, 17), ("8/15", 390, 17)):
+        row = find(table3, stability=stability)
+        for name, symbol, times in (("d_c_ratio", "d_c", d_c_times), ("d_s_ratio", "d_s", d_s_times)):
+            claims.append(_ratio_claim(row, name, f"{stability}: {symbol} falls at least {times} times", times))
+    return claims + _default_stability_claims(table3)
+
+
+def _ratio_claim(row, name, text, times):
+    ratio = row and row[name + "_median"]
+    return claim_if(text, [ratio], lambda r: r >= times, lambda _: over_seeds(row, name, 2) + " times, median")
+
+
+def _default_stability_claims(table3):
+    default, filtered = find(table3, stability="sightline"), find(table3, stability="6/10")
+    ratios = [row and row["d_c_ratio_median"] for row in (default, filtered)]
+    reaction = default and default["mean_reaction_s"]
+    return [
+        claim_if("Default: d_c falls at least as much as with 6/10", ratios, lambda own, other: own >= other,
+                 lambda own, other: f"{number(own, 2)} times against {number(other, 2)}, medians"),
+        claim_if("Default: mean reaction to a lasting occlusion below 0.35 s", [reaction], lambda s: s < 0.35,
+                 lambda s: f"{number(s, 3)} s over {int(default['occlusions'])} occlusions"),
+    ]
+
+
+# ---- table 2 ----
+
+def model_claims(table2):
+    basic = find(table2, model="Basic", prediction_ms=0.0)
+    best = find(table2, model="RobustMove", prediction_ms=300.0)
+    default = find(table2, model="sightline")
+    share = lambda row, name: row and row[name + "_mean"]
+    shares = lambda row, name: f"{percent(share(row, name))} in the mean; median {over_seeds(row, name, 2, 100)} %"
+    claims = [
+        claim_if("Basic: r_N at least 10 %, so that the hall is as hard as the paper's", [share(basic, "r_n")],
+                 lambda r_n: r_n >= 0.10, lambda _: shares(basic, "r_n")),
+        order_claim(table2),
+    ]
+    for name, row, most_r_p in (("RobustMove+Pred. 300", best, 0.0228), ("Default", default, 0.01)):
+        claims.append(claim_if(f"{name}: r_N = 0.00 %", [share(row, "r_n")], rounds_to_zero, lambda _: shares(row, "r_n")))
+        claims.append(claim_if(f"{name}: r_P at most {percent(most_r_p)}", [share(row, "r_p")],
+                               lambda r_p: r_p <= most_r_p, lambda _: shares(row, "r_p")))
+    for model in ("Basic", "RobustMove"):
+        claims.append(_longer_is_worse(table2, model))
+    claims.append(claim_if("Default: d_c no more than RobustMove+Pred. 300's",
+                           [share(default, "d_c_m"), share(best, "d_c_m")], lambda own, other: own <= other,
+                           lambda own, other: f"{number(own, 1)} m against {number(other, 1)} m, means"))
+    return claims
+
+
+def rounds_to_zero(share):
+    return percent(share) == "0.00 %"
+
+
+def order_claim(table2):
+    """No two of the paper's rows the other way round than the paper has them; equal ones count as kept."""
+    rows = [row for row in table2 if row["paper_r_n"] is not None]
+    text = "The rows come in the paper's order by r_N"
+    if not rows or any(row["r_n_mean"] is None for row in rows):
+        return Claim(text, None, MISSING)
+    rows.sort(key=lambda row: row["paper_r_n"])
+    pairs = [(a, b) for i, a in enumerate(rows) for b in rows[i + 1:]]
+    turned = sum(a["r_n_mean"] > b["r_n_mean"] for a, b in pairs)
+    ours = sorted(rows, key=lambda row: row["r_n_mean"])
+    order = ", ".join(f"{model_name(row)} {percent(row['r_n_mean'])}" for row in ours)
+    return Claim(text, turned == 0, f"{turned} of {len(pairs)} pairs are the other way round; ours: {order}")
+
+
+def model_name(row):
+    ahead = row["prediction_ms"]
+    return row["model"] + (f"+Pred. {int(ahead)}" if ahead else "")
+
+
+def _longer_is_worse(table2, model):
+    short, long = (find(table2, model=model, prediction_ms=ms) for ms in (300.0, 500.0))
+    values = [row and row[name + "_mean"] for name in ("r_n", "r_p") for row in (short, long)]
+    return claim_if(
+        f"{model}: a prediction of 500 ms is worse than one of 300 ms", values,
+        lambda n300, n500, p300, p500: n500 >= n300 and p500 >= p300 and (n500, p500) != (n300, p300),
+        lambda n300, n500, p300, p500: f"r_N {percent(n300)} and {percent(n500)}, r_P {percent(p300)} and {percent(p500)}")
+
+
+# ---- all scenes ----
+
+def scene_claims(runs):
+    claims = []
+    for rival in RIVALS:
+        claims.append(_against(runs, rival, "joint_visible_share", "a higher joint visible share",
+                               operator.gt, 1.0, percent))
+        claims.append(_against(runs, rival, "episodes", "fewer episodes of lost sight", operator.lt, 0.0,
+                               lambda n: number(n, 1)))
+    for name, text in (("body_collisions", "no frame in which the body touches a collider"),
+                       ("limit_violations", "no frame that breaks a motion limit"), ("pops", "no pop")):
+        claims.append(_none_of(runs, name, text))
+    return claims + [_word_claim(runs)]
+
+
+def _own(runs):
+    return select(runs, policy="sightline")
+
+
+def _in_scenes(text, scenes, failing, equal=()):
+    """`failing`, `equal`: a text for each scene where it is not so, and where neither is better."""
+    if not scenes:
+        return Claim(text, None, MISSING)
+    figure = f"in {len(scenes) - len(failing) - len(equal)} of {len(scenes)} scenes"
+    if failing:
+        figure += "; not in " + ", ".join(failing)
+    if equal:
+        figure += "; equal in " + ", ".join(equal)
+    return Claim(text, not failing and not equal, figure)
+
+
+def _against(runs, rival, name, what, better, best, show):
+    """By the means over seeds. Where both are as good as can be the claim counts as kept; another tie does not."""
+    failing, equal, scenes = [], [], []
+    for scene in distinct(_own(runs), "scene"):
+        own, other = (mean(select(runs, scene=scene, policy=policy), name) for policy in ("sightline", rival))
+        if own is None or other is None:
+            continue
+        scenes.append(scene)
+        if own == other != best:
+            equal.append(f"{scene} ({show(own)})")
+        elif own != other and not better(own, other):
+            failing.append(f"{scene} ({show(own)} against {show(other)})")
+    return _in_scenes(f"Every scene: {what} than {rival}", scenes, failing, equal)
+
+
+def _none_of(runs, name, text):
+    scenes = distinct(_own(runs), "scene")
+    counts = {scene: total(select(_own(runs), scene=scene), name) for scene in scenes}
+    return _in_scenes(f"Every scene: {text}", scenes, [f"{scene} ({int(n)})" for scene, n in counts.items() if n])
+
+
+def _word_claim(runs):
+    errors = {scene: weighted_mean(select(_own(runs), scene=scene), "filtered_share_error", "word_pairs")
+              for scene in distinct(_own(runs), "scene")}
+    errors = {scene: error for scene, error in errors.items() if error is not None}
+    return _in_scenes("Every scene: mean absolute error of the filtered share at most 0.05", list(errors),
+                      [f"{scene} ({number(error, 3)})" for scene, error in errors.items() if error > 0.05])

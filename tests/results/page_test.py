@@ -1,0 +1,257 @@
+"""The results page on made-up tables: page_test.py. Claims that hold and that do not, and the page as a whole."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+import claims  # noqa: E402
+import figures  # noqa: E402
+import make_page  # noqa: E402
+
+
+def spread(name, value):
+    return {name + part: value for part in ("_mean", "_median", "_least", "_most")}
+
+
+# ---- made-up tables ----
+
+def stability(name, d_c_ratio, d_s_ratio, reaction_s=0.2):
+    row = {"stability": name, "runs": 5.0, "occlusions": 10.0, "mean_reaction_s": reaction_s, "p95_reaction_s": reaction_s,
+           "paper_t_c_ms": 2.7, "paper_d_c": 157.0, "paper_d_s": 1.7}
+    for figure, value in (("d_c_ratio", d_c_ratio), ("d_s_ratio", d_s_ratio), ("t_c_ms", 1.0), ("d_c_m", 3.0),
+                          ("d_s_heights", 0.5), ("mean_visible_share", 0.6), ("joint_visible_share", 0.4)):
+        row.update(spread(figure, value))
+    return row
+
+
+def good_table3():
+    return [stability("0/0", 1.0, 1.0), stability("3/5", 4.0, 1.4), stability("6/10", 38.0, 17.0),
+            stability("8/15", 390.0, 17.0), stability("sightline", 38.0, 20.0)]
+
+
+PAPER_MODELS = (("Basic", 0.0, 0.1232), ("RobustMove", 0.0, 0.0747), ("Basic", 100.0, 0.0332), ("Basic", 300.0, 0.0112),
+                ("Basic", 500.0, 0.0502), ("RobustMove", 100.0, 0.0059), ("RobustMove", 300.0, 0.0),
+                ("RobustMove", 500.0, 0.0141))
+
+
+def model(name, prediction_ms, r_n, r_p, d_c_m, paper_r_n):
+    row = {"model": name, "prediction_ms": prediction_ms, "runs": 5.0, "pictures": 100.0, "paper_r_n": paper_r_n,
+           "paper_r_p": paper_r_n}
+    for figure, value in (("r_n", r_n), ("r_p", r_p), ("d_c_m", d_c_m), ("r_p_tolerant", r_p), ("mean_hidden_share", 0.1),
+                          ("d_s_heights", 1.0), ("step_time_ms", 1.0)):
+        row.update(spread(figure, value))
+    return row
+
+
+def good_table2():
+    """The paper's own shares; the default better than all."""
+    rows = [model(name, ms, r_n, 0.02 + r_n, 50.0, r_n) for name, ms, r_n in PAPER_MODELS]
+    return rows + [model("sightline", None, 0.00004, 0.01, 50.0, None)]
+
+
+def run(scene, policy, seed, joint, episodes, **other):
+    row = dict.fromkeys(make_page.RUN_COLUMNS, 0.0)
+    row.update(scene=scene, policy=policy, seed=seed, joint_visible_share=joint, episodes=episodes, word_pairs=100.0,
+               word_hidden_pairs=20.0, filtered_share_error=0.05, lasting_occlusions=1.0, mean_reaction_s=0.3)
+    row.update(other)
+    return row
+
+
+def good_runs():
+    runs = []
+    for scene in ("hall", "forest"):
+        for seed in (1.0, 2.0):
+            runs += [run(scene, policy, seed, 0.5, 3.0) for policy in claims.RIVALS]
+            runs.append(run(scene, "sightline", seed, 0.9, 1.0))
+    return runs
+
+
+def change(rows, new, **wanted):
+    """The rows with one changed."""
+    found = figures.find(rows, **wanted)
+    assert found is not None, wanted
+    found.update(new)
+    return rows
+
+
+def failing(some_claims):
+    return [claim.text for claim in some_claims if claim.holds is False]
+
+
+# ---- claims ----
+
+class StabilityClaims(unittest.TestCase):
+    def test_all_hold_at_the_very_thresholds(self):
+        found = claims.stability_claims(good_table3())
+        self.assertEqual(len(found), 8)
+        self.assertTrue(all(claim.holds is True for claim in found), failing(found))
+
+    def test_each_ratio_is_held_against_its_own_threshold(self):
+        for name, figure, value in (("3/5", "d_c_ratio", 3.99), ("3/5", "d_s_ratio", 1.39), ("6/10", "d_s_ratio", 16.9),
+                                    ("8/15", "d_c_ratio", 389.0), ("8/15", "d_s_ratio", 16.9)):
+            table = change(good_table3(), spread(figure, value), stability=name)
+            found = failing(claims.stability_claims(table))
+            self.assertEqual(len(found), 1, found)
+            self.assertTrue(found[0].startswith(f"{name}: {figure[:3]}"), found)
+
+    def test_the_default_is_compared_with_what_6_of_10_does(self):
+        table = change(good_table3(), spread("d_c_ratio", 41.0), stability="6/10")
+        self.assertEqual(failing(claims.stability_claims(table)), ["Default: d_c falls at least as much as with 6/10"])
+
+    def test_a_default_that_answers_late_fails_and_one_never_tried_cannot_be_told(self):
+        late = change(good_table3(), {"mean_reaction_s": 0.35}, stability="sightline")
+        self.assertEqual(failing(claims.stability_claims(late)),
+                         ["Default: mean reaction to a lasting occlusion below 0.35 s"])
+        untried = change(good_table3(), {"mean_reaction_s": None}, stability="sightline")
+        self.assertIsNone(claims.stability_claims(untried)[-1].holds)
+
+    def test_infinitely_calmer_holds(self):
+        table = change(good_table3(), spread("d_c_ratio", float("inf")), stability="8/15")
+        self.assertEqual(failing(claims.stability_claims(table)), [])
+
+    def test_a_row_that_is_missing_is_no_success(self):
+        table = [row for row in good_table3() if row["stability"] != "8/15"]
+        self.assertEqual([claim.holds for claim in claims.stability_claims(table)].count(None), 2)
+
+
+class ModelClaims(unittest.TestCase):
+    def test_the_papers_own_figures_keep_every_claim(self):
+        found = claims.model_claims(good_table2())
+        self.assertEqual(len(found), 9)
+        self.assertTrue(all(claim.holds is True for claim in found), failing(found))
+
+    def test_each_claim_fails_by_its_own_figure(self):
+        for wanted, new, text in (
+            ({"model": "RobustMove", "prediction_ms": 300.0}, spread("r_p", 0.0229), "RobustMove+Pred. 300: r_P"),
+            ({"model": "sightline"}, spread("r_n", 0.00006), "Default: r_N"),
+            ({"model": "sightline"}, spread("r_p", 0.0101), "Default: r_P"),
+            ({"model": "sightline"}, spread("d_c_m", 50.1), "Default: d_c"),
+            ({"model": "Basic", "prediction_ms": 500.0}, spread("r_p", 0.01), "Basic: a prediction of 500 ms"),
+        ):
+            found = failing(claims.model_claims(change(good_table2(), new, **wanted)))
+            self.assertEqual(len(found), 1, found)
+            self.assertTrue(found[0].startswith(text), found)
+
+    def test_an_easy_hall_fails(self):
+        table = change(good_table2(), spread("r_n", 0.0999), model="Basic", prediction_ms=0.0)
+        self.assertEqual(len(failing(claims.model_claims(table))), 1)
+
+    def test_two_rows_the_other_way_round_break_the_order_and_a_tie_does_not(self):
+        turned = change(good_table2(), spread("r_n", 0.08), model="Basic", prediction_ms=500.0)
+        claim = claims.order_claim(turned)
+        self.assertFalse(claim.holds)
+        self.assertIn("1 of 28 pairs", claim.figure)
+        tied = change(good_table2(), spread("r_n", 0.0747), model="Basic", prediction_ms=500.0)
+        self.assertTrue(claims.order_claim(tied).holds)
+
+    def test_as_good_at_500_as_at_300_is_not_worse(self):
+        table = good_table2()
+        for name in ("r_n", "r_p"):
+            change(table, spread(name, 0.0), model="RobustMove", prediction_ms=500.0)
+            change(table, spread(name, 0.0), model="RobustMove", prediction_ms=300.0)
+        self.assertIn("RobustMove: a prediction of 500 ms is worse than one of 300 ms", failing(claims.model_claims(table)))
+
+
+class SceneClaims(unittest.TestCase):
+    def test_all_hold(self):
+        found = claims.scene_claims(good_runs())
+        self.assertEqual(len(found), 12)
+        self.assertTrue(all(claim.holds is True for claim in found), failing(found))
+
+    def test_the_scene_where_a_rival_sees_more_is_named_with_both_figures(self):
+        runs = change(good_runs(), {"joint_visible_share": 1.0}, scene="forest", policy="paper", seed=1.0)
+        change(runs, {"joint_visible_share": 1.0}, scene="forest", policy="paper", seed=2.0)
+        found = [claim for claim in claims.scene_claims(runs) if not claim.holds]
+        self.assertEqual([claim.text for claim in found], ["Every scene: a higher joint visible share than paper"])
+        self.assertEqual(found[0].figure, "in 1 of 2 scenes; not in forest (90.00 % against 100.00 %)")
+
+    def test_means_over_seeds_decide(self):
+        runs = change(good_runs(), {"joint_visible_share": 1.0}, scene="forest", policy="paper", seed=1.0)
+        self.assertEqual(failing(claims.scene_claims(runs)), [])
+
+    def test_a_tie_holds_only_where_nothing_could_be_better(self):
+        for share, holds in ((1.0, True), (0.7, False)):
+            runs = good_runs()
+            for row in figures.select(runs, scene="hall"):
+                row["joint_visible_share"] = share
+            self.assertIs(claims.scene_claims(runs)[0].holds, holds)
+        for episodes, holds in ((0.0, True), (2.0, False)):
+            runs = good_runs()
+            for row in figures.select(runs, scene="hall"):
+                row["episodes"] = episodes
+            self.assertIs(claims.scene_claims(runs)[1].holds, holds)
+
+    def test_one_touch_one_violation_one_pop_are_one_too_many(self):
+        for name in ("body_collisions", "limit_violations", "pops"):
+            runs = change(good_runs(), {name: 1.0}, scene="hall", policy="sightline", seed=2.0)
+            found = [claim for claim in claims.scene_claims(runs) if not claim.holds]
+            self.assertEqual(len(found), 1)
+            self.assertIn("not in hall (1)", found[0].figure)
+            others = change(good_runs(), {name: 1.0}, scene="hall", policy="follow")
+            self.assertEqual(failing(claims.scene_claims(others)), [], "only the default promises it")
+
+    def test_the_words_error_is_weighed_by_the_words(self):
+        runs = change(good_runs(), {"filtered_share_error": 0.2, "word_pairs": 1.0}, scene="hall", policy="sightline", seed=1.0)
+        change(runs, {"filtered_share_error": 0.01}, scene="hall", policy="sightline", seed=2.0)
+        self.assertEqual(failing(claims.scene_claims(runs)), [])
+        change(runs, {"word_pairs": 100.0}, scene="hall", policy="sightline", seed=1.0)
+        self.assertEqual(len(failing(claims.scene_claims(runs))), 1)
+
+
+# ---- the page ----
+
+class Page(unittest.TestCase):
+    def make_folder(self, path):
+        timing = {"sampler": "embree", "renderer": "rays, by the CPU", "settings": "paper", "r": 5, "frames": 10, "samples": 100,
+                  "paper_samples": 75, "paper_render_ms": 0.7, "paper_intersect_ms": 0.91, "paper_select_ms": 0.16,
+                  "paper_total_ms": 1.77}
+        for stage in ("sample", "aggregate", "move", "total"):
+            timing.update({f"{stage}_p50_ms": 0.25, f"{stage}_p95_ms": 0.5})
+        for name, rows in (("table1", [timing]), ("table2", good_table2()), ("table3", good_table3())):
+            figures.write_table(path / "paper" / f"{name}.csv", list(rows[0]), rows)
+        figures.write_table(path / "scenes" / "runs.csv", make_page.RUN_COLUMNS, good_runs())
+        for folder, plots in (("paper", make_page.PAPER_PLOTS), ("scenes", make_page.SCENE_PLOTS)):
+            for plot in plots:
+                (path / folder / "plots" / plot).write_text("<svg/>")
+
+    def make(self, path, *arguments):
+        return subprocess.run([sys.executable, str(HERE / "make_page.py"), str(path / "page"), *arguments],
+                              capture_output=True, text=True, timeout=60)
+
+    def test_is_written_from_what_was_evaluated_and_again_from_what_was_kept(self):
+        with tempfile.TemporaryDirectory() as name:
+            path = pathlib.Path(name)
+            for folder in ("paper", "scenes"):
+                (path / folder / "plots").mkdir(parents=True)
+            self.make_folder(path)
+            how = [f"--how={key}=5" for key in make_page.HOW_KEYS]
+            result = self.make(path, "--paper", str(path / "paper"), "--scenes", str(path / "scenes"), *how)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            page = (path / "page" / "README.md").read_text(encoding="utf-8")
+            self.assertIn("| 3/5: d_c falls at least 4 times | **holds** | 4.00 times, median |", page)
+            self.assertIn("| paper | 5 | 100 | 0.250 (0.500) |", page)
+            self.assertIn("| RobustMove+Pred. 300 | 0.00 % | 0.00 | 0.00 % |", page)
+            self.assertIn("| hall | sightline | 90.0 % | 0.0 % | 1.0 |", page)
+            self.assertNotIn("does not hold", page)
+            for line in page.splitlines():
+                if line.startswith("!["):
+                    self.assertTrue((path / "page" / line.split("(")[1].rstrip(")")).is_file(), line)
+            self.assertEqual(self.make(path).returncode, 0)
+            self.assertEqual((path / "page" / "README.md").read_text(encoding="utf-8"), page)
+
+    def test_refuses_half_of_what_it_needs(self):
+        with tempfile.TemporaryDirectory() as name:
+            self.assertNotEqual(self.make(pathlib.Path(name), "--paper", name).returncode, 0)
+            self.assertNotEqual(self.make(pathlib.Path(name), "--paper", name, "--scenes", name).returncode, 0)
+
+    @unittest.skipUnless((HERE / "how.json").is_file(), "no results are kept here")
+    def test_the_page_that_is_kept_says_what_the_tables_beside_it_say(self):
+        self.assertEqual(make_page.make_page(HERE), (HERE / "README.md").read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    unittest.main()
