@@ -8,7 +8,9 @@ StepSettings sightline_settings() {
   StepSettings settings;
   settings.bound.towards_m = 5.0;
   settings.sample.points = 8;
+  settings.aggregate.filter.mode = FilterMode::kPerTarget;
   settings.move.strategy = Strategy::kBlend;
+  settings.move.blend.steadiness = 0.5;
   settings.move.prediction_s = 0.3;
   settings.move.turn_share = 0.4;
   settings.move.response_s = 0.15;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "server/aggregate/compose.h"
+#include "server/aggregate/lasting.h"
 #include "server/aggregate/lattice.h"
 #include "server/aggregate/pair_volume.h"
 #include "server/aggregate/survey.h"
@@ -101,6 +102,7 @@ struct ShotSearch {
   size_t looking = 0;          // which target looks round in this step
   MapRange maps;               // what it sees; none without a survey
   glm::dvec3 asked_offset_m{0.0};  // of the shot that the client gave
+  size_t asked_place = 0;          // of the survey, most like it
   std::optional<size_t> place;     // of the survey, that the camera wants
   ShotState asked, present;
 };
@@ -108,7 +110,9 @@ struct ShotSearch {
 // How a goal is found and gone to (strategy kBlend).
 struct GoalSearch {
   std::vector<double> target_weights;
-  std::vector<double> hidden;  // by candidate: expected hidden share, [0, 1]
+  HiddenShares hidden_by;      // by candidate: what is expected to be hidden, by what
+  LastingShares lasting;       // of what movers hide
+  std::vector<double> hidden;  // by candidate: what counts as hidden, [0, 1]
   Standoff standoff;
   RouteFinder routes;
   Trail trail;

@@ -92,18 +92,23 @@ bool follow_trail(StepWork& w, Leg& leg) {
 void expect_hidden(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
   if (settings.strategy != Strategy::kBlend) return;
+  GoalSearch& goal = w.memory.goal;
   const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
-  std::vector<double>& hidden = w.memory.goal.hidden;
-  const double bias = w.input.settings.aggregate.relative_bias;
   const double ahead = w.memory.ahead_s > 0 ? settings.predictive_power : 0.0;
-  hidden.assign(places.size(), 0.0);
-  const auto see = [&](const Sampled& sampled, double weight) {
-    add_shares(as_input(w, sampled), bias, places, w.memory.goal.target_weights, weight, w.memory.seen, hidden);
+  goal.hidden_by.reset(places.size());
+  const auto look = [&](const Sampled& sampled, double weight) {
+    add_hidden(as_input(w, sampled), w.input.settings.aggregate.relative_bias, w.input.scene.instances(), places,
+               goal.target_weights, weight, goal.hidden_by);
   };
-  see(w.memory.now, 1 - ahead);
-  if (ahead > 0) see(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
-  for (const Future& future : w.memory.futures) see(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
-  for (double& share : hidden) share = std::clamp(1 - share, 0.0, 1.0);
+  look(w.memory.now, 1 - ahead);
+  if (ahead > 0) look(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
+  for (const Future& future : w.memory.futures) look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
+  const FilterSettings& filter = w.input.settings.aggregate.filter;
+  goal.lasting.update(w.memory.lattice, w.move_s, filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
+                      goal.hidden_by.by_moving);
+  goal.hidden.resize(places.size());
+  for (size_t i = 0; i < places.size(); ++i)
+    goal.hidden[i] = std::clamp(goal.hidden_by.by_standing[i] + goal.hidden_by.by_moving[i], 0.0, 1.0);
 }
 
 Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {

@@ -56,14 +56,9 @@ void choose(StepWork& w) {
     return within_limits(center_m + offset_m, w.memory.target_views, settings) &&
            glm::length(shot_offset_m(w, offset_m)) <= kFitSlack * glm::length(offset_m);
   };
-  shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.present, shot.place, settings.survey,
-                           coherence, allowed);
-}
-
-// The survey's places are coarse: one beside the shot that was asked for is taken for that shot itself.
-bool is_asked_shot(const glm::dvec3& offset_m, const glm::dvec3& asked_m) {
-  const double cosine = glm::dot(glm::normalize(offset_m), glm::normalize(asked_m));
-  return cosine > std::cos(0.25) && std::abs(std::log(glm::length(offset_m) / glm::length(asked_m))) < 0.2;
+  shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
+  shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
+                           shot.place.value_or(shot.asked_place), settings.survey, coherence, allowed);
 }
 
 }  // namespace
@@ -103,8 +98,9 @@ void learn_survey(StepWork& w) {
                     w.move_s * static_cast<double>(w.input.targets.size()), w.input.settings.move.survey.memory_s);
   if (shot.survey.complete() && w.input.tick % kStepsPerChoice == 0) choose(w);
   if (!shot.place) return;
-  const glm::dvec3 offset_m = shot.survey.offset_m(*shot.place);
-  w.memory.desired_offset_m = is_asked_shot(offset_m, shot.asked_offset_m) ? shot.asked_offset_m : offset_m;
+  // The survey's places are coarse: the one that is most like the shot that was asked for is taken for that shot itself.
+  w.memory.desired_offset_m =
+      *shot.place == shot.asked_place ? shot.asked_offset_m : shot.survey.offset_m(*shot.place);
 }
 
 }  // namespace sightline

@@ -50,18 +50,25 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
   }
 }
 
-void add_shares(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
-                std::span<const double> weight_of_target, double weight, std::vector<uint8_t>& seen,
-                std::span<double> share) {
+void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const Instance> instances,
+                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
+                HiddenShares& hidden) {
   double total = 0;
   for (const double w : weight_of_target) total += w;
   if (!(total > 0)) return;
   for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
     const MapRange& points = sampled.points_of_target[target];
     if (points.count == 0 || weight_of_target[target] <= 0) continue;
-    count_seen(sampled, points, relative_bias, position_m, seen);
     const double each = weight * weight_of_target[target] / (total * points.count);
-    for (size_t i = 0; i < position_m.size(); ++i) share[i] += each * seen[i];
+    for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
+      const auto maps = sampled.maps.subspan(range.first, range.count);
+      for (size_t i = 0; i < position_m.size(); ++i) {
+        const Sight sight = look_up(maps, position_m[i], relative_bias);
+        if (sight.visible) continue;
+        const bool moves = sight.occluder != kNoOccluder && instances[sight.occluder].moving;
+        (moves ? hidden.by_moving : hidden.by_standing)[i] += each;
+      }
+    }
   }
 }
 

@@ -10,6 +10,7 @@
 #include "server/aggregate/filter.h"
 #include "server/base/error.h"
 #include "server/sample/depth_map.h"
+#include "server/scene/mirror.h"
 
 namespace sightline {
 
@@ -61,11 +62,18 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
                         std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
                         std::vector<uint32_t>& visible);
 
-// share[i] += weight * the mean, by `weight_of_target`, of the shares of each target's points that position i sees; nothing when
-// all weights are 0. `seen` is scratch memory, reused. O(positions * maps).
-void add_shares(const SampledPoints& sampled, double relative_bias, std::span<const glm::dvec3> position_m,
-                std::span<const double> weight_of_target, double weight, std::vector<uint8_t>& seen,
-                std::span<double> share);
+// What hides the targets, by position: shares in [0, 1].
+struct HiddenShares {
+  std::vector<double> by_standing, by_moving;
+  void reset(size_t positions) { by_standing.assign(positions, 0.0), by_moving.assign(positions, 0.0); }
+};
+
+// Adds weight * the mean, by `weight_of_target`, of the shares of each target's points that are hidden from position i, by what
+// stands still and by what moves; nothing when all weights are 0. A position that no map shows counts as hidden by what
+// stands. `instances`: of the mirror that the maps were taken of. O(positions * maps).
+void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const Instance> instances,
+                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
+                HiddenShares& hidden);
 
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "server/aggregate/compose.h"
@@ -44,6 +45,19 @@ glm::dvec3 Survey::offset_m(size_t place) const {
                rise = kElevationsRad[elevation];
   return distance_m_ * kDistanceShares[distance] *
          glm::dvec3(std::cos(rise) * std::cos(turn), std::sin(rise), std::cos(rise) * std::sin(turn));
+}
+
+size_t Survey::nearest_place(const glm::dvec3& offset_m) const {
+  const double length_m = glm::length(offset_m);
+  double least = std::numeric_limits<double>::infinity();
+  size_t nearest = 0;
+  for (size_t place = 0; place < kPlaces; ++place) {
+    const glm::dvec3 at_m = this->offset_m(place);
+    const double far_m = glm::length(at_m), cosine = glm::dot(at_m, offset_m) / (far_m * length_m);
+    const double apart = std::acos(std::clamp(cosine, -1.0, 1.0)) + std::abs(std::log(far_m / length_m));
+    if (apart < least) least = apart, nearest = place;
+  }
+  return nearest;
 }
 
 void Survey::learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m,

@@ -25,6 +25,8 @@ class Survey {
   void follow(std::span<const uint64_t> target_ids, double distance_m);
   void forget() { ids_.clear(), shares_.clear(), known_.clear(); }
 
+  // The place that is most like `offset_m`, in direction and distance; not zero.
+  size_t nearest_place(const glm::dvec3& offset_m) const;
   // From the targets' centre to a place, world axes.
   glm::dvec3 offset_m(size_t place) const;
 
@@ -45,7 +47,7 @@ class Survey {
   double distance_m_ = 1.0;
   std::vector<uint64_t> ids_;
   std::vector<float> shares_;   // target by target, place by place
-  std::vector<uint8_t> known_;  // by target: has looked round
+  std::vector<uint8_t> known_;   // by target: has looked round
 };
 
 }  // namespace sightline

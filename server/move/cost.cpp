@@ -38,6 +38,7 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
 
 Status validate(const BlendSettings& s) {
   if (auto ok = check_range("move.blend.hidden", s.hidden, 0, 1000); !ok) return ok;
+  if (auto ok = check_range("move.blend.tolerance", s.tolerance, 0, 1); !ok) return ok;
   if (auto ok = check_range("move.blend.distance", s.distance, 0, 10); !ok) return ok;
   if (auto ok = check_range("move.blend.shelter", s.shelter, 0, 10); !ok) return ok;
   if (auto ok = check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5); !ok) return ok;
@@ -53,7 +54,8 @@ void blend_costs(const BlendInput& input, const BlendSettings& settings, std::ve
   for (size_t i = 0; i < cost.size(); ++i) {
     const double depth_m = input.groups.depth_steps(i) * input.spacing_m;
     const double bare = 1.0 - std::min(depth_m / settings.full_depth_m, 1.0);
-    cost[i] = settings.hidden * input.hidden[i] + settings.distance * glm::distance(input.position_m[i], input.desired_m) +
+    const double missed = std::max(0.0, input.hidden[i] - settings.tolerance);
+    cost[i] = settings.hidden * missed + settings.distance * glm::distance(input.position_m[i], input.desired_m) +
               settings.shelter * bare;
     // Kept apart: no weight times infinity.
     cost[i] += std::isinf(input.route_m[i]) ? input.route_m[i] : settings.route * input.route_m[i];

@@ -1,5 +1,6 @@
 #include "server/move/shot.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "server/base/check.h"
@@ -24,28 +25,36 @@ double cost_of(const ShotCandidate& candidate, const ShotState& asked, const Sho
 Status validate(const SurveySettings& s) {
   if (auto ok = check_above("move.survey.memory_s", s.memory_s, 0, 10); !ok) return ok;
   if (auto ok = check_range("move.survey.resolution", s.resolution, 2, 32); !ok) return ok;
+  if (auto ok = check_range("move.survey.content", s.content, 0, 1); !ok) return ok;
   return check_range("move.survey.hold", s.hold, 0, 1);
 }
 
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
-                                  const ShotState& present, std::optional<size_t> former,
+                                  size_t asked_place, const ShotState& present, size_t former,
                                   const SurveySettings& settings, const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
   std::vector<float> seen(targets.size()), beside(targets.size());
-  double least = std::numeric_limits<double>::infinity();
-  std::optional<size_t> best;
-  for (size_t place = 0; place < Survey::kPlaces; ++place) {
-    const glm::dvec3 offset_m = survey.offset_m(place);
-    if (!allowed(offset_m)) continue;
+  const auto candidate_at = [&](size_t place) {
     for (size_t i = 0; i < targets.size(); ++i) {
       seen[i] = survey.share(i, place);
       beside[i] = survey.share_beside(i, place);
     }
-    ShotCandidate candidate{.world_from_camera = pose_at(center_m, offset_m), .seen_share = seen};
+    ShotCandidate candidate{.world_from_camera = pose_at(center_m, survey.offset_m(place)), .seen_share = seen};
     candidate.hidden_ahead = hidden_share(targets, beside);
-    double cost = cost_of(candidate, asked, present, targets, coherence);
-    if (former == place) cost -= settings.hold;
+    return candidate;
+  };
+  for (const size_t place : {asked_place, former}) {
+    const ShotCandidate candidate = candidate_at(place);
+    const double hidden = std::max(hidden_share(targets, candidate.seen_share), candidate.hidden_ahead);
+    if (hidden <= settings.content && allowed(survey.offset_m(place))) return place;
+  }
+  double least = std::numeric_limits<double>::infinity();
+  std::optional<size_t> best;
+  for (size_t place = 0; place < Survey::kPlaces; ++place) {
+    if (!allowed(survey.offset_m(place))) continue;
+    double cost = cost_of(candidate_at(place), asked, present, targets, coherence);
+    if (place == former) cost -= settings.hold;
     if (cost < least) least = cost, best = place;
   }
   return best;

@@ -18,15 +18,18 @@ struct SurveySettings {
   bool enabled = false;    // off: the camera wants the place that it was asked for, seen or not
   double memory_s = 0.7;   // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
   int resolution = 8;      // texels a side of each face, [2, 32]
-  double hold = 0.02;      // [0, 1]; a new shot must be this much better, of the shot cost in [0, 1]
+  double content = 0.1;    // [0, 1]; a shot is kept while no more than this share of the targets is hidden, from it and from
+                           // beside it. 0: the camera is never at rest; 1: it never looks for another shot
+  double hold = 0.02;      // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
 };
 Status validate(const SurveySettings& settings);
 
-// The place of least cost, or none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
+// The place of the shot that was asked for when it is good enough (SurveySettings::content), else the former one when that is,
+// else the place of least cost; none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
 // targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
-// of them taken as seen. `former`: the place that was chosen before. The survey is complete and of these targets, in this order.
+// of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is complete and of these targets, in this order.
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
-                                  const ShotState& present, std::optional<size_t> former,
+                                  size_t asked_place, const ShotState& present, size_t former,
                                   const SurveySettings& settings, const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed);
 

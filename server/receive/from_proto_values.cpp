@@ -147,6 +147,7 @@ void read_blend(const v1::Blend& wire, BlendSettings& out) {
   if (wire.has_hidden()) out.hidden = wire.hidden();
   if (wire.has_route()) out.route = wire.route();
   if (wire.has_exposure()) out.exposure = wire.exposure();
+  if (wire.has_tolerance()) out.tolerance = wire.tolerance();
   if (wire.has_steadiness()) out.steadiness = wire.steadiness();
 }
 
@@ -154,6 +155,7 @@ void read_survey(const v1::Survey& wire, SurveySettings& out) {
   if (wire.has_enabled()) out.enabled = wire.enabled();
   if (wire.has_memory_s()) out.memory_s = wire.memory_s();
   if (wire.has_resolution()) out.resolution = saturate(wire.resolution());
+  if (wire.has_content()) out.content = wire.content();
   if (wire.has_hold()) out.hold = wire.hold();
 }
 
