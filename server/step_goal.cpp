@@ -91,7 +91,7 @@ bool follow_trail(StepWork& w, Leg& leg) {
 
 void expect_hidden(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  if (settings.strategy != Strategy::kBlend) return;
+  if (settings.strategy != Strategy::kBlend) return w.memory.goal.goal_m.reset();
   const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
   std::vector<double>& hidden = w.memory.goal.hidden;
   const double bias = w.input.settings.aggregate.relative_bias;

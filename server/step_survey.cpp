@@ -66,12 +66,20 @@ bool is_asked_shot(const glm::dvec3& offset_m, const glm::dvec3& asked_m) {
   return cosine > std::cos(0.25) && std::abs(std::log(glm::length(offset_m) / glm::length(asked_m))) < 0.2;
 }
 
+// What was learnt is old when the survey comes on again, and without one the camera wants the shot that it was asked for.
+void stop_survey(StepWork& w) {
+  ShotSearch& shot = w.memory.shot;
+  shot.survey.forget();
+  if (shot.place) w.memory.desired_offset_m = shot.asked_offset_m;
+  shot.place.reset();
+}
+
 }  // namespace
 
 void plan_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   shot.maps = {};
-  if (!surveys(w)) return;
+  if (!surveys(w)) return stop_survey(w);
   shot.looking = w.input.tick % w.input.targets.size();
   CounterRandom random(w.input.seed, w.input.tick, RandomPurpose::kSurveyPoint);
   const Instance& instance = *w.input.scene.find(w.input.targets[shot.looking].instance_id);
