@@ -91,8 +91,8 @@ bool follow_trail(StepWork& w, Leg& leg) {
 
 void expect_hidden(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  if (settings.strategy != Strategy::kBlend) return;
   GoalSearch& goal = w.memory.goal;
+  if (settings.strategy != Strategy::kBlend) return goal.goal_m.reset();
   const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
   const double ahead = w.memory.ahead_s > 0 ? settings.predictive_power : 0.0;
   goal.hidden_by.reset(places.size());

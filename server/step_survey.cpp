@@ -12,6 +12,7 @@ namespace {
 constexpr uint64_t kStepsPerChoice = 4;
 // Points of the targets' boxes that look round: this share of the box, since its corners are mostly outside the shape.
 constexpr double kBoxShare = 0.7;
+constexpr double kStandingMps = 0.2;
 // A shot that the framing would push out by more than this share does not show the whole group.
 constexpr double kFitSlack = 1.05;
 
@@ -42,6 +43,13 @@ void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
                seen, shot);
 }
 
+// Nobody walks: what is seen now will be seen, but for what passes.
+bool stand(const StepWork& w) {
+  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(), [](const TargetView& target) {
+    return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
+  });
+}
+
 void choose(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   const MoveSettings& settings = w.input.settings.move;
@@ -50,6 +58,8 @@ void choose(StepWork& w) {
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
   capture(w, shot_offset_m(w, shot.asked_offset_m), shot.asked);
   capture(w, present_m, shot.present);
+  SurveySettings survey = settings.survey;
+  if (!stand(w)) survey.content = 0;
   CoherenceSettings coherence = settings.coherence;
   coherence.predictive_power = settings.predictive_power;
   const auto allowed = [&](const glm::dvec3& offset_m) {
@@ -58,7 +68,15 @@ void choose(StepWork& w) {
   };
   shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
   shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
-                           shot.place.value_or(shot.asked_place), settings.survey, coherence, allowed);
+                           shot.place.value_or(shot.asked_place), survey, coherence, allowed);
+}
+
+// What was learnt is old when the survey comes on again, and without one the camera wants the shot that it was asked for.
+void stop_survey(StepWork& w) {
+  ShotSearch& shot = w.memory.shot;
+  shot.survey.forget();
+  if (shot.place) w.memory.desired_offset_m = shot.asked_offset_m;
+  shot.place.reset();
 }
 
 }  // namespace
@@ -66,7 +84,7 @@ void choose(StepWork& w) {
 void plan_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   shot.maps = {};
-  if (!surveys(w)) return;
+  if (!surveys(w)) return stop_survey(w);
   shot.looking = w.input.tick % w.input.targets.size();
   CounterRandom random(w.input.seed, w.input.tick, RandomPurpose::kSurveyPoint);
   const Instance& instance = *w.input.scene.find(w.input.targets[shot.looking].instance_id);

@@ -131,7 +131,8 @@ const BadValue kBadValues[] = {
      [](auto& s, auto&) { s.mutable_move()->set_prediction_s(2.01); }},
     {"settings.move.blend", "above 0",
      [](auto& s, auto&) {
-       s.mutable_move()->mutable_blend()->set_distance(0), s.mutable_move()->mutable_blend()->set_shelter(0);
+       v1::Blend& blend = *s.mutable_move()->mutable_blend();
+       blend.set_hidden(0), blend.set_distance(0), blend.set_shelter(0), blend.set_route(0);
      }},
     {"settings.move.max_distance_m", "(1, 10000]",
      [](auto& s, auto&) {

@@ -156,8 +156,10 @@ TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
 TEST(Trouble, ATableThatNewSettingsNeedIsBuiltByALoaderAndNoStepWaits) {
   ServiceWorld world({.threads = 1});
   Stream changing(world.channel()), other(world.channel());
-  changing.open(open_with_boxes(2));
-  other.open(open_with_boxes(2));
+  v1::OpenSession without_points = open_with_boxes(2);
+  without_points.mutable_settings()->mutable_sample()->set_points(0);
+  changing.open(without_points);
+  other.open(without_points);
   v1::Tick points = move_tick(1, 1, 0.1);
   points.mutable_settings()->mutable_sample()->set_points(2);
   {

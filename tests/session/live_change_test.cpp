@@ -145,6 +145,8 @@ StepSettings random_settings(CounterRandom& random) {
   s.bound.horizon_s = random.next_in(0.2, 0.9);
   s.sample.resolution = 4 + one_of(9);
   s.sample.points = one_of(5);
+  s.bound.towards_m = one_of(2) * 5.0;
+  s.move.survey.enabled = one_of(2) == 1;
   s.sample.jitter_texels = one_of(2) == 1;
   s.aggregate.volume = static_cast<Volume>(one_of(2));
   s.aggregate.candidates = 100 + one_of(500);
@@ -160,8 +162,9 @@ ObservedCamera far_cut() {
   return {{{40, 2, 30}, {1, 0, 0, 0}}, {}, true};
 }
 
-// One session has lived under other settings, one has not. A cut takes the camera of both to the same place: from then on they
-// must answer the same, whatever was before.
+// One session has lived under other settings, one has not. Then both are without targets for a step, so that what is known of
+// those is forgotten, and a cut takes the camera of both to the same place: from then on they must answer the same, whatever
+// was before.
 void expect_no_trace_of(const std::vector<StepSettings>& former, const StepSettings& last,
                         const std::string& where) {
   Walk changed(former.front()), always(last);
@@ -172,9 +175,12 @@ void expect_no_trace_of(const std::vector<StepSettings>& former, const StepSetti
   for (int k = 0; k < 20; ++k) changed.play(), always.play();
   changed.play(last), always.play();
   for (int k = 0; k < 3; ++k) changed.play(), always.play();
+  const std::vector<Target> targets = changed.game.session->targets();
   for (int k = 0; k < 45; ++k) {
     TickMaker tick = changed.next(), same = always.next();
-    if (k == 0) tick.observed_camera = same.observed_camera = far_cut();
+    if (k == 0) tick.targets = same.targets.emplace();
+    if (k == 1) tick.targets = same.targets = targets;
+    if (k <= 1) tick.observed_camera = same.observed_camera = far_cut();
     expect_same(changed.game.play(tick), always.game.play(same), where + " step " + std::to_string(k));
     if (testing::Test::HasFailure()) return;
   }

@@ -471,7 +471,9 @@ const WrongTick kWrongTicks[] = {
     {"tick.settings.aggregate.filter.n", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.n = 0; }},
     {"tick.settings.move.blend", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { otherwise_good(t).move.blend = {.distance = 0, .shelter = 0}; }},
+     [](Game&, TickMaker& t) {
+       otherwise_good(t).move.blend = {.hidden = 0, .distance = 0, .shelter = 0, .route = 0};
+     }},
     {"tick.settings.framing.dead_zone", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},
     {"tick.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
