@@ -9,9 +9,10 @@ StepSettings sightline_settings() {
   settings.bound.towards_m = 5.0;
   settings.sample.points = 8;
   settings.aggregate.filter.mode = FilterMode::kPerTarget;
+  settings.aggregate.filter.min_occlusion_s = 0.1;
   settings.move.strategy = Strategy::kBlend;
   settings.move.blend.steadiness = 0.5;
-  settings.move.prediction_s = 0.3;
+  settings.move.prediction_s = 0.5;
   settings.move.turn_share = 0.4;
   settings.move.response_s = 0.15;
   settings.move.survey.enabled = true;

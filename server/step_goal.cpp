@@ -19,6 +19,8 @@ constexpr double kRouteRoomM = 0.05;
 constexpr double kTrailReachM = 12.0;
 // Braking is planned with this share of the allowed acceleration.
 constexpr double kBrakeShare = 0.7;
+// Slower than this a target stands.
+constexpr double kStandingMps = 0.2;
 
 double body_m(const StepWork& w) {
   return swept_radius_m(w.input.limits, w.lens);
@@ -89,6 +91,12 @@ bool follow_trail(StepWork& w, Leg& leg) {
 
 }  // namespace
 
+bool targets_stand(const StepWork& w) {
+  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(), [](const TargetView& target) {
+    return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
+  });
+}
+
 void expect_hidden(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
   GoalSearch& goal = w.memory.goal;
@@ -116,6 +124,8 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
   const MoveSettings& settings = w.input.settings.move;
   find_groups_of_all_visible(w, desired_m);
   find_routes(w);
+  BlendSettings blend = settings.blend;
+  if (targets_stand(w)) blend.tolerance = std::max(blend.tolerance, settings.survey.content);
   blend_costs({.position_m = m.candidates.position_m,
                .hidden = m.goal.hidden,
                .route_m = m.goal.routes.cost_m(),
@@ -123,7 +133,7 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
                .spacing_m = m.lattice.spacing_m(),
                .desired_m = desired_m,
                .former_goal_m = m.goal.goal_m},
-              settings.blend, m.cost);
+              blend, m.cost);
   for (size_t i = 0; i < m.cost.size(); ++i)
     if (!within_limits(m.candidates.position_m[i], m.target_views, settings)) m.cost[i] += kOutsideLimits;
   const Choice choice = choose_least(m.candidates, m.target_views, m.cost, desired_m);

@@ -10,9 +10,10 @@ namespace {
 
 // A shot is chosen in every fourth step: it is to hold for seconds.
 constexpr uint64_t kStepsPerChoice = 4;
+// The survey is believed once it lasted for this share of its memory.
+constexpr double kKnownShare = 0.5;
 // Points of the targets' boxes that look round: this share of the box, since its corners are mostly outside the shape.
 constexpr double kBoxShare = 0.7;
-constexpr double kStandingMps = 0.2;
 // A shot that the framing would push out by more than this share does not show the whole group.
 constexpr double kFitSlack = 1.05;
 
@@ -43,13 +44,6 @@ void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
                seen, shot);
 }
 
-// Nobody walks: what is seen now will be seen, but for what passes.
-bool stand(const StepWork& w) {
-  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(), [](const TargetView& target) {
-    return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
-  });
-}
-
 void choose(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   const MoveSettings& settings = w.input.settings.move;
@@ -59,7 +53,7 @@ void choose(StepWork& w) {
   capture(w, shot_offset_m(w, shot.asked_offset_m), shot.asked);
   capture(w, present_m, shot.present);
   SurveySettings survey = settings.survey;
-  if (!stand(w)) survey.content = 0;
+  if (!targets_stand(w)) survey.content = 0;
   CoherenceSettings coherence = settings.coherence;
   coherence.predictive_power = settings.predictive_power;
   const auto allowed = [&](const glm::dvec3& offset_m) {
@@ -114,7 +108,8 @@ void learn_survey(StepWork& w) {
   shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
                     weighted_center_m(w.memory.target_views), settings.relative_bias,
                     w.move_s * static_cast<double>(w.input.targets.size()), w.input.settings.move.survey.memory_s);
-  if (shot.survey.complete() && w.input.tick % kStepsPerChoice == 0) choose(w);
+  const bool knows = shot.survey.known_s() >= kKnownShare * w.input.settings.move.survey.memory_s;
+  if (knows && w.input.tick % kStepsPerChoice == 0) choose(w);
   if (!shot.place) return;
   // The survey's places are coarse: the one that is most like the shot that was asked for is taken for that shot itself.
   w.memory.desired_offset_m =

@@ -41,6 +41,8 @@ glm::dvec3 velocity_to_goal(StepWork& work, Choice& choice);
 glm::dvec3 group_velocity(const StepWork& work);
 // Of the step's sampled points, as compose_visibility takes them.
 SampledPoints as_input(const StepWork& work, const Sampled& sampled);
+// Nobody walks: what is seen now will be seen, but for what passes.
+bool targets_stand(const StepWork& work);
 // Finds memory.groups: the groups of places that see all steered targets.
 void find_groups_of_all_visible(StepWork& work, const glm::dvec3& desired_m);
 

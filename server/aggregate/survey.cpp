@@ -25,17 +25,17 @@ void Survey::follow(std::span<const uint64_t> target_ids, double distance_m) {
   distance_m_ = distance_m;
   if (std::equal(ids_.begin(), ids_.end(), target_ids.begin(), target_ids.end())) return;
   std::vector<float> shares(target_ids.size() * kPlaces, 1.0f);
-  std::vector<uint8_t> known(target_ids.size(), 0);
+  std::vector<double> known_s(target_ids.size(), 0.0);
   for (size_t i = 0; i < target_ids.size(); ++i) {
     const auto old = static_cast<size_t>(std::find(ids_.begin(), ids_.end(), target_ids[i]) - ids_.begin());
     if (old == ids_.size()) continue;
     const auto from = std::span<const float>(shares_).subspan(old * kPlaces, kPlaces);
     std::copy(from.begin(), from.end(), std::span<float>(shares).subspan(i * kPlaces, kPlaces).begin());
-    known[i] = known_[old];
+    known_s[i] = known_s_[old];
   }
   ids_.assign(target_ids.begin(), target_ids.end());
   shares_ = std::move(shares);
-  known_ = std::move(known);
+  known_s_ = std::move(known_s);
 }
 
 glm::dvec3 Survey::offset_m(size_t place) const {
@@ -62,8 +62,8 @@ size_t Survey::nearest_place(const glm::dvec3& offset_m) const {
 
 void Survey::learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m,
                    double relative_bias, double since_s, double memory_s) {
-  const auto newest = static_cast<float>(known_[target] ? -std::expm1(-since_s / memory_s) : 1.0);
-  known_[target] = 1;
+  const auto newest = static_cast<float>(-std::expm1(-since_s / memory_s));
+  known_s_[target] += since_s;
   for (size_t place = 0; place < kPlaces; ++place) {
     const Sight sight = look_up(maps, center_m + offset_m(place), relative_bias);
     if (!sight.known) continue;
@@ -83,8 +83,8 @@ float Survey::share_beside(size_t target, size_t place) const {
   return sum / count;
 }
 
-bool Survey::complete() const {
-  return !known_.empty() && std::find(known_.begin(), known_.end(), 0) == known_.end();
+double Survey::known_s() const {
+  return known_s_.empty() ? 0.0 : *std::min_element(known_s_.begin(), known_s_.end());
 }
 
 }  // namespace sightline

@@ -23,7 +23,7 @@ class Survey {
 
   // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the third of four distances.
   void follow(std::span<const uint64_t> target_ids, double distance_m);
-  void forget() { ids_.clear(), shares_.clear(), known_.clear(); }
+  void forget() { ids_.clear(), shares_.clear(), known_s_.clear(); }
 
   // The place that is most like `offset_m`, in direction and distance; not zero.
   size_t nearest_place(const glm::dvec3& offset_m) const;
@@ -31,23 +31,23 @@ class Survey {
   glm::dvec3 offset_m(size_t place) const;
 
   // Target `target` looked round: `maps` together show every direction from one of its points. `since_s`: the time since it last
-  // did; `memory_s` > 0: the time constant. The first look counts fully.
+  // did; `memory_s` > 0: the time constant.
   void learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m, double relative_bias,
              double since_s, double memory_s);
 
-  // The visible share of a target at a place, [0, 1]; 1 before it looked round.
+  // The visible share of a target at a place, [0, 1]; 1 before it first looked round.
   float share(size_t target, size_t place) const { return shares_[target * kPlaces + place]; }
   // The mean over the places beside it at the same distance: what becomes of it when the targets turn a little.
   float share_beside(size_t target, size_t place) const;
-  // True when every target has looked round.
-  bool complete() const;
+  // For how long the target that looked round for the shortest time has; 0 without targets. Before about memory_s little is known.
+  double known_s() const;
   size_t target_count() const { return ids_.size(); }
 
  private:
   double distance_m_ = 1.0;
   std::vector<uint64_t> ids_;
-  std::vector<float> shares_;   // target by target, place by place
-  std::vector<uint8_t> known_;   // by target: has looked round
+  std::vector<float> shares_;    // target by target, place by place
+  std::vector<double> known_s_;  // by target: for how long it has looked round
 };
 
 }  // namespace sightline

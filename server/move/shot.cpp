@@ -46,7 +46,7 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
   };
   for (const size_t place : {asked_place, former}) {
     const ShotCandidate candidate = candidate_at(place);
-    const double hidden = std::max(hidden_share(targets, candidate.seen_share), candidate.hidden_ahead);
+    const double hidden = (hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead) / 2;
     if (hidden <= settings.content && allowed(survey.offset_m(place))) return place;
   }
   double least = std::numeric_limits<double>::infinity();

@@ -18,8 +18,8 @@ struct SurveySettings {
   bool enabled = false;    // off: the camera wants the place that it was asked for, seen or not
   double memory_s = 0.7;   // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
   int resolution = 8;      // texels a side of each face, [2, 32]
-  double content = 0.15;   // [0, 1]; while the targets stand, a shot is kept from which, and from beside which, no more than
-                           // this share of them is hidden. 0: the camera is never at rest; 1: it never looks for another shot
+  double content = 0.15;   // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
+                           // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
   double hold = 0.02;      // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
 };
 Status validate(const SurveySettings& settings);
