@@ -180,7 +180,7 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
                              const StageClock& clock) {
   StepResult result;
-  StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens, .pair = {}};
+  StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens};
   start(work);
 
   {  // 1. Where can the camera be soon?

@@ -17,7 +17,7 @@
 #include "server/aggregate/compose.h"
 #include "server/aggregate/lasting.h"
 #include "server/aggregate/lattice.h"
-#include "server/aggregate/pair_volume.h"
+#include "server/aggregate/pair_chain.h"
 #include "server/aggregate/survey.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
@@ -145,6 +145,8 @@ struct StepMemory {
   std::vector<Future> futures;  // other ways that the targets may take until then
   double ahead_s = 0.0;  // for how far; 0: not in this step
   double ahead_confidence = 0.0;
+  std::vector<glm::dvec3> chained_m;  // one point a target, when pair volumes are asked for
+  PairChain chain;                    // of these; when complete
   std::vector<DepthMap> maps;
   CandidateSet candidates;
   SightCounts counts;
@@ -192,9 +194,9 @@ struct StepResult {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   Volume volume = Volume::kLattice;
-  // Why the pair volume was not used although asked for; empty when it was, or was not asked for.
+  // Why the pair volumes were not used although asked for; empty when they were, or were not asked for.
   bool pair_asked = false;
-  bool pair_needs_two = false;
+  bool pair_needs_two = false;  // there are fewer targets than that
   PairGap pair_gap = PairGap::kNone;
   std::vector<TargetSight> targets;  // in the order of the input
   int chosen_candidate = -1;

@@ -15,11 +15,10 @@ void list_candidates(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
   w.memory.lattice.cover(w.memory.bound, settings.candidates);
   if (w.pair && !filters(w)) {
-    compose_pair(*w.pair, w.memory.maps[0], w.memory.maps[1], w.memory.bound, settings.relative_bias,
-                 candidates);
+    compose_chain(w.memory.chain, w.memory.maps, w.memory.bound, settings.relative_bias, candidates);
     return;
   }
-  // With a filter the pair's maps are looked up at the lattice's cells, by the inverse of the volume's map: only a place in
+  // With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a place in
   // the world can have a past.
   candidates.position_m = w.memory.lattice.positions_m();
   compose_visibility(as_input(w, w.memory.now), settings.relative_bias, candidates.position_m, w.memory.seen,

@@ -121,28 +121,27 @@ void pick_futures(StepWork& w) {
   }
 }
 
-bool wants_pair(StepWork& w) {
+// The pair volumes are of one point of each target, the paper's one a frame. Whether they can be laid around the bound.
+bool chain_pairs(StepWork& w) {
   w.result.pair_asked = w.input.settings.aggregate.volume == Volume::kPair;
   if (!w.result.pair_asked) return false;
-  w.result.pair_needs_two = w.input.targets.size() != 2;
+  w.result.pair_needs_two = w.input.targets.size() < 2;
   if (w.result.pair_needs_two) return false;
-  const Sampled& now = w.memory.now;
-  w.result.pair_gap = pair_gap(now.points_m[now.points_of_target[0].first],
-                               now.points_m[now.points_of_target[1].first], w.memory.bound);
+  w.memory.chained_m.clear();
+  for (const MapRange& points : w.memory.now.points_of_target)
+    w.memory.chained_m.push_back(w.memory.now.points_m[points.first]);
+  w.result.pair_gap =
+      make_pair_chain(w.memory.chained_m, w.memory.bound, w.input.settings.sample.resolution, w.memory.chain);
   return w.result.pair_gap == PairGap::kNone;
 }
 
-// The pair volume is of one point of each target, the paper's one a frame.
-void plan_pair_maps(StepWork& w, const glm::dvec2& jitter) {
+// One map a target, before all others: maps[i] is target i's.
+void plan_chain_maps(StepWork& w, const glm::dvec2& jitter) {
   Sampled& now = w.memory.now;
-  const glm::dvec3 a = now.points_m[now.points_of_target[0].first],
-                   b = now.points_m[now.points_of_target[1].first];
-  now.points_m = {a, b};
-  now.points_of_target = {{0, 1}, {1, 1}};
-  w.pair = make_pair_volume(a, b, w.memory.bound, w.input.settings.sample.resolution);
-  for (const MapView& view : pair_views(*w.pair, jitter)) {
-    now.maps_of_point.push_back({static_cast<uint32_t>(w.memory.views.size()), 1});
-    w.memory.views.push_back(view);
+  now.points_m = w.memory.chained_m;
+  for (uint32_t i = 0; i < now.points_m.size(); ++i) {
+    now.points_of_target[i] = now.maps_of_point.emplace_back(MapRange{i, 1});
+    w.memory.views.push_back(chain_view(w.memory.chain, i, jitter));
   }
 }
 
@@ -193,8 +192,9 @@ Status sample(StepWork& w, Sampler& sampler) {
   decide_ahead(w);
   pick_all(w);
   const glm::dvec2 jitter = texel_jitter(w.input);
-  if (wants_pair(w))
-    plan_pair_maps(w, jitter);
+  w.pair = chain_pairs(w);
+  if (w.pair)
+    plan_chain_maps(w, jitter);
   else
     plan_maps(w, w.memory.now, jitter);
   plan_sights(w);

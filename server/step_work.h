@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 
 #include "server/step.h"
 
@@ -16,7 +15,7 @@ struct StepWork {
   double move_s = 0;     // for how long the camera moves
   uint32_t steered = 0;  // bit i: target i has a weight
   Lens lens;             // as it is now, zoom included
-  std::optional<PairVolume> pair;
+  bool pair = false;     // the candidates are those of the memory's chain of pair volumes
   size_t own_candidate = 0;  // index of the camera's own place among the candidates
 };
 
