@@ -107,6 +107,30 @@ void start(StepWork& w) {
   if (w.steered != 0) w.memory.goal.trail.pass(weighted_center_m(w.memory.target_views));
 }
 
+// Whether the picture shows a point that lies in it: what hides it may be too near the lens to be drawn.
+bool shows(const StepWork& w, uint32_t sight, const Pose& pose, const Lens& lens) {
+  const glm::dvec3 to_point = glm::normalize(w.memory.now.sights_m[sight] - pose.position_m);
+  const double along_axis = glm::dot(to_point, pose.rotation * glm::dvec3(0, 0, -1));
+  return falls_short_m(w, sight, pose.position_m) * along_axis < lens.near_m;
+}
+
+// A picture cuts a target at its edges: only the points inside stand for pixels.
+void remember_shares(StepWork& w, const Lens& lens) {
+  static_assert(kShareWindowS <= kMaxStepS, "so that a step that was capped leaves nothing from before it");
+  const Pose& pose = w.memory.camera.pose;
+  w.memory.shares.begin_step(w.memory.target_ids, w.move_s);
+  for (size_t i = 0; i < w.input.targets.size(); ++i) {
+    const MapRange& sights = w.memory.now.sights_of_target[i];
+    uint32_t seen = 0, inside = 0;
+    for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
+      if (!in_picture(pose, lens, w.memory.now.sights_m[k])) continue;
+      ++inside;
+      seen += shows(w, k, pose, lens);
+    }
+    w.memory.shares.add(i, seen, inside);
+  }
+}
+
 }  // namespace
 
 void look_at_targets(StepWork& w) {
@@ -143,13 +167,13 @@ void report_targets(StepWork& w) {
   const glm::dvec3 place = w.memory.camera.pose.position_m;
   Lens lens = w.input.lens;
   lens.vertical_fov_rad = w.memory.vertical_fov_rad;
-  const bool filters = w.input.settings.aggregate.filter.mode != FilterMode::kNone && w.move_s > 0;
+  remember_shares(w, lens);
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const OwnSight sight = own_sight(w, i, place);
     TargetSight report;
     report.id = w.input.targets[i].instance_id;
     report.visible_share = sight.share();
-    report.filtered_share = filters ? w.memory.filtered.visible_share(w.own_candidate, i) : sight.share();
+    report.filtered_share = w.memory.shares.share(i).value_or(sight.share());
     report.filtered_visible = w.memory.candidates.filtered_targets[w.own_candidate] >> i & 1u;
     report.in_picture = in_picture(w.memory.camera.pose, lens, w.memory.target_views[i].aim_m);
     report.distance_m = glm::distance(place, w.memory.target_views[i].aim_m);
@@ -175,12 +199,13 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.has_offset = false;
   memory.horizon_s = 0.0;
   memory.goal.goal_m.reset();
+  memory.shares.forget();
 }
 
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
                              const StageClock& clock) {
   StepResult result;
-  StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens, .pair = {}};
+  StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens};
   start(work);
 
   {  // 1. Where can the camera be soon?

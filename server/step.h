@@ -17,7 +17,8 @@
 #include "server/aggregate/compose.h"
 #include "server/aggregate/lasting.h"
 #include "server/aggregate/lattice.h"
-#include "server/aggregate/pair_volume.h"
+#include "server/aggregate/pair_chain.h"
+#include "server/aggregate/share_window.h"
 #include "server/aggregate/survey.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
@@ -73,14 +74,20 @@ using StageClock = std::function<int64_t()>;
 enum class Stage { kBound, kSample, kAggregate, kMove };
 inline constexpr size_t kStageCount = 4;
 
-// What is sampled of the targets in one step. A point of a target has one map, or several, over the bound.
+// What is sampled of the targets in one step. A point of a target has one map, or several, over the bound. Sights are single-texel
+// maps to the camera's own place: as many, of points that the target shows there. It may show others to the middle of the bound.
 struct Sampled {
-  std::vector<glm::dvec3> points_m;      // world
-  std::vector<MapRange> maps_of_point;   // over the bound
-  std::vector<uint32_t> sight_of_point;  // index of the single-texel map to the camera; not for points ahead
+  std::vector<glm::dvec3> points_m;     // world
+  std::vector<MapRange> maps_of_point;  // over the bound
   std::vector<MapRange> points_of_target;
+  std::vector<glm::dvec3> sights_m;  // where they are taken from, world; none of points ahead
+  std::vector<MapRange> sights_of_target;
+  uint32_t first_sight = 0;  // sight k is map first_sight + k
 
-  void clear() { points_m.clear(), maps_of_point.clear(), sight_of_point.clear(), points_of_target.clear(); }
+  void clear() {
+    points_m.clear(), maps_of_point.clear(), points_of_target.clear();
+    sights_m.clear(), sights_of_target.clear();
+  }
 };
 
 // Where one target has been: what its prediction is made from.
@@ -133,6 +140,7 @@ struct StepMemory {
   Lattice lattice;
   TemporalVolume volume;  // what the lattice's cells have seen
   std::vector<TargetPast> pasts;
+  ShareWindow shares;  // of the targets' pixels that the camera has seen lately
 
   // Intermediates of the last step: what is dumped and drawn.
   Bound bound;
@@ -145,6 +153,8 @@ struct StepMemory {
   std::vector<Future> futures;  // other ways that the targets may take until then
   double ahead_s = 0.0;  // for how far; 0: not in this step
   double ahead_confidence = 0.0;
+  std::vector<glm::dvec3> chained_m;  // one point a target, when pair volumes are asked for
+  PairChain chain;                    // of these; when complete
   std::vector<DepthMap> maps;
   CandidateSet candidates;
   SightCounts counts;
@@ -172,8 +182,10 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
 
 struct TargetSight {
   uint64_t id = 0;
-  double visible_share = 0.0;     // sampled points seen from the returned pose, in this step
-  double filtered_share = 0.0;    // of the camera's own place over the filter's window
+  double visible_share = 0.0;  // sampled points seen from the returned pose, in this step
+  // The estimate of its visible pixels / its pixels: of the sampled points in the picture, over the steps of a short time (see
+  // ShareWindow). While none of them is in the picture, visible_share.
+  double filtered_share = 0.0;
   bool filtered_visible = false;  // what the filter makes of it
   bool in_picture = false;
   double distance_m = 0.0;
@@ -192,9 +204,9 @@ struct StepResult {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   Volume volume = Volume::kLattice;
-  // Why the pair volume was not used although asked for; empty when it was, or was not asked for.
+  // Why the pair volumes were not used although asked for; empty when they were, or were not asked for.
   bool pair_asked = false;
-  bool pair_needs_two = false;
+  bool pair_needs_two = false;  // there are fewer targets than that
   PairGap pair_gap = PairGap::kNone;
   std::vector<TargetSight> targets;  // in the order of the input
   int chosen_candidate = -1;

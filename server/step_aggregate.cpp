@@ -15,11 +15,10 @@ void list_candidates(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
   w.memory.lattice.cover(w.memory.bound, settings.candidates);
   if (w.pair && !filters(w)) {
-    compose_pair(*w.pair, w.memory.maps[0], w.memory.maps[1], w.memory.bound, settings.relative_bias,
-                 candidates);
+    compose_chain(w.memory.chain, w.memory.maps, w.memory.bound, settings.relative_bias, candidates);
     return;
   }
-  // With a filter the pair's maps are looked up at the lattice's cells, by the inverse of the volume's map: only a place in
+  // With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a place in
   // the world can have a past.
   candidates.position_m = w.memory.lattice.positions_m();
   compose_visibility(as_input(w, w.memory.now), settings.relative_bias, candidates.position_m, w.memory.seen,
@@ -95,18 +94,22 @@ SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
           w.input.settings.aggregate.needed_share};
 }
 
-OwnSight own_sight(const StepWork& w, size_t target, const glm::dvec3& place_m) {
-  const Sampled& now = w.memory.now;
-  const MapRange& points = now.points_of_target[target];
+double falls_short_m(const StepWork& w, uint32_t sight, const glm::dvec3& place_m) {
+  const DepthMap& map = w.memory.maps[w.memory.now.first_sight + sight];
   const double slack = 1.0 + w.input.settings.aggregate.relative_bias;
-  OwnSight sight{.points = points.count};
-  for (uint32_t p = points.first; p < points.first + points.count; ++p) {
-    const DepthMap& map = w.memory.maps[now.sight_of_point[p]];
-    const bool visible = glm::distance(place_m, now.points_m[p]) <= map.distance_at(0, 0) * slack;
-    sight.seen += visible;
-    if (!visible && sight.occluder == kNoOccluder) sight.occluder = map.occluder_at(0, 0);
+  return glm::distance(place_m, w.memory.now.sights_m[sight]) - map.distance_at(0, 0) * slack;
+}
+
+OwnSight own_sight(const StepWork& w, size_t target, const glm::dvec3& place_m) {
+  const MapRange& sights = w.memory.now.sights_of_target[target];
+  OwnSight own{.points = sights.count};
+  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
+    const bool visible = falls_short_m(w, k, place_m) <= 0;
+    own.seen += visible;
+    if (!visible && own.occluder == kNoOccluder)
+      own.occluder = w.memory.maps[w.memory.now.first_sight + k].occluder_at(0, 0);
   }
-  return sight;
+  return own;
 }
 
 void aggregate(StepWork& w) {

@@ -26,17 +26,24 @@ const ExtentTable* table_of(const StepInput& input, size_t target) {
   return input.extents[target];
 }
 
-// The surface points of one target to sample in this step, mesh frame: those that its shape shows towards the bound.
-void pick(StepWork& w, size_t target, const Instance& instance) {
-  const ExtentTable& table = *table_of(w.input, target);
-  const glm::dvec3 viewer = transform_point(inverse(instance.world_from_instance), w.memory.bound.center_m);
-  pick_points(table.points(viewer), w.input.tick, static_cast<size_t>(w.input.settings.sample.points),
-              w.memory.picked);
+// The surface points of one target to sample in this step, mesh frame, of those that a view of its shape has.
+void pick(StepWork& w, std::span<const glm::vec3> of_view) {
+  pick_points(of_view, w.input.tick, static_cast<size_t>(w.input.settings.sample.points), w.memory.picked);
 }
 
-void add_points(Sampled& sampled, std::span<const glm::vec3> points, const Affine& world_from_instance) {
-  for (const glm::vec3& p : points)
-    sampled.points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> points,
+                const Affine& world_from_instance) {
+  for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+}
+
+// The run of a list that began at `first` and ends with it.
+MapRange run_from(size_t first, const std::vector<glm::dvec3>& list) {
+  return {static_cast<uint32_t>(first), static_cast<uint32_t>(list.size() - first)};
+}
+
+// Where the camera is about to be when nothing changes its course: the place whose visibility must be known exactly.
+glm::dvec3 place_on_course(const StepWork& w) {
+  return w.memory.camera.pose.position_m + w.memory.camera.velocity_mps * w.move_s;
 }
 
 // Where a predicted pose puts the instance.
@@ -68,30 +75,36 @@ void decide_ahead(StepWork& w) {
 
 void pick_all(StepWork& w) {
   Sampled &now = w.memory.now, &ahead = w.memory.ahead;
+  CounterRandom random(w.input.seed, w.input.tick, RandomPurpose::kViewBlend);
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const Instance& instance = *w.input.scene.find(w.input.targets[i].instance_id);
-    const auto first = static_cast<uint32_t>(now.points_m.size()),
-               first_ahead = static_cast<uint32_t>(ahead.points_m.size());
+    const size_t first = now.points_m.size(), first_ahead = ahead.points_m.size(),
+                 first_sight = now.sights_m.size();
     const Affine later =
         w.memory.ahead_s > 0
             ? placed(instance, find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose)
             : instance.world_from_instance;
-    if (table_of(w.input, i) != nullptr) {
-      pick(w, i, instance);
-      add_points(now, w.memory.picked, instance.world_from_instance);
+    if (const ExtentTable* table = table_of(w.input, i)) {
+      const Affine mesh_from_world = inverse(instance.world_from_instance);
+      const double x = random.next_unit(), y = random.next_unit();
+      pick(w, table->points_blended(transform_point(mesh_from_world, place_on_course(w)), {x, y}));
+      add_points(now.sights_m, w.memory.picked, instance.world_from_instance);
+      pick(w, table->points(transform_point(mesh_from_world, w.memory.bound.center_m)));
+      add_points(now.points_m, w.memory.picked, instance.world_from_instance);
       if (w.memory.ahead_s > 0)
-        add_points(ahead, std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())),
-                   later);
+        add_points(ahead.points_m,
+                   std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())), later);
     } else {
       const glm::dvec3 aim = w.memory.target_views[i].aim_m;
       now.points_m.push_back(aim);
+      now.sights_m.push_back(aim);
       if (w.memory.ahead_s > 0)
         ahead.points_m.push_back(
             transform_point(later, transform_point(inverse(instance.world_from_instance), aim)));
     }
-    now.points_of_target.push_back({first, static_cast<uint32_t>(now.points_m.size()) - first});
-    ahead.points_of_target.push_back(
-        {first_ahead, static_cast<uint32_t>(ahead.points_m.size()) - first_ahead});
+    now.points_of_target.push_back(run_from(first, now.points_m));
+    now.sights_of_target.push_back(run_from(first_sight, now.sights_m));
+    ahead.points_of_target.push_back(run_from(first_ahead, ahead.points_m));
   }
 }
 
@@ -121,29 +134,31 @@ void pick_futures(StepWork& w) {
   }
 }
 
-bool wants_pair(StepWork& w) {
+// The pair volumes are of one point of each target, the paper's one a frame. Whether they can be laid around the bound.
+bool chain_pairs(StepWork& w) {
   w.result.pair_asked = w.input.settings.aggregate.volume == Volume::kPair;
   if (!w.result.pair_asked) return false;
-  w.result.pair_needs_two = w.input.targets.size() != 2;
+  w.result.pair_needs_two = w.input.targets.size() < 2;
   if (w.result.pair_needs_two) return false;
-  const Sampled& now = w.memory.now;
-  w.result.pair_gap = pair_gap(now.points_m[now.points_of_target[0].first],
-                               now.points_m[now.points_of_target[1].first], w.memory.bound);
+  w.memory.chained_m.clear();
+  for (const MapRange& points : w.memory.now.points_of_target)
+    w.memory.chained_m.push_back(w.memory.now.points_m[points.first]);
+  w.result.pair_gap =
+      make_pair_chain(w.memory.chained_m, w.memory.bound, w.input.settings.sample.resolution, w.memory.chain);
   return w.result.pair_gap == PairGap::kNone;
 }
 
-// The pair volume is of one point of each target, the paper's one a frame.
-void plan_pair_maps(StepWork& w, const glm::dvec2& jitter) {
+// One map a target, before all others: maps[i] is target i's. And one sight.
+void plan_chain_maps(StepWork& w, const glm::dvec2& jitter) {
   Sampled& now = w.memory.now;
-  const glm::dvec3 a = now.points_m[now.points_of_target[0].first],
-                   b = now.points_m[now.points_of_target[1].first];
-  now.points_m = {a, b};
-  now.points_of_target = {{0, 1}, {1, 1}};
-  w.pair = make_pair_volume(a, b, w.memory.bound, w.input.settings.sample.resolution);
-  for (const MapView& view : pair_views(*w.pair, jitter)) {
-    now.maps_of_point.push_back({static_cast<uint32_t>(w.memory.views.size()), 1});
-    w.memory.views.push_back(view);
+  now.points_m = w.memory.chained_m;
+  for (uint32_t i = 0; i < now.points_m.size(); ++i) {
+    now.sights_m[i] = now.sights_m[now.sights_of_target[i].first];
+    now.sights_of_target[i] = {i, 1};
+    now.points_of_target[i] = now.maps_of_point.emplace_back(MapRange{i, 1});
+    w.memory.views.push_back(chain_view(w.memory.chain, i, jitter));
   }
+  now.sights_m.resize(now.points_m.size());
 }
 
 void plan_maps(StepWork& w, Sampled& sampled, const glm::dvec2& jitter) {
@@ -155,16 +170,10 @@ void plan_maps(StepWork& w, Sampled& sampled, const glm::dvec2& jitter) {
   }
 }
 
-// Where the camera is about to be when nothing changes its course: the place whose visibility must be known exactly.
-glm::dvec3 place_on_course(const StepWork& w) {
-  return w.memory.camera.pose.position_m + w.memory.camera.velocity_mps * w.move_s;
-}
-
 void plan_sights(StepWork& w) {
-  for (const glm::dvec3& point : w.memory.now.points_m) {
-    w.memory.now.sight_of_point.push_back(static_cast<uint32_t>(w.memory.views.size()));
+  w.memory.now.first_sight = static_cast<uint32_t>(w.memory.views.size());
+  for (const glm::dvec3& point : w.memory.now.sights_m)
     w.memory.views.push_back(plan_sight(point, place_on_course(w)));
-  }
 }
 
 void request(StepWork& w, const Sampled& sampled, double ahead_s) {
@@ -179,8 +188,10 @@ void request(StepWork& w, const Sampled& sampled, double ahead_s) {
     for (uint32_t p = points.first; p < points.first + points.count; ++p) {
       const MapRange& maps = sampled.maps_of_point[p];
       for (uint32_t view = maps.first; view < maps.first + maps.count; ++view) ask(view);
-      if (p < sampled.sight_of_point.size()) ask(sampled.sight_of_point[p]);
     }
+    if (sampled.sights_of_target.empty()) continue;
+    const MapRange& sights = sampled.sights_of_target[target];
+    for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) ask(sampled.first_sight + k);
   }
 }
 
@@ -193,8 +204,9 @@ Status sample(StepWork& w, Sampler& sampler) {
   decide_ahead(w);
   pick_all(w);
   const glm::dvec2 jitter = texel_jitter(w.input);
-  if (wants_pair(w))
-    plan_pair_maps(w, jitter);
+  w.pair = chain_pairs(w);
+  if (w.pair)
+    plan_chain_maps(w, jitter);
   else
     plan_maps(w, w.memory.now, jitter);
   plan_sights(w);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 
 #include "server/step.h"
 
@@ -16,7 +15,7 @@ struct StepWork {
   double move_s = 0;     // for how long the camera moves
   uint32_t steered = 0;  // bit i: target i has a weight
   Lens lens;             // as it is now, zoom included
-  std::optional<PairVolume> pair;
+  bool pair = false;     // the candidates are those of the memory's chain of pair volumes
   size_t own_candidate = 0;  // index of the camera's own place among the candidates
 };
 
@@ -49,8 +48,11 @@ void find_groups_of_all_visible(StepWork& work, const glm::dvec3& desired_m);
 // The place that the camera wants now.
 glm::dvec3 desired_place(const StepWork& work);
 
-// How much of target i is seen from the camera's own place, by the single-texel maps of its points, as if the camera stood at
-// `place_m`, which is there or a step away.
+// How far short of `place_m`, the camera's own place or a step away, the view that sight k's point has of it ends, metres. Not above 0
+// when the point is seen from there.
+double falls_short_m(const StepWork& work, uint32_t sight, const glm::dvec3& place_m);
+
+// How much of target i is seen from the camera's own place, by its sights, as if the camera stood at `place_m`.
 struct OwnSight {
   uint32_t seen = 0, points = 0;
   uint32_t occluder = kNoOccluder;  // of most hidden points; of equals the first

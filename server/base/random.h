@@ -14,6 +14,7 @@ enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,
   kSurveyPoint = 3,
+  kViewBlend = 4,
   kSceneGeneration = 900,
   kTest = 1000
 };

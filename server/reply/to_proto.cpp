@@ -60,7 +60,7 @@ v1::Reason to_proto(MoveReason reason) {
 
 v1::PairFallback pair_fallback(const StepResult& step) {
   if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_NONE;
-  if (step.pair_needs_two) return v1::PAIR_NOT_TWO_TARGETS;
+  if (step.pair_needs_two) return v1::PAIR_NEEDS_TWO_TARGETS;
   switch (step.pair_gap) {
     case PairGap::kNone:
       return v1::PAIR_FALLBACK_NONE;

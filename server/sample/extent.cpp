@@ -177,6 +177,19 @@ std::span<const glm::vec3> ExtentTable::points(const glm::dvec3& viewer_mesh_m) 
   return points_of_view(view_index(viewer_mesh_m));
 }
 
+std::span<const glm::vec3> ExtentTable::points_blended(const glm::dvec3& viewer_mesh_m,
+                                                       const glm::dvec2& unit) const {
+  // The cone that is one direction's part of the sphere: 4 pi / kExtentDirections = 2 pi (1 - cosine).
+  constexpr double kCosine = 1.0 - 2.0 / kExtentDirections;
+  const double tangent = std::sqrt(1.0 - kCosine * kCosine) / kCosine;
+  const glm::dvec3 along = viewer_mesh_m - center_m_;
+  const double away = glm::length(along) * tangent * std::sqrt(unit.x);  // uniform in a disc
+  const double angle = 2.0 * std::numbers::pi * unit.y;
+  if (away <= 0.0) return points(viewer_mesh_m);
+  const glm::dmat3 frame = glm::mat3_cast(look_rotation(along, {0, 1, 0}, {1, 0, 0}));
+  return points(viewer_mesh_m + away * (frame[0] * std::cos(angle) + frame[1] * std::sin(angle)));
+}
+
 void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count,
                  std::vector<glm::vec3>& out) {
   out.clear();

@@ -74,6 +74,11 @@ class ExtentTable {
   // from its very centre, any direction. The span lives as long as the table.
   std::span<const glm::vec3> points(const glm::dvec3& viewer_mesh_m) const;
 
+  // The same with the viewer moved at random, `unit` in [0, 1)^2, by as much as a view stands for: over many draws, the views around
+  // it in the shares in which it lies between them. One view alone shows a body that is up to 15 degrees turned, so that of a body
+  // half of which is hidden by a wall it may well say 39 %, for as long as nothing moves.
+  std::span<const glm::vec3> points_blended(const glm::dvec3& viewer_mesh_m, const glm::dvec2& unit) const;
+
   // The same by number, 0 to kExtentViews - 1.
   size_t view_index(const glm::dvec3& viewer_mesh_m) const;
   std::span<const glm::vec3> points_of_view(size_t index) const;

@@ -177,7 +177,7 @@ TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   Wire wire(open);
   const v1::CameraReply& reply = wire.play(make_tick(1));
   EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
-  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_NOT_TWO_TARGETS);
+  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_NEEDS_TWO_TARGETS);
 }
 
 TEST(ToProto, AnOpenedSessionTellsItsMirror) {

@@ -146,6 +146,91 @@ TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
   }
 }
 
+// Targets in a row, 1.5 m apart, the camera in front of them; pair volumes asked for, no prediction.
+struct Row : World {
+  explicit Row(int count) {
+    for (int i = 0; i < count; ++i) add_target(i + 1, {1.5 * i - 0.75 * (count - 1), 1, 0});
+    place({0, 1.6, 3.0 + count}, {0, 1, 0});
+    settings.aggregate.volume = Volume::kPair;
+    settings.bound.horizon_s = 0.3;
+  }
+};
+
+class StepChain : public testing::TestWithParam<int> {};
+
+// Each target is rendered once, for all the volumes that it is in; the other map of each is its sight to the camera.
+TEST_P(StepChain, TakesOneMapOverTheBoundOfEveryTarget) {
+  const int n = GetParam();
+  for (const FilterMode mode : {FilterMode::kNone, FilterMode::kJoint, FilterMode::kPerTarget})
+    for (const int points : {0, 1, 8}) {
+      Row world(n);
+      world.settings.aggregate.filter.mode = mode;
+      world.settings.sample.points = points;
+      const uint64_t before = world.maps_taken();
+      const StepResult result = world.step(kTick);
+      EXPECT_EQ(result.volume, Volume::kPair);
+      EXPECT_EQ(result.pair_gap, PairGap::kNone);
+      EXPECT_FALSE(result.pair_needs_two);
+      EXPECT_EQ(world.maps_taken() - before, 2u * n);
+    }
+}
+INSTANTIATE_TEST_SUITE_P(Targets, StepChain, testing::Values(2, 3, 4, 8));
+
+TEST(Step, ThreeTargetsAreChainedAndTheirOccluderIsSeen) {
+  Row clear(3), blocked(3);
+  clear.settings.sample.resolution = blocked.settings.sample.resolution = 15;
+  blocked.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});  // before the third
+  ASSERT_EQ(clear.step(kTick).volume, Volume::kPair);
+  ASSERT_EQ(blocked.step(kTick).volume, Volume::kPair);
+  const SightCounts &all = clear.memory.counts, &some = blocked.memory.counts;
+  EXPECT_GT(all.total, 200u);
+  EXPECT_EQ(all.all_visible, all.total);
+  EXPECT_EQ(some.total, all.total) << "the candidates are the same places";
+  EXPECT_EQ(some.visible_by_target[0], some.total);
+  EXPECT_LT(some.visible_by_target[2], some.total);
+  EXPECT_EQ(some.all_visible, std::min(some.visible_by_target[1], some.visible_by_target[2]));
+}
+
+// As PairVolumeAndLatticeSeeTheSameShares, with a third target that the first pair of volumes does not hold.
+TEST(Step, ChainAndLatticeSeeTheSameShares) {
+  Row lattice(3), chain(3);
+  lattice.settings.aggregate.volume = Volume::kLattice;
+  for (World* world : {static_cast<World*>(&lattice), static_cast<World*>(&chain)}) {
+    world->settings.sample.resolution = 32;
+    world->settings.sample.jitter_texels = false;
+    world->settings.aggregate.candidates = 8000;
+    world->add_box(10, {1.0, 1, 2.5}, {0.15, 2, 0.05});
+  }
+  lattice.step(kTick);
+  ASSERT_EQ(chain.step(kTick).volume, Volume::kPair);
+  const auto share = [](const SightCounts& c) { return double(c.visible_by_target[2]) / c.total; };
+  EXPECT_GT(share(lattice.memory.counts), 0.1);
+  EXPECT_LT(share(lattice.memory.counts), 0.9);
+  EXPECT_NEAR(share(lattice.memory.counts), share(chain.memory.counts), 0.08);
+}
+
+// The filter knows places of the world alone: the chain's maps answer for the lattice's cells.
+TEST(Step, AFilteredChainAnswersForTheLattice) {
+  Row world(3);
+  world.settings.aggregate.filter.mode = FilterMode::kJoint;
+  world.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});
+  for (int i = 0; i < 20; ++i) ASSERT_EQ(world.step(kTick).volume, Volume::kPair);
+  EXPECT_EQ(world.memory.candidates.position_m[0], world.memory.lattice.positions_m()[0]);
+  EXPECT_GT(world.memory.counts.all_visible, 20u);
+  EXPECT_GT(world.memory.counts.some_visible, 20u);
+}
+
+TEST(Step, AChainThatCannotHoldATargetFallsToTheLatticeAndSaysWhy) {
+  Row world(3);
+  world.move(3, world.memory.camera.pose.position_m + glm::dvec3(0.1, 0, 0));
+  const StepResult result = world.step(kTick);
+  EXPECT_EQ(result.volume, Volume::kLattice);
+  EXPECT_TRUE(result.pair_asked);
+  EXPECT_FALSE(result.pair_needs_two);
+  EXPECT_EQ(result.pair_gap, PairGap::kTargetInBound);
+  EXPECT_GT(world.memory.counts.total, 100u) << "and the lattice was composed";
+}
+
 TEST(Step, PairVolumeNeedsTwoTargets) {
   World world;
   world.add_target(1, {0, 1, 0});

@@ -66,6 +66,7 @@ class World {
     if (!result) throw std::runtime_error(to_string(result.error()));
     return *result;
   }
+  uint64_t maps_taken() const { return sampler_->maps_taken(); }
 
   SceneMirror mirror;
   std::vector<Target> targets;
