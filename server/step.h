@@ -118,7 +118,8 @@ struct ShotSearch {
 struct GoalSearch {
   std::vector<double> target_weights;
   HiddenShares hidden_by;      // by candidate: what is expected to be hidden, by what
-  LastingShares lasting;       // of what movers hide
+  std::vector<uint8_t> passes;  // by mirror slot: moves, and is no target
+  LastingShares lasting;        // of what they hide
   std::vector<double> hidden;  // by candidate: what counts as hidden, [0, 1]
   Standoff standoff;
   RouteFinder routes;

@@ -44,6 +44,14 @@ bool is_lost(const StepWork& w) {
   return true;
 }
 
+// What moves may be gone at once; targets hide each other for as long as they walk so.
+void mark_what_passes(StepWork& w) {
+  std::vector<uint8_t>& passes = w.memory.goal.passes;
+  passes.assign(w.input.scene.instances().size(), 0);
+  for (const uint32_t slot : w.input.scene.moving_slots()) passes[slot] = 1;
+  for (const Target& target : w.input.targets) passes[*w.input.scene.slot_of(target.instance_id)] = 0;
+}
+
 // Where to head for on the way to the goal, and how far it is to the goal by that way.
 struct Leg {
   glm::dvec3 to_m{0.0};
@@ -104,8 +112,9 @@ void expect_hidden(StepWork& w) {
   const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
   const double ahead = w.memory.ahead_s > 0 ? settings.predictive_power : 0.0;
   goal.hidden_by.reset(places.size());
+  mark_what_passes(w);
   const auto look = [&](const Sampled& sampled, double weight) {
-    add_hidden(as_input(w, sampled), w.input.settings.aggregate.relative_bias, w.input.scene.instances(), places,
+    add_hidden(as_input(w, sampled), w.input.settings.aggregate.relative_bias, goal.passes, places,
                goal.target_weights, weight, goal.hidden_by);
   };
   look(w.memory.now, 1 - ahead);
@@ -113,10 +122,10 @@ void expect_hidden(StepWork& w) {
   for (const Future& future : w.memory.futures) look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
   goal.lasting.update(w.memory.lattice, w.move_s, filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
-                      goal.hidden_by.by_moving);
+                      goal.hidden_by.by_passing);
   goal.hidden.resize(places.size());
   for (size_t i = 0; i < places.size(); ++i)
-    goal.hidden[i] = std::clamp(goal.hidden_by.by_standing[i] + goal.hidden_by.by_moving[i], 0.0, 1.0);
+    goal.hidden[i] = std::clamp(goal.hidden_by.by_staying[i] + goal.hidden_by.by_passing[i], 0.0, 1.0);
 }
 
 Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {

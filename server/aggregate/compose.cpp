@@ -50,7 +50,7 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
   }
 }
 
-void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const Instance> instances,
+void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
                 std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
                 HiddenShares& hidden) {
   double total = 0;
@@ -65,8 +65,8 @@ void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<co
       for (size_t i = 0; i < position_m.size(); ++i) {
         const Sight sight = look_up(maps, position_m[i], relative_bias);
         if (sight.visible) continue;
-        const bool moves = sight.occluder != kNoOccluder && instances[sight.occluder].moving;
-        (moves ? hidden.by_moving : hidden.by_standing)[i] += each;
+        const bool passing = sight.occluder != kNoOccluder && passes[sight.occluder] != 0;
+        (passing ? hidden.by_passing : hidden.by_staying)[i] += each;
       }
     }
   }

@@ -10,7 +10,6 @@
 #include "server/aggregate/filter.h"
 #include "server/base/error.h"
 #include "server/sample/depth_map.h"
-#include "server/scene/mirror.h"
 
 namespace sightline {
 
@@ -64,14 +63,14 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
 
 // What hides the targets, by position: shares in [0, 1].
 struct HiddenShares {
-  std::vector<double> by_standing, by_moving;
-  void reset(size_t positions) { by_standing.assign(positions, 0.0), by_moving.assign(positions, 0.0); }
+  std::vector<double> by_staying, by_passing;
+  void reset(size_t positions) { by_staying.assign(positions, 0.0), by_passing.assign(positions, 0.0); }
 };
 
 // Adds weight * the mean, by `weight_of_target`, of the shares of each target's points that are hidden from position i, by what
-// stands still and by what moves; nothing when all weights are 0. A position that no map shows counts as hidden by what
-// stands. `instances`: of the mirror that the maps were taken of. O(positions * maps).
-void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const Instance> instances,
+// stays and by what passes; nothing when all weights are 0. `passes` has an entry for each mirror slot: 1 for occluders that may
+// be gone at once. A position that no map shows counts as hidden by what stays. O(positions * maps).
+void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
                 std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
                 HiddenShares& hidden);
 

@@ -1,7 +1,7 @@
 // Lasting: what hides a place only for a moment does not count, what stays does (design 5: minimum occlusion).
 //
 // What stands still hides until somebody moves; what moves may be gone at once, as a fence post that passes. So the share that
-// movers hide of the targets at a place counts in full only when it lasts: it rises with a time constant and falls at once.
+// movers hide of the targets at a place is taken as a low pass.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@ namespace sightline {
 class LastingShares {
  public:
   // hidden[i] becomes what has lasted of it. The first entries are the lattice's covered cells, in its order; those after them
-  // are places that travel, each with a past of its own by its index. dt_s >= 0; rise_s = 0: all counts at once.
-  void update(const Lattice& lattice, double dt_s, double rise_s, std::span<double> hidden);
+  // are places that travel, each with a past of its own by its index. dt_s >= 0; memory_s >= 0: the time constant; 0: all counts at once.
+  void update(const Lattice& lattice, double dt_s, double memory_s, std::span<double> hidden);
 
  private:
   struct Past {
