@@ -26,12 +26,14 @@ double body_m(const StepWork& w) {
 
 void find_routes(StepWork& w) {
   StepMemory& m = w.memory;
+  const double body_radius_m = body_m(w) + kRouteRoomM;
   const RouteNodes nodes{.position_m = m.candidates.position_m,
                          .cell = m.cells,
-                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m),
+                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m,
+                                                                w.on_lattice, body_radius_m),
                          .hidden = m.goal.hidden};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
-                     {.body_radius_m = body_m(w) + kRouteRoomM, .exposure = w.input.settings.move.blend.exposure});
+                     {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }
 
 bool is_lost(const StepWork& w) {
