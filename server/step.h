@@ -116,6 +116,7 @@ struct GoalSearch {
   Standoff standoff;
   RouteFinder routes;
   Trail trail;
+  ClearanceField trail_colliders;  // along it; those of the body's own reach stay apart
   std::optional<glm::dvec3> goal_m;  // the former step's
 };
 

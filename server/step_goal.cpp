@@ -82,8 +82,9 @@ glm::dvec3 velocity_along(const StepWork& w, const Leg& leg, const glm::dvec3& w
 // The way that the targets went; false when the camera can reach no place of it.
 bool follow_trail(StepWork& w, Leg& leg) {
   const glm::dvec3 from = w.memory.camera.pose.position_m;
-  w.memory.colliders.gather(w.input.scene, from, kTrailReachM + 1, {});
-  const auto place = w.memory.goal.trail.way_back(w.memory.colliders, from, kTrailReachM, body_m(w));
+  ClearanceField& field = w.memory.goal.trail_colliders;
+  field.gather(w.input.scene, from, kTrailReachM + 2 * body_m(w), {});
+  const auto place = w.memory.goal.trail.way_back(field, from, kTrailReachM, body_m(w));
   if (!place) return false;
   leg = {*place, glm::distance(from, *place)};
   return true;
