@@ -84,7 +84,8 @@ bool follow_trail(StepWork& w, Leg& leg) {
   const glm::dvec3 from = w.memory.camera.pose.position_m;
   ClearanceField& field = w.memory.goal.trail_colliders;
   field.gather(w.input.scene, from, kTrailReachM + 2 * body_m(w), {});
-  const auto place = w.memory.goal.trail.way_back(field, from, kTrailReachM, body_m(w));
+  const auto place = w.memory.goal.trail.way_back(field, from, kTrailReachM, body_m(w),
+                                                   w.input.settings.move.min_distance_m);
   if (!place) return false;
   leg = {*place, glm::distance(from, *place)};
   return true;
