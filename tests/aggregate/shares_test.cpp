@@ -21,7 +21,8 @@ struct Sampling {
       points_of_target.push_back({static_cast<uint32_t>(round.size()), points});
       for (uint32_t p = 0; p < points; ++p) {
         RoundMaps& one = round.emplace_back(
-            glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)), 2 + static_cast<int>(random.next_below(8)));
+            glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)),
+            2 + static_cast<int>(random.next_below(8)));
         one.fill_at_random(random, 1, 9);
         maps_of_point.push_back({static_cast<uint32_t>(maps.size()), static_cast<uint32_t>(one.maps.size())});
         maps.insert(maps.end(), one.maps.begin(), one.maps.end());
@@ -35,7 +36,8 @@ struct Sampling {
     for (size_t t = 0; t < weights.size(); ++t) {
       total += weights[t];
       double seen = 0;
-      for (uint32_t p = 0; p < points_of_target[t].count; ++p) seen += round[points_of_target[t].first + p].sees(place, bias);
+      for (uint32_t p = 0; p < points_of_target[t].count; ++p)
+        seen += round[points_of_target[t].first + p].sees(place, bias);
       if (points_of_target[t].count > 0) sum += weights[t] * seen / points_of_target[t].count;
     }
     return total > 0 ? sum / total : 0.0;
@@ -64,7 +66,8 @@ TEST_P(ShareTargets, AreTheWeighedMeanOfWhatIsSeen) {
     add_shares(now.view(), bias, places, weights, first, scratch, share);
     add_shares(ahead.view(), bias, places, weights, 1 - first, scratch, share);
     for (size_t i = 0; i < places.size(); ++i) {
-      const double expected = first * now.share(places[i], weights, bias) + (1 - first) * ahead.share(places[i], weights, bias);
+      const double expected =
+          first * now.share(places[i], weights, bias) + (1 - first) * ahead.share(places[i], weights, bias);
       ASSERT_NEAR(share[i], expected, 1e-9);
       low = std::min(low, share[i]), high = std::max(high, share[i]);
     }

@@ -18,8 +18,12 @@ using namespace test;
 
 constexpr double kPi = std::numbers::pi;
 
-double azimuth_rad(const glm::dvec3& offset) { return std::atan2(offset.z, offset.x); }
-double elevation_rad(const glm::dvec3& offset) { return std::asin(offset.y / glm::length(offset)); }
+double azimuth_rad(const glm::dvec3& offset) {
+  return std::atan2(offset.z, offset.x);
+}
+double elevation_rad(const glm::dvec3& offset) {
+  return std::asin(offset.y / glm::length(offset));
+}
 
 Survey survey_of(std::vector<uint64_t> ids, double distance_m) {
   Survey survey;
@@ -69,7 +73,8 @@ TEST(Survey, KnowsNothingUntilEveryTargetHasLookedRound) {
   survey.follow(ids, 5);
   RoundMaps maps({0, 0, 0}, 8);
   EXPECT_FALSE(survey.complete());
-  EXPECT_EQ(shares(survey, 0), std::vector<float>(Survey::kPlaces, 1.0f)) << "what is not known is taken as open";
+  EXPECT_EQ(shares(survey, 0), std::vector<float>(Survey::kPlaces, 1.0f))
+      << "what is not known is taken as open";
   survey.learn(0, maps.maps, {0, 0, 0}, 0, 0.1, 1);
   EXPECT_FALSE(survey.complete());
   survey.learn(1, maps.maps, {0, 0, 0}, 0, 0.1, 1);
@@ -86,7 +91,9 @@ TEST_P(SurveyLearning, IsALowPassOfWhatTheTargetSees) {
   CounterRandom random(51, static_cast<uint64_t>(GetParam()), RandomPurpose::kTest);
   Survey survey = survey_of({1, 2}, 6.0);
   std::vector<std::vector<double>> expected(2, std::vector<double>(Survey::kPlaces, 1.0));
-  const auto small = [&] { return glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)); };
+  const auto small = [&] {
+    return glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
+  };
   glm::dvec3 center(10'000, 3, -10'000);
   int seen = 0, hidden = 0;
   for (int step = 0; step < 24; ++step) {
@@ -153,7 +160,8 @@ TEST(Survey, TargetsThatAreThereAgainKeepWhatWasLearnt) {
   const auto one = shares(survey, 0), two = shares(survey, 1), three = shares(survey, 2);
   const std::vector<float> unknown(Survey::kPlaces, 1.0f);
   ASSERT_NE(one, two);
-  const auto expect = [&](std::vector<uint64_t> ids, const std::vector<std::vector<float>>& expected, bool complete) {
+  const auto expect = [&](std::vector<uint64_t> ids, const std::vector<std::vector<float>>& expected,
+                          bool complete) {
     survey.follow(ids, 6.0);
     ASSERT_EQ(survey.target_count(), ids.size());
     for (size_t i = 0; i < ids.size(); ++i) EXPECT_EQ(shares(survey, i), expected[i]) << "target " << ids[i];
@@ -190,9 +198,11 @@ TEST(Survey, BesideIsTheMeanOfThePlacesNextToItAtThatDistance) {
     survey.learn(static_cast<size_t>(look % 2), maps.maps, {0, 0, 0}, 0, 0.5, 1);
   }
   std::vector<double> steps;
-  for (size_t place = 0; place < Survey::kPlaces; ++place) steps.push_back(elevation_rad(survey.offset_m(place)));
+  for (size_t place = 0; place < Survey::kPlaces; ++place)
+    steps.push_back(elevation_rad(survey.offset_m(place)));
   std::sort(steps.begin(), steps.end());
-  steps.erase(std::unique(steps.begin(), steps.end(), [](double a, double b) { return b - a < 1e-9; }), steps.end());
+  steps.erase(std::unique(steps.begin(), steps.end(), [](double a, double b) { return b - a < 1e-9; }),
+              steps.end());
   const auto level = [&](const glm::dvec3& offset) {
     return std::lower_bound(steps.begin(), steps.end(), elevation_rad(offset) - 1e-6) - steps.begin();
   };
@@ -220,7 +230,11 @@ TEST(Survey, LearnsFromRaysThatAWallHidesOneSide) {
   GeometryStore store;
   SceneMirror mirror;
   SceneDelta delta;
-  delta.add.push_back({1, *store.intern(*tessellate(BoxShape{{0.1f, 20, 20}})), Pose{{1, 0, 0}, {1, 0, 0, 0}}, glm::dmat3(1), {}});
+  delta.add.push_back({1,
+                       *store.intern(*tessellate(BoxShape{{0.1f, 20, 20}})),
+                       Pose{{1, 0, 0}, {1, 0, 0, 0}},
+                       glm::dmat3(1),
+                       {}});
   ASSERT_TRUE(mirror.apply(delta, {}));
   std::vector<MapView> views;
   Bound around;

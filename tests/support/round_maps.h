@@ -32,7 +32,8 @@ class RoundMaps {
 
   void fill_at_random(CounterRandom& random, double nearest_m, double farthest_m) {
     for (DepthMap& map : maps)
-      for (float& distance : map.distance_m) distance = static_cast<float>(random.next_in(nearest_m, farthest_m));
+      for (float& distance : map.distance_m)
+        distance = static_cast<float>(random.next_in(nearest_m, farthest_m));
   }
 
   // The texel that shows a place: by the largest of the three coordinates, without the view's own projection. Null: the eye itself.
@@ -41,7 +42,7 @@ class RoundMaps {
     for (DepthMap& map : maps) {
       const glm::dmat3& frame = map.view.world_from_view;
       const double depth = -glm::dot(frame[2], out), x = glm::dot(frame[0], out), y = glm::dot(frame[1], out);
-      if (!(depth > 0) || std::max(std::abs(x), std::abs(y)) > depth) continue;
+      if (!(depth > 0) || std::max(std::abs(x), std::abs(y)) > depth * (1 + 1e-12)) continue;
       const auto at = [&](double v) {
         return std::min(static_cast<int>((v / depth + 1) / 2 * map.view.width), map.view.width - 1);
       };
