@@ -244,12 +244,15 @@ TEST(ChooseLeast, HoldsWithoutTargetsOrPlaces) {
   EXPECT_EQ(choose_least(c.candidates, {}, costs, c.desired).candidate, -1);
 }
 
-TEST(ChooseLeast, ATargetWithoutWeightIsNotMissed) {
-  Case c = two_targets();
-  c.targets[1].weight = 0;
-  c.place({1, 0, 5}, 0b01);
-  const std::vector<double> costs(1, 0.0);
-  EXPECT_EQ(choose_least(c.candidates, c.targets, costs, c.desired).status, MoveStatus::kTracking);
+TEST(ChooseLeast, ATargetWithoutWeightCountsForNothing) {
+  for (const auto& [seen, status] : {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
+                                     std::pair(0b10u, MoveStatus::kEscaping)}) {
+    Case c = two_targets();
+    c.targets[1].weight = 0;
+    c.place({1, 0, 5}, seen);
+    const std::vector<double> costs(1, 0.0);
+    EXPECT_EQ(choose_least(c.candidates, c.targets, costs, c.desired).status, status) << seen;
+  }
 }
 
 TEST(Choose, SettingsOutOfRangeAreNamed) {
