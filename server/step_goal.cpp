@@ -108,7 +108,7 @@ void expect_hidden(StepWork& w) {
   if (ahead > 0) look(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
   for (const Future& future : w.memory.futures) look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
-  goal.lasting.update(w.memory.lattice, w.move_s, filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
+  goal.lasting.update(w.memory.lattice, w.on_lattice, w.move_s, filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                       goal.hidden_by.by_moving);
   goal.hidden.resize(places.size());
   for (size_t i = 0; i < places.size(); ++i)
