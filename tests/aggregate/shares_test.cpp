@@ -1,5 +1,7 @@
-// add_shares: the expected seen share of a place, from several samplings of the targets.
+// add_hidden: the share of the targets that is expected to be hidden from a place, from several samplings of them.
 #include <gtest/gtest.h>
+
+#include <array>
 
 #include "server/aggregate/compose.h"
 #include "tests/support/round_maps.h"
@@ -24,6 +26,8 @@ struct Sampling {
             glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)),
             2 + static_cast<int>(random.next_below(8)));
         one.fill_at_random(random, 1, 9);
+        for (DepthMap& map : one.maps)
+          for (uint32_t& slot : map.occluder) slot = std::array{0u, 1u, kNoOccluder}[random.next_below(3)];
         maps_of_point.push_back({static_cast<uint32_t>(maps.size()), static_cast<uint32_t>(one.maps.size())});
         maps.insert(maps.end(), one.maps.begin(), one.maps.end());
       }
@@ -31,18 +35,27 @@ struct Sampling {
   }
   SampledPoints view() const { return {maps, maps_of_point, points_of_target, 1.0}; }
 
-  double share(const glm::dvec3& place, const std::vector<double>& weights, double bias) {
+  // What is hidden by what moves (slot 1), or by all else.
+  double hidden(const glm::dvec3& place, const std::vector<double>& weights, double bias, bool by_moving) {
     double sum = 0, total = 0;
     for (size_t t = 0; t < weights.size(); ++t) {
       total += weights[t];
-      double seen = 0;
-      for (uint32_t p = 0; p < points_of_target[t].count; ++p)
-        seen += round[points_of_target[t].first + p].sees(place, bias);
-      if (points_of_target[t].count > 0) sum += weights[t] * seen / points_of_target[t].count;
+      double count = 0;
+      for (uint32_t p = 0; p < points_of_target[t].count; ++p) {
+        RoundMaps& one = round[points_of_target[t].first + p];
+        count += !one.sees(place, bias) && (one.occluder(place) == 1u) == by_moving;
+      }
+      if (points_of_target[t].count > 0) sum += weights[t] * count / points_of_target[t].count;
     }
     return total > 0 ? sum / total : 0.0;
   }
 };
+
+std::vector<Instance> one_stands_one_moves() {
+  std::vector<Instance> instances(2);
+  instances[1].moving = true;
+  return instances;
+}
 
 std::vector<glm::dvec3> random_places(CounterRandom& random, size_t count) {
   std::vector<glm::dvec3> places;
@@ -54,7 +67,7 @@ std::vector<glm::dvec3> random_places(CounterRandom& random, size_t count) {
 class ShareTargets : public testing::TestWithParam<size_t> {};
 TEST_P(ShareTargets, AreTheWeighedMeanOfWhatIsSeen) {
   CounterRandom random(71, GetParam(), RandomPurpose::kTest);
-  std::vector<uint8_t> scratch;
+  const std::vector<Instance> instances = one_stands_one_moves();
   double low = 1, high = 0;
   for (int trial = 0; trial < 10; ++trial) {
     Sampling now(random, GetParam(), 16), ahead(random, GetParam(), 3);
@@ -62,54 +75,41 @@ TEST_P(ShareTargets, AreTheWeighedMeanOfWhatIsSeen) {
     for (size_t t = 0; t < GetParam(); ++t) weights.push_back(t % 4 == 3 ? 0.0 : random.next_in(0.01, 2));
     const auto places = random_places(random, 60);
     const double first = random.next_unit(), bias = random.next_in(0, 0.1);
-    std::vector<double> share(places.size(), 0.0);
-    add_shares(now.view(), bias, places, weights, first, scratch, share);
-    add_shares(ahead.view(), bias, places, weights, 1 - first, scratch, share);
-    for (size_t i = 0; i < places.size(); ++i) {
-      const double expected =
-          first * now.share(places[i], weights, bias) + (1 - first) * ahead.share(places[i], weights, bias);
-      ASSERT_NEAR(share[i], expected, 1e-9);
-      low = std::min(low, share[i]), high = std::max(high, share[i]);
-    }
+    HiddenShares share;
+    share.reset(places.size());
+    add_hidden(now.view(), bias, instances, places, weights, first, share);
+    add_hidden(ahead.view(), bias, instances, places, weights, 1 - first, share);
+    for (size_t i = 0; i < places.size(); ++i)
+      for (const bool by_moving : {false, true}) {
+        const double expected = first * now.hidden(places[i], weights, bias, by_moving) +
+                                (1 - first) * ahead.hidden(places[i], weights, bias, by_moving);
+        const double got = (by_moving ? share.by_moving : share.by_standing)[i];
+        ASSERT_NEAR(got, expected, 1e-9);
+        low = std::min(low, got), high = std::max(high, got);
+      }
   }
-  EXPECT_LT(low, 0.4);
-  EXPECT_GT(high, 0.6);
+  EXPECT_LT(low, 0.2);
+  EXPECT_GT(high, 0.3);
 }
 INSTANTIATE_TEST_SUITE_P(Counts, ShareTargets, testing::Values(1, 2, 3, 16, 32));
 
-TEST(Shares, NothingIsAddedWithoutWeight) {
+TEST(Shares, NothingIsAddedWithoutWeightOrPointsOrPlaces) {
   CounterRandom random(72, 0, RandomPurpose::kTest);
-  Sampling sampling(random, 3, 4);
+  Sampling sampling(random, 3, 4), without_points(random, 3, 0);
+  const std::vector<Instance> instances = one_stands_one_moves();
   const auto places = random_places(random, 20);
-  std::vector<uint8_t> scratch;
-  std::vector<double> share(20, 0.25);
-  const std::vector<double> none(3, 0.0), some = {1, 0, 2};
-  add_shares(sampling.view(), 0, places, none, 1.0, scratch, share);
-  EXPECT_EQ(share, std::vector<double>(20, 0.25));
-  add_shares(sampling.view(), 0, places, some, 0.0, scratch, share);
-  EXPECT_EQ(share, std::vector<double>(20, 0.25));
-  add_shares({}, 0, places, {}, 1.0, scratch, share);
-  EXPECT_EQ(share, std::vector<double>(20, 0.25));
-}
-
-TEST(Shares, ATargetWithoutPointsIsNotSeen) {
-  CounterRandom random(73, 0, RandomPurpose::kTest);
-  Sampling sampling(random, 2, 0);
-  const auto places = random_places(random, 5);
-  std::vector<uint8_t> scratch;
-  std::vector<double> share(5, 0.0);
-  const std::vector<double> weights = {1, 1};
-  add_shares(sampling.view(), 0, places, weights, 1.0, scratch, share);
-  EXPECT_EQ(share, std::vector<double>(5, 0.0));
-}
-
-TEST(Shares, OfNoPlacesAreNone) {
-  CounterRandom random(74, 0, RandomPurpose::kTest);
-  Sampling sampling(random, 1, 1);
-  std::vector<uint8_t> scratch;
-  const std::vector<double> weights = {1};
-  add_shares(sampling.view(), 0, {}, weights, 1.0, scratch, {});
-  EXPECT_TRUE(scratch.empty());
+  HiddenShares share;
+  share.reset(20);
+  const std::vector<double> none(3, 0.0), some = {1, 0, 2}, nothing(20, 0.0);
+  add_hidden(sampling.view(), 0, instances, places, none, 1.0, share);
+  add_hidden(sampling.view(), 0, instances, places, some, 0.0, share);
+  add_hidden({}, 0, instances, places, {}, 1.0, share);
+  add_hidden(without_points.view(), 0, instances, places, some, 1.0, share);
+  EXPECT_EQ(share.by_moving, nothing);
+  EXPECT_EQ(share.by_standing, nothing);
+  share.reset(0);
+  add_hidden(sampling.view(), 0, instances, {}, some, 1.0, share);
+  EXPECT_TRUE(share.by_moving.empty() && share.by_standing.empty());
 }
 
 }  // namespace

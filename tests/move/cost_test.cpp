@@ -40,7 +40,7 @@ struct Blend {
 };
 
 BlendSettings nothing() {
-  return {.hidden = 0,
+  return {.hidden = 0, .tolerance = 0,
           .distance = 0,
           .shelter = 0,
           .full_depth_m = 1,
@@ -55,6 +55,14 @@ TEST(BlendCosts, HiddenCountsByItsShare) {
   BlendSettings settings = nothing();
   settings.hidden = 80;
   EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 20, 80}));
+}
+
+TEST(BlendCosts, HiddenCountsByWhatItIsOverTheTolerance) {
+  Blend blend;
+  for (const double share : {0.0, 0.2, 0.25, 0.75, 1.0}) blend.add({}, share, 0, 0);
+  BlendSettings settings = nothing();
+  settings.hidden = 80, settings.tolerance = 0.25;
+  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 0, 0, 40, 60}));
 }
 
 TEST(BlendCosts, DistanceCountsFromTheDesiredPlace) {
@@ -106,7 +114,7 @@ TEST(BlendCosts, AreTheSumOfTheirTerms) {
   std::vector<double> sum(200, 0.0);
   const auto add_term = [&](double BlendSettings::*weight) {
     BlendSettings one = nothing();
-    one.full_depth_m = all.full_depth_m;
+    one.full_depth_m = all.full_depth_m, one.tolerance = all.tolerance;
     one.*weight = all.*weight;
     for (size_t i = 0; i < sum.size(); ++i) sum[i] += blend.of(one)[i];
   };

@@ -55,6 +55,14 @@ class RoundMaps {
     return distance_m && glm::distance(place_m, maps[0].view.eye_m) <= *distance_m * (1.0 + relative_bias);
   }
 
+  uint32_t occluder(const glm::dvec3& place_m) {
+    const float* at = texel(place_m);
+    for (const DepthMap& map : maps)
+      for (size_t k = 0; k < map.distance_m.size(); ++k)
+        if (&map.distance_m[k] == at) return map.occluder[k];
+    return kNoOccluder;
+  }
+
   std::vector<DepthMap> maps;
 };
 
