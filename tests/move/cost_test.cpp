@@ -40,7 +40,8 @@ struct Blend {
 };
 
 BlendSettings nothing() {
-  return {.hidden = 0, .tolerance = 0,
+  return {.hidden = 0,
+          .tolerance = 0,
           .distance = 0,
           .shelter = 0,
           .full_depth_m = 1,

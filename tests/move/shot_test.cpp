@@ -52,8 +52,8 @@ struct Filming {
     survey.learn(i, maps.maps, center(), 0.0, 1.0, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
-    return choose_shot(survey, targets, asked, survey.nearest_place(asked.from_center_m), present, former, settings,
-                       coherence, allowed);
+    return choose_shot(survey, targets, asked, survey.nearest_place(asked.from_center_m), present, former,
+                       settings, coherence, allowed);
   }
 };
 
@@ -128,6 +128,23 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
   film.settings.hold = 1;
   film.former = 0;
   EXPECT_NE(film.choose(), 70u);
+}
+
+// The asked shot before the former one, each only while no more than `content` is hidden from it and beside it.
+TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
+  Filming film;
+  film.shoot(film.survey.offset_m(86)), film.former = 186;
+  film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.content = 0.1;
+  film.look(0, {});
+  EXPECT_EQ(film.choose(), 86u);
+  film.look(0, {86});
+  EXPECT_EQ(film.choose(), 186u);
+  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.survey.offset_m(186); }), 86u)
+      << "weighed, and only the change counts";
+  film.look(0, {86 + 20, 86 - 20});
+  EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
+  film.settings.content = 0.6;
+  EXPECT_EQ(film.choose(), 86u);
 }
 
 TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
