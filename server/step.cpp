@@ -200,6 +200,7 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.horizon_s = 0.0;
   memory.goal.goal_m.reset();
   memory.shares.forget();
+  memory.shot.survey.forget();
 }
 
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,

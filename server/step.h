@@ -124,6 +124,7 @@ struct GoalSearch {
   Standoff standoff;
   RouteFinder routes;
   Trail trail;
+  ClearanceField trail_colliders;  // along it; those of the body's own reach stay apart
   std::optional<glm::dvec3> goal_m;  // the former step's
 };
 
@@ -178,7 +179,8 @@ struct StepMemory {
   std::vector<uint64_t> target_ids;
 };
 
-// Puts the camera at `pose` with velocity zero, as at the start or at a cut: the desired place and the escape are forgotten.
+// Puts the camera at `pose` with velocity zero, as at the start or at a cut: the desired place, the escape and the survey are
+// forgotten.
 void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& velocity_mps);
 
 struct TargetSight {

@@ -14,7 +14,8 @@ void list_candidates(StepWork& w) {
   const AggregateSettings& settings = w.input.settings.aggregate;
   CandidateSet& candidates = w.memory.candidates;
   w.memory.lattice.cover(w.memory.bound, settings.candidates);
-  if (w.pair && !filters(w)) {
+  w.on_lattice = !w.pair || filters(w);
+  if (!w.on_lattice) {
     compose_chain(w.memory.chain, w.memory.maps, w.memory.bound, settings.relative_bias, candidates);
     return;
   }

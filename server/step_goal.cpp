@@ -28,12 +28,14 @@ double body_m(const StepWork& w) {
 
 void find_routes(StepWork& w) {
   StepMemory& m = w.memory;
+  const double body_radius_m = body_m(w) + kRouteRoomM;
   const RouteNodes nodes{.position_m = m.candidates.position_m,
                          .cell = m.cells,
-                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m),
+                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m,
+                                                                w.on_lattice, body_radius_m),
                          .hidden = m.goal.hidden};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
-                     {.body_radius_m = body_m(w) + kRouteRoomM, .exposure = w.input.settings.move.blend.exposure});
+                     {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }
 
 bool is_lost(const StepWork& w) {
@@ -90,8 +92,10 @@ glm::dvec3 velocity_along(const StepWork& w, const Leg& leg, const glm::dvec3& w
 // The way that the targets went; false when the camera can reach no place of it.
 bool follow_trail(StepWork& w, Leg& leg) {
   const glm::dvec3 from = w.memory.camera.pose.position_m;
-  w.memory.colliders.gather(w.input.scene, from, kTrailReachM + 1, {});
-  const auto place = w.memory.goal.trail.way_back(w.memory.colliders, from, kTrailReachM, body_m(w));
+  ClearanceField& field = w.memory.goal.trail_colliders;
+  field.gather(w.input.scene, from, kTrailReachM + 2 * body_m(w), {});
+  const auto place = w.memory.goal.trail.way_back(field, from, kTrailReachM, body_m(w),
+                                                   w.input.settings.move.min_distance_m);
   if (!place) return false;
   leg = {*place, glm::distance(from, *place)};
   return true;
@@ -121,8 +125,8 @@ void expect_hidden(StepWork& w) {
   if (ahead > 0) look(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
   for (const Future& future : w.memory.futures) look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
-  goal.lasting.update(w.memory.lattice, w.move_s, filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
-                      goal.hidden_by.by_passing);
+  goal.lasting.update(w.memory.lattice, w.on_lattice, w.move_s,
+                      filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0, goal.hidden_by.by_passing);
   goal.hidden.resize(places.size());
   for (size_t i = 0; i < places.size(); ++i)
     goal.hidden[i] = std::clamp(goal.hidden_by.by_staying[i] + goal.hidden_by.by_passing[i], 0.0, 1.0);

@@ -117,12 +117,14 @@ glm::dvec3 turned(const glm::dvec3& way, double rad) {
 // What is foretold is one future; people also turn. Each future is of aim points alone.
 void pick_futures(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  w.memory.futures.clear();
-  if (w.memory.ahead_s <= 0 || settings.strategy != Strategy::kBlend || settings.turn_share <= 0) return;
+  if (w.memory.ahead_s <= 0 || settings.strategy != Strategy::kBlend || settings.turn_share <= 0)
+    return w.memory.futures.clear();
   const double shares[] = {1 - settings.turn_share, settings.turn_share / 2, settings.turn_share / 2};
   const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
+  w.memory.futures.resize(std::size(shares));
   for (size_t f = 0; f < std::size(shares); ++f) {
-    Future& future = w.memory.futures.emplace_back();
+    Future& future = w.memory.futures[f];
+    future.sampled.clear();
     future.weight = shares[f];
     for (size_t i = 0; i < w.input.targets.size(); ++i) {
       const Instance& instance = *w.input.scene.find(w.input.targets[i].instance_id);

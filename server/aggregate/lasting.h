@@ -15,9 +15,10 @@ namespace sightline {
 // One belongs to one lattice; a cell that leaves the bound and comes back starts anew. Not thread-safe. Deterministic.
 class LastingShares {
  public:
-  // hidden[i] becomes what has lasted of it. The first entries are the lattice's covered cells, in its order; those after them
-  // are places that travel, each with a past of its own by its index. dt_s >= 0; memory_s >= 0: the time constant; 0: all counts at once.
-  void update(const Lattice& lattice, double dt_s, double memory_s, std::span<double> hidden);
+  // hidden[i] becomes what has lasted of it. The first entries are the lattice's covered cells, in its order (`on_lattice`; else
+  // none is); those after them are places that travel, each with a past of its own by its index. dt_s >= 0; memory_s >= 0: the
+  // time constant; 0: all counts at once.
+  void update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s, std::span<double> hidden);
 
  private:
   struct Past {

@@ -27,7 +27,7 @@ Status validate(const SurveySettings& settings);
 // The place of the shot that was asked for when it is good enough (SurveySettings::content), else the former one when that is,
 // else the place of least cost; none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
 // targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
-// of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is complete and of these targets, in this order.
+// of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is of these targets, in this order.
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
                                   size_t asked_place, const ShotState& present, size_t former,
                                   const SurveySettings& settings, const CoherenceSettings& coherence,

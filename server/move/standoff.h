@@ -14,11 +14,12 @@ namespace sightline {
 
 class Standoff {
  public:
-  // Metres from each place to the nearest collider that does not move, or 2 spacings of the lattice and half a metre, whichever
-  // is less. The first places are the lattice's covered cells, in its order; those after them are measured each time. Valid
-  // until the next call. The cost is that of the cells that are new to the bound.
+  // Metres from each place to the nearest collider that does not move, or 2 spacings of the lattice and `body_radius_m` and half
+  // a metre, whichever is less. Either the first places are the lattice's covered cells, in its order (`on_lattice`), and those
+  // after them are measured each time, or all are. Valid until the next call. The cost is that of the cells that are new to
+  // the bound.
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
-                                 std::span<const glm::dvec3> position_m);
+                                 std::span<const glm::dvec3> position_m, bool on_lattice, double body_radius_m);
 
  private:
   struct Cell {

@@ -20,10 +20,10 @@ class Trail {
   void pass(const glm::dvec3& center_m);
   void forget() { places_m_.clear(); }
 
-  // The newest place within `reach_m` to which the body can go straight from `from_m`; the field must cover that. Tests at most
-  // kPlaces paths: to be called only when the targets are lost.
+  // The newest place within `reach_m` to which the body can go straight from `from_m`, `keep_off_m` or more from where the targets
+  // are; the field must cover that. Tests at most kPlaces paths: to be called only when the targets are lost.
   std::optional<glm::dvec3> way_back(const ClearanceField& field, const glm::dvec3& from_m, double reach_m,
-                                     double body_radius_m) const;
+                                     double body_radius_m, double keep_off_m) const;
 
   const std::vector<glm::dvec3>& places_m() const { return places_m_; }  // oldest first
 

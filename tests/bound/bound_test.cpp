@@ -73,6 +73,42 @@ TEST(Bound, AlwaysHoldsTheCameraItself) {
   }
 }
 
+// Random balls and points, some inside the ball or at its centre: what the words promise, each by itself.
+TEST(ExtendTowards, ReachesAsFarAsToldAndKeepsAway) {
+  CounterRandom random(4, 0, RandomPurpose::kTest);
+  const auto vec = [&](double size) {
+    return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size));
+  };
+  int extended = 0, kept_off = 0, left = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    Bound bound;
+    bound.center_m = vec(trial % 2 ? 5 : 10'000), bound.radius_m = random.next_in(0.05, 4);
+    bound.horizon_s = 0.5, bound.paper_n = trial % 3 * 100.0;
+    const glm::dvec3 point = trial % 10 == 0 ? bound.center_m : bound.center_m + vec(8);
+    const double towards = trial % 7 == 0 ? 0.0 : random.next_in(0, 10), nearest = trial % 5 == 0 ? 0.0 : random.next_in(0, 3);
+    const double before = glm::distance(point, bound.center_m) - bound.radius_m;
+    const Bound out = extend_towards(bound, point, towards, nearest);
+    const double after = glm::distance(point, out.center_m) - out.radius_m;
+    ASSERT_TRUE(std::isfinite(out.radius_m) && std::isfinite(out.center_m.x + out.center_m.y + out.center_m.z));
+    EXPECT_LE(glm::distance(out.center_m, bound.center_m) + bound.radius_m, out.radius_m + 1e-9) << "contains the old ball";
+    EXPECT_EQ(out.horizon_s, bound.horizon_s);
+    EXPECT_NEAR(out.paper_n / out.radius_m, bound.paper_n / bound.radius_m, 1e-6) << "the factor is of the radius";
+    const double wanted = std::max(nearest, before - towards);
+    if (wanted >= before) {
+      EXPECT_EQ(out.center_m, bound.center_m);
+      EXPECT_EQ(out.radius_m, bound.radius_m);
+      ++left;
+      continue;
+    }
+    EXPECT_NEAR(after, wanted, 1e-8);
+    EXPECT_NEAR(2 * out.radius_m, 2 * bound.radius_m + before - wanted, 1e-8) << "the least such ball";
+    ++(wanted == nearest ? kept_off : extended);
+  }
+  EXPECT_GT(extended, 300);
+  EXPECT_GT(kept_off, 300);
+  EXPECT_GT(left, 300);
+}
+
 TEST(Bound, SettingsOutOfRangeAreNamed) {
   const auto field_of = [](auto change) {
     BoundSettings settings;
@@ -85,6 +121,10 @@ TEST(Bound, SettingsOutOfRangeAreNamed) {
   EXPECT_EQ(field_of([](auto& s) { s.horizon_s = std::nan(""); }), "bound.horizon_s");
   EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 0.4; }), "bound.max_horizon_s");
   EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 2.1; }), "bound.max_horizon_s");
+  EXPECT_EQ(field_of([](auto& s) { s.towards_m = 100; }), "");
+  EXPECT_EQ(field_of([](auto& s) { s.towards_m = -0.1; }), "bound.towards_m");
+  EXPECT_EQ(field_of([](auto& s) { s.towards_m = 100.1; }), "bound.towards_m");
+  EXPECT_EQ(field_of([](auto& s) { s.towards_m = std::nan(""); }), "bound.towards_m");
   EXPECT_EQ(field_of([](auto& s) { s.paper_n = std::numeric_limits<double>::infinity(); }), "bound.paper_n");
 }
 

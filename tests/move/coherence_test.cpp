@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "server/base/random.h"
+#include "server/move/choose.h"
 
 namespace sightline {
 namespace {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "server/base/random.h"
+#include "tests/support/watch.h"
 #include "tests/support/world.h"
 
 namespace sightline::test {
@@ -16,36 +17,6 @@ struct OnePerson : World {
     add_target(1, {0, 1, 0});
     place({0, 1.6, 6}, {0, 1, 0});
   }
-};
-
-bool is_sound(const StepResult& r) {
-  return is_finite(r.camera.pose.position_m) && is_finite(r.camera.pose.rotation) &&
-         is_finite(r.camera.velocity_mps) && is_finite(r.camera.angular_velocity_radps) &&
-         std::abs(glm::length(r.camera.pose.rotation) - 1) < 1e-9;
-}
-
-// Steps and checks that the path is finite, within the limits, and without a jump.
-class Watch {
- public:
-  explicit Watch(World& world) : world_(world), last_(world.memory.camera) {}
-  StepResult step(double dt = kTick) {
-    const StepResult r = world_.step(dt);
-    EXPECT_TRUE(is_sound(r));
-    const double moved_s = std::min(dt, kMaxStepS);
-    const glm::dvec3 velocity =
-        moved_s > 0 ? (r.camera.pose.position_m - last_.pose.position_m) / moved_s : last_.velocity_mps;
-    EXPECT_LE(glm::length(velocity), world_.limits.max_speed_mps * (1 + 1e-6));
-    EXPECT_LE(glm::length(velocity - last_.velocity_mps),
-              world_.limits.max_acceleration_mps2 * moved_s * (1 + 1e-6) + 1e-9);
-    EXPECT_LE(angle_between(last_.pose.rotation, r.camera.pose.rotation),
-              world_.limits.max_angular_speed_radps * moved_s * (1 + 1e-6) + 1e-7);
-    last_ = r.camera;
-    return r;
-  }
-
- private:
-  World& world_;
-  CameraState last_;
 };
 
 TEST(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {

@@ -1,0 +1,71 @@
+#include "server/aggregate/lasting.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+// A bound that wanders over the lattice, against a low pass kept by the place itself; a place that was out of the bound for a
+// step starts anew.
+TEST(LastingShares, AreALowPassAndStartAnew) {
+  CounterRandom random(81, 0, RandomPurpose::kTest);
+  using Key = std::array<long, 3>;
+  Lattice lattice;
+  Bound bound;
+  bound.radius_m = 1.0;
+  LastingShares lasting;
+  std::map<Key, double> past;
+  std::array<double, 2> travellers{};
+  int back = 0;
+  for (int step = 0; step < 200; ++step) {
+    bound.center_m += glm::dvec3(random.next_in(-0.3, 0.3), 0, random.next_in(-0.3, 0.3));
+    lattice.cover(bound, 60);
+    std::vector<double> hidden;
+    for (size_t i = 0; i < lattice.positions_m().size() + 2; ++i) hidden.push_back(random.next_unit());
+    const double dt_s = random.next_in(0.0, 0.1), memory_s = step % 20 == 0 ? 0.0 : 0.3;
+    const std::vector<double> given = hidden;
+    lasting.update(lattice, true, dt_s, memory_s, hidden);
+    std::map<Key, double> now;
+    const auto next = [&](double before, double share) {
+      return memory_s == 0 ? share : share + (before - share) * std::exp(-dt_s / memory_s);
+    };
+    for (size_t i = 0; i < lattice.positions_m().size(); ++i) {
+      const glm::dvec3 cell = glm::round(lattice.positions_m()[i] / lattice.spacing_m());
+      const Key key = {std::lround(cell.x), std::lround(cell.y), std::lround(cell.z)};
+      const auto before = past.find(key);
+      now[key] = next(before == past.end() ? given[i] : before->second, given[i]);
+      ASSERT_NEAR(hidden[i], now[key], 1e-12) << "step " << step;
+      back += before == past.end();
+    }
+    for (size_t k = 0; k < 2; ++k) {
+      const double seen = given[given.size() - 2 + k];
+      travellers[k] = next(step == 0 ? seen : travellers[k], seen);
+      ASSERT_NEAR(hidden[hidden.size() - 2 + k], travellers[k], 1e-12);
+    }
+    past = now;
+  }
+  EXPECT_GT(back, 300);
+}
+
+// Fewer or more places than the lattice has cells, none of them its own.
+TEST(LastingShares, PlacesThatAreNotTheLatticesHaveAPastByTheirIndex) {
+  Lattice lattice;
+  Bound bound;
+  bound.radius_m = 1.0;
+  lattice.cover(bound, 60);
+  LastingShares lasting;
+  for (const size_t count : {size_t{3}, size_t{500}, size_t{0}, size_t{7}}) {
+    std::vector<double> hidden(count, 0.8);
+    lasting.update(lattice, false, 0.1, 0.1, hidden);
+    for (size_t i = 0; i < count; ++i) EXPECT_NEAR(hidden[i], 0.8, 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace sightline

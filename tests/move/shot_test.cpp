@@ -1,0 +1,210 @@
+#include "server/move/shot.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "server/move/choose.h"
+#include "tests/support/round_maps.h"
+
+namespace sightline {
+namespace {
+
+using namespace test;
+
+const auto kAnywhere = [](const glm::dvec3&) { return true; };
+
+// Targets round a centre at the origin, and a survey of them; the shots that were asked for and that are.
+struct Filming {
+  std::vector<TargetView> targets;
+  std::vector<uint64_t> ids;
+  Survey survey;
+  ShotState asked, present;
+  size_t former = 0;
+  SurveySettings settings{.content = -1, .hold = 0};  // no shot is good enough to be kept unweighed
+  CoherenceSettings coherence;
+
+  explicit Filming(std::vector<double> weights = {1.0}) {
+    for (size_t i = 0; i < weights.size(); ++i) {
+      TargetView t;
+      t.aim_m = glm::dvec3(static_cast<double>(i) - static_cast<double>(weights.size() - 1) / 2, 0, 0);
+      t.radius_m = 0.5, t.weight = weights[i];
+      targets.push_back(t), ids.push_back(i + 1);
+    }
+    survey.follow(ids, 6.0);
+    shoot(survey.offset_m(20));
+  }
+  glm::dvec3 center() const { return weighted_center_m(targets); }
+  Pose pose_at(const glm::dvec3& offset) const {
+    return {center() + offset, look_rotation(-offset, {0, 1, 0}, {1, 0, 0})};
+  }
+  void capture(const glm::dvec3& offset, ShotState& shot) {
+    capture_shot(pose_at(offset), {}, targets, std::vector<float>(targets.size(), 1.0f), shot);
+  }
+  void shoot(const glm::dvec3& offset) { capture(offset, asked), capture(offset, present); }
+  // Target `i` sees all places but those of `hidden`; those farther out in the same direction are hidden with one.
+  void look(size_t i, const std::set<size_t>& hidden) {
+    RoundMaps maps(center(), 64);
+    for (const size_t place : hidden)
+      *maps.texel(center() + survey.offset_m(place)) =
+          static_cast<float>(glm::length(survey.offset_m(place)) - 0.1);
+    survey.learn(i, maps.maps, center(), 0.0, 1.0, 0.1);
+  }
+  std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
+    return choose_shot(survey, targets, asked, survey.nearest_place(asked.from_center_m), present, former,
+                       settings, coherence, allowed);
+  }
+};
+
+TEST(Shot, OneThatIsSeenIsKept) {
+  Filming film;
+  for (const size_t place : {20, 100, 131, 239}) {
+    film.shoot(film.survey.offset_m(place));
+    film.look(0, {});
+    EXPECT_EQ(film.choose(), place);
+  }
+}
+
+TEST(Shot, OneThatIsHiddenIsLeftForOneNearBy) {
+  Filming film;
+  film.look(0, {20});
+  ASSERT_EQ(film.survey.share(0, 20), 0.0f);
+  const auto chosen = film.choose();
+  ASSERT_TRUE(chosen);
+  EXPECT_NE(*chosen, 20u);
+  EXPECT_EQ(film.survey.share(0, *chosen), 1.0f);
+  const glm::dvec3 was = film.survey.offset_m(20), is = film.survey.offset_m(*chosen);
+  EXPECT_GT(glm::dot(was, is) / glm::length(was) / glm::length(is), 0.8) << "not across the line";
+}
+
+// The asked shot is off the survey's pattern: still one is chosen, and another asked shot pulls it to its side.
+TEST(Shot, LiesBetweenTheOneAskedForAndTheOneThatIs) {
+  Filming film;
+  film.look(0, {});
+  film.capture({6, 1, 0}, film.asked), film.capture({0, 1, 6}, film.present);
+  const auto chosen = film.choose();
+  ASSERT_TRUE(chosen);
+  const glm::dvec3 offset = film.survey.offset_m(*chosen);
+  EXPECT_GT(offset.x, -0.5);
+  EXPECT_GT(offset.z, -0.5);
+}
+
+TEST(Shot, OnlyAllowedPlacesAreTaken) {
+  Filming film;
+  film.look(0, {});
+  const auto high = film.choose([](const glm::dvec3& offset) { return offset.y > 4; });
+  ASSERT_TRUE(high);
+  EXPECT_GT(film.survey.offset_m(*high).y, 4);
+  std::vector<glm::dvec3> asked;
+  EXPECT_FALSE(film.choose([&](const glm::dvec3& offset) {
+    asked.push_back(offset);
+    return false;
+  }));
+  ASSERT_EQ(asked.size(), Survey::kPlaces) << "every place was asked for";
+  for (size_t place = 0; place < asked.size(); ++place) EXPECT_EQ(asked[place], film.survey.offset_m(place));
+}
+
+// With nothing to tell places apart the first of them is chosen, always.
+TEST(Shot, EqualsAreDecidedByTheirOrder) {
+  Filming film;
+  film.look(0, {});
+  film.coherence.responsiveness = 1;
+  EXPECT_EQ(film.choose(), 0u);
+  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.survey.offset_m(0); }), 1u);
+}
+
+// A former place that is a little worse is kept, one that is worse by more than `hold` is not.
+TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
+  Filming film({1.0, 0.1});
+  film.look(0, {}), film.look(1, {70});
+  film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+  const double worse = 0.1 / 1.1;  // all else is equal: place 70 alone hides the lighter target
+  film.former = 70;
+  film.settings.hold = worse + 0.01;
+  EXPECT_EQ(film.choose(), 70u);
+  film.settings.hold = worse - 0.01;
+  EXPECT_NE(film.choose(), 70u);
+  film.settings.hold = 1;
+  film.former = 0;
+  EXPECT_NE(film.choose(), 70u);
+}
+
+// The asked shot before the former one, each only while no more than `content` is hidden from it and beside it.
+TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
+  Filming film;
+  film.shoot(film.survey.offset_m(86)), film.former = 186;
+  film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.content = 0.1;
+  film.look(0, {});
+  EXPECT_EQ(film.choose(), 86u);
+  film.look(0, {86});
+  EXPECT_EQ(film.choose(), 186u);
+  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.survey.offset_m(186); }), 86u)
+      << "weighed, and only the change counts";
+  film.look(0, {86 + 20, 86 - 20});
+  EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
+  film.settings.content = 0.6;
+  EXPECT_EQ(film.choose(), 86u);
+}
+
+TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
+  Filming film;
+  film.look(0, {86 + 20, 86 - 20, 86 + 4, 86 - 4});  // round a place of the middle ring, itself seen
+  film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+  const auto only = [&](size_t a, size_t b) {
+    return [&film, a, b](const glm::dvec3& offset) {
+      return offset == film.survey.offset_m(a) || offset == film.survey.offset_m(b);
+    };
+  };
+  EXPECT_EQ(film.choose(only(86, 186)), 86u) << "both are seen";
+  film.coherence.predictive_power = 0.5;
+  EXPECT_EQ(film.choose(only(86, 186)), 186u) << "nothing is hidden beside it";
+}
+
+// Sixteen targets, some without weight, at random shots: the least of the costs as coherence.h gives them.
+TEST(Shot, IsTheCheapestOfAll) {
+  CounterRandom random(61, 0, RandomPurpose::kTest);
+  const auto somewhere = [&] {
+    return glm::dvec3(random.next_in(-6, 6), random.next_in(0.1, 6), random.next_in(-6, 6));
+  };
+  std::set<size_t> chosen;
+  for (int trial = 0; trial < 40; ++trial) {
+    std::vector<double> weights;
+    for (int i = 0; i < 1 + trial % 16; ++i)
+      weights.push_back(i > 0 && i % 3 == 0 ? 0.0 : random.next_in(0.1, 2));
+    Filming film(weights);
+    film.capture(somewhere(), film.asked), film.capture(somewhere(), film.present);
+    for (size_t i = 0; i < weights.size(); ++i) {
+      RoundMaps maps(film.center() + glm::dvec3(0.01, 0.02, 0.03), 8);
+      maps.fill_at_random(random, 1, 9);
+      film.survey.learn(i, maps.maps, film.center(), 0, 0.1, 1);
+    }
+    film.coherence.responsiveness = random.next_unit(), film.coherence.predictive_power = random.next_unit();
+    film.settings.hold = random.next_in(0, 0.1);
+    film.former = random.next_below(Survey::kPlaces);
+    double least = INFINITY;
+    size_t best = 0;
+    for (size_t place = 0; place < Survey::kPlaces; ++place) {
+      std::vector<float> seen;
+      double sum = 0, beside = 0;
+      for (size_t i = 0; i < weights.size(); ++i) {
+        seen.push_back(film.survey.share(i, place));
+        sum += weights[i],
+            beside += weights[i] * (1 - static_cast<double>(film.survey.share_beside(i, place)));
+      }
+      const ShotCandidate candidate{.world_from_camera = film.pose_at(film.survey.offset_m(place)),
+                                    .seen_share = seen,
+                                    .hidden_ahead = beside / sum};
+      double cost = 0.5 * shot_cost(candidate, film.asked, film.targets, film.coherence) +
+                    0.5 * shot_cost(candidate, film.present, film.targets, film.coherence);
+      if (place == film.former) cost -= film.settings.hold;
+      if (cost < least - 1e-12) least = cost, best = place;
+    }
+    EXPECT_EQ(film.choose(), best) << "trial " << trial;
+    chosen.insert(best);
+  }
+  EXPECT_GT(chosen.size(), 15u);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,165 @@
+#include "server/move/standoff.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/support/triangle_soup.h"
+
+namespace sightline {
+namespace {
+
+using namespace test;
+
+constexpr double kBodyM = 0.35;
+
+// Soups about the origin, of which some move, and a bound that a lattice covers.
+struct Place {
+  Draw draw{21};
+  SceneMirror mirror;
+  Lattice lattice;
+  Bound bound;
+  Standoff standoff;
+  std::vector<glm::dvec3> position_m;
+  uint64_t next_id = 1;
+
+  Place() {
+    bound.radius_m = 1.25;
+    for (int i = 0; i < 4; ++i) grow();
+    grow(true);
+    cover();
+  }
+  uint64_t grow(bool moving = false) {
+    NewInstance made = placed(next_id, random_soup(draw, 60), {draw.vec(3), draw.rotation()});
+    made.moving = moving;
+    add(mirror, std::move(made));
+    return next_id++;
+  }
+  void go(uint64_t id) {
+    TransformUpdate update;
+    update.ids = {id};
+    update.poses = {Pose{draw.vec(3), draw.rotation()}};
+    update.velocities_mps = {glm::dvec3(1, 0, 0)};
+    ASSERT_TRUE(mirror.apply({}, update));
+  }
+  void change(uint64_t id, const InstanceAttributes& attributes) {
+    SceneDelta delta;
+    delta.change = {{id, attributes}};
+    ASSERT_TRUE(mirror.apply(delta, {}));
+  }
+  void remove(uint64_t id) {
+    SceneDelta delta;
+    delta.remove = {id};
+    ASSERT_TRUE(mirror.apply(delta, {}));
+  }
+  // The lattice's cells, and two places off it of which one lies outside the bound.
+  void cover(int candidates = 200) {
+    lattice.cover(bound, candidates);
+    position_m = lattice.positions_m();
+    position_m.push_back(bound.center_m + draw.vec(0.5));
+    position_m.push_back(bound.center_m + glm::dvec3(0, 0, 1.5 * bound.radius_m));
+  }
+  double reach_m() const { return 2 * lattice.spacing_m() + kBodyM + 0.5; }
+
+  void expect_exact(bool on_lattice = true) {
+    const auto measured = standoff.measure(mirror, lattice, bound, position_m, on_lattice, kBodyM);
+    ASSERT_EQ(measured.size(), position_m.size());
+    ClearanceField field;
+    field.gather(mirror, {0, 0, 0}, 1000, mirror.moving_slots());
+    for (size_t i = 0; i < position_m.size(); ++i)
+      ASSERT_EQ(measured[i], static_cast<float>(field.clearance_m(position_m[i], reach_m())))
+          << "place " << i;
+  }
+};
+
+TEST(Standoff, IsTheClearanceWhileTheLatticeTravels) {
+  Place place;
+  const glm::dvec3 step(0.31, -0.07, 0.19);
+  for (int i = 0; i < 40; ++i) {
+    place.bound.center_m += i < 20 ? step : -step;
+    place.cover();
+    place.expect_exact();
+  }
+}
+
+TEST(Standoff, IsTheClearanceWhenTheLatticeIsLaidAnew) {
+  Place place;
+  for (const double radius : {1.25, 0.4, 2.5, 1.25, 0.05, 1.25}) {
+    place.bound.radius_m = radius;
+    place.cover();
+    place.expect_exact();
+  }
+  for (const int candidates : {27, 400, 27}) {
+    place.cover(candidates);
+    place.expect_exact();
+  }
+}
+
+TEST(Standoff, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
+  Place place;
+  place.expect_exact();
+  place.grow();
+  place.expect_exact();
+  place.remove(2);
+  place.expect_exact();
+  place.change(3, {.collides = false});
+  place.expect_exact();
+  place.change(3, {.visible = false});
+  place.expect_exact();
+  place.change(3, {});
+  place.expect_exact();
+  place.go(4);  // static so far
+  place.expect_exact();
+  for (int i = 0; i < 10; ++i) {
+    place.go(4), place.go(5);
+    place.expect_exact();
+  }
+  place.remove(4), place.remove(5);
+  place.expect_exact();
+}
+
+TEST(Standoff, LeavesOutWhatMoves) {
+  Place still, moving;
+  moving.grow(true);
+  const auto a =
+      still.standoff.measure(still.mirror, still.lattice, still.bound, still.position_m, true, kBodyM);
+  const auto b =
+      moving.standoff.measure(moving.mirror, moving.lattice, moving.bound, still.position_m, true, kBodyM);
+  EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end()));
+}
+
+TEST(Standoff, EndsWhereItIsCutOff) {
+  Place place;
+  for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
+  for (const float clearance :
+       place.standoff.measure(place.mirror, place.lattice, place.bound, place.position_m, true, kBodyM))
+    EXPECT_EQ(clearance, static_cast<float>(place.reach_m()));
+  place.expect_exact();
+}
+
+// A wide body on a fine lattice: room for it must be told from none.
+TEST(Standoff, SeesFartherThanTheBodyIsWide) {
+  Place place;
+  place.bound.radius_m = 0.05;
+  place.cover();
+  for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
+  for (const double body_m : {0.0, 1.0, 10.0})
+    for (const float clearance :
+         place.standoff.measure(place.mirror, place.lattice, place.bound, place.position_m, true, body_m))
+      EXPECT_GT(clearance, body_m);
+}
+
+// The pair volume's places, fewer or more than the lattice's cells.
+TEST(Standoff, MeasuresPlacesThatAreNotTheLattices) {
+  Place place;
+  for (const size_t count : {size_t{0}, size_t{1}, size_t{20}, size_t{900}}) {
+    place.position_m.clear();
+    for (size_t i = 0; i < count; ++i) place.position_m.push_back(place.bound.center_m + place.draw.vec(0.7));
+    place.expect_exact(false);
+    place.cover();
+    place.expect_exact(true);
+  }
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,33 @@
+// Worlds that the default preset films, watched at every step: lawful, and clear of all that collides.
+#pragma once
+
+#include "server/presets.h"
+#include "tests/support/watch.h"
+
+namespace sightline::test {
+
+// The default preset.
+struct Filming : World {
+  Filming() { settings = preset_settings(Preset::kSightline); }
+
+  // How near the lens is to anything that collides, up to 2 m.
+  double clearance_m() const {
+    ClearanceField field;
+    field.gather(mirror, memory.camera.pose.position_m, 3.0, {});
+    return field.clearance_m(memory.camera.pose.position_m, 2.0);
+  }
+  void step_in(Watch& watch, StepResult& result, double dt = 1.0 / 60) {
+    result = watch.step(dt);
+    EXPECT_GE(clearance_m(), limits.body_radius_m - 1e-6) << "tick " << tick;
+  }
+};
+
+struct OneFilmed : Filming {
+  explicit OneFilmed(const glm::dvec3& camera = {0, 1.6, 6}) {
+    add_target(1, {0, 1, 0});
+    place(camera, {0, 1, 0});
+  }
+  double distance_m() const { return glm::distance(memory.camera.pose.position_m, glm::dvec3(0, 1, 0)); }
+};
+
+}  // namespace sightline::test
