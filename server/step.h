@@ -122,6 +122,7 @@ struct GoalSearch {
   LastingShares lasting;        // of what they hide
   std::vector<double> hidden;  // by candidate: what counts as hidden, [0, 1]
   Standoff standoff;
+  std::vector<float> clearance_m;  // by candidate, to what stands, 0 where a mover is about to be
   RouteFinder routes;
   Trail trail;
   ClearanceField trail_colliders;  // along it; those of the body's own reach stay apart

@@ -26,14 +26,30 @@ double body_m(const StepWork& w) {
   return swept_radius_m(w.input.limits, w.lens);
 }
 
+// Places that a mover is about to take are none to go to or through: a door that closes, a cart.
+void give_way(StepWork& w, double body_radius_m) {
+  const ClearanceField& soon = w.memory.movers_ahead.back();
+  if (soon.collider_count() == 0) return;
+  const auto& places = w.memory.candidates.position_m;
+  for (size_t i = 0; i < places.size(); ++i)
+    if (soon.clearance_m(places[i], body_radius_m) < body_radius_m) w.memory.goal.clearance_m[i] = 0;
+}
+
 void find_routes(StepWork& w) {
   StepMemory& m = w.memory;
   const double body_radius_m = body_m(w) + kRouteRoomM;
+  const std::span<const float> standoff = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound,
+                                                                  m.candidates.position_m, w.on_lattice, body_radius_m);
+  m.goal.clearance_m.assign(standoff.begin(), standoff.end());
+  give_way(w, body_radius_m);
   const RouteNodes nodes{.position_m = m.candidates.position_m,
                          .cell = m.cells,
-                         .clearance_m = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound, m.candidates.position_m,
-                                                                w.on_lattice, body_radius_m),
-                         .hidden = m.goal.hidden};
+                         .clearance_m = m.goal.clearance_m,
+                         .hidden = m.goal.hidden,
+                         .first_leg_is_free = [&](uint32_t node) {
+                           return path_is_free(m.colliders, m.camera.pose.position_m, m.candidates.position_m[node],
+                                               body_m(w));
+                         }};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
                      {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }

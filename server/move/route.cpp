@@ -15,6 +15,12 @@ bool is_free(const RouteNodes& nodes, uint32_t a, uint32_t b, double length_m, d
   return (from_start || clear_a >= body_m) && clear_b >= body_m && clear_a + clear_b > length_m;
 }
 
+// Round both ends there is room for the body as far as they reach: where they meet it fits all the way.
+bool first_leg_fits(const RouteNodes& nodes, uint32_t start, uint32_t to, double length_m, double body_m) {
+  if (!nodes.first_leg_is_free) return true;
+  return nodes.clearance_m[start] + nodes.clearance_m[to] >= length_m + 2 * body_m || nodes.first_leg_is_free(to);
+}
+
 }  // namespace
 
 void RouteFinder::index(std::span<const glm::ivec3> cell) {
@@ -47,6 +53,7 @@ void RouteFinder::relax(const RouteNodes& nodes, const RouteSettings& settings, 
           const double length = glm::distance(nodes.position_m[from], nodes.position_m[to]);
           const double cost = cost_m_[from] + length * (1 + settings.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
           if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings.body_radius_m, from_start)) continue;
+          if (from_start && !first_leg_fits(nodes, from, to, length, settings.body_radius_m)) continue;
           cost_m_[to] = cost;
           before_[to] = from;
           heap_.push_back({cost, to});

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <limits>
 #include <span>
@@ -24,6 +25,9 @@ struct RouteNodes {
   std::span<const glm::ivec3> cell;     // several may share one (places off the grid)
   std::span<const float> clearance_m;   // to the nearest collider; may be cut off at twice the spacing
   std::span<const double> hidden;       // [0, 1]: what is hidden there; costs the more to pass
+  // Whether the body can really go straight from the start to a node: asked where the clearances of both do not prove it, so
+  // that a camera never heads for a leg that it cannot take. Empty: the clearances decide as on every other leg.
+  std::function<bool(uint32_t node)> first_leg_is_free = {};
 };
 
 struct RouteSettings {
