@@ -13,7 +13,7 @@ StepSettings sightline_settings() {
   settings.move.strategy = Strategy::kBlend;
   settings.move.blend.steadiness = 0.5;
   settings.move.prediction_s = 0.5;
-  settings.move.turn_share = 0.4;
+  settings.move.turn_share = 0.2;
   settings.move.response_s = 0.15;
   settings.move.survey.enabled = true;
   return settings;

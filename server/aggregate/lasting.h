@@ -23,7 +23,7 @@ class LastingShares {
  private:
   struct Past {
     uint64_t owner = 0;  // of the address
-    uint64_t step = 0;   // when it was last updated
+    uint64_t step = UINT64_MAX;  // when it was last updated; never, at first
     double lasted = 0;
   };
   uint64_t step_ = 0;
