@@ -136,7 +136,7 @@ TEST(Survey, APlaceThatNoMapShowsStaysAsItWas) {
   Survey survey = survey_of({1}, 6.0);
   RoundMaps shut({0, 0, 0}, 4);
   for (DepthMap& map : shut.maps) map.distance_m.assign(map.distance_m.size(), 0.1f);
-  survey.learn(0, std::span(shut.maps).first(1), {0, 0, 0}, 0, 0.1, 1);
+  survey.learn(0, std::span(shut.maps).first(1), {0, 0, 0}, 0, 1e6, 1);
   size_t hidden = 0;
   for (const float share : shares(survey, 0)) hidden += share == 0.0f;
   EXPECT_GT(hidden, 10u);
@@ -145,7 +145,7 @@ TEST(Survey, APlaceThatNoMapShowsStaysAsItWas) {
   Survey at_place = survey_of({1}, 6.0);
   RoundMaps there(at_place.offset_m(17), 4);
   for (DepthMap& map : there.maps) map.distance_m.assign(map.distance_m.size(), 0.0f);
-  at_place.learn(0, there.maps, {0, 0, 0}, 0, 0.1, 1);
+  at_place.learn(0, there.maps, {0, 0, 0}, 0, 1e6, 1);
   EXPECT_EQ(at_place.share(0, 17), 1.0f);
   EXPECT_EQ(at_place.share(0, 18), 0.0f);
 }
@@ -246,7 +246,7 @@ TEST(Survey, LearnsFromRaysThatAWallHidesOneSide) {
   std::vector<DepthMap> maps;
   ASSERT_TRUE(make_embree_sampler_device()->make_sampler()->take(mirror, requests, maps));
   Survey survey = survey_of({1}, 6.0);
-  survey.learn(0, maps, {0, 0, 0}, 0.001, 0.1, 1);
+  survey.learn(0, maps, {0, 0, 0}, 0.001, 1e6, 1);
   int hidden = 0;
   for (size_t place = 0; place < Survey::kPlaces; ++place) {
     const double x = survey.offset_m(place).x;

@@ -49,7 +49,7 @@ struct Filming {
     for (const size_t place : hidden)
       *maps.texel(center() + survey.offset_m(place)) =
           static_cast<float>(glm::length(survey.offset_m(place)) - 0.1);
-    survey.learn(i, maps.maps, center(), 0.0, 1.0, 0.1);
+    survey.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
     return choose_shot(survey, targets, asked, survey.nearest_place(asked.from_center_m), present, former,
