@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "client/evaluation_tables.h"
+#include "client/named_settings.h"
 #include "client/paper_suite.h"
 #include "client/paper_tables.h"
 #include "client/plot.h"
@@ -91,7 +92,30 @@ constexpr std::array<Suite, 1> kSuites{{
 // Tables of its own, see paper_suite.h.
 constexpr std::string_view kPaperSuite = "paper";
 
-Result<std::vector<const PolicyEntry*>> policies_of(const EvaluateOptions& options) {
+// What the user set, and a policy for each; nothing may be added later, as entries point at names and settings.
+struct OwnPolicies {
+  std::vector<NamedSettings> named;
+  std::vector<PolicyEntry> entries;
+};
+
+Result<OwnPolicies> own_policies_of(const EvaluateOptions& options) {
+  OwnPolicies own;
+  for (const std::string& text : options.settings) {
+    auto named = read_named_settings(text);
+    if (!named) return tl::unexpected(named.error());
+    const bool taken =
+        std::any_of(own.named.begin(), own.named.end(), [&](const auto& n) { return n.name == named->name; });
+    if (taken || find_policy(named->name))
+      return invalid("settings",
+                     std::string("there is already a policy \"").append(named->name).append("\""));
+    own.named.push_back(std::move(*named));
+  }
+  for (const NamedSettings& named : own.named)
+    own.entries.push_back({named.name, "settings given by the user", nullptr, &named.settings});
+  return own;
+}
+
+Result<std::vector<const PolicyEntry*>> policies_of(const EvaluateOptions& options, const OwnPolicies& own) {
   std::vector<const PolicyEntry*> chosen;
   for (const std::string& name : options.policies)
     if (!find_policy(name)) return fail(ErrorCode::kNotFound, "policy", "no policy \"" + name + "\"");
@@ -101,6 +125,7 @@ Result<std::vector<const PolicyEntry*>> policies_of(const EvaluateOptions& optio
         std::find(options.policies.begin(), options.policies.end(), entry.name) != options.policies.end();
     if (asked || options.policies.empty()) chosen.push_back(&entry);
   }
+  for (const PolicyEntry& entry : own.entries) chosen.push_back(&entry);
   return chosen;
 }
 
@@ -228,7 +253,9 @@ Status play_paper_into_folder(const EvaluateOptions& options, std::ostream& out,
 Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, std::ostream& err) {
   auto cases = cases_of(options);
   if (!cases) return tl::unexpected(cases.error());
-  const auto chosen = policies_of(options);
+  const auto own = own_policies_of(options);
+  if (!own) return tl::unexpected(own.error());
+  const auto chosen = policies_of(options, *own);
   if (!chosen) return tl::unexpected(chosen.error());
   const Folder folder(options.out);
   // Found out now rather than after the runs.

@@ -1,4 +1,4 @@
-// `sightline evaluate`: scenes x policies, played and judged in this process, as tables and plots.
+// `sightline evaluate`: scenes x policies x settings, played and judged in this process, as tables and plots.
 //
 // The suite "paper" instead plays the paper's tables (see paper_suite.h and paper_tables.h) and writes
 //   table1.csv, table2.csv, table3.csv
@@ -22,6 +22,7 @@ struct EvaluateOptions {
   std::string suite;                  // "scenes": every generated scene; "paper"; empty: `scenes` says which
   std::vector<std::string> scenes;    // names of generated scenes, and paths of .glb or .gltf files
   std::vector<std::string> policies;  // empty: all; must be empty with suite "paper"
+  std::vector<std::string> settings;  // NAME=JSON, each a policy of its own after the others, see named_settings.h
   int seeds = 5;                      // [1, 100]: seeds 1 .. n
   double rate_hz = 60.0;
   double duration_s = 0.0;  // at most this much of each scene; 0: all

@@ -107,9 +107,9 @@ class Run {
   }
 
   Result<Played> play(const Scenario& scenario) {
-    PolicySite site{scenario,       shared_.store,        shared_.device, *shared_.samplers, shared_.extents,
-                    CameraLimits{}, 1 / options_.rate_hz, scene_.seed};
-    auto policy = policy_.make(site);
+    PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
+                    shared_.extents, CameraLimits{}, 1 / options_.rate_hz, scene_.seed};
+    auto policy = make_policy(policy_, site);
     if (!policy) return tl::unexpected(policy.error());
     const auto ticks =
         static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;

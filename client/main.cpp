@@ -58,6 +58,13 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.emplace_back(policy.name);
   evaluate->add_option("--policy", options.policies, "Which cameras (default: all); may be repeated")
       ->check(CLI::IsMember(names));
+  evaluate
+      ->add_option("--settings", options.settings,
+                   "NAME=JSON: Sightline under these settings (a Settings message of settings.proto, over "
+                   "the default preset) as "
+                   "a policy of its own; may be repeated")
+      ->excludes(suite)
+      ->allow_extra_args(false);
   evaluate->add_option("--seeds", options.seeds, "How many variants of each scene: seeds 1 to N")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();

@@ -71,6 +71,10 @@ constexpr std::array<PolicyEntry, 6> kPolicies{{
 
 }  // namespace
 
+Result<std::unique_ptr<CameraPolicy>> make_policy(const PolicyEntry& entry, const PolicySite& site) {
+  return entry.settings ? make_step_policy(site, *entry.settings) : entry.make(site);
+}
+
 std::span<const PolicyEntry> policies() {
   return kPolicies;
 }

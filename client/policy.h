@@ -14,6 +14,7 @@
 #include "client/scenario_world.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
+#include "server/step.h"
 
 namespace sightline {
 
@@ -50,7 +51,10 @@ struct PolicyEntry {
   std::string_view name;
   std::string_view summary;
   Result<std::unique_ptr<CameraPolicy>> (*make)(const PolicySite& site);
+  // When given, Sightline's step under these settings, and `make` is not called. Must outlive the entry.
+  const StepSettings* settings = nullptr;
 };
+Result<std::unique_ptr<CameraPolicy>> make_policy(const PolicyEntry& entry, const PolicySite& site);
 // In the order in which tables and plots show them.
 std::span<const PolicyEntry> policies();
 // Null when there is no such policy.

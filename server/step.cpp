@@ -159,8 +159,9 @@ void bound(StepWork& w) {
   w.memory.horizon_s = std::clamp(w.memory.horizon_s, settings.horizon_s, settings.max_horizon_s);
   w.memory.bound = bound_camera(w.memory.camera, w.input.limits, settings, w.memory.horizon_s, w.move_s);
   if (w.steered == 0 || settings.towards_m == 0) return;
-  w.memory.bound = extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.towards_m,
-                                  w.input.settings.move.min_distance_m + kBoundFromTargetsM);
+  w.memory.bound =
+      extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.towards_m,
+                     w.input.settings.move.min_distance_m + kBoundFromTargetsM);
 }
 
 void report_targets(StepWork& w) {

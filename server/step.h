@@ -106,8 +106,8 @@ struct Future {
 // The survey of a step, and the shot that it leads to.
 struct ShotSearch {
   Survey survey;
-  size_t looking = 0;          // which target looks round in this step
-  MapRange maps;               // what it sees; none without a survey
+  size_t looking = 0;              // which target looks round in this step
+  MapRange maps;                   // what it sees; none without a survey
   glm::dvec3 asked_offset_m{0.0};  // of the shot that the client gave
   size_t asked_place = 0;          // of the survey, most like it
   std::optional<size_t> place;     // of the survey, that the camera wants
@@ -117,15 +117,15 @@ struct ShotSearch {
 // How a goal is found and gone to (strategy kBlend).
 struct GoalSearch {
   std::vector<double> target_weights;
-  HiddenShares hidden_by;      // by candidate: what is expected to be hidden, by what
+  HiddenShares hidden_by;       // by candidate: what is expected to be hidden, by what
   std::vector<uint8_t> passes;  // by mirror slot: moves, and is no target
   LastingShares lasting;        // of what they hide
-  std::vector<double> hidden;  // by candidate: what counts as hidden, [0, 1]
+  std::vector<double> hidden;   // by candidate: what counts as hidden, [0, 1]
   Standoff standoff;
   std::vector<float> clearance_m;  // by candidate, to what stands, 0 where a mover is about to be
   RouteFinder routes;
   Trail trail;
-  ClearanceField trail_colliders;  // along it; those of the body's own reach stay apart
+  ClearanceField trail_colliders;    // along it; those of the body's own reach stay apart
   std::optional<glm::dvec3> goal_m;  // the former step's
 };
 
@@ -152,9 +152,9 @@ struct StepMemory {
   std::vector<MapView> views;
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
   Sampled now;                                       // the targets where they are
-  Sampled ahead;         // and where they are predicted to be; empty without prediction
+  Sampled ahead;                // and where they are predicted to be; empty without prediction
   std::vector<Future> futures;  // other ways that the targets may take until then
-  double ahead_s = 0.0;  // for how far; 0: not in this step
+  double ahead_s = 0.0;         // for how far; 0: not in this step
   double ahead_confidence = 0.0;
   std::vector<glm::dvec3> chained_m;  // one point a target, when pair volumes are asked for
   PairChain chain;                    // of these; when complete

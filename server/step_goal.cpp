@@ -38,8 +38,8 @@ void give_way(StepWork& w, double body_radius_m) {
 void find_routes(StepWork& w) {
   StepMemory& m = w.memory;
   const double body_radius_m = body_m(w) + kRouteRoomM;
-  const std::span<const float> standoff = m.goal.standoff.measure(w.input.scene, m.lattice, m.bound,
-                                                                  m.candidates.position_m, w.on_lattice, body_radius_m);
+  const std::span<const float> standoff = m.goal.standoff.measure(
+      w.input.scene, m.lattice, m.bound, m.candidates.position_m, w.on_lattice, body_radius_m);
   m.goal.clearance_m.assign(standoff.begin(), standoff.end());
   give_way(w, body_radius_m);
   const RouteNodes nodes{.position_m = m.candidates.position_m,
@@ -47,8 +47,8 @@ void find_routes(StepWork& w) {
                          .clearance_m = m.goal.clearance_m,
                          .hidden = m.goal.hidden,
                          .first_leg_is_free = [&](uint32_t node) {
-                           return path_is_free(m.colliders, m.camera.pose.position_m, m.candidates.position_m[node],
-                                               body_m(w));
+                           return path_is_free(m.colliders, m.camera.pose.position_m,
+                                               m.candidates.position_m[node], body_m(w));
                          }};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
                      {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
@@ -83,7 +83,8 @@ Leg first_leg(StepWork& w, uint32_t goal) {
   const glm::dvec3 from = w.memory.camera.pose.position_m;
   if (route.empty()) return {from, 0};
   size_t k = route.size() - 1;
-  while (k > 0 && !path_is_free(w.memory.colliders, from, places[route[k]], body_m(w))) k = k > 4 ? k - 2 : k - 1;
+  while (k > 0 && !path_is_free(w.memory.colliders, from, places[route[k]], body_m(w)))
+    k = k > 4 ? k - 2 : k - 1;
   double length_m = glm::distance(from, places[route[k]]);
   for (; k + 1 < route.size(); ++k) length_m += glm::distance(places[route[k]], places[route[k + 1]]);
   return {places[route[k]], length_m};
@@ -101,8 +102,8 @@ glm::dvec3 velocity_along(const StepWork& w, const Leg& leg, const glm::dvec3& w
     wanted += way * (std::min(brake, leg.length_m / std::max(response_s, 2 * w.move_s)) / distance);
   }
   const double share = response_s > 0 ? std::min(1.0, w.move_s / response_s) : 1.0;
-  return clamp_velocity(camera.velocity_mps, camera.velocity_mps + share * (wanted - camera.velocity_mps), w.input.limits,
-                        w.move_s);
+  return clamp_velocity(camera.velocity_mps, camera.velocity_mps + share * (wanted - camera.velocity_mps),
+                        w.input.limits, w.move_s);
 }
 
 // The way that the targets went; false when the camera can reach no place of it.
@@ -111,7 +112,7 @@ bool follow_trail(StepWork& w, Leg& leg) {
   ClearanceField& field = w.memory.goal.trail_colliders;
   field.gather(w.input.scene, from, kTrailReachM + 2 * body_m(w), {});
   const auto place = w.memory.goal.trail.way_back(field, from, kTrailReachM, body_m(w),
-                                                   w.input.settings.move.min_distance_m);
+                                                  w.input.settings.move.min_distance_m);
   if (!place) return false;
   leg = {*place, glm::distance(from, *place)};
   return true;
@@ -120,9 +121,10 @@ bool follow_trail(StepWork& w, Leg& leg) {
 }  // namespace
 
 bool targets_stand(const StepWork& w) {
-  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(), [](const TargetView& target) {
-    return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
-  });
+  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(),
+                      [](const TargetView& target) {
+                        return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
+                      });
 }
 
 void expect_hidden(StepWork& w) {
@@ -139,10 +141,12 @@ void expect_hidden(StepWork& w) {
   };
   look(w.memory.now, 1 - ahead);
   if (ahead > 0) look(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
-  for (const Future& future : w.memory.futures) look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
+  for (const Future& future : w.memory.futures)
+    look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
   goal.lasting.update(w.memory.lattice, w.on_lattice, w.move_s,
-                      filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0, goal.hidden_by.by_passing);
+                      filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
+                      goal.hidden_by.by_passing);
   goal.hidden.resize(places.size());
   for (size_t i = 0; i < places.size(); ++i)
     goal.hidden[i] = std::clamp(goal.hidden_by.by_staying[i] + goal.hidden_by.by_passing[i], 0.0, 1.0);
@@ -181,7 +185,8 @@ glm::dvec3 velocity_to_goal(StepWork& w, Choice& choice) {
   }
   if (choice.candidate >= 0) leg = first_leg(w, static_cast<uint32_t>(choice.candidate));
   // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
-  return velocity_along(w, leg, choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0));
+  return velocity_along(w, leg,
+                        choice.reason == MoveReason::kAtDesiredPlace ? group_velocity(w) : glm::dvec3(0.0));
 }
 
 }  // namespace sightline

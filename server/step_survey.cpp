@@ -19,14 +19,15 @@ constexpr double kFitSlack = 1.05;
 
 bool surveys(const StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  return settings.strategy == Strategy::kBlend && settings.survey.enabled && settings.follow == Follow::kOffset &&
-         w.steered != 0;
+  return settings.strategy == Strategy::kBlend && settings.survey.enabled &&
+         settings.follow == Follow::kOffset && w.steered != 0;
 }
 
 glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   const Aabb& box = instance.geometry->bounds;
   const double x = random.next_unit(), y = random.next_unit(), z = random.next_unit();
-  const glm::dvec3 from_center = (glm::dvec3(x, y, z) - 0.5) * glm::dvec3(box.half_extent()) * 2.0 * kBoxShare;
+  const glm::dvec3 from_center =
+      (glm::dvec3(x, y, z) - 0.5) * glm::dvec3(box.half_extent()) * 2.0 * kBoxShare;
   return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
 }
 
@@ -40,8 +41,8 @@ glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
 void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
   const std::vector<float> seen(w.input.targets.size(), 1.0f);
   const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
-  capture_shot({center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})}, w.lens, w.memory.target_views,
-               seen, shot);
+  capture_shot({center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})}, w.lens,
+               w.memory.target_views, seen, shot);
 }
 
 void choose(StepWork& w) {
@@ -107,7 +108,8 @@ void learn_survey(StepWork& w) {
   shot.survey.follow(w.memory.target_ids, std::max(glm::length(shot_offset_m(w, shot.asked_offset_m)), 0.1));
   shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
                     weighted_center_m(w.memory.target_views), settings.relative_bias,
-                    w.move_s * static_cast<double>(w.input.targets.size()), w.input.settings.move.survey.memory_s);
+                    w.move_s * static_cast<double>(w.input.targets.size()),
+                    w.input.settings.move.survey.memory_s);
   const bool knows = shot.survey.known_s() >= kKnownShare * w.input.settings.move.survey.memory_s;
   if (knows && w.input.tick % kStepsPerChoice == 0) choose(w);
   if (!shot.place) return;

@@ -16,7 +16,8 @@ struct StepWork {
   uint32_t steered = 0;  // bit i: target i has a weight
   Lens lens;             // as it is now, zoom included
   bool pair = false;     // the candidates are those of the memory's chain of pair volumes
-  bool on_lattice = false;   // the candidates before the camera's own place are the lattice's cells, not the pair volume's
+  bool on_lattice =
+      false;  // the candidates before the camera's own place are the lattice's cells, not the pair volume's
   size_t own_candidate = 0;  // index of the camera's own place among the candidates
 };
 

@@ -51,8 +51,8 @@ void compose_visibility(const SampledPoints& sampled, double relative_bias,
 }
 
 void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
-                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
-                HiddenShares& hidden) {
+                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target,
+                double weight, HiddenShares& hidden) {
   double total = 0;
   for (const double w : weight_of_target) total += w;
   if (!(total > 0)) return;

@@ -71,8 +71,8 @@ struct HiddenShares {
 // stays and by what passes; nothing when all weights are 0. `passes` has an entry for each mirror slot: 1 for occluders that may
 // be gone at once. A position that no map shows counts as hidden by what stays. O(positions * maps).
 void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
-                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target, double weight,
-                HiddenShares& hidden);
+                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target,
+                double weight, HiddenShares& hidden);
 
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {

@@ -18,11 +18,12 @@ class LastingShares {
   // hidden[i] becomes what has lasted of it. The first entries are the lattice's covered cells, in its order (`on_lattice`; else
   // none is); those after them are places that travel, each with a past of its own by its index. dt_s >= 0; memory_s >= 0: the
   // time constant; 0: all counts at once.
-  void update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s, std::span<double> hidden);
+  void update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s,
+              std::span<double> hidden);
 
  private:
   struct Past {
-    uint64_t owner = 0;  // of the address
+    uint64_t owner = 0;          // of the address
     uint64_t step = UINT64_MAX;  // when it was last updated; never, at first
     double lasted = 0;
   };

@@ -37,7 +37,8 @@ Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const 
 
 Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double towards_m, double nearest_m) {
   const glm::dvec3 out = bound.center_m - point_m;
-  const double middle = glm::length(out), near_side = std::max(nearest_m, middle - bound.radius_m - towards_m),
+  const double middle = glm::length(out),
+               near_side = std::max(nearest_m, middle - bound.radius_m - towards_m),
                far_side = middle + bound.radius_m;
   if (near_side >= middle - bound.radius_m) return bound;
   Bound extended = bound;

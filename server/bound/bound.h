@@ -18,9 +18,10 @@ struct BoundSettings {
   BoundMode mode = BoundMode::kHorizon;
   double horizon_s = 0.5;  // [0.05, 2]; short: the camera finds no way round a pillar; long: coarse lattice
   double max_horizon_s = 2.0;  // [horizon_s, 2]; how far an escape may look
-  double towards_m = 0.0;  // [0, 100]; how far the ball also reaches towards the targets: nearer places are the way out of
-                           // most occlusions
-  double paper_n = 300.0;      // [1, 1e6]; paper mode: the radius factor n
+  double towards_m =
+      0.0;  // [0, 100]; how far the ball also reaches towards the targets: nearer places are the way out of
+            // most occlusions
+  double paper_n = 300.0;  // [1, 1e6]; paper mode: the radius factor n
 };
 
 struct Bound {

@@ -207,7 +207,8 @@ Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> 
   if (seen == 0) return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, candidate};
   if (seen != steered) return {MoveStatus::kPartial, MoveReason::kBestPartial, candidate};
   const bool desired = glm::distance(candidates.position_m[best], desired_m) < 1e-6;
-  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible, candidate};
+  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible,
+          candidate};
 }
 
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,

@@ -55,12 +55,14 @@ void blend_costs(const BlendInput& input, const BlendSettings& settings, std::ve
     const double depth_m = input.groups.depth_steps(i) * input.spacing_m;
     const double bare = 1.0 - std::min(depth_m / settings.full_depth_m, 1.0);
     const double missed = std::max(0.0, input.hidden[i] - settings.tolerance);
-    cost[i] = settings.hidden * missed + settings.distance * glm::distance(input.position_m[i], input.desired_m) +
+    cost[i] = settings.hidden * missed +
+              settings.distance * glm::distance(input.position_m[i], input.desired_m) +
               settings.shelter * bare;
     // Kept apart: no weight times infinity.
     cost[i] += std::isinf(input.route_m[i]) ? input.route_m[i] : settings.route * input.route_m[i];
     if (input.former_goal_m)
-      cost[i] += settings.steadiness * std::min(glm::distance(input.position_m[i], *input.former_goal_m), 1.0);
+      cost[i] +=
+          settings.steadiness * std::min(glm::distance(input.position_m[i], *input.former_goal_m), 1.0);
   }
 }
 

@@ -27,14 +27,16 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
 // keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view and loses it at
 // the targets' next step, with much it wanders into the middle of free space and lets the shot go.
 struct BlendSettings {
-  double hidden = 80.0;       // [0, 1000]; what seeing all targets instead of none is worth
-  double tolerance = 0.05;    // [0, 1]; a hidden share up to this does not count. 0: the camera is never at rest; 1: nothing counts
-  double distance = 1.0;      // [0, 10]; of a metre from the desired place
-  double shelter = 1.0;       // [0, 10]; of standing at the rim of a group instead of `full_depth_m` inside it
+  double hidden = 80.0;  // [0, 1000]; what seeing all targets instead of none is worth
+  double tolerance =
+      0.05;  // [0, 1]; a hidden share up to this does not count. 0: the camera is never at rest; 1: nothing counts
+  double distance = 1.0;  // [0, 10]; of a metre from the desired place
+  double shelter = 1.0;   // [0, 10]; of standing at the rim of a group instead of `full_depth_m` inside it
   double full_depth_m = 0.6;  // (0, 5]; deeper is not better
   double route = 0.3;         // [0, 10]; of a metre of the way there
   double exposure = 5.0;      // [0, 100]; how much more a metre costs on which nothing is seen
-  double steadiness = 0.0;    // [0, 10]; of a goal a metre or more from the former one: 0: it flits between equals
+  double steadiness =
+      0.0;  // [0, 10]; of a goal a metre or more from the former one: 0: it flits between equals
 };
 Status validate(const BlendSettings& settings);
 

@@ -22,9 +22,9 @@ inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
 // The nodes; all spans have one length.
 struct RouteNodes {
   std::span<const glm::dvec3> position_m;
-  std::span<const glm::ivec3> cell;     // several may share one (places off the grid)
-  std::span<const float> clearance_m;   // to the nearest collider; may be cut off at twice the spacing
-  std::span<const double> hidden;       // [0, 1]: what is hidden there; costs the more to pass
+  std::span<const glm::ivec3> cell;    // several may share one (places off the grid)
+  std::span<const float> clearance_m;  // to the nearest collider; may be cut off at twice the spacing
+  std::span<const double> hidden;      // [0, 1]: what is hidden there; costs the more to pass
   // Whether the body can really go straight from the start to a node: asked where the clearances of both do not prove it, so
   // that a camera never heads for a leg that it cannot take. Empty: the clearances decide as on every other leg.
   std::function<bool(uint32_t node)> first_leg_is_free = {};
@@ -32,7 +32,7 @@ struct RouteNodes {
 
 struct RouteSettings {
   double body_radius_m = 0.3;
-  double exposure = 3.0;          // [0, 100]: a metre with all hidden costs 1 + exposure metres
+  double exposure = 3.0;  // [0, 100]: a metre with all hidden costs 1 + exposure metres
 };
 
 // Memory is kept from call to call. Not thread-safe. Deterministic.
@@ -50,7 +50,9 @@ class RouteFinder {
   struct Entry {
     double cost;
     uint32_t node;
-    bool operator>(const Entry& other) const { return cost != other.cost ? cost > other.cost : node > other.node; }
+    bool operator>(const Entry& other) const {
+      return cost != other.cost ? cost > other.cost : node > other.node;
+    }
   };
   void index(std::span<const glm::ivec3> cell);
   void relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from);

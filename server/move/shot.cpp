@@ -17,7 +17,9 @@ Pose pose_at(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
 // The cost of coherence.h against both shots. What is hidden counts once for each, and so does a change.
 double cost_of(const ShotCandidate& candidate, const ShotState& asked, const ShotState& present,
                std::span<const TargetView> targets, const CoherenceSettings& coherence) {
-  return (shot_cost(candidate, asked, targets, coherence) + shot_cost(candidate, present, targets, coherence)) / 2;
+  return (shot_cost(candidate, asked, targets, coherence) +
+          shot_cost(candidate, present, targets, coherence)) /
+         2;
 }
 
 }  // namespace
@@ -29,9 +31,10 @@ Status validate(const SurveySettings& s) {
   return check_range("move.survey.hold", s.hold, 0, 1);
 }
 
-std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
-                                  size_t asked_place, const ShotState& present, size_t former,
-                                  const SurveySettings& settings, const CoherenceSettings& coherence,
+std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
+                                  const ShotState& asked, size_t asked_place, const ShotState& present,
+                                  size_t former, const SurveySettings& settings,
+                                  const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
   std::vector<float> seen(targets.size()), beside(targets.size());
@@ -40,7 +43,8 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
       seen[i] = survey.share(i, place);
       beside[i] = survey.share_beside(i, place);
     }
-    ShotCandidate candidate{.world_from_camera = pose_at(center_m, survey.offset_m(place)), .seen_share = seen};
+    ShotCandidate candidate{.world_from_camera = pose_at(center_m, survey.offset_m(place)),
+                            .seen_share = seen};
     candidate.hidden_ahead = hidden_share(targets, beside);
     return candidate;
   };

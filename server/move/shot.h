@@ -15,12 +15,13 @@
 namespace sightline {
 
 struct SurveySettings {
-  bool enabled = false;    // off: the camera wants the place that it was asked for, seen or not
-  double memory_s = 0.7;   // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
-  int resolution = 8;      // texels a side of each face, [2, 32]
-  double content = 0.15;   // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
-                           // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
-  double hold = 0.02;      // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
+  bool enabled = false;   // off: the camera wants the place that it was asked for, seen or not
+  double memory_s = 0.7;  // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
+  int resolution = 8;     // texels a side of each face, [2, 32]
+  double content =
+      0.15;  // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
+      // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
+  double hold = 0.02;  // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
 };
 Status validate(const SurveySettings& settings);
 
@@ -28,9 +29,10 @@ Status validate(const SurveySettings& settings);
 // else the place of least cost; none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
 // targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
 // of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is of these targets, in this order.
-std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets, const ShotState& asked,
-                                  size_t asked_place, const ShotState& present, size_t former,
-                                  const SurveySettings& settings, const CoherenceSettings& coherence,
+std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
+                                  const ShotState& asked, size_t asked_place, const ShotState& present,
+                                  size_t former, const SurveySettings& settings,
+                                  const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed);
 
 }  // namespace sightline

@@ -19,7 +19,8 @@ class Standoff {
   // after them are measured each time, or all are. Valid until the next call. The cost is that of the cells that are new to
   // the bound.
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
-                                 std::span<const glm::dvec3> position_m, bool on_lattice, double body_radius_m);
+                                 std::span<const glm::dvec3> position_m, bool on_lattice,
+                                 double body_radius_m);
 
  private:
   struct Cell {

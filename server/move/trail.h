@@ -12,9 +12,9 @@ namespace sightline {
 
 class Trail {
  public:
-  static constexpr double kStepM = 0.25;    // between remembered places
-  static constexpr double kJumpM = 3.0;     // farther in one step is a jump: the trail starts anew
-  static constexpr size_t kPlaces = 100;    // 25 m
+  static constexpr double kStepM = 0.25;  // between remembered places
+  static constexpr double kJumpM = 3.0;   // farther in one step is a jump: the trail starts anew
+  static constexpr size_t kPlaces = 100;  // 25 m
 
   // The targets' centre in this step.
   void pass(const glm::dvec3& center_m);

@@ -32,11 +32,13 @@ ContextResult create_best_context() {
 }
 
 ContextResult create_context(const EglOptions& options) {
-  ContextResult context = options.device_index < 0 ? create_best_context() : EglContext::create(options.device_index);
+  ContextResult context =
+      options.device_index < 0 ? create_best_context() : EglContext::create(options.device_index);
   if (!context) return fail(ErrorCode::kUnavailable, "--egl-device", context.error().message);
   const EglContextInfo& info = (*context)->info();
   if (options.require_gpu && info.software)
-    return fail(ErrorCode::kUnavailable, "--require-gpu", "only software rendering is available: " + info.renderer);
+    return fail(ErrorCode::kUnavailable, "--require-gpu",
+                "only software rendering is available: " + info.renderer);
   return context;
 }
 
@@ -67,7 +69,7 @@ class FrontToBack {
 
   uint32_t triangles_ = 0;  // of the next pass, for each map
   std::vector<Progress> progress_;
-  std::vector<float> depth_m_;         // along the view axis
+  std::vector<float> depth_m_;  // along the view axis
   std::vector<TexelSource> sources_;
 };
 
@@ -105,12 +107,14 @@ bool FrontToBack::next_pass(const DrawList& list, DrawPass& pass) {
 void FrontToBack::select(const DrawList& list, uint32_t end_cluster, Progress& map, DrawPass& pass) const {
   const float* depth_m = depth_m_.data() + map.first_texel;
   const size_t first = pass.indices.size(), first_part = pass.parts.size();
-  for (; map.next_cluster < end_cluster && pass.indices.size() - first < 3 * size_t{triangles_}; ++map.next_cluster) {
+  for (; map.next_cluster < end_cluster && pass.indices.size() - first < 3 * size_t{triangles_};
+       ++map.next_cluster) {
     const ClusterDraw& draw = list.clusters[map.next_cluster];
     if (is_hidden(draw.cluster, depth_m, map.map->view.width)) continue;
     const InstanceDraw& instance = list.instances[draw.instance];
     const uint32_t begin = static_cast<uint32_t>(pass.indices.size());
-    append_visible_triangles(*instance.instance->geometry, draw.cluster, instance.grid, depth_m, pass.indices);
+    append_visible_triangles(*instance.instance->geometry, draw.cluster, instance.grid, depth_m,
+                             pass.indices);
     const uint32_t count = static_cast<uint32_t>(pass.indices.size()) - begin;
     if (count == 0) continue;
     if (pass.parts.size() > first_part && pass.parts.back().instance == draw.instance)
@@ -120,7 +124,8 @@ void FrontToBack::select(const DrawList& list, uint32_t end_cluster, Progress& m
   }
 }
 
-void FrontToBack::take_in(const SceneMirror& mirror, std::span<const TexelSource> texels, const AtlasLayout& layout) {
+void FrontToBack::take_in(const SceneMirror& mirror, std::span<const TexelSource> texels,
+                          const AtlasLayout& layout) {
   const size_t stride = static_cast<size_t>(layout.width);
   for (size_t i = 0; i < progress_.size(); ++i) {
     const AtlasTile& tile = layout.tiles[i];
@@ -128,7 +133,8 @@ void FrontToBack::take_in(const SceneMirror& mirror, std::span<const TexelSource
   }
 }
 
-void FrontToBack::resolve(const SceneMirror& mirror, const TexelSource* tile, size_t stride, const Progress& progress) {
+void FrontToBack::resolve(const SceneMirror& mirror, const TexelSource* tile, size_t stride,
+                          const Progress& progress) {
   DepthMap& map = *progress.map;
   SeenTriangle seen;
   TexelSource last;
@@ -141,7 +147,8 @@ void FrontToBack::resolve(const SceneMirror& mirror, const TexelSource* tile, si
       known = source;
       // Neighbours often show the same triangle.
       if (source.slot_plus_one != last.slot_plus_one || source.vertex / 3 != last.vertex / 3)
-        seen = SeenTriangle(map.view, mirror.instances()[source.slot_plus_one - 1], map.ahead_s, source.vertex);
+        seen =
+            SeenTriangle(map.view, mirror.instances()[source.slot_plus_one - 1], map.ahead_s, source.vertex);
       last = source;
       const glm::dvec3 direction = texel_direction(map.view, x, y);
       const double depth = seen.depth_along(direction);
@@ -176,17 +183,18 @@ class SharedEglDevice final : public EglSamplerDevice {
 
   const EglOptions options_;
   mutable std::mutex mutex_;
-  std::unique_ptr<EglContext> context_;      // guarded by mutex_; null after a rebuild failed
-  std::unique_ptr<MapRenderer> renderer_;    // guarded by mutex_; dies before context_, with it current
-  std::string description_ = "no context";   // guarded by mutex_
-  bool loss_simulated_ = false;              // guarded by mutex_
-  uint64_t rebuilds_ = 0, takes_ = 0;        // guarded by mutex_
+  std::unique_ptr<EglContext> context_;     // guarded by mutex_; null after a rebuild failed
+  std::unique_ptr<MapRenderer> renderer_;   // guarded by mutex_; dies before context_, with it current
+  std::string description_ = "no context";  // guarded by mutex_
+  bool loss_simulated_ = false;             // guarded by mutex_
+  uint64_t rebuilds_ = 0, takes_ = 0;       // guarded by mutex_
 };
 
 class EglSampler final : public Sampler {
  public:
   explicit EglSampler(SharedEglDevice& device) : device_(device) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override;
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
+              std::vector<DepthMap>& maps) override;
 
  private:
   Status take_some(const SceneMirror& mirror, std::span<const MapRequest> requests, std::span<DepthMap> maps);
@@ -213,7 +221,8 @@ Status SharedEglDevice::build() {
   description_ = info.renderer + ", OpenGL " + info.gl_version + ", EGL " + info.platform +
                  (info.drm_node.empty() ? "" : " " + info.drm_node) + (info.robust ? "" : ", not robust");
   const CurrentContext current(*context_);
-  if (!current) return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
+  if (!current)
+    return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
   Result<std::unique_ptr<MapRenderer>> renderer = MapRenderer::create();
   if (!renderer) return fail(ErrorCode::kUnavailable, "--egl-device", to_string(renderer.error()));
   renderer_ = std::move(*renderer);
@@ -273,12 +282,14 @@ Status SharedEglDevice::work_once(const Work& work) {
   return done;
 }
 
-Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) {
+Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> requests,
+                        std::vector<DepthMap>& maps) {
   occluders_.take_in(mirror);
   maps.resize(requests.size());
   for (size_t first = 0; first < requests.size(); first += MapRenderer::kMaxMaps) {
     const size_t count = std::min(MapRenderer::kMaxMaps, requests.size() - first);
-    const Status done = take_some(mirror, requests.subspan(first, count), std::span(maps).subspan(first, count));
+    const Status done =
+        take_some(mirror, requests.subspan(first, count), std::span(maps).subspan(first, count));
     if (!done) return done;
   }
   maps_taken_ += requests.size();
@@ -322,7 +333,8 @@ EglDeviceInfo describe(int index, const ContextResult& context) {
 
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options) {
   std::vector<EglDeviceInfo> out;
-  for (int index = 0; index < egl_device_count(); ++index) out.push_back(describe(index, EglContext::create(index)));
+  for (int index = 0; index < egl_device_count(); ++index)
+    out.push_back(describe(index, EglContext::create(index)));
   out.push_back(describe(kSurfacelessIndex, EglContext::create(kSurfacelessIndex)));
   const ContextResult chosen = create_context(options);
   for (EglDeviceInfo& info : out) info.chosen = chosen && (*chosen)->info().index == info.index;

@@ -11,21 +11,22 @@
 namespace sightline {
 
 struct EglOptions {
-  int device_index = -1;     // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
+  int device_index =
+      -1;  // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
   bool require_gpu = false;  // fail instead of rendering in software
 };
 
 // One line of the `devices` report.
 struct EglDeviceInfo {
-  int index = -1;            // -1: the surfaceless platform, which is not a device
-  std::string platform;      // "device" or "surfaceless"
-  std::string drm_node;      // "/dev/dri/renderD128"; empty when the device has none
-  std::string renderer;      // GL_RENDERER; empty when no context could be made
+  int index = -1;        // -1: the surfaceless platform, which is not a device
+  std::string platform;  // "device" or "surfaceless"
+  std::string drm_node;  // "/dev/dri/renderD128"; empty when the device has none
+  std::string renderer;  // GL_RENDERER; empty when no context could be made
   std::string gl_version;
-  bool software = false;     // Mesa's llvmpipe, softpipe or swrast
-  bool robust = false;       // a context with reset notification can be made
-  std::string trouble;       // why it cannot be used; empty when it can
-  bool chosen = false;       // what the given options pick
+  bool software = false;  // Mesa's llvmpipe, softpipe or swrast
+  bool robust = false;    // a context with reset notification can be made
+  std::string trouble;    // why it cannot be used; empty when it can
+  bool chosen = false;    // what the given options pick
 };
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
 // The one of them that the options pick; fails as make_egl_sampler_device does.

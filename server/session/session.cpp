@@ -284,9 +284,8 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
 
 Result<SessionAnswer> Session::step() {
   const int64_t start_ns = clock_();
-  const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings,
-                        options_.lens, options_.seed,    steps_,          pending_dt_s_,
-                        extent_views_};
+  const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings, options_.lens,
+                        options_.seed, steps_,           pending_dt_s_,   extent_views_};
   auto result = take_step(memory_, input, *sampler_, clock_);
   if (!result) return tl::unexpected(std::move(result.error()));
   ++steps_;

@@ -55,7 +55,8 @@ struct SessionOptions {
   StepSettings settings;
   DiagnosticsWanted diagnostics;
   std::string label;
-  ExtentCache* extents = nullptr;  // tables of the targets' shapes; must outlive the session. Null: aim points alone
+  ExtentCache* extents =
+      nullptr;  // tables of the targets' shapes; must outlive the session. Null: aim points alone
 };
 
 struct ObservedCamera {

@@ -85,14 +85,18 @@ TEST(ExtendTowards, ReachesAsFarAsToldAndKeepsAway) {
     bound.center_m = vec(trial % 2 ? 5 : 10'000), bound.radius_m = random.next_in(0.05, 4);
     bound.horizon_s = 0.5, bound.paper_n = trial % 3 * 100.0;
     const glm::dvec3 point = trial % 10 == 0 ? bound.center_m : bound.center_m + vec(8);
-    const double towards = trial % 7 == 0 ? 0.0 : random.next_in(0, 10), nearest = trial % 5 == 0 ? 0.0 : random.next_in(0, 3);
+    const double towards = trial % 7 == 0 ? 0.0 : random.next_in(0, 10),
+                 nearest = trial % 5 == 0 ? 0.0 : random.next_in(0, 3);
     const double before = glm::distance(point, bound.center_m) - bound.radius_m;
     const Bound out = extend_towards(bound, point, towards, nearest);
     const double after = glm::distance(point, out.center_m) - out.radius_m;
-    ASSERT_TRUE(std::isfinite(out.radius_m) && std::isfinite(out.center_m.x + out.center_m.y + out.center_m.z));
-    EXPECT_LE(glm::distance(out.center_m, bound.center_m) + bound.radius_m, out.radius_m + 1e-9) << "contains the old ball";
+    ASSERT_TRUE(std::isfinite(out.radius_m) &&
+                std::isfinite(out.center_m.x + out.center_m.y + out.center_m.z));
+    EXPECT_LE(glm::distance(out.center_m, bound.center_m) + bound.radius_m, out.radius_m + 1e-9)
+        << "contains the old ball";
     EXPECT_EQ(out.horizon_s, bound.horizon_s);
-    EXPECT_NEAR(out.paper_n / out.radius_m, bound.paper_n / bound.radius_m, 1e-6) << "the factor is of the radius";
+    EXPECT_NEAR(out.paper_n / out.radius_m, bound.paper_n / bound.radius_m, 1e-6)
+        << "the factor is of the radius";
     const double wanted = std::max(nearest, before - towards);
     if (wanted >= before) {
       EXPECT_EQ(out.center_m, bound.center_m);

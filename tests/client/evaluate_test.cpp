@@ -481,6 +481,39 @@ TEST_F(EvaluateCommand, SaysWhatItCannotFind) {
   EXPECT_THAT(err.str(), HasSubstr("teleport"));
 }
 
+// A filter as the preset has it is the preset; another strategy is not.
+TEST_F(EvaluateCommand, PlaysSettingsOfOnesOwnAsPolicies) {
+  std::ostringstream out, err;
+  EvaluateOptions options = short_options("own");
+  options.policies = {"sightline"};
+  options.settings = {R"(same={"preset":"SIGHTLINE"})", R"(basic={"move":{"strategy":"BASIC","prediction_s":0}})"};
+  ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
+  std::map<std::string, double> path_by_policy;
+  for (const auto& row : nlohmann::json::parse(files_in(options.out).at("runs.json")))
+    path_by_policy[row.at("policy")] += row.at("d_c_m").get<double>();
+  ASSERT_EQ(path_by_policy.size(), 3u);
+  EXPECT_EQ(path_by_policy["same"], path_by_policy["sightline"]);
+  EXPECT_NE(path_by_policy["basic"], path_by_policy["sightline"]);
+}
+
+TEST_F(EvaluateCommand, SaysWhichSettingIsWrong) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"nothing", "settings"},
+      {"a b={}", "settings"},
+      {"x={", "settings.x"},
+      {R"(x={"move":{"speed":1}})", "settings.x"},
+      {R"(x={"move":{"prediction_s":3}})", "settings.x.move.prediction_s"},
+      {R"(x={"aggregate":{"filter":{"alpha":1.5}}})", "settings.x.aggregate.filter.alpha"},
+      {"sightline={}", "settings"}};
+  for (const auto& [text, field] : cases) {
+    EvaluateOptions options = short_options("wrong");
+    options.settings = {text};
+    std::ostringstream out, err;
+    EXPECT_EQ(run_evaluate_command(options, out, err), 1) << text;
+    EXPECT_THAT(err.str(), HasSubstr(std::string(field).append(":"))) << text;
+  }
+}
+
 TEST(EvaluateCases, TheSuiteHoldsEverySceneAtEverySeed) {
   EvaluateOptions options;
   options.suite = "scenes";

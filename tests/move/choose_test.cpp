@@ -204,7 +204,9 @@ TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
 TEST(ChooseLeast, TakesTheCheapestAndSaysWhatItSees) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11), c.place({1, 0, 5}, 0b11), c.place({2, 0, 5}, 0b10), c.place({3, 0, 5}, 0b00);
-  const auto with = [&](std::vector<double> costs) { return choose_least(c.candidates, c.targets, costs, c.desired); };
+  const auto with = [&](std::vector<double> costs) {
+    return choose_least(c.candidates, c.targets, costs, c.desired);
+  };
   Choice choice = with({1, 2, 3, 4});
   EXPECT_EQ(choice.candidate, 0);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
@@ -245,8 +247,9 @@ TEST(ChooseLeast, HoldsWithoutTargetsOrPlaces) {
 }
 
 TEST(ChooseLeast, ATargetWithoutWeightCountsForNothing) {
-  for (const auto& [seen, status] : {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
-                                     std::pair(0b10u, MoveStatus::kEscaping)}) {
+  for (const auto& [seen, status] :
+       {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
+        std::pair(0b10u, MoveStatus::kEscaping)}) {
     Case c = two_targets();
     c.targets[1].weight = 0;
     c.place({1, 0, 5}, seen);
