@@ -50,23 +50,13 @@ StepSettings paper_settings() {
   return preset_settings(Preset::kPaper);
 }
 
-// Everything that the step has beyond Basic but the filter: near and sheltered at once, eight points a target, predicted 0.3 s.
-StepSettings ahead_settings() {
-  StepSettings settings;
-  settings.sample.points = 8;
-  settings.move.strategy = Strategy::kBlend;
-  settings.move.prediction_s = 0.3;
-  return settings;
-}
-
-constexpr std::array<PolicyEntry, 6> kPolicies{{
+constexpr std::array<PolicyEntry, 5> kPolicies{{
     {"follow", "a fixed offset from the targets' centre; avoids nothing", &make_in_world<FollowPolicy>},
     {"spring-arm", "pulled in along its arm by a sphere sweep", &make_in_world<SpringArmPolicy>},
     {"raycast", "single rays to the targets' centres over the same candidates",
      &make_in_world<RaycastPolicy>},
     {"paper", "the method as printed: RobustMove, prediction 0.3 s, filter 6/10", &make_step<paper_settings>},
     {"sightline", "the default settings", &make_step<sightline_settings>},
-    {"ahead", "strategy blend, 8 points a target, prediction 0.3 s", &make_step<ahead_settings>},
 }};
 
 }  // namespace

@@ -46,9 +46,15 @@ def make_page(folder):
     how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
     table1, table2, table3 = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
-    parts = [introduction(how, table1), claims_part(table2, table3, runs), table1_part(table1), table2_part(table2),
-             table3_part(table3), scenes_part(runs), words_part(runs)]
+    parts = [introduction(how, table1), claims_part(table2, table3, runs), notes_part(folder), table1_part(table1),
+             table2_part(table2), table3_part(table3), scenes_part(runs), words_part(runs)]
     return "\n".join(parts)
+
+
+def notes_part(folder):
+    """What a person found out about claims that do not hold: notes.md beside the tables, where there is one."""
+    notes = folder / "notes.md"
+    return notes.read_text(encoding="utf-8") if notes.exists() else ""
 
 
 # ---- how ----
