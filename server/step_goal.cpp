@@ -17,8 +17,6 @@ constexpr double kAllHidden = 0.999;
 constexpr double kRouteRoomM = 0.05;
 // How far along the trail a lost camera looks.
 constexpr double kTrailReachM = 12.0;
-// Braking is planned with this share of the allowed acceleration.
-constexpr double kBrakeShare = 0.7;
 // Slower than this a target stands.
 constexpr double kStandingMps = 0.2;
 
@@ -76,7 +74,8 @@ struct Leg {
   double length_m = 0;
 };
 
-// The farthest place of the route to which the body can go straight.
+// About the farthest place of the route to which the body can go straight: of a long one every second place is tried. The first
+// is always one, as the routes begin with legs that the body can take.
 Leg first_leg(StepWork& w, uint32_t goal) {
   const auto& places = w.memory.candidates.position_m;
   const std::vector<uint32_t>& route = w.memory.goal.routes.to(goal);

@@ -41,8 +41,7 @@ glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
 void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
   const std::vector<float> seen(w.input.targets.size(), 1.0f);
   const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
-  capture_shot({center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})}, w.lens,
-               w.memory.target_views, seen, shot);
+  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views, seen, shot);
 }
 
 void choose(StepWork& w) {

@@ -23,9 +23,9 @@ void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desir
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
                   std::span<const uint32_t> shelter_squared, std::vector<double>& cost);
 
-// How the blend weighs; all in metres of the camera's way, not all weights 0. What goes wrong at the ends: with little for what is hidden the camera
-// keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view and loses it at
-// the targets' next step, with much it wanders into the middle of free space and lets the shot go.
+// How the blend weighs; all in metres of the camera's way, not all weights 0. What goes wrong at the ends: with little for what is
+// hidden the camera keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view
+// and loses it at the targets' next step, with much it wanders into the middle of free space and lets the shot go.
 struct BlendSettings {
   double hidden = 80.0;  // [0, 1000]; what seeing all targets instead of none is worth
   double tolerance =
@@ -50,6 +50,7 @@ struct BlendInput {
   glm::dvec3 desired_m{0.0};
   std::optional<glm::dvec3> former_goal_m;
 };
+// cost[i]: the sum of the weighed terms, metres; infinite where there is no way. O(candidates).
 void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost);
 
 }  // namespace sightline

@@ -11,8 +11,6 @@ namespace sightline {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Braking is planned with this share of the allowed acceleration, so that a goal that moves can still be met.
-constexpr double kBrakeShare = 0.7;
 
 double wrap_angle(double rad) {
   return std::remainder(rad, 2 * kPi);

@@ -17,6 +17,9 @@ Status validate(const CameraLimits& limits, const Lens& lens);
 // Longest step that the camera moves for; a longer gap moves it for this long.
 inline constexpr double kMaxStepS = 0.25;
 
+// Braking is planned with this share of the allowed acceleration, so that a goal that moves can still be met.
+inline constexpr double kBrakeShare = 0.7;
+
 // The velocity that brings the camera to `goal_m` soonest and lets it arrive with `goal_velocity_mps` without overshoot:
 // the braking curve v = sqrt(2 a d), clamped to the limits as seen from the present velocity.
 glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,

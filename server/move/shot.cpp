@@ -9,11 +9,6 @@
 namespace sightline {
 namespace {
 
-// Looking at the targets' centre: enough to compare shots with each other.
-Pose pose_at(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
-  return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
-}
-
 // The cost of coherence.h against both shots. What is hidden counts once for each, and so does a change.
 double cost_of(const ShotCandidate& candidate, const ShotState& asked, const ShotState& present,
                std::span<const TargetView> targets, const CoherenceSettings& coherence) {
@@ -31,6 +26,10 @@ Status validate(const SurveySettings& s) {
   return check_range("move.survey.hold", s.hold, 0, 1);
 }
 
+Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
+  return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
+}
+
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
                                   size_t former, const SurveySettings& settings,
@@ -43,7 +42,7 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
       seen[i] = survey.share(i, place);
       beside[i] = survey.share_beside(i, place);
     }
-    ShotCandidate candidate{.world_from_camera = pose_at(center_m, survey.offset_m(place)),
+    ShotCandidate candidate{.world_from_camera = pose_of_shot(center_m, survey.offset_m(place)),
                             .seen_share = seen};
     candidate.hidden_ahead = hidden_share(targets, beside);
     return candidate;

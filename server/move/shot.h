@@ -20,15 +20,19 @@ struct SurveySettings {
   int resolution = 8;     // texels a side of each face, [2, 32]
   double content =
       0.15;  // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
-      // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
+  // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
   double hold = 0.02;  // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
 };
 Status validate(const SurveySettings& settings);
 
+// The camera `offset_m` from the targets' centre, not zero, looking at it, without roll: enough to compare shots with each other.
+Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
+
 // The place of the shot that was asked for when it is good enough (SurveySettings::content), else the former one when that is,
 // else the place of least cost; none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
 // targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
-// of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is of these targets, in this order.
+// of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is of these
+// targets, in this order.
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
                                   size_t former, const SurveySettings& settings,

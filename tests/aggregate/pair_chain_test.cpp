@@ -9,23 +9,13 @@
 #include "server/base/random.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/primitives.h"
+#include "tests/aggregate/random_ball.h"
 
 namespace sightline {
 namespace {
 
 constexpr double kBias = 1e-5;
 constexpr int kResolution = 7;
-
-glm::dvec3 random_vector(CounterRandom& random, double size) {
-  return {random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size)};
-}
-
-Bound ball(const glm::dvec3& center, double radius) {
-  Bound bound;
-  bound.center_m = center;
-  bound.radius_m = radius;
-  return bound;
-}
 
 struct Layout {
   std::vector<glm::dvec3> points;

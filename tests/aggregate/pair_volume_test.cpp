@@ -7,20 +7,10 @@
 
 #include "server/aggregate/compose.h"
 #include "server/base/random.h"
+#include "tests/aggregate/random_ball.h"
 
 namespace sightline {
 namespace {
-
-glm::dvec3 random_vector(CounterRandom& random, double size) {
-  return {random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size)};
-}
-
-Bound ball(const glm::dvec3& center, double radius) {
-  Bound bound;
-  bound.center_m = center;
-  bound.radius_m = radius;
-  return bound;
-}
 
 struct Configuration {
   glm::dvec3 a, b;

@@ -102,4 +102,12 @@ class Game {
   std::unique_ptr<SamplerDevice> device_ = make_embree_sampler_device();
 };
 
+inline glm::dvec3 place_of(const SessionAnswer& answer) {
+  return answer.step.camera.pose.position_m;
+}
+
+inline ObservedCamera seen_at(const glm::dvec3& place, bool cut) {
+  return {{place, {1, 0, 0, 0}}, glm::dvec3(0.0), cut};
+}
+
 }  // namespace sightline::test
