@@ -12,12 +12,13 @@ build_packages=(
   libegl-dev libepoxy-dev libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
-  libgtest-dev libgmock-dev libbenchmark-dev
+  libmeshoptimizer-dev libdraco-dev
+  libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
   python3 python3-grpcio python3-protobuf
 )
 run_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
-  libspdlog1.10 libfmt9 libxxhash0
+  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7
 )
 
 case "${1:-build}" in

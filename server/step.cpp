@@ -1,6 +1,7 @@
 #include "server/step.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "server/base/hash.h"
 #include "server/step_work.h"
@@ -11,7 +12,7 @@ namespace {
 class StageTimer {
  public:
   StageTimer(const StageClock& clock, int64_t& out_ns) : clock_(clock), out_ns_(out_ns), begin_ns_(clock()) {}
-  ~StageTimer() { out_ns_ = clock_() - begin_ns_; }
+  ~StageTimer() { out_ns_ += clock_() - begin_ns_; }
   StageTimer(const StageTimer&) = delete;
   StageTimer& operator=(const StageTimer&) = delete;
 
@@ -131,6 +132,12 @@ void remember_shares(StepWork& w, const Lens& lens) {
   }
 }
 
+Status take_maps(StepMemory& memory, const SceneMirror& scene, Sampler& sampler) {
+  if (!memory.requests.empty()) return sampler.take(scene, memory.requests, memory.maps);
+  memory.maps.clear();
+  return {};
+}
+
 }  // namespace
 
 void look_at_targets(StepWork& w) {
@@ -204,32 +211,43 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.shot.survey.forget();
 }
 
-Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
-                             const StageClock& clock) {
-  StepResult result;
-  StepWork work{.memory = memory, .input = input, .result = result, .lens = input.lens};
+StepWork begin_step(StepMemory& memory, const StepInput& input, const StageClock& clock) {
+  StepWork work{.memory = memory, .input = input, .result = {}, .lens = input.lens};
   start(work);
-
   {  // 1. Where can the camera be soon?
-    StageTimer timer(clock, result.stage_ns[static_cast<size_t>(Stage::kBound)]);
+    StageTimer timer(clock, work.result.stage_ns[static_cast<size_t>(Stage::kBound)]);
     bound(work);
   }
-  {  // 2. What do the targets see of it?
-    StageTimer timer(clock, result.stage_ns[static_cast<size_t>(Stage::kSample)]);
-    if (auto ok = sample(work, sampler); !ok) return tl::unexpected(ok.error());
+  {  // 2. From which points do the targets look at it?
+    StageTimer timer(clock, work.result.stage_ns[static_cast<size_t>(Stage::kSample)]);
+    plan_sample(work);
   }
+  return work;
+}
+
+StepResult finish_step(StepWork work, const StageClock& clock) {
   {  // 3. Which places see which targets, now and over the last steps?
-    StageTimer timer(clock, result.stage_ns[static_cast<size_t>(Stage::kAggregate)]);
+    StageTimer timer(clock, work.result.stage_ns[static_cast<size_t>(Stage::kAggregate)]);
     aggregate(work);
   }
   {  // 4. Where to go, how fast, and which way to look?
-    StageTimer timer(clock, result.stage_ns[static_cast<size_t>(Stage::kMove)]);
+    StageTimer timer(clock, work.result.stage_ns[static_cast<size_t>(Stage::kMove)]);
     move(work);
   }
   report_targets(work);
-  result.camera = memory.camera;
-  result.vertical_fov_rad = memory.vertical_fov_rad;
-  return result;
+  work.result.camera = work.memory.camera;
+  work.result.vertical_fov_rad = work.memory.vertical_fov_rad;
+  return std::move(work.result);
+}
+
+Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
+                             const StageClock& clock) {
+  StepWork work = begin_step(memory, input, clock);
+  {  // 2. What do they see of it?
+    StageTimer timer(clock, work.result.stage_ns[static_cast<size_t>(Stage::kSample)]);
+    if (auto ok = take_maps(memory, input.scene, sampler); !ok) return tl::unexpected(ok.error());
+  }
+  return finish_step(std::move(work), clock);
 }
 
 }  // namespace sightline

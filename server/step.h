@@ -1,4 +1,4 @@
-// One step of Sightline. READ THIS FIRST: the method is the body of `take_step` in step.cpp,
+// One step of Sightline. READ THIS FIRST: the method is the bodies of `begin_step`, `take_step` and `finish_step` in step.cpp,
 //   bound -> sample -> aggregate -> move    (paper sections 3.1 - 3.4).
 //
 // A step is a pure function of (memory, inputs): no clock decides anything, no random device, no global. The same memory
@@ -218,7 +218,28 @@ struct StepResult {
   std::array<int64_t, kStageCount> stage_ns{};
 };
 
-// Fails only when the sampler does (kUnavailable); the memory's camera is then where it was.
+// A step between its halves: the inputs, and the answer that grows stage by stage. Made by `begin_step`; what it refers to must
+// outlive it. Opaque to callers.
+struct StepWork {
+  StepMemory& memory;
+  StepInput input;
+  StepResult result;
+  double move_s = 0;     // for how long the camera moves
+  uint32_t steered = 0;  // bit i: target i has a weight
+  Lens lens;             // as it is now, zoom included
+  bool pair = false;     // the candidates are those of the memory's chain of pair volumes
+  bool on_lattice =
+      false;  // the candidates before the camera's own place are the lattice's cells, not the pair volume's
+  size_t own_candidate = 0;  // index of the camera's own place among the candidates
+};
+
+// The first half: bound, and which maps to take (memory.requests; maybe none). Taking them, into memory.maps, lies between the
+// halves, so that the maps of many sessions can be taken together; the second half aggregates and moves. A step whose maps cannot
+// be taken is dropped: the memory's camera is where it was.
+StepWork begin_step(StepMemory& memory, const StepInput& input, const StageClock& clock);
+StepResult finish_step(StepWork work, const StageClock& clock);
+
+// Both halves, and the maps taken by `sampler` between them. Fails only when the sampler does (kUnavailable); the memory's camera is then where it was.
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
                              const StageClock& clock);
 

@@ -199,7 +199,7 @@ void request(StepWork& w, const Sampled& sampled, double ahead_s) {
 
 }  // namespace
 
-Status sample(StepWork& w, Sampler& sampler) {
+void plan_sample(StepWork& w) {
   w.memory.views.clear();
   w.memory.now.clear();
   w.memory.ahead.clear();
@@ -222,9 +222,6 @@ Status sample(StepWork& w, Sampler& sampler) {
   request(w, w.memory.ahead, w.memory.ahead_s);
   for (const Future& future : w.memory.futures) request(w, future.sampled, w.memory.ahead_s);
   request_survey(w);
-  if (!w.memory.requests.empty()) return sampler.take(w.input.scene, w.memory.requests, w.memory.maps);
-  w.memory.maps.clear();
-  return {};
 }
 
 }  // namespace sightline

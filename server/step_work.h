@@ -1,29 +1,13 @@
 // The working set of one step, shared by its stages. Internal to step: nothing else includes it.
 #pragma once
 
-#include <cstdint>
-
 #include "server/step.h"
 
 namespace sightline {
 
-// The inputs, the memory, and the answer that grows stage by stage.
-struct StepWork {
-  StepMemory& memory;
-  const StepInput& input;
-  StepResult& result;
-  double move_s = 0;     // for how long the camera moves
-  uint32_t steered = 0;  // bit i: target i has a weight
-  Lens lens;             // as it is now, zoom included
-  bool pair = false;     // the candidates are those of the memory's chain of pair volumes
-  bool on_lattice =
-      false;  // the candidates before the camera's own place are the lattice's cells, not the pair volume's
-  size_t own_candidate = 0;  // index of the camera's own place among the candidates
-};
-
 void look_at_targets(StepWork& work);             // what is known of the targets, before the first stage
 void bound(StepWork& work);                       // paper 3.1
-Status sample(StepWork& work, Sampler& sampler);  // paper 3.2, 4
+void plan_sample(StepWork& work);                 // paper 3.2, 4: which maps to take
 void aggregate(StepWork& work);                   // paper 3.3, 5
 void move(StepWork& work);                        // paper 3.4, 6
 void report_targets(StepWork& work);              // what the returned pose sees

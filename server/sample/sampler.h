@@ -32,11 +32,27 @@ class Sampler {
   uint64_t maps_taken_ = 0;
 };
 
+// One sampler's part of a take for many.
+struct TakeJob {
+  Sampler* sampler = nullptr;  // of the device that takes it
+  const SceneMirror* mirror = nullptr;
+  std::span<const MapRequest> requests;
+  std::vector<DepthMap>* maps = nullptr;
+  Status taken;  // what Sampler::take would have answered
+};
+
 // A device shared by all sessions; makes their samplers. Thread-safe. Outlives its samplers.
 class SamplerDevice {
  public:
   virtual ~SamplerDevice() = default;
   virtual std::unique_ptr<Sampler> make_sampler() = 0;
+  // As Sampler::take for every job, in any order; no two of one sampler. A device on which every submission costs much takes
+  // them together.
+  virtual void take_all(std::span<TakeJob> jobs) {
+    for (TakeJob& job : jobs) job.taken = job.sampler->take(*job.mirror, job.requests, *job.maps);
+  }
+  // Jobs that are worth taking together; 1: nothing is gained by it.
+  virtual size_t best_batch() const { return 1; }
   // "egl" or "embree".
   virtual std::string kind() const = 0;
   // For people: "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, EGL surfaceless".

@@ -283,17 +283,32 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
 }
 
 Result<SessionAnswer> Session::step() {
-  const int64_t start_ns = clock_();
+  const TakeJob job = begin_step();
+  return finish_step(job.requests.empty() ? Status{} : sampler_->take(mirror_, job.requests, *job.maps));
+}
+
+TakeJob Session::begin_step() {
+  step_start_ns_ = clock_();
   const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings, options_.lens,
                         options_.seed, steps_,           pending_dt_s_,   extent_views_};
-  auto result = take_step(memory_, input, *sampler_, clock_);
-  if (!result) return tl::unexpected(std::move(result.error()));
+  work_.emplace(sightline::begin_step(memory_, input, clock_));
+  if (memory_.requests.empty()) memory_.maps.clear();
+  take_start_ns_ = clock_();
+  return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = memory_.requests, .maps = &memory_.maps, .taken = {}};
+}
+
+Result<SessionAnswer> Session::finish_step(const Status& taken) {
+  StepWork work = std::move(*work_);
+  work_.reset();
+  if (!taken) return tl::unexpected(taken.error());
+  work.result.stage_ns[static_cast<size_t>(Stage::kSample)] += clock_() - take_start_ns_;
+  StepResult result = sightline::finish_step(std::move(work), clock_);
   ++steps_;
 
   SessionAnswer answer;
   answer.sequence = sequence_;
   answer.time_s = answer.pose_time_s = time_s_;
-  answer.step = std::move(*result);
+  answer.step = std::move(result);
   answer.lens = options_.lens;
   answer.lens.vertical_fov_rad = answer.step.vertical_fov_rad;
   answer.cut = std::exchange(pending_cut_, false);
@@ -301,7 +316,7 @@ Result<SessionAnswer> Session::step() {
   answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
   answer.revision = mirror_.revision();
   answer.hash = mirror_.hash();
-  answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, start_ns - newest_arrival_ns_) : 0;
+  answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, step_start_ns_ - newest_arrival_ns_) : 0;
   answer.scene_ns = std::exchange(pending_scene_ns_, 0);
   pending_dt_s_ = 0.0;
   describe_relative(answer);

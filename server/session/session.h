@@ -128,6 +128,11 @@ class Session {
   // what was applied is then part of the next step.
   Result<SessionAnswer> step();
 
+  // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job refers into the
+  // session; `taken` is what became of it. Nothing else may be called between the halves.
+  TakeJob begin_step();
+  Result<SessionAnswer> finish_step(const Status& taken);
+
   const SceneMirror& mirror() const { return mirror_; }
   const Convention& convention() const { return options_.convention; }
   const std::vector<Target>& targets() const { return options_.targets; }
@@ -168,6 +173,8 @@ class Session {
   std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
   SceneMirror mirror_;
   StepMemory memory_;
+  std::optional<StepWork> work_;  // between the halves of a step
+  int64_t step_start_ns_ = 0, take_start_ns_ = 0;
 
   bool ticked_ = false;    // a tick was applied since the session opened
   uint64_t sequence_ = 0;  // of the newest applied tick
