@@ -39,9 +39,13 @@ void add_load_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--moving", options.moving, "Boxes that circle in each session, moved by every tick")
       ->check(CLI::Range(size_t{0}, size_t{100'000}))
       ->capture_default_str();
-  bench.add_option("--instances", options.instances, "Boxes in each session, those that stand included (default: --moving)")
+  bench
+      .add_option("--instances", options.instances,
+                  "Boxes in each session, those that stand included (default: --moving)")
       ->check(CLI::Range(size_t{0}, size_t{100'000}));
-  bench.add_option("--scene", options.scene, "A generated scene by name, or a .glb whose node extras hold the roles")
+  bench
+      .add_option("--scene", options.scene,
+                  "A generated scene by name, or a .glb whose node extras hold the roles")
       ->capture_default_str();
   bench.add_option("--seed", options.seed, "Of the scene, the boxes and the sessions")->capture_default_str();
 }
@@ -50,18 +54,25 @@ void add_settings_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--preset", options.preset, "What the sessions' settings start from")
       ->check(CLI::IsMember(preset_names()))
       ->capture_default_str();
-  bench.add_option("--settings", options.settings, "A Settings message of settings.proto as JSON, put over the preset")
+  bench
+      .add_option("--settings", options.settings,
+                  "A Settings message of settings.proto as JSON, put over the preset")
       ->type_name("JSON");
-  bench.add_option("--resolution", options.resolution, "Texels a side of each depth map")->check(CLI::Range(2, 64));
-  bench.add_option("--candidates", options.candidates, "Candidate places, about")->check(CLI::Range(27, 32768));
-  bench.add_option("--points", options.points, "Points of each target that a step samples")->check(CLI::Range(0, 16));
+  bench.add_option("--resolution", options.resolution, "Texels a side of each depth map")
+      ->check(CLI::Range(2, 64));
+  bench.add_option("--candidates", options.candidates, "Candidate places, about")
+      ->check(CLI::Range(27, 32768));
+  bench.add_option("--points", options.points, "Points of each target that a step samples")
+      ->check(CLI::Range(0, 16));
 }
 
 void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
-  CLI::Option* address =
-      bench.add_option("--address", options.address,
-                       "host:port or unix:/path of a daemon that runs (default: start one, and stop it at the end)");
-  bench.add_option("--daemon-pid", options.daemon_pid, "Process of the daemon at --address, to watch its CPU and memory")
+  CLI::Option* address = bench.add_option(
+      "--address", options.address,
+      "host:port or unix:/path of a daemon that runs (default: start one, and stop it at the end)");
+  bench
+      .add_option("--daemon-pid", options.daemon_pid,
+                  "Process of the daemon at --address, to watch its CPU and memory")
       ->needs(address);
   bench.add_option("--daemon", options.daemon, "Program to start (default: sightlined beside this one)")
       ->excludes(address)
@@ -69,7 +80,8 @@ void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--daemon-flags", options.daemon_flags, "Flags for it, separated by blanks")
       ->excludes(address)
       ->type_name("TEXT");
-  bench.add_flag("--tcp", options.tcp, "It listens at a TCP port of the loopback, not at a unix socket")->excludes(address);
+  bench.add_flag("--tcp", options.tcp, "It listens at a TCP port of the loopback, not at a unix socket")
+      ->excludes(address);
 }
 
 void add_measuring_flags(CLI::App& bench, BenchOptions& options) {
@@ -84,22 +96,29 @@ void add_measuring_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--stable-windows", options.stable.windows, "Windows in a row that must agree")
       ->check(CLI::Range(size_t{1}, size_t{1000}))
       ->capture_default_str();
-  bench.add_option("--stable-p50", options.stable.p50_share, "How far their p50 may lie apart, as a share of the least")
+  bench
+      .add_option("--stable-p50", options.stable.p50_share,
+                  "How far their p50 may lie apart, as a share of the least")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   bench.add_option("--stable-p99", options.stable.p99_share, "The same of their p99")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  bench.add_option("--max-duration", options.max_duration_s, "Seconds after the warm-up until unstable figures are reported")
+  bench
+      .add_option("--max-duration", options.max_duration_s,
+                  "Seconds after the warm-up until unstable figures are reported")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
   bench.add_option("--threads", options.threads, "Threads that send")
       ->check(CLI::Range(size_t{1}, size_t{64}))
       ->capture_default_str();
-  bench.add_option("--sessions-per-channel", options.sessions_per_channel, "Sessions that share one connection")
+  bench
+      .add_option("--sessions-per-channel", options.sessions_per_channel,
+                  "Sessions that share one connection")
       ->check(CLI::Range(size_t{1}, size_t{1000}))
       ->capture_default_str();
-  bench.add_option("--json", options.json, "File for the result; client/README.md has its fields")->type_name("FILE");
+  bench.add_option("--json", options.json, "File for the result; client/README.md has its fields")
+      ->type_name("FILE");
 }
 
 }  // namespace

@@ -18,15 +18,15 @@ namespace sightline {
 
 struct BenchOptions {
   // The load.
-  size_t sessions = 1;    // [1, 10000]
-  double rate_hz = 60.0;  // of each session, (0, 1000]
-  size_t targets = 2;     // [1, 32]
-  size_t moving = 0;      // boxes that circle, a session
-  size_t instances = 0;   // boxes in all, a session; fewer than `moving`: as many as that
+  size_t sessions = 1;         // [1, 10000]
+  double rate_hz = 60.0;       // of each session, (0, 1000]
+  size_t targets = 2;          // [1, 32]
+  size_t moving = 0;           // boxes that circle, a session
+  size_t instances = 0;        // boxes in all, a session; fewer than `moving`: as many as that
   std::string scene = "city";  // a generated scene by name, or a .glb with roles
   uint64_t seed = 1;
   std::string preset = "sightline";
-  std::string settings;  // a Settings message as JSON, put over the preset
+  std::string settings;                                    // a Settings message as JSON, put over the preset
   std::optional<uint32_t> resolution, candidates, points;  // put over both
 
   // Whom it meets.
@@ -38,7 +38,7 @@ struct BenchOptions {
   std::string program;       // this program, for the echo
 
   // How it is sent and measured.
-  size_t threads = 1;               // that send, >= 1
+  size_t threads = 1;                // that send, >= 1
   size_t sessions_per_channel = 16;  // >= 1
   double warm_up_s = 2.0;
   double window_s = 2.0;

@@ -55,7 +55,8 @@ class EchoServer::Call final : public grpc::ServerGenericBidiReactor {
   void OnReadDone(bool ok) override {
     uint8_t header[kEchoHeaderBytes];
     if (!ok || !first_bytes(request_, sizeof header, header)) return Finish(grpc::Status::OK);
-    const auto asked = static_cast<uint32_t>(little_endian(header + kSequenceBytes, sizeof header - kSequenceBytes));
+    const auto asked =
+        static_cast<uint32_t>(little_endian(header + kSequenceBytes, sizeof header - kSequenceBytes));
     answer_.resize(std::clamp<size_t>(asked, kSequenceBytes, kMostEchoBytes));
     std::memcpy(answer_.data(), header, kSequenceBytes);
     const grpc::Slice slice(answer_.data(), answer_.size());
@@ -75,7 +76,9 @@ class EchoServer::Call final : public grpc::ServerGenericBidiReactor {
 
 class EchoServer::Service final : public grpc::CallbackGenericService {
  public:
-  grpc::ServerGenericBidiReactor* CreateReactor(grpc::GenericCallbackServerContext*) override { return new Call; }
+  grpc::ServerGenericBidiReactor* CreateReactor(grpc::GenericCallbackServerContext*) override {
+    return new Call;
+  }
 };
 
 EchoServer::EchoServer() : service_(std::make_unique<Service>()) {}
@@ -89,7 +92,8 @@ Result<std::unique_ptr<EchoServer>> EchoServer::start(const std::string& address
   int port = 0;
   builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
   echo->server_ = builder.BuildAndStart();
-  if (!echo->server_ || port == 0) return fail(ErrorCode::kUnavailable, "echo", "cannot listen at " + address);
+  if (!echo->server_ || port == 0)
+    return fail(ErrorCode::kUnavailable, "echo", "cannot listen at " + address);
   echo->address_ = address.starts_with("unix:")
                        ? address
                        : address.substr(0, address.rfind(':') + 1).append(std::to_string(port));

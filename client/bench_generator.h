@@ -15,8 +15,8 @@ class BenchGenerator {
  public:
   // The sessions of the daemon, and as many of the echo or none; they must outlive it. `threads` send, each for its share of the
   // sessions; >= 1. Starts at once: due times are counted from now.
-  BenchGenerator(const BenchSchedule& schedule, std::vector<BenchStream*> daemon, std::vector<BenchStream*> echo,
-                 size_t threads);
+  BenchGenerator(const BenchSchedule& schedule, std::vector<BenchStream*> daemon,
+                 std::vector<BenchStream*> echo, size_t threads);
   ~BenchGenerator();  // as stop
   BenchGenerator(const BenchGenerator&) = delete;
   BenchGenerator& operator=(const BenchGenerator&) = delete;

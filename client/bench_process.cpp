@@ -31,7 +31,8 @@ std::string last_words(const std::string& path) {
 }
 
 // Between fork and exec: only what is safe in a process that has threads.
-[[noreturn]] void become(const char* program, char* const* argv, pid_t parent, int input, int output, int errors) {
+[[noreturn]] void become(const char* program, char* const* argv, pid_t parent, int input, int output,
+                         int errors) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(127);
   dup2(input, STDIN_FILENO);
@@ -71,9 +72,9 @@ ScratchFolder::~ScratchFolder() {
 
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(const std::string& program,
                                                           std::vector<std::string> arguments,
-                                                          const std::string& output, const std::string& errors) {
-  if (access(program.c_str(), X_OK) != 0)
-    return fail(ErrorCode::kNotFound, program, std::strerror(errno));
+                                                          const std::string& output,
+                                                          const std::string& errors) {
+  if (access(program.c_str(), X_OK) != 0) return fail(ErrorCode::kNotFound, program, std::strerror(errno));
   arguments.insert(arguments.begin(), program);
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());

@@ -38,7 +38,8 @@ class ScratchFolder {
 class ChildProcess {
  public:
   // `program` is a path. What it writes goes to `output` and `errors`, new files; its standard input is empty but open.
-  static Result<std::unique_ptr<ChildProcess>> start(const std::string& program, std::vector<std::string> arguments,
+  static Result<std::unique_ptr<ChildProcess>> start(const std::string& program,
+                                                     std::vector<std::string> arguments,
                                                      const std::string& output, const std::string& errors);
   ~ChildProcess();  // as stop, with a grace of 5 s
   ChildProcess(const ChildProcess&) = delete;

@@ -54,7 +54,8 @@ double p50_of(const std::vector<double>& values) {
 
 EchoComparison compare(const Windows& windows) {
   EchoComparison echo;
-  echo.round_trip = figures_of(windows, [](const MeasuredWindow& w) { return w.echo->of(BenchMetric::kRoundTrip); });
+  echo.round_trip =
+      figures_of(windows, [](const MeasuredWindow& w) { return w.echo->of(BenchMetric::kRoundTrip); });
   echo.send = figures_of(windows, [](const MeasuredWindow& w) { return w.echo->of(BenchMetric::kSend); });
   const auto floor = [](const MeasuredWindow& w) {
     return p50_of(w.echo->of(BenchMetric::kRoundTrip)) + p50_of(w.daemon.of(BenchMetric::kStep));
@@ -63,6 +64,9 @@ EchoComparison compare(const Windows& windows) {
   echo.share = spread_of(each(windows, [&](const MeasuredWindow& w) {
     return per(p50_of(w.daemon.of(BenchMetric::kRoundTrip)), floor(w));
   }));
+  echo.server_cpu_us = spread_of(each(windows, [](const MeasuredWindow& w) { return w.echo_cpu_us; }));
+  echo.generator_cpu_us =
+      spread_of(each(windows, [](const MeasuredWindow& w) { return w.echo_generator_cpu_us; }));
   return echo;
 }
 
@@ -70,36 +74,36 @@ void sum_up_service(const Windows& windows, BenchResult& result) {
   const double seconds = result.window_s * static_cast<double>(windows.size());
   std::vector<double> replies(result.sessions, 0.0);
   for (const MeasuredWindow& window : windows)
-    for (size_t i = 0; i < replies.size(); ++i) replies[i] += static_cast<double>(window.replies_by_session[i]);
+    for (size_t i = 0; i < replies.size(); ++i)
+      replies[i] += static_cast<double>(window.replies_by_session[i]);
   const Spread served = spread_of(replies);
   result.least_served_hz = per(served.least, seconds);
   result.most_served_hz = per(served.most, seconds);
-  result.achieved_hz = per(static_cast<double>(result.replies), seconds * static_cast<double>(result.sessions));
+  result.achieved_hz =
+      per(static_cast<double>(result.replies), seconds * static_cast<double>(result.sessions));
 }
 
 void sum_up_processor(const Windows& windows, BenchResult& result) {
-  const auto a_tick_us = [](int64_t ns, const MeasuredWindow& window) {
-    return per(1e-3 * static_cast<double>(ns), static_cast<double>(window.daemon.ticks()));
-  };
   result.generator_cpu_us =
-      spread_of(each(windows, [&](const MeasuredWindow& w) { return a_tick_us(w.generator_cpu_ns, w); }));
-  if (std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.daemon_cpu_ns.has_value(); }))
-    result.daemon_cpu_us =
-        spread_of(each(windows, [&](const MeasuredWindow& w) { return a_tick_us(*w.daemon_cpu_ns, w); }));
+      spread_of(each(windows, [](const MeasuredWindow& w) { return w.generator_cpu_us; }));
+  if (std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.daemon_cpu_us.has_value(); }))
+    result.daemon_cpu_us = spread_of(each(windows, [](const MeasuredWindow& w) { return *w.daemon_cpu_us; }));
 }
 
 }  // namespace
 
 std::optional<double> BenchMemory::per_session() const {
   if (session_count < 2) return std::nullopt;
-  return (static_cast<double>(sessions) - static_cast<double>(scene)) / static_cast<double>(session_count - 1);
+  return (static_cast<double>(sessions) - static_cast<double>(scene)) /
+         static_cast<double>(session_count - 1);
 }
 
 void summarize(const Windows& windows, BenchResult& result) {
   result.windows = windows.size();
   for (size_t metric = 0; metric < kBenchMetrics; ++metric)
-    result.metrics[metric] = figures_of(windows, [&](const MeasuredWindow& w) { return w.daemon.us[metric]; });
-  const auto figure = [&](double Quantiles::* part) {
+    result.metrics[metric] =
+        figures_of(windows, [&](const MeasuredWindow& w) { return w.daemon.us[metric]; });
+  const auto figure = [&](double Quantiles::*part) {
     return relative_range(each(windows, [&](const MeasuredWindow& w) {
       return quantiles_of(w.daemon.of(BenchMetric::kRoundTrip)).*part;
     }));
@@ -112,7 +116,8 @@ void summarize(const Windows& windows, BenchResult& result) {
   result.degraded = sum(windows, [](const MeasuredWindow& w) { return w.daemon.degraded; });
   const uint64_t tick_bytes = sum(windows, [](const MeasuredWindow& w) { return w.daemon.tick_bytes; });
   const uint64_t reply_bytes = sum(windows, [](const MeasuredWindow& w) { return w.daemon.reply_bytes; });
-  const uint64_t sent = sum(windows, [](const MeasuredWindow& w) { return w.daemon.of(BenchMetric::kSend).size(); });
+  const uint64_t sent =
+      sum(windows, [](const MeasuredWindow& w) { return w.daemon.of(BenchMetric::kSend).size(); });
   result.tick_bytes = per(static_cast<double>(tick_bytes), static_cast<double>(sent));
   result.reply_bytes = per(static_cast<double>(reply_bytes), static_cast<double>(result.replies));
   sum_up_service(windows, result);

@@ -30,9 +30,10 @@ constexpr size_t kDaemonSessions = 64;  // its own limit, unless told otherwise
 constexpr auto kStartTimeout = 60s;
 constexpr auto kOpenTimeout = 60s;
 constexpr auto kSettleTimeout = 5s;  // for what is still unanswered when no more is sent
-constexpr auto kPoll = 20ms;
-constexpr auto kAfterwards = 300ms;  // until the daemon has let go of closed sessions
-constexpr int kFirstTicks = 30;      // of the first session alone: they bring the scene to the sampler
+constexpr auto kPoll = 5ms;
+constexpr auto kLongestWait = 100ms;  // between two looks at the bar and the streams
+constexpr auto kAfterwards = 300ms;   // until the daemon has let go of closed sessions
+constexpr int kFirstTicks = 30;       // of the first session alone: they bring the scene to the sampler
 
 int64_t to_ns(double seconds) {
   return static_cast<int64_t>(seconds * 1e9);
@@ -43,7 +44,8 @@ Result<std::vector<std::byte>> scene_bytes(const BenchOptions& options) {
     return entry->make({.seed = options.seed});
   std::error_code trouble;
   if (std::filesystem::is_regular_file(options.scene, trouble)) return read_file(options.scene);
-  return fail(ErrorCode::kNotFound, "scene", "\"" + options.scene + "\" is neither a generated scene nor a file");
+  return fail(ErrorCode::kNotFound, "scene",
+              "\"" + options.scene + "\" is neither a generated scene nor a file");
 }
 
 Result<v1::Settings> settings_of(const BenchOptions& options) {
@@ -87,6 +89,30 @@ std::vector<std::string> words_of(const std::string& text) {
   return words;
 }
 
+// What this process and one beside it had used at one moment.
+struct CpuTimes {
+  int64_t at_ns = 0, own_ns = 0, peer_ns = 0;
+};
+
+struct CpuSpan {
+  CpuTimes before, after;
+
+  double own_us(double window_s, uint64_t ticks) const {
+    return a_tick_us(after.own_ns - before.own_ns, window_s, ticks);
+  }
+  double peer_us(double window_s, uint64_t ticks) const {
+    return a_tick_us(after.peer_ns - before.peer_ns, window_s, ticks);
+  }
+
+ private:
+  // The moments are only about the window's ends: what was used between them counts by the time.
+  double a_tick_us(int64_t used_ns, double window_s, uint64_t ticks) const {
+    const auto span_ns = static_cast<double>(after.at_ns - before.at_ns);
+    if (span_ns <= 0.0 || ticks == 0) return 0.0;
+    return static_cast<double>(used_ns) / span_ns * window_s * 1e6 / static_cast<double>(ticks);
+  }
+};
+
 class Bench {
  public:
   Bench(const BenchOptions& options, std::ostream& err)
@@ -105,7 +131,8 @@ class Bench {
   using Streams = std::vector<std::unique_ptr<BenchStream>>;
 
   Status read_scene() {
-    if (scratch_.path().empty()) return fail(ErrorCode::kUnavailable, "scratch", "no temporary folder can be made");
+    if (scratch_.path().empty())
+      return fail(ErrorCode::kUnavailable, "scratch", "no temporary folder can be made");
     bar_.show("scene", 0, 1);
     auto bytes = scene_bytes(options_);
     if (!bytes) return tl::unexpected(bytes.error());
@@ -147,7 +174,8 @@ class Bench {
     } else {
       flags.insert(flags.end(), {"--listen", "none", "--listen-unix", folder / "daemon.sock"});
     }
-    if (options_.sessions > kDaemonSessions && options_.daemon_flags.find("--max-sessions") == std::string::npos)
+    if (options_.sessions > kDaemonSessions &&
+        options_.daemon_flags.find("--max-sessions") == std::string::npos)
       flags.insert(flags.end(), {"--max-sessions", std::to_string(options_.sessions)});
     for (const std::string& word : words_of(options_.daemon_flags)) flags.push_back(word);
     auto process = ChildProcess::start(program, flags, folder / "daemon.out", folder / "daemon.err");
@@ -195,8 +223,8 @@ class Bench {
   }
 
   Status refused(size_t session, const Error& error) const {
-    std::string message = "session " + std::to_string(session + 1) + " of " + std::to_string(options_.sessions) +
-                          " was refused: " + error.message;
+    std::string message = "session " + std::to_string(session + 1) + " of " +
+                          std::to_string(options_.sessions) + " was refused: " + error.message;
     return fail(error.code, error.field.empty() ? "sessions" : error.field, std::move(message));
   }
 
@@ -231,7 +259,8 @@ class Bench {
     const auto address = echo_->wait_for_line(said, kStartTimeout);
     if (!address) return tl::unexpected(address.error());
     std::shared_ptr<grpc::Channel> channel;
-    add_streams(*address, options_.sessions, [&](size_t i) { return echo_dialect(*sessions_[i]); }, echoes_, channel);
+    add_streams(
+        *address, options_.sessions, [&](size_t i) { return echo_dialect(*sessions_[i]); }, echoes_, channel);
     return {};
   }
 
@@ -260,17 +289,24 @@ class Bench {
   }
   int64_t since_start_ns() const { return BenchStream::monotonic_ns() - generator_->start_ns(); }
 
-  // CPU times at the two ends of the daemon's window.
+  // CPU times over the window of each peer.
   Status watch(int window) {
-    if (const Status waited = wait_until(schedule_.begin_ns(BenchPeer::kDaemon, window)); !waited) return waited;
-    const CpuTimes before = cpu_times();
-    if (const Status waited = wait_until(schedule_.end_ns(BenchPeer::kDaemon, window)); !waited) return waited;
-    const CpuTimes after = cpu_times();
-    MeasuredWindow measured;
-    measured.generator_cpu_ns = after.own_ns - before.own_ns;
-    if (before.daemon_ns && after.daemon_ns) measured.daemon_cpu_ns = *after.daemon_ns - *before.daemon_ns;
-    windows_.push_back(std::move(measured));
-    return wait_until(schedule_.end_ns(last_peer(), window));
+    windows_.emplace_back();
+    if (const Status done = watch_peer(BenchPeer::kDaemon, window, daemon_pid_, daemon_cpu_); !done)
+      return done;
+    if (!options_.echo) return {};
+    return watch_peer(BenchPeer::kEcho, window, echo_->pid(), echo_cpu_);
+  }
+
+  Status watch_peer(BenchPeer peer, int window, pid_t pid, CpuSpan& cpu) {
+    if (const Status waited = wait_until(schedule_.begin_ns(peer, window)); !waited) return waited;
+    // Of windows without a gap, where one ends the next has begun.
+    cpu.before = window > 0 && schedule_.begin_ns(peer, window) == schedule_.end_ns(peer, window - 1)
+                     ? cpu.after
+                     : cpu_times(pid);
+    if (const Status waited = wait_until(schedule_.end_ns(peer, window)); !waited) return waited;
+    cpu.after = cpu_times(pid);
+    return {};
   }
 
   Status wait_until(int64_t ns) {
@@ -279,7 +315,8 @@ class Bench {
       if (left_ns <= 0) return {};
       show_progress();
       if (const Status alive = check_alive(sessions_); !alive) return alive;
-      std::this_thread::sleep_for(std::min<std::chrono::nanoseconds>(std::chrono::nanoseconds(left_ns), kPoll * 5));
+      std::this_thread::sleep_for(
+          std::min<std::chrono::nanoseconds>(std::chrono::nanoseconds(left_ns), kLongestWait));
     }
   }
 
@@ -293,7 +330,7 @@ class Bench {
         return fail(ErrorCode::kUnavailable, "deadline", "the server leaves ticks unanswered");
       if (const Status alive = check_alive(sessions_); !alive) return alive;
       if (const Status alive = check_alive(echoes_); !alive) return alive;
-      std::this_thread::sleep_for(kPoll / 4);
+      std::this_thread::sleep_for(kPoll);
     }
     return {};
   }
@@ -306,15 +343,21 @@ class Bench {
       measured.daemon.add(own);
     }
     round_trips_.push_back(quantiles_of(measured.daemon.of(BenchMetric::kRoundTrip)));
+    measured.generator_cpu_us = daemon_cpu_.own_us(options_.window_s, measured.daemon.ticks());
+    if (daemon_pid_ != 0)
+      measured.daemon_cpu_us = daemon_cpu_.peer_us(options_.window_s, measured.daemon.ticks());
     if (!options_.echo) return;
     measured.echo.emplace();
     for (const auto& echo : echoes_) measured.echo->add(echo->take_window(window));
+    measured.echo_generator_cpu_us = echo_cpu_.own_us(options_.window_s, measured.echo->ticks());
+    measured.echo_cpu_us = echo_cpu_.peer_us(options_.window_s, measured.echo->ticks());
   }
 
   bool is_stable() { return result_.stable = agree(round_trips_, options_.stable); }
 
   Status settle_rest() {
-    const int64_t deadline_ns = BenchStream::monotonic_ns() + std::chrono::nanoseconds(kSettleTimeout).count();
+    const int64_t deadline_ns =
+        BenchStream::monotonic_ns() + std::chrono::nanoseconds(kSettleTimeout).count();
     while (BenchStream::monotonic_ns() < deadline_ns &&
            settled_until_ns(sessions_) != std::numeric_limits<int64_t>::max())
       std::this_thread::sleep_for(kPoll);
@@ -323,15 +366,11 @@ class Bench {
 
   // --- small things
 
-  struct CpuTimes {
-    int64_t own_ns = 0;
-    std::optional<int64_t> daemon_ns;
-  };
-  CpuTimes cpu_times() const {
-    CpuTimes times;
+  static CpuTimes cpu_times(pid_t peer) {
+    CpuTimes times{.at_ns = BenchStream::monotonic_ns()};
     if (const auto own = usage_of(getpid())) times.own_ns = own->cpu_ns;
-    if (daemon_pid_ == 0) return times;
-    if (const auto daemon = usage_of(daemon_pid_)) times.daemon_ns = daemon->cpu_ns;
+    if (peer == 0) return times;
+    if (const auto usage = usage_of(peer)) times.peer_ns = usage->cpu_ns;
     return times;
   }
 
@@ -421,6 +460,7 @@ class Bench {
   Streams sessions_, echoes_;  // each echo speaks as its session does
   std::optional<BenchGenerator> generator_;
   std::vector<MeasuredWindow> windows_;
+  CpuSpan daemon_cpu_, echo_cpu_;
   std::vector<Quantiles> round_trips_;  // by window
   BenchMemory memory_;
   BenchResult result_;

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-std::vector<double> each(std::span<const Quantiles> windows, double Quantiles::* figure) {
+std::vector<double> each(std::span<const Quantiles> windows, double Quantiles::*figure) {
   std::vector<double> values;
   for (const Quantiles& window : windows) values.push_back(window.*figure);
   return values;
@@ -17,8 +17,12 @@ std::vector<double> each(std::span<const Quantiles> windows, double Quantiles::*
 }  // namespace
 
 Quantiles quantiles_of(const std::vector<double>& values) {
-  return {values.size(),           percentile(values, 0.5),   percentile(values, 0.9),
-          percentile(values, 0.99), percentile(values, 0.999), percentile(values, 1.0)};
+  return {values.size(),
+          percentile(values, 0.5),
+          percentile(values, 0.9),
+          percentile(values, 0.99),
+          percentile(values, 0.999),
+          percentile(values, 1.0)};
 }
 
 Spread spread_of(const std::vector<double>& values) {

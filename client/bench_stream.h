@@ -38,7 +38,7 @@ struct BenchAnswer {
   enum class Kind { kOpened, kReply, kRejection, kOther };
   Kind kind = Kind::kOther;
   uint64_t sequence = 0;
-  uint32_t merged = 0;                // kReply: earlier ticks that it covers
+  uint32_t merged = 0;                     // kReply: earlier ticks that it covers
   std::optional<BenchStages> stages = {};  // kReply of a server that measures
   bool degraded = false;
   std::string trouble = {};  // kRejection, kOther: for a person

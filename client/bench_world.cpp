@@ -110,8 +110,9 @@ void BenchWorld::take_walkers() {
     walkers_.back().id = actors.size() + 1 + i;
     // A sunflower: every one as far from its neighbours as the others.
     const double rank = static_cast<double>(i - own.size() + 1);
-    walkers_.back().beside_m = on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * 2 * glm::pi<double>()) +
-                               glm::dvec3(0, kCapsuleRadiusM + kCapsuleHalfHeightM, 0);
+    walkers_.back().beside_m =
+        on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * 2 * glm::pi<double>()) +
+        glm::dvec3(0, kCapsuleRadiusM + kCapsuleHalfHeightM, 0);
   }
 }
 
@@ -130,8 +131,8 @@ void BenchWorld::place_boxes() {
       }
       for (int attempt = 0; attempt < kMostTries; ++attempt) {
         const Pose& pose = way[random.next_below(static_cast<uint32_t>(way.size()))];
-        box.centre_m = pose.position_m +
-                       on_circle(random.next_in(kNearestToWayM, kFarthestFromWayM), random.next_in(0.0, 2 * glm::pi<double>()));
+        box.centre_m = pose.position_m + on_circle(random.next_in(kNearestToWayM, kFarthestFromWayM),
+                                                   random.next_in(0.0, 2 * glm::pi<double>()));
         box.centre_m.y += box.half_extent_m.y;
         const double away_m = glm::distance(box.centre_m, scenario_.camera().position_m);
         if (away_m > box.radius_m + glm::length(box.half_extent_m) + kFreeRoundCameraM) break;
@@ -168,11 +169,11 @@ v1::OpenSession BenchWorld::open(size_t session, const std::string& scene_hash) 
 double BenchWorld::way_time_s(size_t session, uint64_t sequence) const {
   const double duration_s = kPathStepS * static_cast<double>(walkers_.front().path.size() - 1);
   if (duration_s <= 0.0) return 0.0;
-  const double rank = options_.sessions < 2
-                          ? 0.5
-                          : static_cast<double>(session) / static_cast<double>(options_.sessions - 1);
+  const double rank =
+      options_.sessions < 2 ? 0.5 : static_cast<double>(session) / static_cast<double>(options_.sessions - 1);
   const double pace = kSlowest + rank * (kFastest - kSlowest);
-  const double walked_s = std::fmod(pace * static_cast<double>(sequence - 1) / options_.rate_hz, 2 * duration_s);
+  const double walked_s =
+      std::fmod(pace * static_cast<double>(sequence - 1) / options_.rate_hz, 2 * duration_s);
   return std::min(walked_s, 2 * duration_s - walked_s);
 }
 
