@@ -75,7 +75,8 @@ void BenchStream::send_tick(int64_t due_ns, int window) {
     window_at(window).add(BenchMetric::kSend, us_between(due_ns, monotonic_ns()));
     window_at(window).tick_bytes += bytes;
   }
-  if (closing_ || ended_) return;  // the tick stays pending: it will be given up
+  if (ended_) ledger_.give_up();
+  if (closing_) return;  // not ended yet: it is given up then
   unsent_.push_back(std::move(message));
   if (!writing_) start_next_write();
 }

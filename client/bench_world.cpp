@@ -6,7 +6,6 @@
 #include <glm/gtc/constants.hpp>
 
 #include "client/scenario_session.h"
-#include "server/base/random.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
@@ -26,6 +25,7 @@ constexpr double kLeastCircleM = 1.0, kMostCircleM = 4.0;
 constexpr double kLeastSpeedMps = 0.8, kMostSpeedMps = 2.0;
 constexpr double kFreeRoundCameraM = 2.0;
 constexpr int kMostTries = 16;
+constexpr double kTurnRad = 2 * glm::pi<double>();
 
 // Between neighbouring steps of a path; the last pose stays.
 Pose pose_on(const std::vector<Pose>& path, double time_s) {
@@ -111,35 +111,38 @@ void BenchWorld::take_walkers() {
     // A sunflower: every one as far from its neighbours as the others.
     const double rank = static_cast<double>(i - own.size() + 1);
     walkers_.back().beside_m =
-        on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * 2 * glm::pi<double>()) +
-        glm::dvec3(0, kCapsuleRadiusM + kCapsuleHalfHeightM, 0);
+        on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * kTurnRad);
+    walkers_.back().beside_m.y = kCapsuleRadiusM + kCapsuleHalfHeightM;
   }
 }
 
 void BenchWorld::place_boxes() {
-  const std::vector<Pose>& way = walkers_.front().path;
   const uint64_t first_id = scenario_.actors().size() + 1 + options_.targets;
   boxes_.resize(options_.sessions);
   for (size_t session = 0; session < options_.sessions; ++session) {
     CounterRandom random(options_.seed, session, RandomPurpose::kSceneGeneration);
-    for (size_t i = 0; i < options_.instances; ++i) {
-      Box box{.id = first_id + i, .half_extent_m = kHalfExtentsM[random.next_below(kHalfExtentsM.size())]};
-      if (i < options_.moving) {
-        box.radius_m = random.next_in(kLeastCircleM, kMostCircleM);
-        box.phase_rad = random.next_in(0.0, 2 * glm::pi<double>());
-        box.speed_radps = random.next_in(kLeastSpeedMps, kMostSpeedMps) / box.radius_m;
-      }
-      for (int attempt = 0; attempt < kMostTries; ++attempt) {
-        const Pose& pose = way[random.next_below(static_cast<uint32_t>(way.size()))];
-        box.centre_m = pose.position_m + on_circle(random.next_in(kNearestToWayM, kFarthestFromWayM),
-                                                   random.next_in(0.0, 2 * glm::pi<double>()));
-        box.centre_m.y += box.half_extent_m.y;
-        const double away_m = glm::distance(box.centre_m, scenario_.camera().position_m);
-        if (away_m > box.radius_m + glm::length(box.half_extent_m) + kFreeRoundCameraM) break;
-      }
-      boxes_[session].push_back(box);
-    }
+    for (size_t i = 0; i < options_.instances; ++i)
+      boxes_[session].push_back(make_box(first_id + i, i < options_.moving, random));
   }
+}
+
+BenchWorld::Box BenchWorld::make_box(uint64_t id, bool moves, CounterRandom& random) const {
+  const std::vector<Pose>& way = walkers_.front().path;
+  Box box{.id = id, .half_extent_m = kHalfExtentsM[random.next_below(kHalfExtentsM.size())]};
+  if (moves) {
+    box.radius_m = random.next_in(kLeastCircleM, kMostCircleM);
+    box.phase_rad = random.next_in(0.0, kTurnRad);
+    box.speed_radps = random.next_in(kLeastSpeedMps, kMostSpeedMps) / box.radius_m;
+  }
+  const double free_m = box.radius_m + glm::length(box.half_extent_m) + kFreeRoundCameraM;
+  for (int attempt = 0; attempt < kMostTries; ++attempt) {
+    const Pose& pose = way[random.next_below(static_cast<uint32_t>(way.size()))];
+    const double away_m = random.next_in(kNearestToWayM, kFarthestFromWayM);
+    box.centre_m = pose.position_m + on_circle(away_m, random.next_in(0.0, kTurnRad));
+    box.centre_m.y += box.half_extent_m.y;
+    if (glm::distance(box.centre_m, scenario_.camera().position_m) > free_m) break;
+  }
+  return box;
 }
 
 v1::OpenSession BenchWorld::open(size_t session, const std::string& scene_hash) const {

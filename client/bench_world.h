@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/scenario.h"
+#include "server/base/random.h"
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
@@ -55,6 +56,7 @@ class BenchWorld {
   BenchWorld(Scenario scenario, const BenchWorldOptions& options);
   void take_walkers();
   void place_boxes();
+  Box make_box(uint64_t id, bool moves, CounterRandom& random) const;
   double way_time_s(size_t session, uint64_t sequence) const;  // in [0, duration], to the end and back
   void set_walker(const Walker& walker, int at, double time_s, double before_s, double dt_s,
                   v1::Transforms& transforms) const;
