@@ -249,6 +249,19 @@ TEST_F(BenchCommandTest, ADaemonThatRunsAlreadyIsLoadedAndLeftRunning) {
   EXPECT_EQ(daemon.stop(), 0);
 }
 
+TEST_F(BenchCommandTest, ADaemonThatDiesUnderTheLoadIsAnErrorAndNotAFigure) {
+  test::DaemonProcess daemon;
+  options_.address = daemon.address();
+  options_.max_duration_s = 600.0;
+  options_.stable.windows = 1000;
+  std::thread killer([&] {
+    std::this_thread::sleep_for(2s);
+    daemon.kill_now();
+  });
+  expect_error("unavailable");
+  killer.join();
+}
+
 TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   options_.scene = "atlantis";
   expect_error("not found: scene: \"atlantis\"");
