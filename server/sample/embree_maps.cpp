@@ -11,8 +11,8 @@ constexpr int kRays = 16;  // a packet; devices without vectors as wide take it 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // Packets that are wider than this, on the plane one unit before the eye, are faster as single rays that share what they can.
-// Measured (sample_bench) on maps of 7 to 32 texels a side: even at 0.25 to 0.35.
-constexpr double kCoherentWidth = 0.3;
+// Measured on maps of 7 and 16 texels a side over a city: even at 0.25 to 0.35.
+constexpr double kCoherentWidth = 0.25;
 
 // World directions of a map's texels, one unit of depth along the view axis: `first` + x `right` + y `up`.
 struct TexelRays {
@@ -26,6 +26,31 @@ struct TexelRays {
     const double x1 = x + width - 1, y1 = y + height - 1;
     return RayCone::around(std::array{at(x, y), at(x1, y), at(x, y1), at(x1, y1)});
   }
+};
+
+// The one ray of a map of one texel, which a packet would only slow down. Distances are in lengths of the world direction.
+class SingleRay {
+ public:
+  SingleRay(const MapRequest& request, float far) {
+    query_.ray.tnear = static_cast<float>(request.view.near_m);
+    query_.ray.tfar = far;
+  }
+
+  // Whether anything nearer than what was met before is met.
+  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin, const glm::vec3& direction,
+             uint32_t mask) {
+    query_.ray.org_x = origin.x, query_.ray.org_y = origin.y, query_.ray.org_z = origin.z;
+    query_.ray.dir_x = direction.x, query_.ray.dir_y = direction.y, query_.ray.dir_z = direction.z;
+    query_.ray.mask = mask;
+    query_.hit.geomID = query_.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(scene, &context, &query_);
+    return query_.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+  }
+  unsigned instance() const { return query_.hit.instID[0]; }
+  float distance() const { return query_.ray.tfar; }
+
+ private:
+  RTCRayHit query_ = {};
 };
 
 template <typename T>
@@ -58,10 +83,11 @@ struct EmbreeMaps::Packet {
   alignas(64) uint32_t slot[kRays];
   alignas(64) double x[kRays], y[kRays];  // of the shape's texels
   RTCIntersectContext mover_context;
-  PacketShape shape;
+  int map_width = 0, map_height = 0;
+  PacketShape shape;  // of maps of this size
 
   void begin_map(const MapRequest& request, const glm::vec3& origin);
-  void take_shape(const PacketShape& taken);
+  void take_shape(int width, int height);
   void aim(const MapRequest& request, const TexelRays& texels, int x0, int y0);
   void meet_static(const TopScene& top, FilterContext& context);
   void meet(const NearMover& mover);
@@ -85,8 +111,9 @@ void EmbreeMaps::Packet::begin_map(const MapRequest& request, const glm::vec3& o
   fill(rays.ray.org_z, origin.z);
 }
 
-void EmbreeMaps::Packet::take_shape(const PacketShape& taken) {
-  shape = taken;
+void EmbreeMaps::Packet::take_shape(int width, int height) {
+  map_width = width, map_height = height;
+  shape = packet_shape(width, height);
   for (int i = 0; i < kRays; ++i) {
     x[i] = i % shape.width;
     y[i] = i / shape.width;
@@ -186,7 +213,38 @@ void EmbreeMaps::take(const SceneMirror& mirror, const MapRequest& request, Dept
   map.ahead_s = request.ahead_s;
   map.distance_m.resize(static_cast<size_t>(view.width) * view.height);
   map.occluder.resize(map.distance_m.size());
+  if (map.distance_m.size() == 1)
+    take_sight(mirror, request, map);
+  else
+    take_packets(mirror, request, map);
+}
 
+void EmbreeMaps::take_sight(const SceneMirror& mirror, const MapRequest& request, DepthMap& map) {
+  const glm::vec3 direction(texel_direction(request.view, 0, 0));
+  const float length = glm::length(direction);
+  const RayCone cone{.axis = direction / length};
+  const TopScene& top = fixed_->top;
+  SingleRay ray(request, static_cast<float>(request.far_m) / length);
+  uint32_t slot = kNoOccluder;
+  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
+                                                                                      : std::span<const uint32_t>()};
+  FilterContext context(top, filter);
+  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m), direction,
+                             request.layer_mask))
+    slot = top.entries[ray.instance()].slot;
+  movers_.find(mirror, request, cone, near_);
+  RTCIntersectContext plain;
+  rtcInitIntersectContext(&plain);
+  for (const NearMover& mover : near_)
+    if (mover.nearest_m <= ray.distance() * length &&
+        ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance, mover.instance_from_world * direction, ~0u))
+      slot = mover.slot;
+  map.distance_m[0] = slot == kNoOccluder ? kInfinity : ray.distance() * length;
+  map.occluder[0] = slot;
+}
+
+void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& request, DepthMap& map) {
+  const MapView& view = request.view;
   const TopScene& top = fixed_->top;
   const TexelRays texels(view);
   const RayCone cone = texels.cone(0, 0, view.width, view.height);
@@ -196,7 +254,7 @@ void EmbreeMaps::take(const SceneMirror& mirror, const MapRequest& request, Dept
   movers_.find(mirror, request, cone, near_);
 
   Packet& packet = *packet_;
-  packet.take_shape(packet_shape(view.width, view.height));
+  if (packet.map_width != view.width || packet.map_height != view.height) packet.take_shape(view.width, view.height);
   packet.begin_map(request, glm::vec3(view.eye_m - top.anchor_m));
   const double width = std::max(packet.shape.width * (view.right - view.left) / view.width,
                                 packet.shape.height * (view.top - view.bottom) / view.height);

@@ -34,6 +34,9 @@ class EmbreeMaps {
 
  private:
   struct Packet;
+  void take_packets(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
+  // Of a map of one texel.
+  void take_sight(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
   bool static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const;
 
   EmbreeDevice& device_;
