@@ -191,7 +191,7 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMi
   return made;
 }
 
-EmbreeDevice::EmbreeDevice() : impl_(std::make_unique<Impl>()) {}
+EmbreeDevice::EmbreeDevice() : impl_(std::make_shared<Impl>()) {}
 EmbreeDevice::~EmbreeDevice() = default;
 
 std::string EmbreeDevice::version() {

@@ -186,15 +186,15 @@ void EmbreeMaps::Packet::store(int x0, int y0, DepthMap& map) const {
 }
 
 EmbreeMaps::EmbreeMaps(EmbreeDevice& device)
-    : device_(device), fixed_(std::make_shared<StaticTop>()), packet_(std::make_unique<Packet>()) {}
+    : device_(device.impl()), fixed_(std::make_shared<StaticTop>()), packet_(std::make_unique<Packet>()) {}
 EmbreeMaps::~EmbreeMaps() = default;
 
 void EmbreeMaps::take_in(const SceneMirror& mirror, double ahead_s) {
   if (identity_ != mirror.identity() || static_version_ != mirror.static_version())
-    fixed_ = device_.impl().static_top_of(mirror, EmbreeScene::Content::kOccluders);
+    fixed_ = device_->static_top_of(mirror, EmbreeScene::Content::kOccluders);
   identity_ = mirror.identity();
   static_version_ = mirror.static_version();
-  movers_.take_in(device_, mirror, ahead_s);
+  movers_.take_in(*device_, mirror, ahead_s);
 }
 
 // Asking about every hit costs a third of the time: only where an ignored one can be hit at all.

@@ -21,7 +21,7 @@ struct PacketShape {
 // Of all shapes the one that covers the map with the fewest packets; of those the one of the least circumference.
 PacketShape packet_shape(int map_width, int map_height);
 
-// Takes the maps of one mirror. Not thread-safe; any number may be used at once. The device must outlive it.
+// Takes the maps of one mirror. Not thread-safe; any number may be used at once.
 class EmbreeMaps {
  public:
   explicit EmbreeMaps(EmbreeDevice& device);
@@ -39,7 +39,7 @@ class EmbreeMaps {
   void take_sight(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
   bool static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const;
 
-  EmbreeDevice& device_;
+  const std::shared_ptr<EmbreeDevice::Impl> device_;  // outlives the scenes below
   uint64_t identity_ = 0, static_version_ = 0;  // of the mirror, as last taken in; identity 0: never
   std::shared_ptr<const StaticTop> fixed_;
   EmbreeMovers movers_;

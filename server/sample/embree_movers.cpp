@@ -44,7 +44,7 @@ void EmbreeMovers::Centers::place(const SceneMirror& mirror, std::span<const uin
   }
 }
 
-void EmbreeMovers::list(EmbreeDevice& device, const SceneMirror& mirror) {
+void EmbreeMovers::list(EmbreeDevice::Impl& device, const SceneMirror& mirror) {
   slots_.clear();
   bottoms_.clear();
   radius_m_.clear();
@@ -53,14 +53,14 @@ void EmbreeMovers::list(EmbreeDevice& device, const SceneMirror& mirror) {
     const size_t index_count = counted_indices(instance, EmbreeScene::Content::kOccluders);
     if (index_count == 0) continue;
     slots_.push_back(slot);
-    bottoms_.push_back(device.impl().bottom_of(instance.geometry, index_count));
+    bottoms_.push_back(device.bottom_of(instance.geometry, index_count));
     radius_m_.push_back(static_cast<float>(instance.radius_m));
   }
   marks_.resize(slots_.size());
   anchor_m_ = slots_.empty() ? glm::dvec3(0.0) : mirror.instances()[slots_[0]].center_m;
 }
 
-void EmbreeMovers::take_in(EmbreeDevice& device, const SceneMirror& mirror, double ahead_s) {
+void EmbreeMovers::take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror, double ahead_s) {
   const bool moved = identity_ != mirror.identity() || version_ != mirror.version();
   if (identity_ != mirror.identity() || moving_version_ != mirror.moving_version()) list(device, mirror);
   if (moved) now_.place(mirror, slots_, anchor_m_, 0.0);

@@ -43,7 +43,7 @@ struct NearMover {
 class EmbreeMovers {
  public:
   // After every change of the mirror; `ahead_s` as in EmbreeScene::take_in.
-  void take_in(EmbreeDevice& device, const SceneMirror& mirror, double ahead_s);
+  void take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror, double ahead_s);
 
   // Sets `near` to those that the request shows and a ray of the cone may meet, nearest first. Only for the `ahead_s` of take_in,
   // or none.
@@ -55,7 +55,7 @@ class EmbreeMovers {
     void place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m, double ahead_s);
   };
 
-  void list(EmbreeDevice& device, const SceneMirror& mirror);
+  void list(EmbreeDevice::Impl& device, const SceneMirror& mirror);
   void mark(const Centers& centers, const glm::vec3& eye_from_anchor_m, const RayCone& cone, float far_m, float margin_m);
 
   uint64_t identity_ = 0, version_ = 0, moving_version_ = 0;  // of the mirror, as last taken in; 0: never

@@ -136,7 +136,7 @@ void MovingTop::move(const SceneMirror& mirror, double after_s) {
 }  // namespace
 
 struct EmbreeScene::Impl {
-  EmbreeDevice::Impl& device;
+  const std::shared_ptr<EmbreeDevice::Impl> device;  // outlives the scenes below
   const Content content;
   bool taken_in = false;
   uint64_t identity = 0, version = 0, static_version = 0, moving_version = 0;  // of the mirror, as last taken in
@@ -150,17 +150,17 @@ struct EmbreeScene::Impl {
     else if (same_set && ahead_s > 0)
       ahead.move(mirror, after_s);
     else
-      ahead.build(device, mirror, content, after_s);
+      ahead.build(*device, mirror, content, after_s);
     ahead_s = after_s;
   }
 
   void take_in(const SceneMirror& mirror, double after_s) {
     const bool fresh = !taken_in || identity != mirror.identity();
     if (!fresh && version == mirror.version() && ahead_s == after_s) return;
-    if (fresh || static_version != mirror.static_version()) fixed = device.static_top_of(mirror, content);
+    if (fresh || static_version != mirror.static_version()) fixed = device->static_top_of(mirror, content);
     const bool same_set = !fresh && moving_version == mirror.moving_version();
     if (!same_set)
-      moving.build(device, mirror, content, 0.0);
+      moving.build(*device, mirror, content, 0.0);
     else if (version != mirror.version())
       moving.move(mirror, 0.0);
     look_ahead(mirror, after_s, same_set);

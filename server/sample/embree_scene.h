@@ -23,7 +23,7 @@
 
 namespace sightline {
 
-// Owns the RTCDevice, the bottom-level scenes and the static top scenes. Thread-safe; outlives the scenes made with it. A
+// Owns the RTCDevice, the bottom-level scenes and the static top scenes. Thread-safe. A
 // bottom scene is kept while its Geometry lives (looked at whenever something is added) or a scene uses it, a static top
 // scene while an EmbreeScene or a map taker uses it. Nothing is built under a lock.
 class EmbreeDevice {
@@ -40,10 +40,11 @@ class EmbreeDevice {
   // "3.13.5"
   static std::string version();
 
-  Impl& impl() { return *impl_; }
+  // Kept alive by what was made with it.
+  const std::shared_ptr<Impl>& impl() const { return impl_; }
 
  private:
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<Impl> impl_;
 };
 
 struct RayHit {
