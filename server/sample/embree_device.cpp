@@ -136,9 +136,10 @@ std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(const std::shar
   const BottomKey key{geometry.get(), index_count};
   if (auto bottom = find(key)) return bottom;
   auto built = build_bottom(device.get(), *geometry, index_count);
-  forget_dead();
   const std::lock_guard lock(mutex);
-  return bottoms.try_emplace(key, Bottom{geometry, std::move(built)}).first->second.scene;
+  Bottom& bottom = bottoms[key];
+  if (bottom.geometry.expired()) bottom = {geometry, std::move(built)};
+  return bottom.scene;
 }
 
 std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash, std::span<const Placement> placements) {

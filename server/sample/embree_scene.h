@@ -24,7 +24,7 @@
 namespace sightline {
 
 // Owns the RTCDevice, the bottom-level scenes and the static top scenes. Thread-safe. A
-// bottom scene is kept while its Geometry lives (looked at whenever something is added) or a scene uses it, a static top
+// bottom scene is kept while its Geometry lives (looked at whenever a top scene is added) or a scene uses it, a static top
 // scene while an EmbreeScene or a map taker uses it. Nothing is built under a lock.
 class EmbreeDevice {
  public:

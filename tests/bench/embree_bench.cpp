@@ -45,7 +45,9 @@ std::vector<MapRequest> step_requests(const GridCity& city, std::vector<uint32_t
       std::vector<MapView> views;
       plan_views(eye_m, bound, {.resolution = 7}, {random.next_unit(), random.next_unit()}, views);
       views.push_back(plan_sight(eye_m, bound.center_m));
-      for (const MapView& view : views) requests.push_back({.view = view, .ignored_slots = std::span(&slots[t], 1)});
+      const double far_m = 1.01 * (glm::distance(eye_m, bound.center_m) + bound.radius_m);
+      for (const MapView& view : views)
+        requests.push_back({.view = view, .far_m = far_m, .ignored_slots = std::span(&slots[t], 1)});
       if (point < 3) requests.push_back(requests[requests.size() - 2]), requests.back().ahead_s = kAheadS;
     }
   return requests;
