@@ -12,6 +12,9 @@ void aggregate(StepWork& work);                   // paper 3.3, 5
 void move(StepWork& work);                        // paper 3.4, 6
 void report_targets(StepWork& work);              // what the returned pose sees
 
+// Where a map may end when no place that is looked up in it is farther from its eye.
+inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01; }
+
 // Of the survey (step_survey.cpp): one target looks round, the places learn from it, the shot to want is chosen.
 void plan_survey(StepWork& work);
 void request_survey(StepWork& work);

@@ -13,7 +13,7 @@ namespace {
 
 // From level to steep: over heads, over hedges, over pillars.
 constexpr std::array<double, Survey::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15};
-constexpr std::array<double, Survey::kDistances> kDistanceShares = {0.4, 0.7, 1.0, 1.4};
+constexpr std::array<double, Survey::kDistances> kDistanceShares = {0.4, 0.7, 1.0, Survey::kFarthestShare};
 
 size_t place_at(size_t azimuth, size_t elevation, size_t distance) {
   return (azimuth % Survey::kAzimuths * Survey::kElevations + elevation) * Survey::kDistances + distance;

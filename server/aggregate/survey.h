@@ -20,6 +20,8 @@ class Survey {
  public:
   static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 4;
   static constexpr size_t kPlaces = kAzimuths * kElevations * kDistances;
+  // Of the farthest places, in shares of the distance that `follow` takes.
+  static constexpr double kFarthestShare = 1.4;
 
   // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the third of four distances.
   void follow(std::span<const uint64_t> target_ids, double distance_m);
