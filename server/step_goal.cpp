@@ -47,7 +47,8 @@ void find_routes(StepWork& w) {
                          .first_leg_is_free = [&](uint32_t node) {
                            return path_is_free(m.colliders, m.camera.pose.position_m,
                                                m.candidates.position_m[node], body_m(w));
-                         }};
+                         },
+                         .spacing_m = m.lattice.spacing_m()};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
                      {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }
