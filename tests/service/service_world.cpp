@@ -76,8 +76,9 @@ Status GatedDevice::pass() {
 ServiceWorld::ServiceWorld(const WorldOptions& options)
     : scenes_(options.scene_dir, GltfLimits{}, geometry_),
       streams(options.max_sessions),
-      steppers_(options.threads),
-      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, log_,
+      steppers_(options.threads, device, [this] { return static_cast<int64_t>(clock_calls_.load()); }),
+      shares_(options.threads),
+      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_, log_,
                             [this] { return static_cast<int64_t>(++clock_calls_); }, "test"},
                options.limits) {
   ListenOptions listen;

@@ -87,10 +87,16 @@ class ServiceWorld {
 
  public:
   StreamRegistry streams;
+
+ private:
+  Scheduler steppers_;
+  FairShares shares_;
+  StepStats stats_;
+
+ public:
   WorkerPool loaders{2};
 
  private:
-  WorkerPool steppers_;
   CameraControlService service_;
 
  public:

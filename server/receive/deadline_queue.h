@@ -1,0 +1,63 @@
+// Who steps next: the policy of the scheduler, without threads and without a clock.
+//
+// While no deadline of a waiting flow has passed, earliest deadline first, which meets all deadlines whenever that can be done
+// (Liu & Layland, "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973; to within one step, since a
+// step is not interrupted). Once one has passed they cannot all be met, and by deadlines alone whoever asks for most would get
+// most. Then the flow that was served least goes first: start-time fair queueing (Goyal, Vin & Cheng, 1996). A flow's start tag
+// is the greater of the service that it has had and of what those that were served last have had, so that nobody saves up a
+// claim by asking for little; whoever asks for less than an equal share goes ahead of whoever asks for more.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <set>
+
+namespace sightline {
+
+// Times are nanoseconds of one monotonic clock. Not thread-safe. Deterministic: of equals, who was pushed first.
+class DeadlineQueue {
+ public:
+  // What the queue keeps of one who asks for steps. Must not move while it waits.
+  class Flow {
+   public:
+    bool waits() const { return waits_; }
+    int64_t deadline_ns() const { return deadline_ns_; }  // of what it waits for, or last waited for
+
+   private:
+    friend class DeadlineQueue;
+    int64_t deadline_ns_ = 0;
+    int64_t start_ns_ = 0;   // start tag of what it waits for
+    int64_t served_ns_ = 0;  // finish tag: the start tag of its last step and what that has cost
+    uint64_t number_ = 0;
+    bool waits_ = false;
+  };
+
+  // `flow` must not wait, and must live until it was popped.
+  void push(Flow& flow, int64_t deadline_ns);
+  // Whose turn it is; null when nobody waits.
+  Flow* pop(int64_t now_ns);
+  // What a step of the flow has cost, once it is known; the flow may wait again meanwhile. A cost of 0 or less is none.
+  void charge(Flow& flow, int64_t cost_ns);
+
+  size_t size() const { return by_deadline_.size(); }
+  bool empty() const { return by_deadline_.empty(); }
+  // A deadline of one who waits has passed.
+  bool late(int64_t now_ns) const { return !empty() && (*by_deadline_.begin())->deadline_ns_ < now_ns; }
+
+ private:
+  struct Sooner {
+    bool operator()(const Flow* a, const Flow* b) const;
+  };
+  struct LessServed {
+    bool operator()(const Flow* a, const Flow* b) const;
+  };
+  void insert(Flow& flow);
+  void take_out(Flow& flow);
+
+  std::set<Flow*, Sooner> by_deadline_;
+  std::set<Flow*, LessServed> by_service_;
+  int64_t virtual_ns_ = 0;  // the greatest start tag that was popped
+  uint64_t pushes_ = 0;
+};
+
+}  // namespace sightline
