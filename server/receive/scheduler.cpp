@@ -43,7 +43,7 @@ void Scheduler::work() {
   Round round;
   for (;;) {
     std::unique_lock lock(mutex_);
-    for (size_t i = 0; i < round.tasks.size(); ++i) queue_.charge(*round.tasks[i], round.costs_ns[i]);
+    for (size_t i = 0; i < round.tasks.size(); ++i) queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
     if (!round.tasks.empty()) {
       // The last hold on a task may be this one, and its end is no business of those who wait for the lock.
       lock.unlock();
@@ -81,6 +81,7 @@ void Scheduler::run(Round& round) {
   }
   std::exception_ptr trouble;
   const int64_t take_ns = requests > 0 ? take(round, trouble) : 0;
+  round.end_ns = clock_();
   for (size_t i = 0, asked = 0; i < round.tasks.size(); ++i) {
     TakenMaps taken;
     if (const size_t own = round.jobs[i].requests.size(); own > 0) {
@@ -89,9 +90,9 @@ void Scheduler::run(Round& round) {
       round.costs_ns[i] += take_ns * static_cast<int64_t>(own) / static_cast<int64_t>(requests);
     }
     taken.cost_ns = round.costs_ns[i];
-    const int64_t before_ns = clock_();
     round.tasks[i]->finish(taken);
-    round.costs_ns[i] += clock_() - before_ns;
+    const int64_t now_ns = clock_();
+    round.costs_ns[i] += now_ns - std::exchange(round.end_ns, now_ns);
   }
 }
 

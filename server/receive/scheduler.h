@@ -66,6 +66,7 @@ class Scheduler {
     std::vector<std::shared_ptr<Scheduled>> tasks;
     std::vector<TakeJob> jobs, asked;
     std::vector<int64_t> costs_ns;  // by task
+    int64_t end_ns = 0;
   };
   void work();
   void choose(Round& round);  // needs mutex_
