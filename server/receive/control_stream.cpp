@@ -156,7 +156,8 @@ void ControlStream::advance() {
   if (end_status_) return close(*end_status_);
   if (has_work()) {
     busy_ = true;
-    if (opened_ && !needs_loader_) return parts_.steppers.post(self_, pace_.deadline_ns());
+    due_ns_ = pace_.deadline_ns();
+    if (opened_ && !needs_loader_) return parts_.steppers.post(self_, due_ns_);
     return parts_.loaders.post([self = self_] { self->parts_.steppers.run_here(*self); });
   }
   if (reads_done_) close(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
@@ -271,7 +272,6 @@ ControlStream::Work ControlStream::take_work() {
   if (cancelled_ || end_status_) return work;
   work.drain_reason = std::exchange(drain_reason_, std::nullopt);
   interval_ns_ = pace_.interval_ns();
-  due_ns_ = pace_.deadline_ns();
   if (session_) {
     work.messages = inbox_.take_all();
     work.may_take_long = needs_loader_;

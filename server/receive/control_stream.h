@@ -114,7 +114,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   Work work_;
   Outcome outcome_;
   std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way
-  int64_t interval_ns_ = 0, due_ns_ = 0;
+  int64_t interval_ns_ = 0;  // of the ticks
 
   // By gRPC while reading_, else guarded by mutex_.
   v1::ControlRequest request_;
@@ -131,6 +131,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   bool opened_ = false;        // session_ exists
   bool needs_loader_ = false;  // the oldest tick takes long (takes_long)
   bool busy_ = false;          // a worker runs, or is about to
+  int64_t due_ns_ = 0;         // by when it is to be done
   bool reading_ = false;       // a read is under way
   bool writing_ = false;       // a write is under way
   bool reads_done_ = false;    // the client has closed its side, or is gone
