@@ -1,13 +1,11 @@
 #include "server/receive/step_budget.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace sightline {
 namespace {
 
-constexpr double kSmoothing = 1.0 / 8;
-// A step that was interrupted tells nothing about what steps cost: it counts as this many times the mean at most.
-constexpr double kMostSurprise = 3.0;
 // No level makes a step as good as free.
 constexpr double kLeastRelative = 0.02;
 
@@ -37,11 +35,16 @@ int StepBudget::least_level(double budget_ns) const {
   return level;
 }
 
+void StepBudget::remember(double cost_ns) {
+  costs_ns_[steps_++ % kRemembered] = cost_ns;
+  std::array<double, kRemembered> sorted = costs_ns_;
+  const size_t known = std::min<size_t>(steps_, kRemembered), kept = known - known / 8;
+  std::sort(sorted.begin(), sorted.begin() + known);
+  mean_ns_ = std::accumulate(sorted.begin(), sorted.begin() + kept, 0.0) / static_cast<double>(kept);
+}
+
 void StepBudget::learn(int64_t cost_ns) {
-  const double cost = static_cast<double>(std::max<int64_t>(cost_ns, 0));
-  const double counted = steps_ == 0 ? cost : std::min(cost, kMostSurprise * mean_ns_);
-  mean_ns_ += (counted - mean_ns_) * std::max(kSmoothing, 1.0 / (steps_ + 1));
-  ++steps_;
+  remember(static_cast<double>(std::max<int64_t>(cost_ns, 0)));
   if (compared_ || steps_ < kLeastSteps) return;
   compared_ = true;
   auto& now = relative_[static_cast<size_t>(level_)];

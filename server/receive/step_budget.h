@@ -28,7 +28,7 @@ class StepBudget {
   static constexpr int64_t kLowerAfterNs = 1'000'000'000;
   static constexpr int64_t kLongestLowerAfterNs = 16'000'000'000;  // after coming back too soon several times
   static constexpr double kLowerBelow = 0.8;                       // of the budget, expected at the lower level
-  static constexpr int kLeastSteps = 8;                            // at a level, before anything is said about its cost
+  static constexpr uint64_t kLeastSteps = 8;                         // at a level, before anything is said about its cost
   static constexpr int kLeastWaits = 2;                            // steps behind which a tick waited
 
   explicit StepBudget(const BudgetRules& rules) : rules_(rules) {}
@@ -53,14 +53,18 @@ class StepBudget {
   double budget_ns(const Step& step) const;
   int least_level(double budget_ns) const;
   void learn(int64_t cost_ns);
+  void remember(double cost_ns);
   void go_to(int level);
   void consider_raise(const Step& step);
   void consider_lower(const Step& step);
 
   const BudgetRules rules_;
   int level_ = 0;
-  double mean_ns_ = 0.0;  // of the costs at this level, smoothed
-  int steps_ = 0;         // at this level
+  // Of the last steps at this level, without the eighth that cost most: a step that the machine interrupted tells nothing.
+  static constexpr size_t kRemembered = 16;
+  std::array<double, kRemembered> costs_ns_{};
+  double mean_ns_ = 0.0;
+  uint64_t steps_ = 0;  // at this level
   // By level, what a step costs beside one of level 0: guesses, until the level has been tried.
   std::array<double, kMaxEconomyLevel + 1> relative_ = guesses();
   double former_mean_ns_ = 0.0;  // at the level before this one, and which that was
