@@ -1,5 +1,6 @@
 #include "server/receive/control_stream.h"
 
+#include <cmath>
 #include <exception>
 #include <new>
 #include <utility>
@@ -179,6 +180,7 @@ void ControlStream::close(const grpc::Status& status) {
                                      {"steps", std::to_string(tally_.steps)},
                                      {"degraded", std::to_string(tally_.degraded)},
                                      {"late", std::to_string(tally_.late)},
+                                     {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
                                      {"rejections", std::to_string(tally_.rejections)}});
   Finish(status);
 }
@@ -236,6 +238,7 @@ TakeJob ControlStream::work_through() {
   if (!newest) return {};
   TakeJob job = session_->begin_step(budget_->level());
   stepping_ = newest;
+  merged_ = false;
   return job;
 }
 
@@ -249,7 +252,7 @@ void ControlStream::account(const TakenMaps& taken, int64_t finish_start_ns) {
   budget_->stepped({.end_ns = end_ns,
                     .cost_ns = taken.cost_ns + (end_ns - finish_start_ns),
                     .interval_ns = interval_ns_,
-                    .tick_waits = !inbox_.empty(),
+                    .behind = merged_ || !inbox_.empty(),
                     .share = parts_.shares.tell(share_slot_, std::min(demand, 1.0), end_ns)});
   if (budget_->level() != level) tell_economy(level);
 }
@@ -356,6 +359,7 @@ void ControlStream::answer(uint64_t newest_sequence, const Status& taken, Outcom
     return reject(error, newest_sequence, outcome);
   }
   const bool degraded = answer->economised.has_value();
+  merged_ = answer->merged_ticks > 0;
   ++tally_.steps;
   tally_.degraded += degraded;
   parts_.stats.steps.fetch_add(1, std::memory_order_relaxed);

@@ -114,6 +114,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   Work work_;
   Outcome outcome_;
   std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way
+  bool merged_ = false;      // it answers for others too
   int64_t interval_ns_ = 0;  // of the ticks
 
   // By gRPC while reading_, else guarded by mutex_.

@@ -73,10 +73,10 @@ void StepBudget::go_to(int level) {
 void StepBudget::consider_raise(const Step& step) {
   const int wanted = least_level(budget_ns(step));
   if (wanted <= level_) return over_since_ns_.reset();
-  if (!over_since_ns_) over_since_ns_ = step.end_ns, waits_ = 0;
-  waits_ += step.tick_waits;
+  if (!over_since_ns_) over_since_ns_ = step.end_ns, behind_ = 0;
+  behind_ += step.behind;
   const bool by_hand = rules_.fixed_ns && mean_ns_ > static_cast<double>(*rules_.fixed_ns);
-  if (step.end_ns - *over_since_ns_ < kRaiseAfterNs || (waits_ < kLeastWaits && !by_hand)) return;
+  if (step.end_ns - *over_since_ns_ < kRaiseAfterNs || (behind_ < kLeastBehind && !by_hand)) return;
   // Back from a level that was left too early: the next time it is kept for longer.
   const bool too_early = lowered_ns_ && step.end_ns - *lowered_ns_ < 2 * (kRaiseAfterNs + kLowerAfterNs);
   lower_after_ns_ = too_early ? std::min(2 * lower_after_ns_, kLongestLowerAfterNs) : kLowerAfterNs;

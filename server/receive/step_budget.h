@@ -1,9 +1,9 @@
 // How much of its work a session leaves out so that its replies come in time: the level of economy (server/economy.h) of its next
 // step, from what its steps have cost so far and what they may cost.
 //
-// Nothing is left out while the session keeps up. It has to be over its budget without a break for kRaiseAfterNs while ticks wait
-// for it; one slow step, or one slow moment of the machine, changes nothing. A client that waits for each reply before it sends
-// the next tick is never cut: it is as fast as the server by itself. A budget that was set by hand holds whether ticks wait or not.
+// Nothing is left out while the session keeps up. It has to be over its budget without a break for kRaiseAfterNs, and behind its
+// ticks; one slow step, or one slow moment of the machine, changes nothing. A client that waits for each reply before it sends
+// the next tick is never cut: it is as fast as the server by itself. A budget that was set by hand holds for whoever keeps up, too.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ class StepBudget {
   static constexpr int64_t kLongestLowerAfterNs = 16'000'000'000;  // after coming back too soon several times
   static constexpr double kLowerBelow = 0.8;                       // of the budget, expected at the lower level
   static constexpr uint64_t kLeastSteps = 8;                         // at a level, before anything is said about its cost
-  static constexpr int kLeastWaits = 2;                            // steps behind which a tick waited
+  static constexpr int kLeastBehind = 2;                           // steps that were behind
 
   explicit StepBudget(const BudgetRules& rules) : rules_(rules) {}
 
@@ -40,7 +40,7 @@ class StepBudget {
     int64_t end_ns = 0;        // when it was done
     int64_t cost_ns = 0;       // of a thread's time; taken at level()
     int64_t interval_ns = 1;   // of the session's ticks, > 0
-    bool tick_waits = false;   // the next tick had come before it was done
+    bool behind = false;       // it answered for more than one tick, or the next had come before it was done
     double share = 1.0;        // of a thread that the session may use, as FairShares says it
   };
   // A step was taken at level().
@@ -72,7 +72,7 @@ class StepBudget {
   bool compared_ = true;         // this level with the former one
 
   std::optional<int64_t> over_since_ns_, under_since_ns_;
-  int waits_ = 0;  // since over_since_ns_
+  int behind_ = 0;  // steps that were, since over_since_ns_
   std::optional<int64_t> lowered_ns_;
   int64_t lower_after_ns_ = kLowerAfterNs;
 

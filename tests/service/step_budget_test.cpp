@@ -37,7 +37,7 @@ struct SteppedSession {
     budget.stepped({.end_ns = now_ns,
                     .cost_ns = cost_ns,
                     .interval_ns = kInterval,
-                    .tick_waits = open_loop && static_cast<double>(cost_ns) > share * kInterval,
+                    .behind = open_loop && static_cast<double>(cost_ns) > share * kInterval,
                     .share = share});
     changes += budget.level() != before;
   }
