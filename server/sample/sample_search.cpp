@@ -92,8 +92,10 @@ void SampleSearch::test_cluster(uint32_t candidate, const TreeNode& cluster) {
   const BoxTest& test = candidates_[candidate].test;
   read_triangles(*candidates_[candidate].instance->geometry, cluster.first_index, cluster.index_count, block_);
   project_triangles(test.grid(), test.slack(), block_);
+  uncertain_.clear();
   for (int i = 0; i < block_.count; ++i)
     if (block_.x0[i] <= block_.x1[i]) test_samples(candidate, cluster.first_index + 3 * static_cast<uint32_t>(i), i);
+  hide_behind_neighbours();
 }
 
 void SampleSearch::test_samples(uint32_t candidate, uint32_t first_index, int triangle) {
@@ -108,8 +110,23 @@ void SampleSearch::test_samples(uint32_t candidate, uint32_t first_index, int tr
       const float nearest_m = cover.low_m * (1.0f - kHidingMargin);
       if (!cover.possible || hidden_from_m < nearest_m) continue;
       hits_.push_back({candidate, first_index, static_cast<uint32_t>(y * width + x), nearest_m});
-      if (cover.certain) hidden_from_m = std::min(hidden_from_m, cover.high_m);
+      if (cover.certain)
+        hidden_from_m = std::min(hidden_from_m, cover.high_m);
+      else if (cover.turn != 0)
+        uncertain_.push_back({static_cast<uint32_t>(y * width + x), triangle, cover});
     }
+}
+
+void SampleSearch::hide_behind_neighbours() {
+  std::sort(uncertain_.begin(), uncertain_.end(), [](const SampleCover& a, const SampleCover& b) {
+    return a.sample != b.sample ? a.sample < b.sample : a.triangle < b.triangle;
+  });
+  for (auto first = uncertain_.begin(); first != uncertain_.end();) {
+    const auto end = std::find_if(first, uncertain_.end(), [&](const SampleCover& c) { return c.sample != first->sample; });
+    float& hidden_from_m = hidden_from_m_[first->sample];
+    if (end - first > 1) hidden_from_m = std::min(hidden_from_m, covered_together_from_m(block_, {first, end}));
+    first = end;
+  }
 }
 
 // What a later find hides goes.

@@ -55,6 +55,7 @@ class SampleSearch {
   void open_geometry_node(const Waiting& waiting);
   void test_cluster(uint32_t candidate, const TreeNode& cluster);
   void test_samples(uint32_t candidate, uint32_t first_index, int triangle);
+  void hide_behind_neighbours();
   void collect_unhidden();
   void draw_shown(uint32_t map, DrawList& list);
 
@@ -69,6 +70,7 @@ class SampleSearch {
   std::vector<Hit> hits_;
   std::vector<Shown> shown_;
   TriangleBlock block_;
+  std::vector<SampleCover> uncertain_;  // of the block
 };
 
 }  // namespace sightline

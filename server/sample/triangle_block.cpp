@@ -28,6 +28,22 @@ WholeRange whole_between(float low, float high, float slack, float end) {
   return {first > 0.0f ? first : 0.0f, last < end ? last : end};
 }
 
+bool same_position(const TriangleBlock& block, int triangle_a, int corner_a, int triangle_b, int corner_b) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (block.position[corner_a][axis][triangle_a] != block.position[corner_b][axis][triangle_b]) return false;
+  return true;
+}
+
+// Whether edge k of one triangle, which runs from corner k + 1 to k + 2, runs the other way in another.
+bool share_edge(const TriangleBlock& block, int triangle, int k, int other) {
+  if (triangle == other) return false;
+  const int from = (k + 1) % 3, to = (k + 2) % 3;
+  for (int j = 0; j < 3; ++j)
+    if (same_position(block, triangle, from, other, (j + 2) % 3) && same_position(block, triangle, to, other, (j + 1) % 3))
+      return true;
+  return false;
+}
+
 }  // namespace
 
 void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count, TriangleBlock& block) {
@@ -114,6 +130,7 @@ Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sampl
     outside &= edge[k] >= -reach[k];
     inside_turned &= edge[k] < -reach[k];
     outside_turned &= edge[k] <= reach[k];
+    if (std::abs(edge[k]) <= reach[k]) out.near_edges |= 1u << k;
   }
   if (!outside && !outside_turned) return out;
   const float area = edge[0] + edge[1] + edge[2];
@@ -121,6 +138,7 @@ Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sampl
   out.low_m = std::max(near_m, least(w[0], w[1], w[2]) - slack.w);
   out.high_m = greatest(w[0], w[1], w[2]) + slack.w;
   if (std::abs(area) > shift) {
+    out.turn = area > 0 ? 1 : -1;
     const float depth = (edge[0] * w[0] + edge[1] * w[1] + edge[2] * w[2]) / area;
     // Moved by the margin, the point leans this much more on one corner and less on another.
     float play = slack.w;
@@ -129,8 +147,35 @@ Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sampl
     out.high_m = std::min(out.high_m, depth + play);
   }
   out.possible = out.high_m >= near_m;
-  out.certain = (inside || inside_turned) && std::abs(area) > shift && out.low_m > near_m * (1.0f + kHidingMargin);
+  if (out.low_m <= near_m * (1.0f + kHidingMargin)) out.turn = 0;  // the near plane may cut it
+  out.certain = (inside || inside_turned) && out.turn != 0;
   return out;
+}
+
+float covered_together_from_m(const TriangleBlock& block, std::span<const SampleCover> covers) {
+  float from_m = std::numeric_limits<float>::infinity();
+  for (const int turn : {1, -1}) {
+    const auto faces = [&](const SampleCover& one) { return one.cover.turn == turn; };
+    const auto closed = [&](const SampleCover& one) {
+      for (int k = 0; k < 3; ++k) {
+        if (!(one.cover.near_edges >> k & 1u)) continue;
+        const bool shared = std::any_of(covers.begin(), covers.end(), [&](const SampleCover& other) {
+          return faces(other) && share_edge(block, one.triangle, k, other.triangle);
+        });
+        if (!shared) return false;
+      }
+      return true;
+    };
+    float deepest_m = 0.0f;
+    bool all_closed = true;
+    for (const SampleCover& one : covers) {
+      if (!faces(one)) continue;
+      deepest_m = std::max(deepest_m, one.cover.high_m);
+      all_closed = all_closed && closed(one);
+    }
+    if (all_closed && deepest_m > 0) from_m = std::min(from_m, deepest_m);
+  }
+  return from_m;
 }
 
 }  // namespace sightline

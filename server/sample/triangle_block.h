@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "server/sample/cull.h"
 #include "server/scene/geometry.h"
@@ -31,11 +32,26 @@ void project_triangles(const SampleGrid& grid, const GridSlack& slack, TriangleB
 struct Cover {
   bool possible = false, certain = false;
   float low_m = 0.0f, high_m = 0.0f;
+  // Which way round the corners run as the sample sees them: 1 or -1; 0 when that cannot be told.
+  int turn = 0;
+  // Bit k: the edge from corner k + 1 to k + 2 (modulo 3) passes within the margin.
+  uint32_t near_edges = 0;
 };
 // Edge functions with the sample point as the origin, as in Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013;
 // taken before the division by w (Olano & Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997), so that
 // what reaches behind the eye is no special case.
 Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sample_y, const GridSlack& slack,
                float near_m);
+
+// A triangle that may cover a sample.
+struct SampleCover {
+  uint32_t sample = 0;
+  int triangle = 0;  // of the block
+  Cover cover;
+};
+// Neighbours cover together what none covers for certain: `covers` are the triangles of one block that may cover one sample. The
+// depth from which on nothing else is seen there, when every edge that passes near the sample joins two of them that face the same
+// way; else +infinity. Rasterisers leave no gap between triangles that share two corners.
+float covered_together_from_m(const TriangleBlock& block, std::span<const SampleCover> covers);
 
 }  // namespace sightline
