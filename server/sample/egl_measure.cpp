@@ -16,7 +16,7 @@ constexpr double kBudgetMs = 250.0;
 // After its first frames a variant this many times as slow as the fastest is dropped.
 constexpr double kHopeless = 3.0;
 // Times this near cannot be told apart: the simpler way is taken.
-constexpr double kAsFast = 1.15;
+constexpr double kAsFast = 1.25;
 constexpr uint64_t kShapes = 16;  // of about a thousand triangles
 
 constexpr double ms(int64_t ns) {
