@@ -9,13 +9,6 @@ namespace {
 struct Interval {
   float low, high;
 };
-Interval over_box(const glm::vec4& row, const glm::vec3& absolute, float slack, const glm::vec3& center,
-                  const glm::vec3& half) {
-  const float middle = glm::dot(glm::vec3(row), center) + row.w;
-  const float reach = glm::dot(absolute, half) + slack;
-  return {middle - reach, middle + reach};
-}
-
 // The whole numbers in [0, count) that a quotient numerator / depth may come within the margin of.
 struct SampleRange {
   int first = 0, last = -1;
@@ -80,21 +73,32 @@ GridSlack grid_slack(const SampleGrid& grid, const Aabb& bounds) {
 }
 
 BoxTest::BoxTest(const SampleGrid& grid, const Aabb& bounds)
-    : grid_(grid), slack_(grid_slack(grid, bounds)), absolute_x_(glm::abs(glm::vec3(grid.x))),
-      absolute_y_(glm::abs(glm::vec3(grid.y))), absolute_w_(glm::abs(glm::vec3(grid.w))) {}
+    : grid_(grid), slack_(grid_slack(grid, bounds)), play_{slack_.x, slack_.y, slack_.w, 0.0f} {
+  for (int axis = 0; axis < 4; ++axis) column_[axis] = {grid.x[axis], grid.y[axis], grid.w[axis], 0.0f};
+  for (int axis = 0; axis < 3; ++axis)
+    for (size_t row = 0; row < 4; ++row) magnitude_[axis][row] = std::abs(column_[axis][row]);
+}
 
 bool BoxTest::may_show(const Aabb& box, Footprint& where) const {
   const glm::vec3 center = box.center(), half = box.half_extent();
-  const Interval depth = over_box(grid_.w, absolute_w_, slack_.w, center, half);
+  std::array<float, 4> low, high;
+  for (size_t row = 0; row < 4; ++row) {
+    const float middle =
+        column_[0][row] * center.x + column_[1][row] * center.y + column_[2][row] * center.z + column_[3][row];
+    const float reach =
+        magnitude_[0][row] * half.x + magnitude_[1][row] * half.y + magnitude_[2][row] * half.z + play_[row];
+    low[row] = middle - reach, high[row] = middle + reach;
+  }
+  const Interval across{low[0], high[0]}, up{low[1], high[1]}, depth{low[2], high[2]};
   if (depth.high < grid_.near_m) return false;
   SampleRange x{0, grid_.width - 1}, y{0, grid_.height - 1};
   if (depth.low < 0.5f * grid_.near_m) {
     // A box that reaches behind the near plane has no bounded projection, but may lie beside the samples' pyramid.
     if (is_beside(box)) return false;
   } else {
-    x = samples_met(over_box(grid_.x, absolute_x_, slack_.x, center, half), depth, grid_.width);
+    x = samples_met(across, depth, grid_.width);
     if (x.empty()) return false;
-    y = samples_met(over_box(grid_.y, absolute_y_, slack_.y, center, half), depth, grid_.height);
+    y = samples_met(up, depth, grid_.height);
     if (y.empty()) return false;
   }
   where.near_depth_m = std::max(depth.low, grid_.near_m);

@@ -3,6 +3,7 @@
 // between them. Pure functions on the CPU; nothing here knows OpenGL.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 
@@ -72,7 +73,11 @@ class BoxTest {
 
   SampleGrid grid_;
   GridSlack slack_;
-  glm::vec3 absolute_x_, absolute_y_, absolute_w_;
+  // The rows x, y and w side by side, so that one instruction serves all three: the columns of the projection, their magnitudes,
+  // and the slack.
+  std::array<std::array<float, 4>, 4> column_;
+  std::array<std::array<float, 4>, 3> magnitude_;
+  std::array<float, 4> play_;
 };
 
 // Surfaces are ordered in single precision: one that is so little nearer, relative, does not hide for certain.

@@ -19,10 +19,7 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
   const BoxTest fixed = test_of(table.fixed()), moving = test_of(table.moving());
   push(fixed, table.fixed().nodes, kFixedTree, 0);
   push(moving, table.moving().nodes, kMovingTree, 0);
-  while (!waiting_.empty()) {
-    std::pop_heap(waiting_.begin(), waiting_.end(), later);
-    const Waiting next = waiting_.back();
-    waiting_.pop_back();
+  for (Waiting next{}; pop_nearest(next);) {
     if (is_hidden(next.where, hidden_from_m_.data(), request.view.width)) continue;
     if (next.owner == kFixedTree)
       open_scene_node(table.fixed(), fixed, next);
@@ -44,8 +41,26 @@ void SampleSearch::push(const BoxTest& test, const TriangleTree& tree, uint32_t 
   Waiting waiting{.where = {}, .node = node, .owner = owner};
   if (!test.may_show(tree[node].bounds, waiting.where)) return;
   if (is_hidden(waiting.where, hidden_from_m_.data(), request_->view.width)) return;
+  if (!ready_) {
+    ready_ = waiting;
+    return;
+  }
+  if (later(*ready_, waiting)) std::swap(*ready_, waiting);
   waiting_.push_back(waiting);
   std::push_heap(waiting_.begin(), waiting_.end(), later);
+}
+
+bool SampleSearch::pop_nearest(Waiting& nearest) {
+  if (ready_ && (waiting_.empty() || !later(*ready_, waiting_.front()))) {
+    nearest = *ready_;
+    ready_.reset();
+    return true;
+  }
+  if (waiting_.empty()) return false;
+  std::pop_heap(waiting_.begin(), waiting_.end(), later);
+  nearest = waiting_.back();
+  waiting_.pop_back();
+  return true;
 }
 
 void SampleSearch::open_scene_node(const OccluderTree& tree, const BoxTest& test, const Waiting& waiting) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "server/sample/cull.h"
@@ -50,6 +51,7 @@ class SampleSearch {
   static bool later(const Waiting& a, const Waiting& b);
 
   void push(const BoxTest& test, const TriangleTree& tree, uint32_t owner, uint32_t node);
+  bool pop_nearest(Waiting& nearest);
   void open_scene_node(const OccluderTree& tree, const BoxTest& test, const Waiting& waiting);
   void consider(const Occluder& occluder, const BoxTest& test);
   void open_geometry_node(const Waiting& waiting);
@@ -66,6 +68,7 @@ class SampleSearch {
   ClipMap clip_{};
   std::vector<Candidate> candidates_;
   std::vector<Waiting> waiting_;      // a heap, the nearest first
+  std::optional<Waiting> ready_;      // often the nearest of all: kept out of the heap until that is known
   std::vector<float> hidden_from_m_;  // by sample
   std::vector<Hit> hits_;
   std::vector<Shown> shown_;
