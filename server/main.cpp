@@ -51,7 +51,7 @@ void prepare_process() {
 }
 
 EglOptions egl_options(const Flags& flags) {
-  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
+  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu, .variant = flags.egl_variant};
 }
 
 ListenOptions listen_options(const Flags& flags) {
@@ -202,7 +202,7 @@ std::string device_note(const EglDeviceInfo& device) {
 
 int report_devices(const Flags& flags) {
   const EglOptions options = egl_options(flags);
-  const auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
+  auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
   const bool egl = decision && decision->sampler == SamplerChoice::kEgl;
   const bool embree = decision && decision->sampler == SamplerChoice::kEmbree;
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
@@ -215,6 +215,8 @@ int report_devices(const Flags& flags) {
   }
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
               make_embree_sampler_device()->description().c_str());
+  if (egl)
+    if (const auto device = make_egl_sampler_device(options)) decision->reason = reason_with_variant(*decision, **device);
   std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
                                : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;
