@@ -17,14 +17,16 @@ constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
 
 const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
 
-std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry& geometry, size_t index_count) {
+std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry& geometry,
+                                                size_t index_count) {
   auto bottom = std::make_shared<BottomScene>();
   const GeometryHandle mesh(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
   // Embree reads 16 bytes from every vertex, so its own padded buffers are used instead of sharing ours.
-  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                               sizeof(glm::vec3), geometry.positions.size()));
-  auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                                                 3 * sizeof(uint32_t), index_count / 3));
+  auto* vertices =
+      static_cast<float*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                  sizeof(glm::vec3), geometry.positions.size()));
+  auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
+      mesh.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t), index_count / 3));
   std::copy_n(&geometry.positions[0].x, 3 * geometry.positions.size(), vertices);
   std::copy_n(geometry.indices.data(), index_count, indices);
   bottom->vertices = vertices;
@@ -79,7 +81,8 @@ void reject_filtered(const RTCFilterFunctionNArguments* args) {
 
 size_t counted_indices(const Instance& instance, Content content) {
   if (!instance.geometry) return 0;
-  if (content == Content::kOccluders) return instance.occludes() ? instance.geometry->occluding_index_count : 0;
+  if (content == Content::kOccluders)
+    return instance.occludes() ? instance.geometry->occluding_index_count : 0;
   return instance.collides() ? instance.geometry->indices.size() : 0;
 }
 
@@ -89,7 +92,8 @@ bool TopScene::holds(uint32_t slot) const {
   return at != entries.end() && at->slot == slot;
 }
 
-void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle, const Affine& world_from_instance) {
+void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle,
+                 const Affine& world_from_instance) {
   Affine from_instance = world_from_instance;
   from_instance[3] -= top.anchor_m;
   const glm::mat4x3 columns(from_instance);
@@ -101,7 +105,8 @@ void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle, cons
 FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_filter)
     : top(&filtered_top), filter(&ray_filter) {
   rtcInitIntersectContext(&embree);
-  if (!ray_filter.ignored_slots.empty() || ray_filter.only_slot != UINT32_MAX) embree.filter = reject_filtered;
+  if (!ray_filter.ignored_slots.empty() || ray_filter.only_slot != UINT32_MAX)
+    embree.filter = reject_filtered;
 }
 
 EmbreeDevice::Impl::Impl() : device(rtcNewDevice(nullptr)) {
@@ -131,8 +136,8 @@ void EmbreeDevice::Impl::forget_dead() {
   std::erase_if(statics, [](const auto& item) { return item.second.expired(); });
 }
 
-std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(const std::shared_ptr<const Geometry>& geometry,
-                                                                 size_t index_count) {
+std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(
+    const std::shared_ptr<const Geometry>& geometry, size_t index_count) {
   const BottomKey key{geometry.get(), index_count};
   if (auto bottom = find(key)) return bottom;
   auto built = build_bottom(device.get(), *geometry, index_count);
@@ -142,19 +147,21 @@ std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(const std::shar
   return bottom.scene;
 }
 
-std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash, std::span<const Placement> placements) {
+std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
+                                                          std::span<const Placement> placements) {
   const std::lock_guard lock(mutex);
   const auto [first, last] = statics.equal_range(hash);
   for (auto it = first; it != last; ++it)
     // Compared in full: sharing never rests on a hash.
-    if (auto alive = it->second.lock(); alive && alive->placements.size() == placements.size() &&
-                                        std::memcmp(alive->placements.data(), placements.data(),
-                                                    placements.size_bytes()) == 0)
+    if (auto alive = it->second.lock();
+        alive && alive->placements.size() == placements.size() &&
+        std::memcmp(alive->placements.data(), placements.data(), placements.size_bytes()) == 0)
       return alive;
   return nullptr;
 }
 
-std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror, Content content) {
+std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror,
+                                                                   Content content) {
   auto made = std::make_shared<StaticTop>();
   std::vector<std::shared_ptr<const BottomScene>> held;  // in the order of the placements
   for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
@@ -162,7 +169,8 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMi
     const size_t index_count = instance.moving ? 0 : counted_indices(instance, content);
     if (index_count == 0) continue;
     held.push_back(bottom_of(instance.geometry, index_count));
-    made->placements.push_back({slot, instance.attributes.layers, held.back().get(), instance.world_from_instance});
+    made->placements.push_back(
+        {slot, instance.attributes.layers, held.back().get(), instance.world_from_instance});
   }
   if (held.empty()) return made;
   const uint64_t hash = hash64_bytes(std::as_bytes(std::span(made->placements)));

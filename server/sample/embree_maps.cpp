@@ -37,8 +37,8 @@ class SingleRay {
   }
 
   // Whether anything nearer than what was met before is met.
-  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin, const glm::vec3& direction,
-             uint32_t mask) {
+  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin,
+             const glm::vec3& direction, uint32_t mask) {
     query_.ray.org_x = origin.x, query_.ray.org_y = origin.y, query_.ray.org_z = origin.z;
     query_.ray.dir_x = direction.x, query_.ray.dir_y = direction.y, query_.ray.dir_z = direction.z;
     query_.ray.mask = mask;
@@ -132,7 +132,8 @@ void EmbreeMaps::Packet::aim(const MapRequest& request, const TexelRays& texels,
     length[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
   }
   const auto far_m = static_cast<float>(request.far_m);
-  const int columns = std::min(shape.width, request.view.width - x0), rows = std::min(shape.height, request.view.height - y0);
+  const int columns = std::min(shape.width, request.view.width - x0),
+            rows = std::min(shape.height, request.view.height - y0);
   for (int i = 0; i < kRays; ++i) {
     rays.ray.tfar[i] = far_m / length[i];
     valid[i] = (x[i] < columns) & (y[i] < rows) ? -1 : 0;
@@ -144,7 +145,8 @@ void EmbreeMaps::Packet::meet_static(const TopScene& top, FilterContext& context
   fill(rays.hit.geomID, RTC_INVALID_GEOMETRY_ID);
   rtcIntersect16(valid, top.scene.get(), &context.embree, &rays);
   for (int i = 0; i < kRays; ++i)
-    if (valid[i] != 0 && rays.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID) slot[i] = top.entries[rays.hit.instID[0][i]].slot;
+    if (valid[i] != 0 && rays.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
+      slot[i] = top.entries[rays.hit.instID[0][i]].slot;
 }
 
 void EmbreeMaps::Packet::meet(const NearMover& mover) {
@@ -198,12 +200,14 @@ void EmbreeMaps::take_in(const SceneMirror& mirror, double ahead_s) {
 }
 
 // Asking about every hit costs a third of the time: only where an ignored one can be hit at all.
-bool EmbreeMaps::static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const {
+bool EmbreeMaps::static_filter_needed(const SceneMirror& mirror, const MapRequest& request,
+                                      const RayCone& cone) const {
   return std::any_of(request.ignored_slots.begin(), request.ignored_slots.end(), [&](uint32_t slot) {
     if (!fixed_->top.holds(slot)) return false;
     const Instance& instance = mirror.instances()[slot];
     const glm::vec3 center(instance.center_m - request.view.eye_m);
-    return cone.may_meet(center, static_cast<float>(1.001 * instance.radius_m + 1e-5 * glm::length(glm::dvec3(center))));
+    return cone.may_meet(
+        center, static_cast<float>(1.001 * instance.radius_m + 1e-5 * glm::length(glm::dvec3(center))));
   });
 }
 
@@ -226,18 +230,20 @@ void EmbreeMaps::take_sight(const SceneMirror& mirror, const MapRequest& request
   const TopScene& top = fixed_->top;
   SingleRay ray(request, static_cast<float>(request.far_m) / length);
   uint32_t slot = kNoOccluder;
-  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
-                                                                                      : std::span<const uint32_t>()};
+  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone)
+                                              ? request.ignored_slots
+                                              : std::span<const uint32_t>()};
   FilterContext context(top, filter);
-  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m), direction,
-                             request.layer_mask))
+  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m),
+                             direction, request.layer_mask))
     slot = top.entries[ray.instance()].slot;
   movers_.find(mirror, request, cone, near_);
   RTCIntersectContext plain;
   rtcInitIntersectContext(&plain);
   for (const NearMover& mover : near_)
     if (mover.nearest_m <= ray.distance() * length &&
-        ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance, mover.instance_from_world * direction, ~0u))
+        ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance,
+                  mover.instance_from_world * direction, ~0u))
       slot = mover.slot;
   map.distance_m[0] = slot == kNoOccluder ? kInfinity : ray.distance() * length;
   map.occluder[0] = slot;
@@ -248,13 +254,15 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
   const TopScene& top = fixed_->top;
   const TexelRays texels(view);
   const RayCone cone = texels.cone(0, 0, view.width, view.height);
-  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
-                                                                                      : std::span<const uint32_t>()};
+  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone)
+                                              ? request.ignored_slots
+                                              : std::span<const uint32_t>()};
   FilterContext context(top, filter);
   movers_.find(mirror, request, cone, near_);
 
   Packet& packet = *packet_;
-  if (packet.map_width != view.width || packet.map_height != view.height) packet.take_shape(view.width, view.height);
+  if (packet.map_width != view.width || packet.map_height != view.height)
+    packet.take_shape(view.width, view.height);
   packet.begin_map(request, glm::vec3(view.eye_m - top.anchor_m));
   const double width = std::max(packet.shape.width * (view.right - view.left) / view.width,
                                 packet.shape.height * (view.top - view.bottom) / view.height);
@@ -269,7 +277,8 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
       if (!near_.empty()) {
         const RayCone part = texels.cone(x, y, packet.shape.width, packet.shape.height);
         for (const NearMover& mover : near_)
-          if (part.may_meet(mover.center_from_eye_m, mover.radius_m) && mover.nearest_m <= packet.farthest_m())
+          if (part.may_meet(mover.center_from_eye_m, mover.radius_m) &&
+              mover.nearest_m <= packet.farthest_m())
             packet.meet(mover);
       }
       packet.store(x, y, map);

@@ -40,7 +40,7 @@ class EmbreeMaps {
   bool static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const;
 
   const std::shared_ptr<EmbreeDevice::Impl> device_;  // outlives the scenes below
-  uint64_t identity_ = 0, static_version_ = 0;  // of the mirror, as last taken in; identity 0: never
+  uint64_t identity_ = 0, static_version_ = 0;        // of the mirror, as last taken in; identity 0: never
   std::shared_ptr<const StaticTop> fixed_;
   EmbreeMovers movers_;
   // Scratch.

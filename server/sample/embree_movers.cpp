@@ -30,8 +30,8 @@ bool RayCone::may_meet(const glm::vec3& c, float radius_m) const {
   return along >= -radius_m && reach >= 0 && glm::dot(beside, beside) * cosine * cosine <= reach * reach;
 }
 
-void EmbreeMovers::Centers::place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m,
-                                  double ahead_s) {
+void EmbreeMovers::Centers::place(const SceneMirror& mirror, std::span<const uint32_t> slots,
+                                  const glm::dvec3& anchor_m, double ahead_s) {
   x.resize(slots.size());
   y.resize(slots.size());
   z.resize(slots.size());
@@ -72,11 +72,13 @@ void EmbreeMovers::take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror
 }
 
 // RayCone::may_meet for all, without branches, so that the compiler tests several at once.
-void EmbreeMovers::mark(const Centers& centers, const glm::vec3& eye, const RayCone& cone, float far_m, float margin_m) {
+void EmbreeMovers::mark(const Centers& centers, const glm::vec3& eye, const RayCone& cone, float far_m,
+                        float margin_m) {
   const float ax = cone.axis.x, ay = cone.axis.y, az = cone.axis.z, sine = cone.sine;
   const float squared_cosine = cone.cosine * cone.cosine;
   const float ex = eye.x, ey = eye.y, ez = eye.z;
-  const float *xs = centers.x.data(), *ys = centers.y.data(), *zs = centers.z.data(), *radii = radius_m_.data();
+  const float *xs = centers.x.data(), *ys = centers.y.data(), *zs = centers.z.data(),
+              *radii = radius_m_.data();
   int32_t* marks = marks_.data();
   const size_t count = slots_.size();
   for (size_t i = 0; i < count; ++i) {

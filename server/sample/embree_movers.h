@@ -47,16 +47,19 @@ class EmbreeMovers {
 
   // Sets `near` to those that the request shows and a ray of the cone may meet, nearest first. Only for the `ahead_s` of take_in,
   // or none.
-  void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone, std::vector<NearMover>& near);
+  void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone,
+            std::vector<NearMover>& near);
 
  private:
   struct Centers {
     std::vector<float> x, y, z;  // from the anchor, metres
-    void place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m, double ahead_s);
+    void place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m,
+               double ahead_s);
   };
 
   void list(EmbreeDevice::Impl& device, const SceneMirror& mirror);
-  void mark(const Centers& centers, const glm::vec3& eye_from_anchor_m, const RayCone& cone, float far_m, float margin_m);
+  void mark(const Centers& centers, const glm::vec3& eye_from_anchor_m, const RayCone& cone, float far_m,
+            float margin_m);
 
   uint64_t identity_ = 0, version_ = 0, moving_version_ = 0;  // of the mirror, as last taken in; 0: never
   double ahead_s_ = 0.0;                                      // of ahead_

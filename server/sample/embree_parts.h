@@ -64,7 +64,8 @@ struct StaticTop {
 size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
 
 // Sets an entry's transform, relative to the anchor, and commits its geometry (not the scene).
-void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle, const Affine& world_from_instance);
+void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle,
+                 const Affine& world_from_instance);
 
 // Passed to Embree as its own context with our tail. Without `filter` nothing is rejected and Embree calls nobody.
 struct FilterContext {
@@ -80,7 +81,8 @@ struct EmbreeDevice::Impl {
   Impl();
 
   // Finds or builds. Building is outside the lock: when two threads meet over one thing, the later result is dropped.
-  std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry, size_t index_count);
+  std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry,
+                                               size_t index_count);
   // Of the mirror's instances that are not moving and count.
   std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
   void forget_dead();
@@ -105,8 +107,8 @@ struct EmbreeDevice::Impl {
   std::atomic<ssize_t> bytes{0};  // kept by Embree's memory monitor; outlives the device
   DeviceHandle device;
   std::mutex mutex;
-  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;                     // guarded by mutex
-  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;        // guarded by mutex; by content
+  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;               // guarded by mutex
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by content
 
  private:
   std::shared_ptr<const BottomScene> find(const BottomKey& key);

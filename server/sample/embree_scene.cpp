@@ -99,7 +99,8 @@ struct MovingTop {
   void move(const SceneMirror& mirror, double after_s);
 };
 
-void MovingTop::build(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content content, double after_s) {
+void MovingTop::build(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content content,
+                      double after_s) {
   *this = MovingTop{};
   glm::dvec3 low(std::numeric_limits<double>::infinity()), high(-low);
   for (const uint32_t slot : mirror.moving_slots()) {
@@ -113,7 +114,8 @@ void MovingTop::build(EmbreeDevice::Impl& device, const SceneMirror& mirror, Con
   if (top.entries.empty()) return;
   top.anchor_m = 0.5 * (low + high);
   top.scene.reset(rtcNewScene(device.device.get()));
-  rtcSetSceneFlags(top.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+  rtcSetSceneFlags(top.scene.get(),
+                   RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
   rtcSetSceneBuildQuality(top.scene.get(), RTC_BUILD_QUALITY_LOW);
   for (TopScene::Entry& entry : top.entries) {
     handles.emplace_back(rtcNewGeometry(device.device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
@@ -139,8 +141,9 @@ struct EmbreeScene::Impl {
   const std::shared_ptr<EmbreeDevice::Impl> device;  // outlives the scenes below
   const Content content;
   bool taken_in = false;
-  uint64_t identity = 0, version = 0, static_version = 0, moving_version = 0;  // of the mirror, as last taken in
-  double ahead_s = 0.0;                                                        // of `ahead`
+  uint64_t identity = 0, version = 0, static_version = 0,
+           moving_version = 0;  // of the mirror, as last taken in
+  double ahead_s = 0.0;         // of `ahead`
   std::shared_ptr<const StaticTop> fixed = std::make_shared<StaticTop>();
   MovingTop moving, ahead;  // `ahead`: the moving ones in ahead_s; empty while nobody asks
 
@@ -173,7 +176,8 @@ struct EmbreeScene::Impl {
 };
 
 EmbreeScene::EmbreeScene(EmbreeDevice& device, Content content)
-    : impl_(std::make_unique<Impl>(Impl{.device = device.impl(), .content = content, .moving = {}, .ahead = {}})) {}
+    : impl_(std::make_unique<Impl>(
+          Impl{.device = device.impl(), .content = content, .moving = {}, .ahead = {}})) {}
 EmbreeScene::~EmbreeScene() = default;
 EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
 EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;

@@ -40,8 +40,9 @@ std::vector<MapRequest> step_requests(const GridCity& city, std::vector<uint32_t
   std::vector<MapRequest> requests;
   for (size_t t = 0; t < slots.size(); ++t)
     for (int point = 0; point < 8; ++point) {
-      const glm::dvec3 eye_m = city.mirror().instances()[slots[t]].center_m +
-                               glm::dvec3(random.next_in(-0.3, 0.3), random.next_in(-0.8, 0.8), random.next_in(-0.3, 0.3));
+      const glm::dvec3 eye_m =
+          city.mirror().instances()[slots[t]].center_m +
+          glm::dvec3(random.next_in(-0.3, 0.3), random.next_in(-0.8, 0.8), random.next_in(-0.3, 0.3));
       std::vector<MapView> views;
       plan_views(eye_m, bound, {.resolution = 7}, {random.next_unit(), random.next_unit()}, views);
       views.push_back(plan_sight(eye_m, bound.center_m));
@@ -81,8 +82,12 @@ void copy_scene(const SceneMirror& from, SceneMirror& to) {
   delta.asset_ids_allowed = true;
   for (const Instance& i : from.instances())
     if (i.geometry)
-      delta.add.push_back({.id = i.id, .geometry = i.geometry, .pose = i.pose, .linear = i.linear,
-                           .attributes = i.attributes, .moving = i.moving});
+      delta.add.push_back({.id = i.id,
+                           .geometry = i.geometry,
+                           .pose = i.pose,
+                           .linear = i.linear,
+                           .attributes = i.attributes,
+                           .moving = i.moving});
   if (!to.apply(delta, {})) std::abort();
 }
 
@@ -113,7 +118,8 @@ void further_session(benchmark::State& state) {
     }
     state.counters["mirror_kib"] = (with_mirrors - before) / kSessions / 1024;
     state.counters["sampler_kib"] = (heap_bytes() - with_mirrors) / kSessions / 1024;
-    state.counters["embree_kib"] = (static_cast<double>(device->geometry_bytes()) - embree_before) / kSessions / 1024;
+    state.counters["embree_kib"] =
+        (static_cast<double>(device->geometry_bytes()) - embree_before) / kSessions / 1024;
   }
 }
 
@@ -165,10 +171,22 @@ void build_field(benchmark::State& state) {
   report_bytes(state, mirror);
 }
 
-BENCHMARK(movers)->ArgName("moving")->Arg(0)->Arg(100)->Arg(1000)->Unit(benchmark::kMicrosecond)->MinTime(0.5);
+BENCHMARK(movers)
+    ->ArgName("moving")
+    ->Arg(0)
+    ->Arg(100)
+    ->Arg(1000)
+    ->Unit(benchmark::kMicrosecond)
+    ->MinTime(0.5);
 BENCHMARK(further_session)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(build_city)->Iterations(3)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(build_field)->ArgName("triangles")->Arg(280'000)->Arg(10'000'000)->Iterations(1)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(build_field)
+    ->ArgName("triangles")
+    ->Arg(280'000)
+    ->Arg(10'000'000)
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace sightline

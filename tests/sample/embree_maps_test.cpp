@@ -64,8 +64,9 @@ size_t count_differences(const SceneMirror& mirror, const MapRequest& request, c
       const double distance_m = want.distance * glm::length(direction);
       const bool tie = want.second - want.distance < 1e-5 * want.distance;
       const bool same_slot = map.occluder_at(x, y) == want.slot || tie;
-      const bool same_distance = want.slot == kNoOccluder ? std::isinf(map.distance_at(x, y))
-                                                          : std::abs(map.distance_at(x, y) - distance_m) < 1e-5 * distance_m + 1e-5;
+      const bool same_distance =
+          want.slot == kNoOccluder ? std::isinf(map.distance_at(x, y))
+                                   : std::abs(map.distance_at(x, y) - distance_m) < 1e-5 * distance_m + 1e-5;
       different += !(same_slot && same_distance);
     }
   return different;
@@ -103,7 +104,8 @@ TEST_F(EmbreeMapsTest, AreThoseOfBruteForceWhileTheSceneChanges) {
     for (int round = 0; round < 4; ++round) {
       const Requests requests(maker, mirror.instances().size(), 4);
       ASSERT_TRUE(sampler->take(mirror, requests.all, maps));
-      for (size_t i = 0; i < maps.size(); ++i) different += count_differences(mirror, requests.all[i], maps[i]);
+      for (size_t i = 0; i < maps.size(); ++i)
+        different += count_differences(mirror, requests.all[i], maps[i]);
       texels += count_texels(maps);
       SceneDelta delta;
       const uint64_t victim = 1 + maker.random().next_below(12);
@@ -147,7 +149,8 @@ TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
     TransformUpdate moves = maker.moves(mirror, 12);
     moves.velocities_mps.resize(moves.ids.size(), {1.5, -0.5, 2.0});
     ASSERT_TRUE(mirror.apply({}, moves));
-    for (size_t i = 0; i < moves.ids.size(); ++i) moves.poses[i].position_m += kAheadS * moves.velocities_mps[i];
+    for (size_t i = 0; i < moves.ids.size(); ++i)
+      moves.poses[i].position_m += kAheadS * moves.velocities_mps[i];
     ASSERT_TRUE(later.apply({}, moves));
     const Requests requests(maker, 12, 8, kAheadS);
     const std::vector<DepthMap> maps = take(mirror, requests.all);
@@ -244,10 +247,10 @@ TEST(RayCone, LeavesOutNoBallThatARayMeets) {
   int met = 0, left_out = 0;
   for (int i = 0; i < 2000; ++i) {
     const MapView view = maker.view();
-    const std::array<glm::vec3, 4> corners{
-        glm::vec3(texel_direction(view, 0, 0)), glm::vec3(texel_direction(view, view.width - 1, 0)),
-        glm::vec3(texel_direction(view, 0, view.height - 1)),
-        glm::vec3(texel_direction(view, view.width - 1, view.height - 1))};
+    const std::array<glm::vec3, 4> corners{glm::vec3(texel_direction(view, 0, 0)),
+                                           glm::vec3(texel_direction(view, view.width - 1, 0)),
+                                           glm::vec3(texel_direction(view, 0, view.height - 1)),
+                                           glm::vec3(texel_direction(view, view.width - 1, view.height - 1))};
     const RayCone cone = RayCone::around(corners);
     const glm::dvec3 center = maker.pose().position_m;
     const double radius = maker.random().next_in(0.05, 1.0);

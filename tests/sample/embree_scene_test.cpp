@@ -12,12 +12,12 @@
 namespace sightline {
 namespace {
 
-using test::SceneMaker;
 using test::brute_trace;
 using test::BruteHit;
 using test::for_each_triangle;
 using test::hit_distance;
 using test::kInfinity;
+using test::SceneMaker;
 using test::Triangle;
 
 // Counts rays whose answer differs; rays within 1e-6 of an edge may fall on either side.

@@ -105,7 +105,9 @@ TEST_F(EmbreeSharingTest, LayersAndContentAreToldApart) {
   Session first(*device_, scene), second(*device_, other);
   const MapRequest all{.view = maker_.view()}, of_layer_1{.view = all.view, .layer_mask = 1};
   EXPECT_EQ(first.look(all).occluder, second.look(all).occluder);
-  const auto nothing = [](const DepthMap& map) { return std::ranges::count(map.occluder, kNoOccluder) == std::ssize(map.occluder); };
+  const auto nothing = [](const DepthMap& map) {
+    return std::ranges::count(map.occluder, kNoOccluder) == std::ssize(map.occluder);
+  };
   EXPECT_FALSE(nothing(first.look(of_layer_1)));
   EXPECT_TRUE(nothing(second.look(of_layer_1)));
 }

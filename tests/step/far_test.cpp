@@ -15,7 +15,8 @@ using test::World;
 class EndlessSampler final : public Sampler {
  public:
   explicit EndlessSampler(std::unique_ptr<Sampler> inner) : inner_(std::move(inner)) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
+              std::vector<DepthMap>& maps) override {
     requests_.assign(requests.begin(), requests.end());
     for (MapRequest& request : requests_) request.far_m = std::numeric_limits<double>::infinity();
     return inner_->take(mirror, requests_, maps);
@@ -28,7 +29,9 @@ class EndlessSampler final : public Sampler {
 
 class EndlessDevice final : public SamplerDevice {
  public:
-  std::unique_ptr<Sampler> make_sampler() override { return std::make_unique<EndlessSampler>(inner_->make_sampler()); }
+  std::unique_ptr<Sampler> make_sampler() override {
+    return std::make_unique<EndlessSampler>(inner_->make_sampler());
+  }
   std::string kind() const override { return inner_->kind(); }
   std::string description() const override { return inner_->description(); }
   size_t geometry_bytes() const override { return inner_->geometry_bytes(); }
@@ -58,7 +61,9 @@ struct Plaza {
     world.move(1, {1.5 * t, 0.9, 2 * std::sin(t)}, {1.5, 0, 2 * std::cos(t)});
     world.move(2, {1.2 + 1.5 * t, 0.9, 0.3 + 2 * std::sin(t)}, {1.5, 0, 2 * std::cos(t)});
     for (uint64_t id = 10; id < 16; ++id)
-      world.move(id, {3.0 * static_cast<double>(id) - 38 + 2 * t, 1.5, 4 * std::sin(t + static_cast<double>(id))}, {2, 0, 0});
+      world.move(id,
+                 {3.0 * static_cast<double>(id) - 38 + 2 * t, 1.5, 4 * std::sin(t + static_cast<double>(id))},
+                 {2, 0, 0});
     return world.step(1.0 / 60);
   }
 };
@@ -70,7 +75,8 @@ void expect_same_steps(const StepSettings& settings, uint64_t seed) {
   for (int tick = 0; tick < 150; ++tick) {
     const StepResult a = ending.step(tick), b = endless.step(tick);
     const StepMemory &m = ending.world.memory, &n = endless.world.memory;
-    ASSERT_EQ(std::memcmp(&m.camera.pose, &n.camera.pose, sizeof(Pose)), 0) << "seed " << seed << ", tick " << tick;
+    ASSERT_EQ(std::memcmp(&m.camera.pose, &n.camera.pose, sizeof(Pose)), 0)
+        << "seed " << seed << ", tick " << tick;
     ASSERT_EQ(m.candidates.visible_targets, n.candidates.visible_targets);
     ASSERT_EQ(m.candidates.ahead_targets, n.candidates.ahead_targets);
     ASSERT_EQ(m.goal.hidden, n.goal.hidden);
