@@ -179,7 +179,7 @@ struct StepMemory {
   ShelterScratch shelter_scratch;
   std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
   std::vector<double> cost;
-  std::vector<uint32_t> order;
+  ChoiceScratch choice_scratch;
   std::vector<glm::vec3> picked;
   std::vector<uint64_t> target_ids;
 };

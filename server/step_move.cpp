@@ -63,7 +63,7 @@ Choice choose(StepWork& w) {
   set_costs(w, desired);
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
   return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
-                      w.input.settings.move, reachable, w.memory.order);
+                      w.input.settings.move, reachable, w.memory.choice_scratch);
 }
 
 // Grows while no place sees everything, so that an escape looks further; shrinks again once one does.
