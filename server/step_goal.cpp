@@ -180,8 +180,9 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
                .desired_m = desired_m,
                .former_goal_m = m.goal.goal_m},
               blend, m.cost);
+  const PlaceLimits limits(m.target_views, settings);
   for (size_t i = 0; i < m.cost.size(); ++i)
-    if (!within_limits(m.candidates.position_m[i], m.target_views, settings)) m.cost[i] += kOutsideLimits;
+    if (!limits.hold(m.candidates.position_m[i])) m.cost[i] += kOutsideLimits;
   const Choice choice = choose_least(m.candidates, m.target_views, m.cost, desired_m);
   m.goal.goal_m.reset();
   if (choice.candidate >= 0) m.goal.goal_m = m.candidates.position_m[static_cast<size_t>(choice.candidate)];

@@ -122,7 +122,8 @@ void pick_futures(StepWork& w) {
     return w.memory.futures.clear();
   const double shares[] = {1 - settings.turn_share, settings.turn_share / 2, settings.turn_share / 2};
   const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
-  w.memory.futures.resize(std::size(shares));
+  static_assert(std::size(shares) == kMaxFutures);
+  w.memory.futures.resize(kMaxFutures);
   for (size_t f = 0; f < std::size(shares); ++f) {
     Future& future = w.memory.futures[f];
     future.sampled.clear();

@@ -1,6 +1,8 @@
 // The survey in a step: one target looks round (sample), the places learn from it (aggregate), and the shot to want is chosen.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 
 #include "server/base/random.h"
 #include "server/step_work.h"
@@ -39,9 +41,11 @@ glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
 
 // The shot that looks at the targets' centre from there, all of them seen.
 void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
-  const std::vector<float> seen(w.input.targets.size(), 1.0f);
+  std::array<float, kMaxTargets> seen;
+  seen.fill(1.0f);
   const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
-  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views, seen, shot);
+  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views,
+               std::span<const float>(seen).first(w.input.targets.size()), shot);
 }
 
 void choose(StepWork& w) {
@@ -62,7 +66,7 @@ void choose(StepWork& w) {
   };
   shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
   shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
-                           shot.place.value_or(shot.asked_place), survey, coherence, allowed);
+                           shot.place.value_or(shot.asked_place), survey, coherence, std::cref(allowed));
 }
 
 // What the survey's third of four distances is.

@@ -1,5 +1,6 @@
 #include "server/aggregate/look_up.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -10,6 +11,9 @@ namespace {
 
 // To be looked up singly; in the meantime beside the values of PlaceSight.
 constexpr int32_t kUnsureSight = 4;
+
+// Places looked at between two looks for unsure ones.
+constexpr size_t kBlock = 512;
 
 // Relative rounding error of one operation in single precision.
 constexpr double kRounding = 0x1p-24;
@@ -55,8 +59,9 @@ MapRows rows_of(const MapView& view, const glm::dvec3& origin_m, const glm::dvec
                    up = (view.world_from_view[1] + view.bottom * back) * per_height;
   const double across_0 = -glm::dot(across, eye), up_0 = -glm::dot(up, eye), depth_0 = glm::dot(back, eye);
   const double depth_error = error_of(back, depth_0, reach_m);
-  const double coordinate_error = std::fmax(error_of(across, across_0, reach_m) + view.width * depth_error,
-                                            error_of(up, up_0, reach_m) + view.height * depth_error);
+  // A sum, which more than the greater of the two tells when one of them is not a number.
+  const double coordinate_error = error_of(across, across_0, reach_m) + error_of(up, up_0, reach_m) +
+                                  std::fmax(view.width, view.height) * depth_error;
   const glm::dvec3 apart = reach_m + glm::abs(eye);
   MapRows rows;
   rows.across = row_of(across, across_0), rows.up = row_of(up, up_0), rows.depth = row_of(-back, depth_0);
@@ -90,19 +95,20 @@ template <bool kPasses>
     const float in_x = x > 0.0f ? x : 0.0f, in_y = y > 0.0f ? y : 0.0f;
     const auto column = static_cast<int32_t>(in_x < map.width - 0.5f ? in_x : map.width - 0.5f),
                row = static_cast<int32_t>(in_y < map.height - 0.5f ? in_y : map.height - 0.5f);
-    const float of_x = x - static_cast<float>(column), of_y = y - static_cast<float>(row);
+    // From the texel's middle: within half a texel when inside, more beyond the window's edge, to which the texel was clamped.
+    const float of_x = x - static_cast<float>(column) - 0.5f, of_y = y - static_cast<float>(row) - 0.5f;
+    const float off_x = of_x < 0.0f ? -of_x : of_x, off_y = of_y < 0.0f ? -of_y : of_y;
+    const float off = off_x > off_y ? off_x : off_y;
     const int32_t texel = row * map.stride + column;
     const float dx = px - map.eye_x, dy = py - map.eye_y, dz = pz - map.eye_z;
-    const float squared = dx * dx + dy * dy + dz * dz, limit = limit_m2[texel];
+    const float over = dx * dx + dy * dy + dz * dz - limit_m2[texel];
 
     const bool before = depth > map.least_depth, behind = depth < -map.least_depth;
-    const bool inside = before & (of_x > error) & (of_x < 1.0f - error) & (of_y > error) & (of_y < 1.0f - error);
-    const bool beside = (x < -error) | (x > map.width + error) | (y < -error) | (y > map.height + error);
-    const bool nearer = squared < limit - map.square_error, farther = squared > limit + map.square_error;
+    const bool inside = before & (off < 0.5f - error), beside = before & (off > 0.5f + error);
     const int32_t hidden = kPasses ? kHiddenSight + passing[texel] : kHiddenSight;
-    int32_t sight = behind | (before & beside) ? kUnknownSight : kUnsureSight;
-    sight = inside & nearer ? kVisibleSight : sight;
-    sight = inside & farther ? hidden : sight;
+    int32_t sight = behind | beside ? kUnknownSight : kUnsureSight;
+    sight = inside & (over < -map.square_error) ? kVisibleSight : sight;
+    sight = inside & (over > map.square_error) ? hidden : sight;
     sight = sights[i] == kUnknownSight ? sight : sights[i];
     any_unsure |= sight & kUnsureSight;
     sights[i] = sight;
@@ -187,11 +193,29 @@ bool LookUp::list_passing(const DepthMap& map, std::span<const uint8_t> passes) 
 
 // Looks up singly what is unsure.
 void LookUp::settle(std::span<const DepthMap> maps, double relative_bias, std::span<const uint8_t> passes) {
-  for (size_t i = 0; i < sights_.size(); ++i) {
-    if (sights_[i] != kUnsureSight) continue;
-    sights_[i] = sight_of(look_up(maps, place_m_[i], relative_bias), passes);
-    any_passing_ |= sights_[i] == kPassingSight;
-    ++exact_count_;
+  for (size_t block = 0; block < unsure_.size(); ++block) {
+    if (unsure_[block] == 0) continue;
+    const size_t end = std::min((block + 1) * kBlock, sights_.size());
+    for (size_t i = block * kBlock; i < end; ++i) {
+      if (sights_[i] != kUnsureSight) continue;
+      sights_[i] = sight_of(look_up(maps, place_m_[i], relative_bias), passes);
+      any_passing_ |= sights_[i] == kPassingSight;
+      ++exact_count_;
+    }
+  }
+}
+
+void LookUp::look_at_map(const DepthMap& map, double relative_bias, std::span<const uint8_t> passes) {
+  const MapRows rows = rows_of(map.view, origin_m_, reach_m_);
+  list_limits(map, relative_bias);
+  const bool passing = list_passing(map, passes);
+  any_passing_ |= passing;
+  for (size_t block = 0; block < unsure_.size(); ++block) {
+    const size_t first = block * kBlock, count = std::min(kBlock, place_m_.size() - first);
+    const Places places{&x_m_[first], &y_m_[first], &z_m_[first], count};
+    unsure_[block] |= passing
+                          ? look_at_all_passing(rows, places, limit_m2_.data(), passing_.data(), &sights_[first])
+                          : look_at_all(rows, places, limit_m2_.data(), &sights_[first]);
   }
 }
 
@@ -200,17 +224,9 @@ std::span<const int32_t> LookUp::operator()(std::span<const DepthMap> maps, doub
   any_passing_ = false;
   exact_count_ = 0;
   sights_.assign(place_m_.size(), kUnknownSight);
-  const Places places{x_m_.data(), y_m_.data(), z_m_.data(), place_m_.size()};
-  int32_t unsure = 0;
-  for (const DepthMap& map : maps) {
-    const MapRows rows = rows_of(map.view, origin_m_, reach_m_);
-    list_limits(map, relative_bias);
-    const bool passing = list_passing(map, passes);
-    any_passing_ |= passing;
-    unsure |= passing ? look_at_all_passing(rows, places, limit_m2_.data(), passing_.data(), sights_.data())
-                      : look_at_all(rows, places, limit_m2_.data(), sights_.data());
-  }
-  if (unsure != 0) settle(maps, relative_bias, passes);
+  unsure_.assign((place_m_.size() + kBlock - 1) / kBlock, 0);
+  for (const DepthMap& map : maps) look_at_map(map, relative_bias, passes);
+  settle(maps, relative_bias, passes);
   return sights_;
 }
 

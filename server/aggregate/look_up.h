@@ -57,12 +57,14 @@ class LookUp {
  private:
   void list_limits(const DepthMap& map, double relative_bias);
   bool list_passing(const DepthMap& map, std::span<const uint8_t> passes);
+  void look_at_map(const DepthMap& map, double relative_bias, std::span<const uint8_t> passes);
   void settle(std::span<const DepthMap> maps, double relative_bias, std::span<const uint8_t> passes);
 
   std::span<const glm::dvec3> place_m_;
   glm::dvec3 origin_m_{0.0}, reach_m_{0.0};  // the places lie in origin_m +- reach_m
   std::vector<float> x_m_, y_m_, z_m_;       // from the origin
   std::vector<int32_t> sights_;
+  std::vector<int32_t> unsure_;    // by block of places: not 0 where one is unsure
   std::vector<float> limit_m2_;    // by texel: the greatest squared distance that sees
   std::vector<int32_t> passing_;   // by texel: 1 when its occluder passes
   bool any_passing_ = false;

@@ -5,7 +5,7 @@
 
 // Sanitizers instrument what chooses the clone, which runs before they are set up.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SIGHTLINE_VECTOR_CLONES __attribute__((target_clones("arch=skylake-avx512", "avx2", "default")))
+#define SIGHTLINE_VECTOR_CLONES __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else
 #define SIGHTLINE_VECTOR_CLONES
 #endif

@@ -62,8 +62,14 @@ class Finder {
     }
   }
 
+  // There may be as many groups as candidates, and one of them may hold all: room for either is kept from the first.
   void flood_all() {
     g_.size_cells.clear();
+    g_.size_cells.reserve(cell_.size());
+    s_.nearest_m.reserve(cell_.size());
+    s_.queue.reserve(cell_.size());
+    s_.run.reserve(cell_.size());
+    s_.line.reserve(cell_.size() + 2);
     g_.group_of.assign(cell_.size(), kNoGroup);
     for (size_t i = 0; i < cell_.size(); ++i)
       if (owns_member_cell(i) && g_.group_of[i] == kNoGroup) flood(static_cast<int32_t>(i));
