@@ -40,7 +40,7 @@ void SampleSearch::push(const BoxTest& test, const TriangleTree& tree, uint32_t 
   if (tree.empty()) return;
   Waiting waiting{.where = {}, .node = node, .owner = owner};
   if (!test.may_show(tree[node].bounds, waiting.where)) return;
-  if (is_hidden(waiting.where, hidden_from_m_.data(), request_->view.width)) return;
+  if (!test.may_show_unhidden(tree[node].bounds, waiting.where, hidden_from_m_.data())) return;
   if (!ready_) {
     ready_ = waiting;
     return;
@@ -80,7 +80,7 @@ void SampleSearch::consider(const Occluder& occluder, const BoxTest& test) {
   if (std::binary_search(ignored.begin(), ignored.end(), occluder.slot)) return;
   Footprint where;
   if (!test.may_show(occluder.bounds, where)) return;
-  if (is_hidden(where, hidden_from_m_.data(), request_->view.width)) return;
+  if (!test.may_show_unhidden(occluder.bounds, where, hidden_from_m_.data())) return;
   const Instance& instance = mirror_->instances()[occluder.slot];
   const ClipRows rows =
       clip_rows(clip_, request_->view, world_from_instance_ahead(instance, request_->ahead_s));
@@ -97,6 +97,7 @@ void SampleSearch::open_geometry_node(const Waiting& waiting) {
     push(candidate.test, tree, waiting.owner, waiting.node + 1);
     push(candidate.test, tree, waiting.owner, node.right);
   } else if (detail_ == Detail::kTriangles) {
+    if (!candidate.test.may_show_unhidden(node.bounds, waiting.where, hidden_from_m_.data())) return;
     test_cluster(waiting.owner, node);
   } else {
     shown_.push_back({candidate.slot, waiting.owner, node.first_index, node.index_count});
