@@ -194,7 +194,8 @@ TEST(EglVariantTest, EveryWayTakesTheSameMaps) {
   for (const bool geometry_shader : {false, true})
     for (const EglVariant& variant : all_egl_variants()) {
       SCOPED_TRACE(to_string(variant));
-      auto other = test::make_egl_for_tests({.variant = variant, .layers_by_geometry_shader = geometry_shader});
+      auto other =
+          test::make_egl_for_tests({.variant = variant, .layers_by_geometry_shader = geometry_shader});
       ASSERT_TRUE(other.device) << other.why_not;
       const auto sampler = other.device->make_sampler();
       std::vector<DepthMap> maps;
@@ -218,7 +219,8 @@ TEST(EglVariantTest, MapsTakenTogetherAreThoseTakenAlone) {
       // The sixth asks for nothing.
       sessions.push_back(std::make_unique<Session>(900 + i, i == 5 ? 0 : 3 + 4 * static_cast<int>(i)));
       samplers.push_back(device.make_sampler());
-      ASSERT_TRUE(device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));
+      ASSERT_TRUE(
+          device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));
       jobs.push_back({samplers[i].get(), &sessions[i]->mirror, sessions[i]->requests, &together[i], {}});
     }
     for (int again = 0; again < 2; ++again) {
