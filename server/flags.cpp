@@ -108,6 +108,13 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Threads that take steps; 0 for the CPUs that the process may use")
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
+  app.add_option("--step-budget-ms", raw.flags.step_budget_ms,
+                 "What a step may cost at most, ms; sessions whose steps cost more leave out a part of them. 0: a session's fair "
+                 "share of the threads' time, and less than its tick interval")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  app.add_flag("--no-degrade", raw.flags.no_degrade,
+               "Leave nothing out of any step: under overload sessions are answered less often instead");
   app.add_option("--max-sessions", raw.flags.max_sessions, "Sessions open at the same time; more are refused")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();

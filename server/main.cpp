@@ -70,6 +70,13 @@ ServiceLimits service_limits(const Flags& flags) {
   return limits;
 }
 
+BudgetRules budget_rules(const Flags& flags) {
+  BudgetRules rules;
+  rules.degrade = !flags.no_degrade;
+  if (flags.step_budget_ms > 0) rules.fixed_ns = std::llround(flags.step_budget_ms * 1e6);
+  return rules;
+}
+
 // Different for each start of a daemon, so that session ids in logs never mean two sessions.
 std::string start_name() {
   char text[32];
@@ -156,10 +163,13 @@ int serve(const Flags& flags) {
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
   StreamRegistry streams(flags.max_sessions);
-  WorkerPool loaders(kLoaderThreads);
-  WorkerPool steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()));
-  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams,
-                                            log, monotonic_ns, start_name(), chosen->reason},
+  Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler, monotonic_ns);
+  WorkerPool loaders(kLoaderThreads);  // after the steppers: its last round may still use them
+  const BudgetRules budget = budget_rules(flags);
+  FairShares shares(steppers.threads() * budget.largest_share);
+  StepStats stats;
+  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares,
+                                            stats, log, monotonic_ns, start_name(), chosen->reason, budget},
                                service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)
@@ -175,7 +185,11 @@ int serve(const Flags& flags) {
   wait_for_stop_signal(log);
   ready.remove();
   stop_in_order(**listener, streams, flags.drain_s, log);
-  log.info("stopped");
+  log.info("stopped", {{"steps", std::to_string(stats.steps)},
+                       {"degraded", std::to_string(stats.degraded)},
+                       {"late", std::to_string(stats.late)},
+                       {"queue_p50_us", std::to_string(std::lround(stats.queue.quantile_us(0.5)))},
+                       {"queue_p99_us", std::to_string(std::lround(stats.queue.quantile_us(0.99)))}});
   return EXIT_SUCCESS;
 }
 

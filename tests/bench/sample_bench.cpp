@@ -218,6 +218,33 @@ void embree_city(benchmark::State& state) {
             static_cast<int>(state.range(1)));
 }
 
+// The same texels, each a query of its own over the same scene, as embree_city takes in packets.
+void embree_single_rays(benchmark::State& state) {
+  City city;
+  EmbreeDevice device;
+  EmbreeScene scene(device, EmbreeScene::Content::kOccluders);
+  const int map_count = static_cast<int>(state.range(0)), resolution = static_cast<int>(state.range(1));
+  std::vector<double> takes_us;
+  int tick = 0;
+  for (auto _ : state) {
+    city.walk(++tick);
+    const auto requests = requests_for(city, map_count, resolution, tick);
+    const auto start = std::chrono::steady_clock::now();
+    scene.take_in(city.mirror);
+    for (const MapRequest& request : requests)
+      for (int y = 0; y < resolution; ++y)
+        for (int x = 0; x < resolution; ++x)
+          benchmark::DoNotOptimize(scene.trace(request.view.eye_m, glm::vec3(texel_direction(request.view, x, y)),
+                                               static_cast<float>(request.view.near_m),
+                                               std::numeric_limits<float>::infinity(),
+                                               {.ignored_slots = request.ignored_slots}));
+    takes_us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+  }
+  std::sort(takes_us.begin(), takes_us.end());
+  state.counters["p50_us"] = takes_us[takes_us.size() / 2];
+  state.counters["p99_us"] = takes_us[takes_us.size() * 99 / 100];
+}
+
 // The least that any render costs: nothing to draw, cleared and read back.
 void egl_nothing(benchmark::State& state) {
   prepare_software_rendering();
@@ -290,7 +317,8 @@ BENCHMARK(egl_sessions)
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
 BENCHMARK(egl_nothing)->Unit(benchmark::kMicrosecond)->UseRealTime();
-BENCHMARK(embree_city)->Apply(maps_and_sizes);
+BENCHMARK(embree_city)->Apply(maps_and_sizes)->Args({64, 16});
+BENCHMARK(embree_single_rays)->Apply(maps_and_sizes)->Args({64, 16});
 BENCHMARK(embree_take_in_moved)->Unit(benchmark::kMicrosecond)->UseRealTime();
 BENCHMARK(embree_take_in_static)->Unit(benchmark::kMicrosecond)->UseRealTime();
 
