@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "server/base/vector_clones.h"
+
 namespace sightline {
 namespace {
 
@@ -59,9 +61,8 @@ void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t ind
     }
 }
 
-__attribute__((target_clones("avx2", "default"))) void project_triangles(const SampleGrid& grid,
-                                                                         const GridSlack& slack,
-                                                                         TriangleBlock& block) {
+SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const GridSlack& slack,
+                                               TriangleBlock& block) {
   const int count = block.count;
   const glm::vec4 to_x = grid.x, to_y = grid.y, to_w = grid.w;  // copies: the block cannot overlap them
   for (int corner = 0; corner < 3; ++corner)
