@@ -216,7 +216,8 @@ int report_devices(const Flags& flags) {
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
               make_embree_sampler_device()->description().c_str());
   if (egl)
-    if (const auto device = make_egl_sampler_device(options)) decision->reason = reason_with_variant(*decision, **device);
+    if (const auto device = make_egl_sampler_device(options))
+      decision->reason = reason_with_variant(*decision, **device);
   std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
                                : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -77,14 +79,21 @@ BoxTest::BoxTest(const SampleGrid& grid, const Aabb& bounds)
   for (int axis = 0; axis < 4; ++axis) column_[axis] = {grid.x[axis], grid.y[axis], grid.w[axis], 0.0f};
   for (int axis = 0; axis < 3; ++axis)
     for (size_t row = 0; row < 4; ++row) magnitude_[axis][row] = std::abs(column_[axis][row]);
+  const glm::dmat3 from_samples =
+      glm::inverse(glm::transpose(glm::dmat3(glm::dvec3(grid.x), glm::dvec3(grid.y), glm::dvec3(grid.w))));
+  ray_x_ = from_samples[0], ray_y_ = from_samples[1], ray_ = from_samples[2];
+  eye_ = -(from_samples * glm::dvec3(grid.x.w, grid.y.w, grid.w.w));
+  // What moves x, y and w by their slack moves a position by so much.
+  eye_play_ = glm::abs(ray_x_) * slack_.x + glm::abs(ray_y_) * slack_.y + glm::abs(ray_) * slack_.w +
+              1e-6f * (glm::abs(eye_) + glm::max(glm::abs(bounds.min), glm::abs(bounds.max)));
 }
 
 bool BoxTest::may_show(const Aabb& box, Footprint& where) const {
   const glm::vec3 center = box.center(), half = box.half_extent();
   std::array<float, 4> low, high;
   for (size_t row = 0; row < 4; ++row) {
-    const float middle =
-        column_[0][row] * center.x + column_[1][row] * center.y + column_[2][row] * center.z + column_[3][row];
+    const float middle = column_[0][row] * center.x + column_[1][row] * center.y +
+                         column_[2][row] * center.z + column_[3][row];
     const float reach =
         magnitude_[0][row] * half.x + magnitude_[1][row] * half.y + magnitude_[2][row] * half.z + play_[row];
     low[row] = middle - reach, high[row] = middle + reach;
@@ -120,6 +129,48 @@ bool BoxTest::is_beside(const Aabb& box) const {
          farthest_inside(wide_x * grid_.w - grid_.x, slack_x) < 0 ||
          farthest_inside(grid_.y + kMargin * grid_.w, slack_y) < 0 ||
          farthest_inside(wide_y * grid_.w - grid_.y, slack_y) < 0;
+}
+
+float BoxTest::enters_at_m(const Aabb& box, int sample_x, int sample_y) const {
+  constexpr float kMargin = static_cast<float>(kSampleMarginTexels);
+  const float x = static_cast<float>(sample_x), y = static_cast<float>(sample_y);
+  float enter_m = grid_.near_m * (1.0f - kHidingMargin), leave_m = std::numeric_limits<float>::infinity();
+  for (int axis = 0; axis < 3; ++axis) {
+    const float along = ray_x_[axis] * x + ray_y_[axis] * y + ray_[axis];
+    const float thick =
+        kMargin * (std::abs(ray_x_[axis]) + std::abs(ray_y_[axis])) +
+        1e-6f * (std::abs(ray_x_[axis]) * x + std::abs(ray_y_[axis]) * y + std::abs(ray_[axis]));
+    // Above the lower face and below the upper one: along the ray's nearer side each holds up to or from some depth.
+    const float to_low = box.min[axis] - eye_play_[axis] - eye_[axis],
+                to_high = eye_[axis] - eye_play_[axis] - box.max[axis];
+    for (const auto& [distance, speed] :
+         {std::pair(to_low, along + thick), std::pair(to_high, thick - along)}) {
+      // distance <= depth * speed
+      if (speed > 0)
+        enter_m = std::max(enter_m, distance / speed);
+      else if (speed < 0)
+        leave_m = std::min(leave_m, distance / speed);
+      else if (distance > 0)
+        return std::numeric_limits<float>::infinity();
+    }
+  }
+  return enter_m * (1.0f - 1e-5f) <= leave_m ? enter_m : std::numeric_limits<float>::infinity();
+}
+
+bool BoxTest::may_show_unhidden(const Aabb& box, const Footprint& where, const float* hidden_from_m) const {
+  // A box over many samples is met by some.
+  constexpr int kFewSamples = 12;
+  if ((where.x1 - where.x0 + 1) * (where.y1 - where.y0 + 1) > kFewSamples)
+    return !is_hidden(where, hidden_from_m, grid_.width);
+  const float nearest_m = where.near_depth_m * (1.0f - kHidingMargin);
+  for (int y = where.y0; y <= where.y1; ++y)
+    for (int x = where.x0; x <= where.x1; ++x) {
+      const float hidden_m = hidden_from_m[y * grid_.width + x];
+      if (hidden_m < nearest_m) continue;
+      const float enter_m = enters_at_m(box, x, y);
+      if (std::isfinite(enter_m) && !(hidden_m < enter_m * (1.0f - kHidingMargin))) return true;
+    }
+  return false;
 }
 
 bool is_hidden(const Footprint& footprint, const float* hidden_from_m, int width) {

@@ -64,12 +64,18 @@ class BoxTest {
   // False when no part of the box covers a sample point, to within kSampleMarginTexels. Else fills in where it can.
   bool may_show(const Aabb& box, Footprint& where) const;
 
+  // Whether some sample of the box's footprint may show a part of it: passes through it, to within kSampleMarginTexels, where
+  // nothing nearer is known. `hidden_from_m` as in is_hidden.
+  bool may_show_unhidden(const Aabb& box, const Footprint& where, const float* hidden_from_m) const;
+
   const SampleGrid& grid() const { return grid_; }
   const GridSlack& slack() const { return slack_; }
 
  private:
   // Wholly outside one side of the pyramid of the samples' rays.
   bool is_beside(const Aabb& box) const;
+  // The depth at which a sample's ray, as thick as the margin, enters the box; +infinity when it passes.
+  float enters_at_m(const Aabb& box, int sample_x, int sample_y) const;
 
   SampleGrid grid_;
   GridSlack slack_;
@@ -78,6 +84,9 @@ class BoxTest {
   std::array<std::array<float, 4>, 4> column_;
   std::array<std::array<float, 4>, 3> magnitude_;
   std::array<float, 4> play_;
+  // The ray of sample (x, y) in the frame of the boxes: eye_ + depth (ray_x_ x + ray_y_ y + ray_).
+  glm::vec3 eye_, ray_x_, ray_y_, ray_;
+  glm::vec3 eye_play_;  // rounding, of the eye and of positions
 };
 
 // Surfaces are ordered in single precision: one that is so little nearer, relative, does not hide for certain.

@@ -12,7 +12,7 @@ namespace sightline {
 
 enum class Detail {
   kTriangles,  // single triangles that a sample may show, what is hidden for certain left out: about one a sample
-  kClusters,   // every cluster that may cover a sample: quick to find, much to draw
+  kClusters,  // every cluster that may cover a sample: quick to find, much to draw
 };
 
 // One instance in one map; the rows as in ClipRows.
@@ -34,7 +34,7 @@ struct DrawPart {
 // Filled anew for each take; its memory is reused.
 struct DrawList {
   std::vector<InstanceDraw> instances;
-  std::vector<DrawPart> parts;            // map by map; in a map by slot, then by index: the first of equal depth shows
+  std::vector<DrawPart> parts;  // map by map; in a map by slot, then by index: the first of equal depth shows
   std::vector<uint32_t> end_part_of_map;  // map i has the parts from end_part_of_map[i - 1], or 0, up to [i]
   uint32_t triangle_count = 0;
 

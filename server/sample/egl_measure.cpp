@@ -32,7 +32,8 @@ class MeasuredScene {
     SceneDelta delta;
     for (uint64_t id = 1; id <= kShapes; ++id) {
       const double bearing_rad = random.next_in(0, 6.283), away_m = random.next_in(3, 30);
-      delta.add.push_back({.id = id, .geometry = ball,
+      delta.add.push_back({.id = id,
+                           .geometry = ball,
                            .pose = {{away_m * std::cos(bearing_rad), 0.0, away_m * std::sin(bearing_rad)}},
                            .attributes = {}});
     }
@@ -51,7 +52,8 @@ class MeasuredScene {
   }
 
   Status take(MapRenderer& renderer, const EglVariant& variant, size_t map_count) {
-    const MapJob job{&table_, &mirror_, std::span(requests_).first(map_count), std::span(maps_).first(map_count)};
+    const MapJob job{&table_, &mirror_, std::span(requests_).first(map_count),
+                     std::span(maps_).first(map_count)};
     taker_.prepare({&job, 1}, variant);
     return taker_.take(renderer);
   }
@@ -76,9 +78,7 @@ struct Samples {
   std::vector<double> alone_ms, round_ms;
   bool dropped = false;
 
-  EglTiming timing() {
-    return {variant, median(alone_ms), median(round_ms)};
-  }
+  EglTiming timing() { return {variant, median(alone_ms), median(round_ms)}; }
 };
 
 class Measurement {
@@ -120,7 +120,8 @@ double EglTiming::cost_ms() const {
   return 0.5 * (alone_ms + round_ms / static_cast<double>(kMeasuredSessions));
 }
 
-Result<std::vector<EglTiming>> measure_egl_variants(MapRenderer& renderer, std::span<const EglVariant> variants,
+Result<std::vector<EglTiming>> measure_egl_variants(MapRenderer& renderer,
+                                                    std::span<const EglVariant> variants,
                                                     const std::function<int64_t()>& clock_ns) {
   Measurement measurement(renderer, clock_ns);
   std::vector<Samples> all;
@@ -152,7 +153,8 @@ size_t best_batch(const EglTiming& timing) {
   const double submission_ms = timing.alone_ms - maps_ms;
   if (submission_ms <= 0) return 1;
   if (maps_ms <= 0) return static_cast<size_t>(kMostBatch);
-  return static_cast<size_t>(std::clamp(std::ceil(submission_ms / (kShareOfSubmission * maps_ms)), 1.0, kMostBatch));
+  return static_cast<size_t>(
+      std::clamp(std::ceil(submission_ms / (kShareOfSubmission * maps_ms)), 1.0, kMostBatch));
 }
 
 }  // namespace sightline

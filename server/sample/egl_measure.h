@@ -25,7 +25,8 @@ inline constexpr size_t kMeasuredMaps = 8, kMeasuredSessions = 8;
 // Times the variants on a made-up scene of a few thousand triangles, frame by frame in turn; one that is far behind is dropped
 // early. About 0.1 s in all, at most 0.3 s by `clock_ns` (nanoseconds, never running back). Needs the renderer's context current.
 // Fails as a take does.
-Result<std::vector<EglTiming>> measure_egl_variants(MapRenderer& renderer, std::span<const EglVariant> variants,
+Result<std::vector<EglTiming>> measure_egl_variants(MapRenderer& renderer,
+                                                    std::span<const EglVariant> variants,
                                                     const std::function<int64_t()>& clock_ns);
 
 // The first that is about as cheap as the cheapest. `timings` is not empty.

@@ -51,8 +51,8 @@ std::string explain(std::span<const EglTiming> timings, const EglTiming& best) {
   for (const EglTiming& timing : timings)
     if (&timing != &best) next_ms = std::min(next_ms, timing.cost_ms());
   std::array<char, 96> text;
-  std::snprintf(text.data(), text.size(), ", the fastest of %zu: %.2f ms, next %.2f ms", timings.size(), best.cost_ms(),
-                next_ms);
+  std::snprintf(text.data(), text.size(), ", the fastest of %zu: %.2f ms, next %.2f ms", timings.size(),
+                best.cost_ms(), next_ms);
   return text.data();
 }
 
@@ -103,7 +103,8 @@ class SharedEglDevice final : public EglSamplerDevice {
 class EglSampler final : public Sampler {
  public:
   explicit EglSampler(SharedEglDevice& device) : device_(device) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override;
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
+              std::vector<DepthMap>& maps) override;
 
   // Brings what is kept of the mirror up to date, and sizes `maps`.
   MapJob begin(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps);
@@ -150,8 +151,10 @@ Status SharedEglDevice::build() {
 
 Status SharedEglDevice::choose_variant() {
   const CurrentContext current(*context_);
-  if (!current) return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
-  const std::vector<EglVariant> tried = options_.variant ? std::vector{*options_.variant} : all_egl_variants();
+  if (!current)
+    return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
+  const std::vector<EglVariant> tried =
+      options_.variant ? std::vector{*options_.variant} : all_egl_variants();
   const auto timings = measure_egl_variants(*renderer_, tried, monotonic_ns);
   if (!timings) return fail(ErrorCode::kUnavailable, "--egl-device", to_string(timings.error()));
   const EglTiming& best = fastest(*timings);

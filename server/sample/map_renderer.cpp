@@ -88,7 +88,8 @@ void set_format(const GlVertexArray& array, GLuint part_binding, GLuint part_off
 }
 
 tl::unexpected<Error> no_memory(const char* what) {
-  return fail(ErrorCode::kResourceExhausted, "", std::string("the OpenGL device has no memory for ").append(what));
+  return fail(ErrorCode::kResourceExhausted, "",
+              std::string("the OpenGL device has no memory for ").append(what));
 }
 
 // Makes `buffer` hold at least `bytes`, mapped with `access`.
@@ -118,8 +119,10 @@ template <typename Segment>
 void set_viewports(const Segment& segment) {
   std::array<float, 4 * Segment::kMaxViewports> boxes{};
   for (int i = 0; i < segment.viewport_count; ++i) {
-    boxes[4 * static_cast<size_t>(i) + 2] = static_cast<float>(segment.viewports[static_cast<size_t>(i)].width);
-    boxes[4 * static_cast<size_t>(i) + 3] = static_cast<float>(segment.viewports[static_cast<size_t>(i)].height);
+    boxes[4 * static_cast<size_t>(i) + 2] =
+        static_cast<float>(segment.viewports[static_cast<size_t>(i)].width);
+    boxes[4 * static_cast<size_t>(i) + 3] =
+        static_cast<float>(segment.viewports[static_cast<size_t>(i)].height);
   }
   glViewportArrayv(0, segment.viewport_count, boxes.data());
 }
@@ -130,7 +133,8 @@ Result<std::unique_ptr<MapRenderer>> MapRenderer::create(LayersBy layers_by) {
   std::unique_ptr<MapRenderer> renderer(new MapRenderer);
   const bool in_vertex_shader =
       layers_by == LayersBy::kAnyStage && epoxy_has_gl_extension("GL_ARB_shader_viewport_layer_array");
-  const std::string vertex = std::string(in_vertex_shader ? kLayersInVertexShader : kLayersPassedOn) + kVertexShader;
+  const std::string vertex =
+      std::string(in_vertex_shader ? kLayersInVertexShader : kLayersPassedOn) + kVertexShader;
   Result<GlProgram> program = make_program(vertex, kFragmentShader, in_vertex_shader ? "" : kGeometryShader);
   if (!program) return tl::unexpected(program.error());
   renderer->program_ = std::move(*program);
@@ -206,7 +210,8 @@ void MapRenderer::divide_into_segments(std::span<const MapSize> sizes, bool draw
     if (segments_.empty() || draw_per_map) segments_.push_back({map, map, 0, {}});
     const auto find = [&](const Segment& segment) {
       const auto end = segment.viewports.begin() + segment.viewport_count;
-      return static_cast<int>(std::find(segment.viewports.begin(), end, sizes[map]) - segment.viewports.begin());
+      return static_cast<int>(std::find(segment.viewports.begin(), end, sizes[map]) -
+                              segment.viewports.begin());
     };
     int viewport = find(segments_.back());
     if (viewport == most) {
@@ -242,7 +247,8 @@ Status MapRenderer::draw_triangles(const DrawList& list, Flight& flight) {
   if (vertices_.empty()) return {};
   if (Status written = write(flight.vertices, vertices_); !written) return written;
   glBindVertexArray(streamed_.name());
-  glVertexArrayVertexBuffer(streamed_.name(), kVertices, flight.vertices.buffer.name(), 0, sizeof(StreamedVertex));
+  glVertexArrayVertexBuffer(streamed_.name(), kVertices, flight.vertices.buffer.name(), 0,
+                            sizeof(StreamedVertex));
   const auto first_triangle = [&](uint32_t map) {
     const uint32_t part = list.first_part(map);
     return part < list.parts.size() ? list.parts[part].first_triangle : list.triangle_count;
@@ -310,7 +316,8 @@ void MapRenderer::append_commands(const DrawList& list, const Segment& segment, 
   for (uint32_t part = list.first_part(segment.first_map); part < end; ++part) {
     const DrawPart& draw = list.parts[part];
     const ArenaSlice& slice = slices_[draw.instance];
-    if (slice.page == page) commands_.push_back({draw.index_count, 1, slice.first_vertex + draw.first_index, part});
+    if (slice.page == page)
+      commands_.push_back({draw.index_count, 1, slice.first_vertex + draw.first_index, part});
   }
 }
 
@@ -320,7 +327,8 @@ Result<const MapRenderer::Target*> MapRenderer::target_of(int width, int height,
   layers = power_of_two_at_least(std::max(layers, 4));
   for (const Target& target : targets_)
     if (target.width == width && target.height == height && target.layers == layers) return &target;
-  Target target{width, height, layers, GlTexture2dArray::create(), GlTexture2dArray::create(), GlFramebuffer::create()};
+  Target target{
+      width, height, layers, GlTexture2dArray::create(), GlTexture2dArray::create(), GlFramebuffer::create()};
   glTextureStorage3D(target.color.name(), 1, GL_R32UI, width, height, layers);
   glTextureStorage3D(target.depth.name(), 1, GL_DEPTH_COMPONENT32F, width, height, layers);
   const GLuint framebuffer = target.framebuffer.name();

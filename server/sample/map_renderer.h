@@ -120,7 +120,7 @@ class MapRenderer {
   GeometryArena arena_;
   std::array<Flight, kMaxInFlight> flights_;
   size_t first_in_flight_ = 0, in_flight_ = 0;
-  std::vector<Target> targets_;  // by size; all sides are powers of two, so they stay few
+  std::vector<Target> targets_;   // by size; all sides are powers of two, so they stay few
   std::vector<uint32_t> texels_;  // read at once
 
   // Scratch of one call.

@@ -48,7 +48,7 @@ class MapTaker {
   std::vector<Item> items_;
   size_t chunk_count_ = 0;
   std::array<Chunk, MapRenderer::kMaxInFlight> chunks_;  // chunk k is at k % kMaxInFlight
-  size_t searched_ = 0;                                  // chunks so far; the last one may not have been drawn
+  size_t searched_ = 0;  // chunks so far; the last one may not have been drawn
   SampleSearch search_;
 };
 

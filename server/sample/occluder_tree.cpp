@@ -18,7 +18,8 @@ float rounded_up(double value) {
 void grow(Aabb& box, const glm::dvec3& center_m, double radius_m) {
   box.grow({rounded_down(center_m.x - radius_m), rounded_down(center_m.y - radius_m),
             rounded_down(center_m.z - radius_m)});
-  box.grow({rounded_up(center_m.x + radius_m), rounded_up(center_m.y + radius_m), rounded_up(center_m.z + radius_m)});
+  box.grow({rounded_up(center_m.x + radius_m), rounded_up(center_m.y + radius_m),
+            rounded_up(center_m.z + radius_m)});
 }
 
 // A request looks either at now or at `ahead_s`: the box holds both.

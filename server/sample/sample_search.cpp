@@ -5,8 +5,8 @@
 
 namespace sightline {
 
-void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request,
-                              Detail detail, DrawList& list) {
+void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mirror,
+                              const MapRequest& request, Detail detail, DrawList& list) {
   mirror_ = &mirror, request_ = &request, detail_ = detail;
   clip_ = clip_map(request.view);
   candidates_.clear(), waiting_.clear(), hits_.clear(), shown_.clear();
@@ -40,7 +40,7 @@ void SampleSearch::push(const BoxTest& test, const TriangleTree& tree, uint32_t 
   if (tree.empty()) return;
   Waiting waiting{.where = {}, .node = node, .owner = owner};
   if (!test.may_show(tree[node].bounds, waiting.where)) return;
-  if (is_hidden(waiting.where, hidden_from_m_.data(), request_->view.width)) return;
+  if (!test.may_show_unhidden(tree[node].bounds, waiting.where, hidden_from_m_.data())) return;
   if (!ready_) {
     ready_ = waiting;
     return;
@@ -80,13 +80,14 @@ void SampleSearch::consider(const Occluder& occluder, const BoxTest& test) {
   if (std::binary_search(ignored.begin(), ignored.end(), occluder.slot)) return;
   Footprint where;
   if (!test.may_show(occluder.bounds, where)) return;
-  if (is_hidden(where, hidden_from_m_.data(), request_->view.width)) return;
+  if (!test.may_show_unhidden(occluder.bounds, where, hidden_from_m_.data())) return;
   const Instance& instance = mirror_->instances()[occluder.slot];
   const ClipRows rows =
       clip_rows(clip_, request_->view, world_from_instance_ahead(instance, request_->ahead_s));
-  candidates_.push_back({BoxTest(sample_grid(rows, request_->view), instance.geometry->bounds), rows, &instance,
-                         occluder.slot, UINT32_MAX});
-  push(candidates_.back().test, instance.geometry->occluding, static_cast<uint32_t>(candidates_.size() - 1), 0);
+  candidates_.push_back({BoxTest(sample_grid(rows, request_->view), instance.geometry->bounds), rows,
+                         &instance, occluder.slot, UINT32_MAX});
+  push(candidates_.back().test, instance.geometry->occluding, static_cast<uint32_t>(candidates_.size() - 1),
+       0);
 }
 
 void SampleSearch::open_geometry_node(const Waiting& waiting) {
@@ -97,6 +98,7 @@ void SampleSearch::open_geometry_node(const Waiting& waiting) {
     push(candidate.test, tree, waiting.owner, waiting.node + 1);
     push(candidate.test, tree, waiting.owner, node.right);
   } else if (detail_ == Detail::kTriangles) {
+    if (!candidate.test.may_show_unhidden(node.bounds, waiting.where, hidden_from_m_.data())) return;
     test_cluster(waiting.owner, node);
   } else {
     shown_.push_back({candidate.slot, waiting.owner, node.first_index, node.index_count});
@@ -105,11 +107,13 @@ void SampleSearch::open_geometry_node(const Waiting& waiting) {
 
 void SampleSearch::test_cluster(uint32_t candidate, const TreeNode& cluster) {
   const BoxTest& test = candidates_[candidate].test;
-  read_triangles(*candidates_[candidate].instance->geometry, cluster.first_index, cluster.index_count, block_);
+  read_triangles(*candidates_[candidate].instance->geometry, cluster.first_index, cluster.index_count,
+                 block_);
   project_triangles(test.grid(), test.slack(), block_);
   uncertain_.clear();
   for (int i = 0; i < block_.count; ++i)
-    if (block_.x0[i] <= block_.x1[i]) test_samples(candidate, cluster.first_index + 3 * static_cast<uint32_t>(i), i);
+    if (block_.x0[i] <= block_.x1[i])
+      test_samples(candidate, cluster.first_index + 3 * static_cast<uint32_t>(i), i);
   hide_behind_neighbours();
 }
 
@@ -137,9 +141,11 @@ void SampleSearch::hide_behind_neighbours() {
     return a.sample != b.sample ? a.sample < b.sample : a.triangle < b.triangle;
   });
   for (auto first = uncertain_.begin(); first != uncertain_.end();) {
-    const auto end = std::find_if(first, uncertain_.end(), [&](const SampleCover& c) { return c.sample != first->sample; });
+    const auto end = std::find_if(first, uncertain_.end(),
+                                  [&](const SampleCover& c) { return c.sample != first->sample; });
     float& hidden_from_m = hidden_from_m_[first->sample];
-    if (end - first > 1) hidden_from_m = std::min(hidden_from_m, covered_together_from_m(block_, {first, end}));
+    if (end - first > 1)
+      hidden_from_m = std::min(hidden_from_m, covered_together_from_m(block_, {first, end}));
     first = end;
   }
 }
@@ -148,7 +154,8 @@ void SampleSearch::hide_behind_neighbours() {
 void SampleSearch::collect_unhidden() {
   for (const Hit& hit : hits_) {
     if (hidden_from_m_[hit.sample] < hit.nearest_m) continue;
-    if (!shown_.empty() && shown_.back().candidate == hit.candidate && shown_.back().first_index == hit.first_index)
+    if (!shown_.empty() && shown_.back().candidate == hit.candidate &&
+        shown_.back().first_index == hit.first_index)
       continue;
     shown_.push_back({candidates_[hit.candidate].slot, hit.candidate, hit.first_index, 3});
   }
@@ -163,8 +170,9 @@ void SampleSearch::draw_shown(uint32_t map, DrawList& list) {
     Candidate& candidate = candidates_[shown.candidate];
     if (candidate.drawn_as == UINT32_MAX) {
       candidate.drawn_as = static_cast<uint32_t>(list.instances.size());
-      list.instances.push_back({glm::vec4(candidate.rows.x), glm::vec4(candidate.rows.y), glm::vec4(candidate.rows.w),
-                                static_cast<float>(request_->view.near_m), map, candidate.instance, candidate.slot});
+      list.instances.push_back({glm::vec4(candidate.rows.x), glm::vec4(candidate.rows.y),
+                                glm::vec4(candidate.rows.w), static_cast<float>(request_->view.near_m), map,
+                                candidate.instance, candidate.slot});
     }
     const bool joins = list.parts.size() > first_part && list.parts.back().instance == candidate.drawn_as &&
                        list.parts.back().first_index + list.parts.back().index_count == shown.first_index;

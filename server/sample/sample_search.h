@@ -19,8 +19,8 @@ class SampleSearch {
  public:
   // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels and
   // kHidingMargin. `table` has taken in `mirror` as it is, up to request.ahead_s.
-  void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request, Detail detail,
-                  DrawList& list);
+  void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request,
+                  Detail detail, DrawList& list);
 
  private:
   // An instance that may show in the map.

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "server/base/vector_clones.h"
+
 namespace sightline {
 namespace {
 
@@ -30,7 +32,8 @@ WholeRange whole_between(float low, float high, float slack, float end) {
 
 bool same_position(const TriangleBlock& block, int triangle_a, int corner_a, int triangle_b, int corner_b) {
   for (int axis = 0; axis < 3; ++axis)
-    if (block.position[corner_a][axis][triangle_a] != block.position[corner_b][axis][triangle_b]) return false;
+    if (block.position[corner_a][axis][triangle_a] != block.position[corner_b][axis][triangle_b])
+      return false;
   return true;
 }
 
@@ -39,14 +42,16 @@ bool share_edge(const TriangleBlock& block, int triangle, int k, int other) {
   if (triangle == other) return false;
   const int from = (k + 1) % 3, to = (k + 2) % 3;
   for (int j = 0; j < 3; ++j)
-    if (same_position(block, triangle, from, other, (j + 2) % 3) && same_position(block, triangle, to, other, (j + 1) % 3))
+    if (same_position(block, triangle, from, other, (j + 2) % 3) &&
+        same_position(block, triangle, to, other, (j + 1) % 3))
       return true;
   return false;
 }
 
 }  // namespace
 
-void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count, TriangleBlock& block) {
+void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count,
+                    TriangleBlock& block) {
   block.count = static_cast<int>(index_count / 3);
   const uint32_t* index = geometry.indices.data() + first_index;
   for (int i = 0; i < block.count; ++i)
@@ -56,8 +61,8 @@ void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t ind
     }
 }
 
-__attribute__((target_clones("avx2", "default"))) void project_triangles(const SampleGrid& grid, const GridSlack& slack,
-                                                                          TriangleBlock& block) {
+SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const GridSlack& slack,
+                                               TriangleBlock& block) {
   const int count = block.count;
   const glm::vec4 to_x = grid.x, to_y = grid.y, to_w = grid.w;  // copies: the block cannot overlap them
   for (int corner = 0; corner < 3; ++corner)
@@ -89,16 +94,20 @@ __attribute__((target_clones("avx2", "default"))) void project_triangles(const S
     const float nearest = least(w0, w1, w2) - slack_w, farthest = greatest(w0, w1, w2) + slack_w;
     const bool bounded = nearest >= 0.5f * near_m;
     // 1 keeps the arithmetic of unbounded ones finite; they do not use it.
-    const float v0 = 1.0f / (bounded ? w0 : 1.0f), v1 = 1.0f / (bounded ? w1 : 1.0f), v2 = 1.0f / (bounded ? w2 : 1.0f);
+    const float v0 = 1.0f / (bounded ? w0 : 1.0f), v1 = 1.0f / (bounded ? w1 : 1.0f),
+                v2 = 1.0f / (bounded ? w2 : 1.0f);
     const float per_depth = 1.0f / (bounded ? nearest : 1.0f);
     const float ax = block.x[0][i] * v0, bx = block.x[1][i] * v1, cx = block.x[2][i] * v2;
     const float ay = block.y[0][i] * v0, by = block.y[1][i] * v1, cy = block.y[2][i] * v2;
     const float low_x = least(ax, bx, cx), high_x = greatest(ax, bx, cx);
     const float low_y = least(ay, by, cy), high_y = greatest(ay, by, cy);
     const float far_x = -low_x > high_x ? -low_x : high_x, far_y = -low_y > high_y ? -low_y : high_y;
-    const WholeRange x = whole_between(low_x, high_x, kMargin + (slack_x + far_x * slack_w) * per_depth, end_x);
-    const WholeRange y = whole_between(low_y, high_y, kMargin + (slack_y + far_y * slack_w) * per_depth, end_y);
-    const bool none = (farthest < near_m) | (bounded & ((x.last < x.first) | (y.last < y.first))) | (beside[i] != 0);
+    const WholeRange x =
+        whole_between(low_x, high_x, kMargin + (slack_x + far_x * slack_w) * per_depth, end_x);
+    const WholeRange y =
+        whole_between(low_y, high_y, kMargin + (slack_y + far_y * slack_w) * per_depth, end_y);
+    const bool none =
+        (farthest < near_m) | (bounded & ((x.last < x.first) | (y.last < y.first))) | (beside[i] != 0);
     block.nearest_m[i] = nearest > near_m ? nearest : near_m;
     block.x0[i] = static_cast<int32_t>(none ? 1.0f : bounded ? x.first : 0.0f);
     block.x1[i] = static_cast<int32_t>(none ? 0.0f : bounded ? x.last : end_x);
@@ -118,7 +127,7 @@ Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sampl
     y[k] = block.y[k][triangle] - w[k] * sy;
   }
   Cover out;
-  bool inside = true, outside = true;              // surely, with the edges running one way round
+  bool inside = true, outside = true;                // surely, with the edges running one way round
   bool inside_turned = true, outside_turned = true;  // the other way round
   for (int k = 0; k < 3; ++k) {
     const int a = (k + 1) % 3, b = (k + 2) % 3;

@@ -14,14 +14,16 @@ namespace sightline {
 struct TriangleBlock {
   static constexpr int kSize = kMaxClusterTriangles;
   int count = 0;
-  alignas(32) float position[3][3][kSize];                         // [corner][axis], in the frame of the geometry
-  alignas(32) float x[3][kSize], y[3][kSize], w[3][kSize];         // [corner], as SampleGrid has them: not divided by w
-  alignas(32) float nearest_m[kSize];                              // depth, not before the near plane
+  alignas(32) float position[3][3][kSize];  // [corner][axis], in the frame of the geometry
+  alignas(32) float x[3][kSize], y[3][kSize],
+      w[3][kSize];                     // [corner], as SampleGrid has them: not divided by w
+  alignas(32) float nearest_m[kSize];  // depth, not before the near plane
   alignas(32) int32_t x0[kSize], x1[kSize], y0[kSize], y1[kSize];  // samples that it may cover; x1 < x0: none
 };
 
 // Reads triangles [first_index, first_index + index_count) of the geometry, at most kSize of them.
-void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count, TriangleBlock& block);
+void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count,
+                    TriangleBlock& block);
 
 // Projects them and bounds the samples of each. A triangle that reaches behind the near plane has no bounded projection: it may
 // cover all. The same bits on every processor.

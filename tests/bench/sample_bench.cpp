@@ -160,7 +160,8 @@ void egl_growth(benchmark::State& state) {
   auto device = make_egl_sampler_device({});
   if (!device) return state.SkipWithError("no EGL context");
   take_city(state, **device,
-            {.blocks_a_side = static_cast<int>(state.range(0)), .cells = static_cast<int>(state.range(1))}, 2, 7);
+            {.blocks_a_side = static_cast<int>(state.range(0)), .cells = static_cast<int>(state.range(1))}, 2,
+            7);
 }
 
 // How it grows with moving occluders, of 10,000 instances.
@@ -168,7 +169,8 @@ void egl_movers(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});
   if (!device) return state.SkipWithError("no EGL context");
-  take_city(state, **device, {.blocks_a_side = 100, .cells = 2, .movers = static_cast<int>(state.range(0))}, 2, 7);
+  take_city(state, **device, {.blocks_a_side = 100, .cells = 2, .movers = static_cast<int>(state.range(0))},
+            2, 7);
 }
 
 // Two maps of each of some sessions, one session after the other or all in one round.
@@ -205,9 +207,9 @@ void egl_sessions(benchmark::State& state) {
     for (const TakeJob& job : jobs)
       if (!job.taken) return state.SkipWithError("take failed");
   }
-  state.counters["a_session_us"] = benchmark::Counter(
-      1e-6 * static_cast<double>(count),
-      benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["a_session_us"] =
+      benchmark::Counter(1e-6 * static_cast<double>(count),
+                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
   state.SetLabel("best batch " + std::to_string((*device)->best_batch()));
 }
 
@@ -295,10 +297,20 @@ BENCHMARK(egl_variant)
     ->UseRealTime();
 BENCHMARK(egl_growth)
     ->ArgNames({"blocks", "cells"})
-    ->Args({20, 3})->Args({20, 8})->Args({20, 25})->Args({6, 8})->Args({63, 8})
+    ->Args({20, 3})
+    ->Args({20, 8})
+    ->Args({20, 25})
+    ->Args({6, 8})
+    ->Args({63, 8})
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
-BENCHMARK(egl_movers)->ArgName("movers")->Arg(10)->Arg(100)->Arg(1000)->Unit(benchmark::kMicrosecond)->UseRealTime();
+BENCHMARK(egl_movers)
+    ->ArgName("movers")
+    ->Arg(10)
+    ->Arg(100)
+    ->Arg(1000)
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
 BENCHMARK(egl_sessions)
     ->ArgNames({"sessions", "together"})
     ->ArgsProduct({{8, 20}, {0, 1}})

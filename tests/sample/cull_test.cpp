@@ -38,8 +38,10 @@ TEST(CullTest, ABoxThatHoldsAPointOfASampleRayMayShowThere) {
     const double depth = view.near_m + maker.random().next_in(0.001, 10.0);
     const glm::vec3 on_ray(view.eye_m + depth * texel_direction(view, x, y));
     Aabb box, other;
-    box.grow(on_ray - glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
-    box.grow(on_ray + glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    box.grow(on_ray -
+             glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    box.grow(on_ray +
+             glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
     other.grow(glm::vec3(maker.pose().position_m) - 0.1f), other.grow(other.min + 0.2f);
     const BoxTest test(grid, {glm::vec3(-30.0f), glm::vec3(30.0f)});
     Footprint where;
@@ -187,7 +189,8 @@ TEST(SampleSearchTest, ALeftOutClusterCoversNoSample) {
       }
       ++left_out;
       for (int y = 0; y < one.view.height; ++y)
-        for (int x = 0; x < one.view.width; ++x) ASSERT_TRUE(std::isinf(depth_of(one.view, x, y, corner))) << seed;
+        for (int x = 0; x < one.view.width; ++x)
+          ASSERT_TRUE(std::isinf(depth_of(one.view, x, y, corner))) << seed;
     });
   }
   EXPECT_GT(left_out, 20000u);
@@ -219,7 +222,8 @@ TEST(SampleSearchTest, PartsStandMapByMapInTheOrderOfSlotsAndCountTheirTriangles
         EXPECT_EQ(list.instances[part.instance].map, map);
         if (p == list.first_part(map)) continue;
         const DrawPart& before = list.parts[p - 1];
-        const uint32_t slot = list.instances[part.instance].slot, slot_before = list.instances[before.instance].slot;
+        const uint32_t slot = list.instances[part.instance].slot,
+                       slot_before = list.instances[before.instance].slot;
         EXPECT_TRUE(slot_before < slot || (slot_before == slot && before.first_index < part.first_index));
       }
     EXPECT_EQ(list.triangle_count, triangles);
@@ -233,7 +237,8 @@ TEST(SampleSearchTest, WhatIsHiddenCostsNothingToDraw) {
   SceneMirror mirror;
   SceneDelta delta;
   for (uint64_t id = 1; id <= 100; ++id)
-    delta.add.push_back({.id = id, .geometry = wall, .pose = {{0, 0, -3.0 * static_cast<double>(id)}}, .attributes = {}});
+    delta.add.push_back(
+        {.id = id, .geometry = wall, .pose = {{0, 0, -3.0 * static_cast<double>(id)}}, .attributes = {}});
   ASSERT_TRUE(mirror.apply(delta, {}));
   MapView view;
   view.left = view.bottom = -0.3, view.right = view.top = 0.3;
@@ -245,7 +250,8 @@ TEST(SampleSearchTest, WhatIsHiddenCostsNothingToDraw) {
   EXPECT_LE(list.triangle_count, 2u);
 }
 
-void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, const SceneMirror& mirror, double ahead_s) {
+void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, const SceneMirror& mirror,
+                    double ahead_s) {
   std::set<uint32_t> found;
   for (const TreeNode& node : tree.nodes) {
     if (!node.is_leaf()) continue;

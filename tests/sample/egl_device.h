@@ -25,7 +25,7 @@ inline EglForTests make_egl_for_tests(const EglOptions& options = {.variant = Eg
 }  // namespace sightline::test
 
 // At the start of a test body: declares it under `name`, or skips. Options may follow.
-#define SIGHTLINE_EGL_DEVICE_OR_SKIP(name, ...)                                 \
-  auto egl_for_tests = ::sightline::test::make_egl_for_tests(__VA_ARGS__);        \
+#define SIGHTLINE_EGL_DEVICE_OR_SKIP(name, ...)                                           \
+  auto egl_for_tests = ::sightline::test::make_egl_for_tests(__VA_ARGS__);                \
   if (!egl_for_tests.device) GTEST_SKIP() << "no EGL context: " << egl_for_tests.why_not; \
   ::sightline::EglSamplerDevice& name = *egl_for_tests.device

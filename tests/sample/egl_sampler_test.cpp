@@ -181,7 +181,7 @@ struct Session {
 
 TEST(EglVariantTest, EveryWayTakesTheSameMaps) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(reference);
-  constexpr uint64_t kScenes = 60;
+  constexpr uint64_t kScenes = 30;
   std::vector<std::vector<DepthMap>> expected(kScenes);
   size_t hits = 0;
   for (uint64_t seed = 0; seed < kScenes; ++seed) {
@@ -190,11 +190,12 @@ TEST(EglVariantTest, EveryWayTakesTheSameMaps) {
     for (const DepthMap& map : expected[seed])
       hits += map.occluder.size() - static_cast<size_t>(std::ranges::count(map.occluder, kNoOccluder));
   }
-  EXPECT_GT(hits, 50000u);
+  EXPECT_GT(hits, 25000u);
   for (const bool geometry_shader : {false, true})
     for (const EglVariant& variant : all_egl_variants()) {
       SCOPED_TRACE(to_string(variant));
-      auto other = test::make_egl_for_tests({.variant = variant, .layers_by_geometry_shader = geometry_shader});
+      auto other =
+          test::make_egl_for_tests({.variant = variant, .layers_by_geometry_shader = geometry_shader});
       ASSERT_TRUE(other.device) << other.why_not;
       const auto sampler = other.device->make_sampler();
       std::vector<DepthMap> maps;
@@ -218,7 +219,8 @@ TEST(EglVariantTest, MapsTakenTogetherAreThoseTakenAlone) {
       // The sixth asks for nothing.
       sessions.push_back(std::make_unique<Session>(900 + i, i == 5 ? 0 : 3 + 4 * static_cast<int>(i)));
       samplers.push_back(device.make_sampler());
-      ASSERT_TRUE(device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));
+      ASSERT_TRUE(
+          device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));
       jobs.push_back({samplers[i].get(), &sessions[i]->mirror, sessions[i]->requests, &together[i], {}});
     }
     for (int again = 0; again < 2; ++again) {

@@ -107,7 +107,8 @@ TEST(SamplerChoice, TheDeviceReportSaysHowOpenGlTakesMaps) {
   EXPECT_NE(measured.output.find(", the fastest of 8: "), std::string::npos) << measured.output;
   const RunResult forced =
       run_sightlined({"devices", "--sampler", "egl", "--egl-variant", "clusters+at-once+ring"});
-  EXPECT_NE(forced.output.find("maps by clusters+at-once+ring, as asked for"), std::string::npos) << forced.output;
+  EXPECT_NE(forced.output.find("maps by clusters+at-once+ring, as asked for"), std::string::npos)
+      << forced.output;
 }
 
 TEST(SamplerChoice, WithoutOpenGlTheDaemonTakesEmbree) {
