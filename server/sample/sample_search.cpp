@@ -1,6 +1,7 @@
 #include "server/sample/sample_search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace sightline {
@@ -10,8 +11,7 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
   mirror_ = &mirror, request_ = &request, detail_ = detail;
   clip_ = clip_map(request.view);
   candidates_.clear(), waiting_.clear(), hits_.clear(), shown_.clear();
-  hidden_from_m_.assign(static_cast<size_t>(request.view.width) * request.view.height,
-                        std::numeric_limits<float>::infinity());
+  hide_beyond_far();
   const SampleGrid world = sample_grid(clip_rows(clip_, request.view, identity_affine()), request.view);
   const auto test_of = [&](const OccluderTree& tree) {
     return BoxTest(world, tree.nodes.empty() ? Aabb{glm::vec3(0.0f), glm::vec3(0.0f)} : tree.nodes[0].bounds);
@@ -30,6 +30,18 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
   }
   collect_unhidden();
   draw_shown(static_cast<uint32_t>(list.end_part_of_map.size()), list);
+}
+
+// Depths are along the view axis, the far end is a distance from the eye.
+void SampleSearch::hide_beyond_far() {
+  const MapView& view = request_->view;
+  hidden_from_m_.assign(static_cast<size_t>(view.width) * view.height, std::numeric_limits<float>::infinity());
+  if (std::isinf(request_->far_m)) return;
+  const auto far_m = static_cast<float>(request_->far_m * (1.0 + kHidingMargin));
+  for (int y = 0; y < view.height; ++y)
+    for (int x = 0; x < view.width; ++x)
+      hidden_from_m_[static_cast<size_t>(y * view.width + x)] =
+          far_m / glm::length(glm::vec3(texel_direction(view, x, y)));
 }
 
 bool SampleSearch::later(const Waiting& a, const Waiting& b) {

@@ -18,7 +18,7 @@ namespace sightline {
 class SampleSearch {
  public:
   // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels and
-  // kHidingMargin. `table` has taken in `mirror` as it is, up to request.ahead_s.
+  // kHidingMargin, of those that are no farther than request.far_m. `table` has taken in `mirror` as it is, up to request.ahead_s.
   void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request,
                   Detail detail, DrawList& list);
 
@@ -48,6 +48,7 @@ class SampleSearch {
     uint32_t slot, candidate, first_index, index_count;
   };
   static constexpr uint32_t kFixedTree = UINT32_MAX, kMovingTree = UINT32_MAX - 1;
+  void hide_beyond_far();
   static bool later(const Waiting& a, const Waiting& b);
 
   void push(const BoxTest& test, const TriangleTree& tree, uint32_t owner, uint32_t node);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "server/sample/egl_measure.h"
@@ -27,6 +28,17 @@ std::vector<MapRequest> some_requests(SceneMaker& maker, int count) {
   std::vector<MapRequest> requests;
   for (int i = 0; i < count; ++i) requests.push_back({.view = maker.view()});
   return requests;
+}
+
+// Of what is seen at all.
+double median_distance_m(const std::vector<DepthMap>& maps) {
+  std::vector<float> seen_m;
+  for (const DepthMap& map : maps)
+    for (const float distance_m : map.distance_m)
+      if (std::isfinite(distance_m)) seen_m.push_back(distance_m);
+  if (seen_m.empty()) return 1.0;
+  std::nth_element(seen_m.begin(), seen_m.begin() + static_cast<ptrdiff_t>(seen_m.size() / 2), seen_m.end());
+  return seen_m[seen_m.size() / 2];
 }
 
 TEST(EglSamplerTest, ALostContextIsRebuiltAndTheTakeRepeated) {
@@ -114,6 +126,35 @@ TEST(EglSamplerTest, NothingInViewIsInfinitelyFar) {
   ASSERT_TRUE(sampler->take(mirror, {}, maps));
   EXPECT_TRUE(maps.empty());
   EXPECT_EQ(sampler->maps_taken(), 3u);
+}
+
+TEST(EglSamplerTest, AMapThatEndsShowsAllThatIsNearer) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
+  const auto sampler = device.make_sampler();
+  size_t nearer = 0, left_out = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(25), {}));
+    std::vector<MapRequest> requests = some_requests(maker, 8);
+    std::vector<DepthMap> endless, ended;
+    ASSERT_TRUE(sampler->take(mirror, requests, endless));
+    const double far_m = median_distance_m(endless);
+    for (MapRequest& request : requests) request.far_m = far_m;
+    ASSERT_TRUE(sampler->take(mirror, requests, ended));
+    for (size_t i = 0; i < endless.size(); ++i)
+      for (size_t texel = 0; texel < endless[i].distance_m.size(); ++texel) {
+        const bool none = ended[i].occluder[texel] == kNoOccluder;
+        const bool is_nearer = endless[i].distance_m[texel] <= far_m;
+        nearer += is_nearer;
+        left_out += none && endless[i].occluder[texel] != kNoOccluder;
+        if (none && !is_nearer) continue;
+        EXPECT_EQ(ended[i].occluder[texel], endless[i].occluder[texel]);
+        EXPECT_EQ(ended[i].distance_m[texel], endless[i].distance_m[texel]);
+      }
+  }
+  EXPECT_GT(nearer, 1000u);
+  EXPECT_GT(left_out, 1000u);
 }
 
 TEST(EglSamplerTest, MoreMapsThanOneSubmissionHoldsAreTakenInParts) {
