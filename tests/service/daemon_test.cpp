@@ -33,7 +33,8 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--log-level", "chatty"},       {"--egl-device", "-2"},
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
-      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')}};
+      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
+      {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
@@ -45,7 +46,7 @@ TEST(DaemonFlags, EveryOneIsExplained) {
         "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
         "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
         "--version",        "--print-config", "--check-config", "--config",       "devices",
-        "--open-timeout-s"}) {
+        "--open-timeout-s", "--step-budget-ms", "--no-degrade"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
@@ -54,6 +55,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   const RunResult first =
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
+                      "--step-budget-ms", "2.5", "--no-degrade",
                       "--log-format", "json", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
