@@ -42,10 +42,10 @@ TEST(DaemonFlags, EveryOneIsExplained) {
   const RunResult help = run_sightlined({"--help"});
   EXPECT_EQ(help.exit_code, 0);
   for (const char* flag :
-       {"--listen ",        "--listen-unix",  "--unix-mode",    "--scene-dir",    "--sampler",
-        "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
-        "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
-        "--version",        "--print-config", "--check-config", "--config",       "devices",
+       {"--listen ",        "--listen-unix",    "--unix-mode",    "--scene-dir",    "--sampler",
+        "--egl-device",     "--require-gpu",    "--threads",      "--max-sessions", "--max-message-mib",
+        "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
+        "--version",        "--print-config",   "--check-config", "--config",       "devices",
         "--open-timeout-s", "--step-budget-ms", "--no-degrade"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
@@ -55,8 +55,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   const RunResult first =
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
-                      "--step-budget-ms", "2.5", "--no-degrade",
-                      "--log-format", "json", "--print-config"});
+                      "--step-budget-ms", "2.5", "--no-degrade", "--log-format", "json", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
   const ScratchFolder folder;
