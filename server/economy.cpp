@@ -66,8 +66,8 @@ StepSettings economise(const StepSettings& settings, int level) {
 
 bool economises(const StepSettings& settings, int level) {
   const auto parts = [](const StepSettings& s) {
-    return std::tie(s.sample.points, s.sample.resolution, s.move.survey.resolution, s.aggregate.candidates, s.move.turn_share,
-                    s.move.prediction_s);
+    return std::tie(s.sample.points, s.sample.resolution, s.move.survey.resolution, s.aggregate.candidates,
+                    s.move.turn_share, s.move.prediction_s);
   };
   const StepSettings less = economise(settings, level);
   return parts(less) != parts(settings);

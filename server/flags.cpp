@@ -109,7 +109,8 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
   app.add_option("--step-budget-ms", raw.flags.step_budget_ms,
-                 "What a step may cost at most, ms; sessions whose steps cost more leave out a part of them. 0: a session's fair "
+                 "What a step may cost at most, ms; sessions whose steps cost more leave out a part of them. "
+                 "0: a session's fair "
                  "share of the threads' time, and less than its tick interval")
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();

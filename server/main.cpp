@@ -163,14 +163,16 @@ int serve(const Flags& flags) {
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
   StreamRegistry streams(flags.max_sessions);
-  Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler, monotonic_ns);
+  Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
+                     monotonic_ns);
   WorkerPool loaders(kLoaderThreads);  // after the steppers: its last round may still use them
   const BudgetRules budget = budget_rules(flags);
   FairShares shares(steppers.threads() * budget.largest_share);
   StepStats stats;
-  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares,
-                                            stats, log, monotonic_ns, start_name(), chosen->reason, budget},
-                               service_limits(flags));
+  CameraControlService service(
+      ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares, stats, log,
+                   monotonic_ns, start_name(), chosen->reason, budget},
+      service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");

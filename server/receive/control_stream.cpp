@@ -1,5 +1,6 @@
 #include "server/receive/control_stream.h"
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <new>
@@ -14,6 +15,7 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kRetryDelay{5};
+constexpr int64_t kLeastNoticeNs = 2'000'000;
 
 // The reactor of a call that is not taken.
 class RefusedStream final : public ControlStream::Reactor {
@@ -157,7 +159,8 @@ void ControlStream::advance() {
   if (end_status_) return close(*end_status_);
   if (has_work()) {
     busy_ = true;
-    due_ns_ = pace_.deadline_ns();
+    // Who asks late, since its client reads slowly or a file was read first, has not been kept waiting by the others.
+    due_ns_ = std::max(pace_.deadline_ns(), parts_.steppers.now_ns() + kLeastNoticeNs);
     if (opened_ && !needs_loader_) return parts_.steppers.post(self_, due_ns_);
     return parts_.loaders.post([self = self_] { self->parts_.steppers.run_here(*self); });
   }
@@ -173,15 +176,16 @@ void ControlStream::close(const grpc::Status& status) {
   inbox_.take_all();
   outbox_.clear();
   parts_.streams.remove(this);
-  parts_.log.info("session closed", {{"session", session_id_},
-                                     {"status", std::to_string(status.error_code())},
-                                     {"reason", status.error_message()},
-                                     {"ticks", std::to_string(tally_.ticks)},
-                                     {"steps", std::to_string(tally_.steps)},
-                                     {"degraded", std::to_string(tally_.degraded)},
-                                     {"late", std::to_string(tally_.late)},
-                                     {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
-                                     {"rejections", std::to_string(tally_.rejections)}});
+  parts_.log.info("session closed",
+                  {{"session", session_id_},
+                   {"status", std::to_string(status.error_code())},
+                   {"reason", status.error_message()},
+                   {"ticks", std::to_string(tally_.ticks)},
+                   {"steps", std::to_string(tally_.steps)},
+                   {"degraded", std::to_string(tally_.degraded)},
+                   {"late", std::to_string(tally_.late)},
+                   {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
+                   {"rejections", std::to_string(tally_.rejections)}});
   Finish(status);
 }
 

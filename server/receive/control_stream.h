@@ -5,13 +5,13 @@
 // before all replies to the last one are handed to the transport, so a client that stops reading holds on the
 // server at most the replies to one inbox, a full inbox and the transport's window (64 KiB).
 //
-// A reply is due one tick interval after its tick arrived; the scheduler goes by that. What the steps cost decides what they leave
-// out under overload (step_budget).
+// A reply is due one tick interval after its tick arrived; the scheduler goes by that. What the steps cost decides what
+// they leave out under overload (step_budget).
 //
-// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same
-// time, and only move messages. `plan` and `finish` run on a worker, one after the other for one stream
-// (`busy_`): a thread of the scheduler, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm of a client that never speaks from one of gRPC's. All
-// meet in `advance`, which decides what comes next.
+// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and
+// only move messages. `plan` and `finish` run on a worker, one after the other for one stream (`busy_`): a thread of
+// the scheduler, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm
+// of a client that never speaks from one of gRPC's. All meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
 // called once, when no worker is busy and no write is under way; nothing is started after it.
@@ -114,8 +114,8 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   Work work_;
   Outcome outcome_;
   std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way
-  bool merged_ = false;      // it answers for others too
-  int64_t interval_ns_ = 0;  // of the ticks
+  bool merged_ = false;               // it answers for others too
+  int64_t interval_ns_ = 0;           // of the ticks
 
   // By gRPC while reading_, else guarded by mutex_.
   v1::ControlRequest request_;

@@ -11,7 +11,8 @@ bool DeadlineQueue::Sooner::operator()(const Flow* a, const Flow* b) const {
 }
 
 bool DeadlineQueue::LessServed::operator()(const Flow* a, const Flow* b) const {
-  return std::tie(a->start_ns_, a->deadline_ns_, a->number_) < std::tie(b->start_ns_, b->deadline_ns_, b->number_);
+  return std::tie(a->start_ns_, a->deadline_ns_, a->number_) <
+         std::tie(b->start_ns_, b->deadline_ns_, b->number_);
 }
 
 void DeadlineQueue::insert(Flow& flow) {

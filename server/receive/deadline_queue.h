@@ -1,12 +1,12 @@
 // Who steps next: the policy of the scheduler, without threads and without a clock.
 //
-// Earliest deadline first, which meets all deadlines whenever that can be done (Liu & Layland, "Scheduling algorithms for
-// multiprogramming in a hard-real-time environment", 1973; to within one step, since a step is not interrupted). Once one was
-// missed they cannot all be met, and by deadlines alone whoever asks for most would get most. Then, for kFairForNs, the flow that
-// was served least goes first: start-time fair queueing (Goyal, Vin & Cheng, 1996). A flow's start tag is the service that it has
-// had, but no more than kClaimNs less than those that were served last: whoever asks for less than an equal share goes ahead of
-// whoever asks for more, and nobody saves up a larger claim by asking for little. After that the deadlines are tried again: what
-// fits may still be late by the order of service.
+// Earliest deadline first, which meets all deadlines whenever that can be done (Liu & Layland, "Scheduling algorithms
+// for multiprogramming in a hard-real-time environment", 1973; to within one step, since a step is not interrupted).
+// Once one was missed they cannot all be met, and by deadlines alone whoever asks for most would get most. Then, for
+// kFairForNs, the flow that was served least goes first: start-time fair queueing (Goyal, Vin & Cheng, 1996). A flow's
+// start tag is the service that it has had, but no more than kClaimNs less than those that were served last: whoever
+// asks for less than an equal share goes ahead of whoever asks for more, and nobody saves up a larger claim by asking
+// for little. After that the deadlines are tried again: what fits may still be late by the order of service.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,6 @@
-// How much of the threads' time each session may use: all that it asks for while everybody's fits, else an equal share, of which
-// whoever asks for less leaves the rest to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2).
+// How much of the threads' time each session may use: all that it asks for while everybody's fits, else an equal share,
+// of which whoever asks for less leaves the rest to the others (max-min fairness; Bertsekas & Gallager, "Data
+// Networks", 1992, 6.5.2).
 #pragma once
 
 #include <cstddef>
@@ -11,14 +12,15 @@
 
 namespace sightline {
 
-// The level s at which the sum of min(demand, s) is `capacity`; infinity when the demands, none negative, fit. Reorders them.
+// The level s at which the sum of min(demand, s) is `capacity`; infinity when the demands, none negative, fit. Reorders
+// them.
 double fair_share(std::span<double> demands, double capacity);
 
 // Demands and shares are in threads: 0.25 is a quarter of one thread's time. Thread-safe.
 class FairShares {
  public:
   using Slot = size_t;
-  static constexpr int64_t kRenewedEveryNs = 100'000'000;  // the share
+  static constexpr int64_t kRenewedEveryNs = 100'000'000;      // the share
   static constexpr int64_t kForgottenAfterNs = 1'000'000'000;  // a demand that is not told again
 
   explicit FairShares(double capacity) : capacity_(capacity) {}

@@ -28,10 +28,10 @@ struct ServiceParts {
   Scheduler& steppers;   // apply ticks and take steps
   WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step
   StreamRegistry& streams;
-  FairShares& shares;    // of the steppers' time
+  FairShares& shares;  // of the steppers' time
   StepStats& stats;
   Log& log;
-  StageClock clock;                 // nanoseconds, monotonic; for stage and queue times only: the scheduler has its own
+  StageClock clock;  // nanoseconds, monotonic; for stage and queue times only: the scheduler has its own
   std::string id_prefix;            // of session ids; differs between daemons
   std::string sampler_reason = {};  // why it is this sampler, for people
   BudgetRules budget = {};

@@ -43,7 +43,8 @@ void Scheduler::work() {
   Round round;
   for (;;) {
     std::unique_lock lock(mutex_);
-    for (size_t i = 0; i < round.tasks.size(); ++i) queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
+    for (size_t i = 0; i < round.tasks.size(); ++i)
+      queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
     if (!round.tasks.empty()) {
       // The last hold on a task may be this one, and its end is no business of those who wait for the lock.
       lock.unlock();

@@ -1,8 +1,9 @@
 // Threads that take the steps of sessions, in the order that DeadlineQueue says.
 //
-// A round is: plan the steps of those whose turn it is, take their maps, finish each. On a device that gains nothing from taking
-// the maps of several sessions together (SamplerDevice::best_batch is 1) a round is one session's, from its inputs to its reply on
-// one thread without a break. On one that does, a free thread takes its part of all that wait, up to the best batch.
+// A round is: plan the steps of those whose turn it is, take their maps, finish each. On a device that gains nothing
+// from taking the maps of several sessions together (SamplerDevice::best_batch is 1) a round is one session's, from its
+// inputs to its reply on one thread without a break. On one that does, a free thread takes its part of all that wait,
+// up to the best batch.
 #pragma once
 
 #include <condition_variable>
@@ -22,12 +23,13 @@ namespace sightline {
 
 // What became of a planned step's maps.
 struct TakenMaps {
-  Status status;                      // of the sampler
-  std::exception_ptr trouble;         // what the sampler threw; else null
-  int64_t cost_ns = 0;                // of the plan, and this step's part of the take
+  Status status;               // of the sampler
+  std::exception_ptr trouble;  // what the sampler threw; else null
+  int64_t cost_ns = 0;         // of the plan, and this step's part of the take
 };
 
-// One whose steps are scheduled. The calls come from the scheduler's threads, one at a time, `plan` and `finish` in turn.
+// One whose steps are scheduled. The calls come from the scheduler's threads, one at a time, `plan` and `finish` in
+// turn.
 class Scheduled : public DeadlineQueue::Flow {
  public:
   virtual ~Scheduled() = default;
@@ -51,8 +53,8 @@ class Scheduler {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  // A round of `task`, wanted by `deadline_ns`. It must not wait already; it is kept alive until it has run. The queue has no
-  // bound of its own: it is as long as there are tasks, and sessions are limited.
+  // A round of `task`, wanted by `deadline_ns`. It must not wait already; it is kept alive until it has run. The queue
+  // has no bound of its own: it is as long as there are tasks, and sessions are limited.
   void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);
   // The same at once, on this thread, beside what is scheduled.
   void run_here(Scheduled& task);

@@ -13,7 +13,8 @@ constexpr double kLeastRelative = 0.02;
 
 std::array<double, kMaxEconomyLevel + 1> StepBudget::guesses() {
   std::array<double, kMaxEconomyLevel + 1> guesses{};
-  for (int level = 0; level <= kMaxEconomyLevel; ++level) guesses[static_cast<size_t>(level)] = expected_cost(level);
+  for (int level = 0; level <= kMaxEconomyLevel; ++level)
+    guesses[static_cast<size_t>(level)] = expected_cost(level);
   return guesses;
 }
 
@@ -31,7 +32,8 @@ double StepBudget::budget_ns(const Step& step) const {
 
 int StepBudget::least_level(double budget_ns) const {
   int level = 0;
-  while (level < kMaxEconomyLevel && full_cost_ns() * relative_[static_cast<size_t>(level)] > budget_ns) ++level;
+  while (level < kMaxEconomyLevel && full_cost_ns() * relative_[static_cast<size_t>(level)] > budget_ns)
+    ++level;
   return level;
 }
 

@@ -8,13 +8,13 @@
 
 namespace sightline {
 
-// Durations by size: eight classes an octave from 1 us to over an hour, so that a quantile is exact to 9 %. Thread-safe, without
-// locks: what is counted while a quantile is read may be in it or not.
+// Durations by size: eight classes an octave from 1 us to over an hour, so that a quantile is exact to 9 %.
+// Thread-safe, without locks: what is counted while a quantile is read may be in it or not.
 class DurationCounts {
  public:
   void add(int64_t duration_ns);
-  // The least duration that a share `quantile`, [0, 1], of those counted do not exceed, as the upper end of its class, microseconds;
-  // 0 while there is none.
+  // The least duration that a share `quantile`, [0, 1], of those counted do not exceed, as the upper end of its class,
+  // microseconds; 0 while there is none.
   double quantile_us(double quantile) const;
   uint64_t count() const;
 

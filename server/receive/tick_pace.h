@@ -7,13 +7,14 @@
 
 namespace sightline {
 
-// The interval is the longer of what the client says and of what is seen. A client that pauses says 0, and one that plays a
-// recording as fast as it is answered shows next to none: neither makes its deadlines closer than a game's.
+// The interval is the longer of what the client says and of what is seen. A client that pauses says 0, and one that
+// plays a recording as fast as it is answered shows next to none: neither makes its deadlines closer than a game's.
 class TickPace {
  public:
-  static constexpr int64_t kShortestNs = 1'000'000;    // 1 ms
-  static constexpr int64_t kLongestNs = 250'000'000;   // 0.25 s; whoever ticks more rarely does not want to wait longer
-  static constexpr int64_t kUnknownNs = 16'666'667;    // before the second tick, of one that says nothing
+  static constexpr int64_t kShortestNs = 1'000'000;  // 1 ms
+  static constexpr int64_t kLongestNs =
+      250'000'000;  // 0.25 s; whoever ticks more rarely does not want to wait longer
+  static constexpr int64_t kUnknownNs = 16'666'667;  // before the second tick, of one that says nothing
 
   // A tick came; `dt_s` as it says, if it does. `arrival_ns` never goes back.
   void observe(int64_t arrival_ns, std::optional<double> dt_s) {

@@ -76,8 +76,8 @@ struct TickInput {
   std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;  // files that meshes of delta.add came from
   std::optional<std::vector<Target>> targets;
   std::optional<ObservedCamera> observed_camera;
-  // From this tick on, each whole: what the session had, with what the tick changes put over it. Nothing of the former ones
-  // remains but the way that the camera has gone.
+  // From this tick on, each whole: what the session had, with what the tick changes put over it. Nothing of the former
+  // ones remains but the way that the camera has gone.
   std::optional<Lens> lens;
   std::optional<StepSettings> settings;
   std::optional<CameraLimits> limits;
@@ -94,7 +94,8 @@ struct SessionAnswer {
   Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
-  // At which level of economy the step was taken (server/economy.h), and with which settings, if that changed any of them.
+  // At which level of economy the step was taken (server/economy.h), and with which settings, if that changed any of
+  // them.
   int economy_level = 0;
   std::optional<StepSettings> economised;
   uint64_t revision = 0;
@@ -127,13 +128,13 @@ class Session {
   // bring it to touch a collider, flagged as `body_overlap`.
   Status apply(const TickInput& tick);
 
-  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does:
-  // what was applied is then part of the next step. `economy_level`, [0, kMaxEconomyLevel], says what this one step leaves out; it
-  // is an input as the ticks are, so that the same levels give the same answers.
+  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
+  // applied is then part of the next step. `economy_level`, [0, kMaxEconomyLevel], says what this one step leaves out;
+  // it is an input as the ticks are, so that the same levels give the same answers.
   Result<SessionAnswer> step(int economy_level = 0);
 
-  // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job refers into the
-  // session; `taken` is what became of it. Nothing else may be called between the halves.
+  // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job
+  // refers into the session; `taken` is what became of it. Nothing else may be called between the halves.
   TakeJob begin_step(int economy_level = 0);
   Result<SessionAnswer> finish_step(const Status& taken);
 
@@ -145,8 +146,8 @@ class Session {
   const Lens& lens() const { return options_.lens; }  // as last told, not zoomed
   const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
   const std::string& label() const { return options_.label; }
-  // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a capsule,
-  // seconds for a million triangles (ExtentTable::build). Points or not is a setting.
+  // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a
+  // capsule, seconds for a million triangles (ExtentTable::build). Points or not is a setting.
   bool lacks_table(uint64_t instance_id) const;
   // Intermediates of the last step, for dumps, and the camera.
   const StepMemory& memory() const { return memory_; }

@@ -34,7 +34,8 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--egl-variant", "fastest"},    {"--egl-variant", ""},
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
-      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')}};
+      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
+      {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
@@ -42,11 +43,12 @@ TEST(DaemonFlags, EveryOneIsExplained) {
   const RunResult help = run_sightlined({"--help"});
   EXPECT_EQ(help.exit_code, 0);
   for (const char* flag :
-       {"--listen ",        "--listen-unix",  "--unix-mode",    "--scene-dir",    "--sampler",
-        "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
-        "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
-        "--version",        "--print-config", "--check-config", "--config",       "devices",
-        "--open-timeout-s", "--egl-variant"}) {
+       {"--listen ",        "--listen-unix",    "--unix-mode",    "--scene-dir",    "--sampler",
+        "--egl-device",     "--require-gpu",    "--threads",      "--max-sessions", "--max-message-mib",
+        "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
+        "--version",        "--print-config",   "--check-config", "--config",       "devices",
+        "--open-timeout-s", "--step-budget-ms", "--no-degrade",
+        "--egl-variant"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
@@ -55,7 +57,8 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   const RunResult first =
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
-                      "--log-format", "json", "--egl-variant", "clusters+per-map+ring", "--print-config"});
+                       "--step-budget-ms", "2.5", "--no-degrade", "--log-format", "json",
+                       "--egl-variant", "clusters+per-map+ring", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
   const ScratchFolder folder;

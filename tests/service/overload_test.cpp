@@ -1,4 +1,5 @@
-// More asked for than one thread can do: who asks for much gets replies with something left out, and says so; nobody else notices.
+// More asked for than one thread can do: who asks for much gets replies with something left out, and says so; nobody
+// else notices.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -57,7 +58,8 @@ class Game {
     while (const auto reply = stream_.read()) {
       const v1::CameraReply& camera = reply->camera();
       if (camera.flags().degraded() != camera.has_economy()) flags_agree_ = false;
-      if (camera.has_economy() && (camera.economy().level() == 0 || camera.economy().points() > 8)) flags_agree_ = false;
+      if (camera.has_economy() && (camera.economy().level() == 0 || camera.economy().points() > 8))
+        flags_agree_ = false;
       degraded_ += camera.flags().degraded();
       newest_ = camera.sequence();
       ++replies_;

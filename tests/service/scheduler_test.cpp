@@ -68,7 +68,8 @@ class Diary {
 // Asks for `requests` maps, and notes "<name> planned" and "<name> ok", "failed" or "thrown".
 class Task : public Scheduled {
  public:
-  Task(Diary& diary, std::string name, size_t requests) : diary_(diary), name_(std::move(name)), requests_(requests) {}
+  Task(Diary& diary, std::string name, size_t requests)
+      : diary_(diary), name_(std::move(name)), requests_(requests) {}
 
   TakeJob plan() override {
     diary_.note(name_ + " planned");
@@ -149,8 +150,8 @@ TEST(Scheduler, OneAfterTheOtherWhereBatchesGainNothing) {
 TEST(Scheduler, MapsOfAllThatWaitAreTakenTogetherUpToTheBestBatch) {
   HeldScheduler held(3);
   for (int i = 0; i < 5; ++i) held.post(std::to_string(i), 2, kLater + i);
-  EXPECT_EQ(held.run(10), (Entries{"0 planned", "1 planned", "2 planned", "0 ok", "1 ok", "2 ok", "3 planned", "4 planned",
-                                   "3 ok", "4 ok"}));
+  EXPECT_EQ(held.run(10), (Entries{"0 planned", "1 planned", "2 planned", "0 ok", "1 ok", "2 ok", "3 planned",
+                                   "4 planned", "3 ok", "4 ok"}));
   EXPECT_EQ(held.device.batches(), (std::vector<size_t>{3, 2}));
 }
 
@@ -170,7 +171,8 @@ TEST(Scheduler, WhoNeedsNoMapsIsFinishedWithoutTheDevice) {
 
 TEST(Scheduler, EachLearnsWhatBecameOfItsOwnMaps) {
   HeldScheduler held(4);
-  held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1), held.post("fine", 2, kLater + 2);
+  held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1),
+      held.post("fine", 2, kLater + 2);
   const Entries entries = held.run(6);
   EXPECT_EQ(Entries(entries.begin() + 3, entries.end()), (Entries{"good ok", "bad failed", "fine ok"}));
 }

@@ -81,9 +81,10 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
       streams(options.max_sessions),
       steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
       shares_(options.threads * options.budget.largest_share),
-      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_, log_,
-                            [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
-               options.limits) {
+      service_(
+          ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_,
+                       log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
+          options.limits) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
   listen.max_message_bytes = options.max_message_bytes;

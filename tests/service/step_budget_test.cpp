@@ -41,7 +41,8 @@ struct SteppedSession {
                     .share = share});
     changes += budget.level() != before;
   }
-  void run(int64_t for_ns, const std::function<double()>& times = [] { return 1.0; }) {
+  void run(
+      int64_t for_ns, const std::function<double()>& times = [] { return 1.0; }) {
     for (const int64_t until_ns = now_ns + for_ns; now_ns < until_ns;) step(times());
   }
   // From the true costs, which the budget has to find out.
@@ -163,9 +164,9 @@ TEST(TickPace, IsTheLongerOfWhatIsToldAndWhatIsSeen) {
   };
   EXPECT_EQ(TickPace().interval_ns(), TickPace::kUnknownNs);
   EXPECT_EQ(TickPace().deadline_ns(), 0);
-  EXPECT_NEAR(static_cast<double>(paced(1.0 / 60, 0)), 1e9 / 60, 1.0);    // as fast as it goes
-  EXPECT_NEAR(static_cast<double>(paced(0.0, 20 * kMs)), 20e6, 1e5);      // paused
-  EXPECT_NEAR(static_cast<double>(paced(0.001, 30 * kMs)), 30e6, 1e5);    // slow motion
+  EXPECT_NEAR(static_cast<double>(paced(1.0 / 60, 0)), 1e9 / 60, 1.0);  // as fast as it goes
+  EXPECT_NEAR(static_cast<double>(paced(0.0, 20 * kMs)), 20e6, 1e5);    // paused
+  EXPECT_NEAR(static_cast<double>(paced(0.001, 30 * kMs)), 30e6, 1e5);  // slow motion
   EXPECT_EQ(paced(0.0, 0), TickPace::kShortestNs);
   EXPECT_EQ(paced(1e300, 5 * kSecond), TickPace::kLongestNs);
 }

@@ -17,7 +17,9 @@ StepSettings any_settings(CounterRandom& random) {
   StepSettings s = preset_settings(random.next_below(2) == 0 ? Preset::kPaper : Preset::kSightline);
   const auto between = [&](int low, int high) {
     const uint32_t end = random.next_below(6);
-    return end == 0 ? low : end == 1 ? high : low + static_cast<int>(random.next_below(static_cast<uint32_t>(high - low + 1)));
+    return end == 0   ? low
+           : end == 1 ? high
+                      : low + static_cast<int>(random.next_below(static_cast<uint32_t>(high - low + 1)));
   };
   s.sample.points = between(0, 16);
   s.sample.resolution = between(2, 64);
@@ -124,8 +126,8 @@ auto seen(const SessionAnswer& answer) {
   std::vector<double> shares;
   for (const TargetSight& target : answer.step.targets)
     shares.insert(shares.end(), {target.visible_share, target.filtered_share, target.distance_m});
-  return std::tuple(p.x, p.y, p.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, answer.step.status, answer.step.chosen_candidate, shares,
-                    answer.hash);
+  return std::tuple(p.x, p.y, p.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, answer.step.status,
+                    answer.step.chosen_candidate, shares, answer.hash);
 }
 
 TEST_F(EconomyOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {

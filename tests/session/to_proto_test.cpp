@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "server/economy.h"
 #include "server/receive/from_proto.h"
 #include "server/reply/error_to_proto.h"
 #include "server/sample/embree_sampler.h"
@@ -98,6 +99,28 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_EQ(reply.hash(), wire.session->mirror().hash());
   EXPECT_FALSE(reply.has_candidates());
   EXPECT_EQ(reply.depth_maps_size(), 0);
+}
+
+TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
+  Wire wire(make_open());
+  const v1::CameraReply& whole = wire.play(make_tick(1));
+  EXPECT_FALSE(whole.flags().degraded());
+  EXPECT_FALSE(whole.has_economy());
+  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+    const auto answer = wire.session->step(level);
+    ASSERT_TRUE(answer);
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_TRUE(reply.flags().degraded());
+    const StepSettings used = economise(wire.session->settings(), level);
+    EXPECT_EQ(reply.economy().level(), static_cast<uint32_t>(level));
+    EXPECT_EQ(reply.economy().resolution(), static_cast<uint32_t>(used.sample.resolution));
+    EXPECT_EQ(reply.economy().points(), static_cast<uint32_t>(used.sample.points));
+    EXPECT_EQ(reply.economy().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
+    EXPECT_EQ(reply.economy().survey_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_FALSE(reply.economy().turns());
+    EXPECT_EQ(reply.economy().prediction(), used.move.prediction_s > 0);
+  }
 }
 
 TEST(ToProto, AUnityClientGetsTheMirroredAnswer) {
