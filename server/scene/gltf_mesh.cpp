@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "server/base/parallel.h"
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
 #include "server/scene/gltf_draco.h"
@@ -180,8 +181,8 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
   return mesh;
 }
 
-Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh,
-                                                  const std::string& field, GeometryStore& store) {
+// Of every primitive; without indices when none of them has triangles.
+Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
@@ -189,13 +190,18 @@ Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const 
         read_primitive(document, mesh.primitives[i], field + "." + gltf_path("primitives", i), out);
     if (!status) return tl::unexpected(status.error());
   }
-  if (occluding.indices.empty() && see_through.indices.empty()) return nullptr;
-  auto geometry = store.intern(join(std::move(occluding), see_through));
-  if (!geometry) {
+  return join(std::move(occluding), see_through);
+}
+
+// Null when all triangles are degenerate, or there are none.
+Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::string& field,
+                                                   GeometryStore& store) {
+  if (mesh.indices.empty()) return nullptr;
+  auto geometry = store.intern(std::move(mesh));
+  if (!geometry)
     geometry.error().field = field + "." + geometry.error().field;
-    return geometry;
-  }
-  if ((*geometry)->triangle_count() == 0) return nullptr;  // all of them degenerate
+  else if ((*geometry)->triangle_count() == 0)
+    return nullptr;
   return geometry;
 }
 
@@ -203,11 +209,19 @@ Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const 
 
 Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
+  std::vector<MeshData> read;
   for (size_t i = 0; i < meshes.size(); ++i) {
-    auto geometry = read_mesh(document, meshes[i], gltf_path("meshes", i), store);
+    auto mesh = read_mesh(document, meshes[i], gltf_path("meshes", i));
+    if (!mesh) return tl::unexpected(std::move(mesh.error()));
+    read.push_back(std::move(*mesh));
+    asset.mesh_names.push_back(meshes[i].name);
+  }
+  std::vector<Result<std::shared_ptr<const Geometry>>> built(meshes.size());
+  parallel_for(meshes.size(),
+               [&](size_t i) { built[i] = build_mesh(std::move(read[i]), gltf_path("meshes", i), store); });
+  for (auto& geometry : built) {
     if (!geometry) return tl::unexpected(std::move(geometry.error()));
     asset.meshes.push_back(std::move(*geometry));
-    asset.mesh_names.push_back(meshes[i].name);
   }
   return {};
 }

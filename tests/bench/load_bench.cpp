@@ -119,7 +119,7 @@ double first_take(SamplerDevice& device, const SceneMirror& mirror) {
   requests[0].view.world_from_view = glm::mat3_cast(look_rotation({0, -1, 0}, {0, 0, 1}, {1, 0, 0}));
   requests[0].view.left = requests[0].view.bottom = -0.5;
   requests[0].view.right = requests[0].view.top = 0.5;
-  requests[0].view.width = requests[0].view.height = 7;
+  requests[0].view.width = requests[0].view.height = 64;  // several samples on every block
   std::vector<DepthMap> maps;
   const auto start = Clock::now();
   if (const auto ok = sampler->take(mirror, requests, maps); !ok) give_up(to_string(ok.error()));
@@ -150,7 +150,11 @@ void measure(const std::string& path, const std::function<void(const SceneMirror
   const size_t grown = resident_bytes() - before, triangles = scene.asset->triangle_count();
   std::printf("%zu triangles, file of %.1f bytes a triangle%26s bytes a triangle\n", triangles,
               static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(triangles), "");
-  print_row("scene, ready to be sampled", best_s, static_cast<double>(scene.store.live_bytes()), triangles);
+  const GeometryBytes bytes = scene.store.live_bytes_by_part();
+  print_row("scene, ready to be sampled", best_s, static_cast<double>(bytes.total()), triangles);
+  std::printf("    positions and indices %34.1f\n    clusters and their tree %32.1f\n",
+              static_cast<double>(bytes.source) / static_cast<double>(triangles),
+              static_cast<double>(bytes.clusters) / static_cast<double>(triangles));
   print_row("  resident", best_s, static_cast<double>(grown), triangles);
   take(scene.mirror, triangles);
 }

@@ -3,10 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <meshoptimizer.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 
+#include "client/scene_command.h"
 #include "server/base/random.h"
 #include "server/scene/gltf.h"
 #include "tests/scene/packed_mesh.h"
@@ -322,6 +327,22 @@ TEST(Packed, UnpackedBytesHaveALimit) {
   const Error second = error_of(draco.packed_glb(), limits);
   EXPECT_EQ(second.code, ErrorCode::kResourceExhausted);
   EXPECT_EQ(second.field, kDracoField);
+}
+
+TEST(Packed, TheSceneCommandSaysWhatAPackedFileHolds) {
+  PackedFile file;
+  file.meshopt_node(hills(6), 2);
+  file.draco_node(hills(4), {});
+  const auto glb = file.packed_glb();
+  const auto path = std::filesystem::temp_directory_path() / (std::to_string(getpid()) + "-packed.glb");
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(glb.data()), static_cast<std::streamsize>(glb.size()));
+  std::ostringstream out, err;
+  EXPECT_EQ(run_scene_command(path.string(), out, err), 0) << err.str();
+  std::filesystem::remove(path);
+  EXPECT_THAT(out.str(), HasSubstr("104 stored, 104 as instanced"));
+  EXPECT_THAT(out.str(), HasSubstr("EXT_meshopt_compression, KHR_draco_mesh_compression"));
+  EXPECT_THAT(out.str(), testing::ContainsRegex("positions and indices [0-9.]+ KiB, clusters [0-9.]+ KiB"));
 }
 
 // Draco decodes vertices in an order of its own, and may leave nothing but the set of triangles.
