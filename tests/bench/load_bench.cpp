@@ -1,6 +1,7 @@
 // What it takes to load a scene, and what it then holds: seconds and bytes a triangle for each part, by scene size.
 //   load_bench [TRIANGLES ...]      by default 280000 2800000 10000000
-// Seconds are the least of three loads on the wall clock, for every core there is; the file comes from the page cache.
+// Seconds are the least of three loads, on the wall clock with every core there is, and of processor time over all of
+// them, which says more on a machine that does other work too. The file comes from the page cache.
 // Bytes are what the parts report of themselves; "resident" is what the process holds more than before, as the system
 // counts it, once the file's own bytes are gone again.
 #include <malloc.h>
@@ -11,9 +12,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -72,9 +75,17 @@ std::vector<std::byte> make_landscape(size_t triangles) {
   return writer.finish("");
 }
 
-using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
+struct Seconds {
+  double wall = 0.0, cpu = 0.0;
+
+  static Seconds now() {
+    const auto wall = std::chrono::steady_clock::now().time_since_epoch();
+    return {std::chrono::duration<double>(wall).count(), static_cast<double>(std::clock()) / CLOCKS_PER_SEC};
+  }
+  Seconds operator-(const Seconds& start) const { return {wall - start.wall, cpu - start.cpu}; }
+};
+Seconds least(const Seconds& a, const Seconds& b) {
+  return {std::min(a.wall, b.wall), std::min(a.cpu, b.cpu)};
 }
 
 [[noreturn]] void give_up(const std::string& why) {
@@ -97,8 +108,8 @@ struct Scene {
 };
 
 // File to asset to mirror, as a session opens a scene.
-double load_scene(const std::string& path, Scene& scene) {
-  const auto start = Clock::now();
+Seconds load_scene(const std::string& path, Scene& scene) {
+  const Seconds start = Seconds::now();
   auto asset = read_gltf_file(path, scene.store);
   if (!asset) give_up(to_string(asset.error()));
   scene.asset = *asset;
@@ -108,11 +119,11 @@ double load_scene(const std::string& path, Scene& scene) {
   delta.add = std::move(*instances);
   delta.asset_ids_allowed = true;
   if (const auto ok = scene.mirror.apply(delta, {}); !ok) give_up(to_string(ok.error()));
-  return seconds_since(start);
+  return Seconds::now() - start;
 }
 
 // A map that meets every instance: what a sampler builds at its first take.
-double first_take(SamplerDevice& device, const SceneMirror& mirror) {
+Seconds first_take(SamplerDevice& device, const SceneMirror& mirror) {
   const auto sampler = device.make_sampler();
   std::vector<MapRequest> requests(1);
   requests[0].view.eye_m = {0, 900, 0};
@@ -121,42 +132,47 @@ double first_take(SamplerDevice& device, const SceneMirror& mirror) {
   requests[0].view.right = requests[0].view.top = 0.5;
   requests[0].view.width = requests[0].view.height = 64;  // several samples on every block
   std::vector<DepthMap> maps;
-  const auto start = Clock::now();
+  const Seconds start = Seconds::now();
   if (const auto ok = sampler->take(mirror, requests, maps); !ok) give_up(to_string(ok.error()));
-  return seconds_since(start);
+  return Seconds::now() - start;
 }
 
-void print_row(const char* part, double seconds, double bytes, size_t triangles) {
-  std::printf("  %-34s %9.3f s %9.1f\n", part, seconds, bytes / static_cast<double>(triangles));
+double each(size_t bytes, size_t triangles) {
+  return static_cast<double>(bytes) / static_cast<double>(triangles);
 }
 
-void measure_sampler(const char* part, SamplerDevice& device, const SceneMirror& mirror, size_t triangles) {
+void print_bytes(const char* part, size_t bytes, size_t triangles) {
+  std::printf("  %-32s %37.1f bytes a triangle\n", part, each(bytes, triangles));
+}
+void print_time(const char* part, const Seconds& seconds) {
+  std::printf("  %-32s %9.3f s %9.3f s of processor time\n", part, seconds.wall, seconds.cpu);
+}
+
+void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror& mirror, size_t triangles) {
   const size_t before = resident_bytes();
-  const double seconds = first_take(device, mirror);
-  const auto grown = static_cast<double>(resident_bytes()) - static_cast<double>(before);
-  print_row(part, seconds, static_cast<double>(device.geometry_bytes()), triangles);
-  print_row("  resident", seconds, grown, triangles);
+  print_time(name, first_take(device, mirror));
+  print_bytes("  as it says", device.geometry_bytes(), triangles);
+  print_bytes("  resident", resident_bytes() - before, triangles);
 }
 
 void measure(const std::string& path, const std::function<void(const SceneMirror&, size_t)>& take) {
-  double best_s = 1e30;
-  for (int i = 1; i < kLoads; ++i) {
-    Scene scene;
-    best_s = std::min(best_s, load_scene(path, scene));
-  }
+  // The first load is the one that is weighed: later ones find memory that it left.
   const size_t before = resident_bytes();
-  Scene scene;
-  best_s = std::min(best_s, load_scene(path, scene));
-  const size_t grown = resident_bytes() - before, triangles = scene.asset->triangle_count();
-  std::printf("%zu triangles, file of %.1f bytes a triangle%26s bytes a triangle\n", triangles,
-              static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(triangles), "");
-  const GeometryBytes bytes = scene.store.live_bytes_by_part();
-  print_row("scene, ready to be sampled", best_s, static_cast<double>(bytes.total()), triangles);
-  std::printf("    positions and indices %34.1f\n    clusters and their tree %32.1f\n",
-              static_cast<double>(bytes.source) / static_cast<double>(triangles),
-              static_cast<double>(bytes.clusters) / static_cast<double>(triangles));
-  print_row("  resident", best_s, static_cast<double>(grown), triangles);
-  take(scene.mirror, triangles);
+  auto scene = std::make_unique<Scene>();
+  Seconds best = load_scene(path, *scene);
+  const size_t grown = resident_bytes() - before, triangles = scene->asset->triangle_count();
+  for (int i = 1; i < kLoads; ++i) {
+    scene = std::make_unique<Scene>();
+    best = least(best, load_scene(path, *scene));
+  }
+  const GeometryBytes bytes = scene->store.live_bytes_by_part();
+  std::printf("%zu triangles, file of %.1f bytes a triangle\n", triangles,
+              each(std::filesystem::file_size(path), triangles));
+  print_time("scene, ready to be sampled", best);
+  print_bytes("  positions and indices", bytes.source, triangles);
+  print_bytes("  clusters and their tree", bytes.clusters, triangles);
+  print_bytes("  resident", grown, triangles);
+  take(scene->mirror, triangles);
 }
 
 // A child each, so that what one part leaves behind is not counted as the next one's.
