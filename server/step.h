@@ -23,6 +23,7 @@
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
+#include "server/base/inline_vector.h"
 #include "server/bound/bound.h"
 #include "server/move/body.h"
 #include "server/move/choose.h"
@@ -103,6 +104,8 @@ struct Future {
   double weight = 0.0;  // how likely; those of all futures sum to 1
 };
 
+inline constexpr size_t kMaxFutures = 3;  // going on, and turning to either side
+
 // The survey of a step, and the shot that it leads to.
 struct ShotSearch {
   Survey survey;
@@ -153,7 +156,7 @@ struct StepMemory {
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
   Sampled now;                                       // the targets where they are
   Sampled ahead;                // and where they are predicted to be; empty without prediction
-  std::vector<Future> futures;  // other ways that the targets may take until then
+  InlineVector<Future, kMaxFutures> futures;  // other ways that the targets may take until then
   double ahead_s = 0.0;         // for how far; 0: not in this step
   double ahead_confidence = 0.0;
   std::vector<glm::dvec3> chained_m;  // one point a target, when pair volumes are asked for
@@ -167,7 +170,8 @@ struct StepMemory {
   FilteredSights filtered;
   std::vector<glm::ivec3> cells;
   std::vector<uint8_t> members;
-  std::vector<uint8_t> seen;
+  Composer composer;
+  std::vector<uint32_t> off_grid_visible;  // of the candidates beside a pair volume's
   ShotSearch shot;
   GoalSearch goal;
   GroupScratch group_scratch;
@@ -175,7 +179,7 @@ struct StepMemory {
   ShelterScratch shelter_scratch;
   std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
   std::vector<double> cost;
-  std::vector<uint32_t> order;
+  ChoiceScratch choice_scratch;
   std::vector<glm::vec3> picked;
   std::vector<uint64_t> target_ids;
 };
@@ -212,7 +216,7 @@ struct StepResult {
   bool pair_asked = false;
   bool pair_needs_two = false;  // there are fewer targets than that
   PairGap pair_gap = PairGap::kNone;
-  std::vector<TargetSight> targets;  // in the order of the input
+  InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
   int chosen_candidate = -1;
   StepFlags flags;
   std::array<int64_t, kStageCount> stage_ns{};

@@ -1,6 +1,7 @@
 // The fourth stage: the goal, the way there, and the way to look (paper 3.4, 6).
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "server/step_work.h"
 
@@ -55,13 +56,14 @@ Choice choose(StepWork& w) {
   const glm::dvec3 from = w.memory.camera.pose.position_m, desired = desired_place(w);
   if (w.input.settings.move.strategy == Strategy::kBlend) return choose_goal(w, desired);
   const double body = swept_radius_m(w.input.limits, w.lens);
-  const Reachable reachable = [&](const glm::dvec3& place) {
+  const auto is_free = [&](const glm::dvec3& place) {
     return path_is_free(w.memory.colliders, from, place, body);
   };
+  const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
   set_costs(w, desired);
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
   return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
-                      w.input.settings.move, reachable, w.memory.order);
+                      w.input.settings.move, reachable, w.memory.choice_scratch);
 }
 
 // Grows while no place sees everything, so that an escape looks further; shrinks again once one does.

@@ -1,6 +1,8 @@
 // The survey in a step: one target looks round (sample), the places learn from it (aggregate), and the shot to want is chosen.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 
 #include "server/base/random.h"
 #include "server/step_work.h"
@@ -39,9 +41,11 @@ glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
 
 // The shot that looks at the targets' centre from there, all of them seen.
 void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
-  const std::vector<float> seen(w.input.targets.size(), 1.0f);
+  std::array<float, kMaxTargets> seen;
+  seen.fill(1.0f);
   const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
-  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views, seen, shot);
+  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views,
+               std::span<const float>(seen).first(w.input.targets.size()), shot);
 }
 
 void choose(StepWork& w) {
@@ -62,7 +66,12 @@ void choose(StepWork& w) {
   };
   shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
   shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
-                           shot.place.value_or(shot.asked_place), survey, coherence, allowed);
+                           shot.place.value_or(shot.asked_place), survey, coherence, std::cref(allowed));
+}
+
+// What the survey's third of four distances is.
+double survey_distance_m(const StepWork& w) {
+  return std::max(glm::length(shot_offset_m(w, w.memory.shot.asked_offset_m)), 0.1);
 }
 
 // What was learnt is old when the survey comes on again, and without one the camera wants the shot that it was asked for.
@@ -94,9 +103,12 @@ void plan_survey(StepWork& w) {
 
 void request_survey(StepWork& w) {
   const ShotSearch& shot = w.memory.shot;
+  const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
   for (uint32_t view = shot.maps.first; view < shot.maps.first + shot.maps.count; ++view)
     w.memory.requests[view] = {.view = w.memory.views[view],
                                .layer_mask = w.input.targets[shot.looking].layer_mask,
+                               .far_m = beyond_all_m(glm::distance(w.memory.views[view].eye_m, center_m) +
+                                                     Survey::kFarthestShare * survey_distance_m(w)),
                                .ignored_slots = w.memory.ignored_slots[shot.looking]};
 }
 
@@ -104,7 +116,7 @@ void learn_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   if (shot.maps.count == 0 || w.move_s <= 0) return;
   const AggregateSettings& settings = w.input.settings.aggregate;
-  shot.survey.follow(w.memory.target_ids, std::max(glm::length(shot_offset_m(w, shot.asked_offset_m)), 0.1));
+  shot.survey.follow(w.memory.target_ids, survey_distance_m(w));
   shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
                     weighted_center_m(w.memory.target_views), settings.relative_bias,
                     w.move_s * static_cast<double>(w.input.targets.size()),

@@ -19,8 +19,12 @@ void Lattice::resize(double spacing_m, int side) {
   cells_.assign(static_cast<size_t>(side) * side * side, Cell{});
 }
 
+uint32_t Lattice::wrap(int index) const {
+  const int rest = index % side_;
+  return static_cast<uint32_t>(rest < 0 ? rest + side_ : rest);
+}
+
 uint32_t Lattice::address_of(const glm::ivec3& index) const {
-  const auto wrap = [this](int i) { return static_cast<uint32_t>(((i % side_) + side_) % side_); };
   return (wrap(index.z) * side_ + wrap(index.y)) * side_ + wrap(index.x);
 }
 
@@ -33,10 +37,13 @@ void Lattice::cover(const Bound& bound, int candidates) {
   const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing);
   for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z) {
     for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y) {
+      const uint32_t row = (wrap(z) * side_ + wrap(y)) * side_;
+      uint32_t column = wrap(static_cast<int>(low.x));
       for (int x = static_cast<int>(low.x); x <= static_cast<int>(high.x); ++x) {
+        const uint32_t address = row + column;
+        column = column + 1 == static_cast<uint32_t>(side_) ? 0 : column + 1;
         const glm::dvec3 place = glm::dvec3(x, y, z) * spacing;
         if (!bound.contains(place)) continue;
-        const uint32_t address = address_of({x, y, z});
         if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}, 0, 0, ++owners_};
         positions_m_.push_back(place);
         addresses_.push_back(address);

@@ -51,6 +51,7 @@ class Lattice {
     uint32_t steps_known = 0;
     uint64_t owner = 0;
   };
+  uint32_t wrap(int index) const;
   uint32_t address_of(const glm::ivec3& index) const;
   void resize(double spacing_m, int side);
 

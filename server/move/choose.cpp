@@ -60,60 +60,72 @@ uint32_t steered_mask(std::span<const TargetView> targets) {
 class Search {
  public:
   Search(const CandidateSet& candidates, std::span<const TargetView> targets, std::span<const double> cost,
-         double ahead_weight, const MoveSettings& settings, const Reachable& reachable,
-         std::vector<uint32_t>& order)
+         double ahead_weight, const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch)
       : candidates_(candidates),
         targets_(targets),
         cost_(cost),
         ahead_weight_(ahead_weight),
-        settings_(settings),
+        limits_(targets, settings),
         reachable_(reachable),
-        order_(order) {}
+        keys_(scratch.keys) {}
 
   template <typename Wanted>
   bool collect(Wanted wanted) {
-    order_.clear();
+    keys_.clear();
     for (uint32_t i = 0; i < candidates_.size(); ++i)
-      if (wanted(candidates_.filtered_targets[i])) order_.push_back(i);
-    return !order_.empty();
+      if (wanted(candidates_.filtered_targets[i])) keys_.push_back(key_of(i));
+    return !keys_.empty();
   }
 
   // The first reachable of the collected ones, best first; -1 when none of the kMaxReachTests best is.
   int best() {
-    const size_t tests = std::min<size_t>(order_.size(), kMaxReachTests);
-    std::partial_sort(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(tests), order_.end(),
-                      [this](uint32_t a, uint32_t b) { return better(a, b); });
+    const size_t tests = std::min<size_t>(keys_.size(), kMaxReachTests);
+    std::partial_sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(tests), keys_.end(), better);
     for (size_t k = 0; k < tests; ++k)
-      if (reachable_(candidates_.position_m[order_[k]])) return static_cast<int>(order_[k]);
+      if (reachable_(candidates_.position_m[keys_[k].candidate])) return static_cast<int>(keys_[k].candidate);
     return -1;
   }
 
  private:
-  bool better(uint32_t a, uint32_t b) const {
-    const Weights wa = weight_of(a), wb = weight_of(b);
-    if (wa.required != wb.required) return wa.required > wb.required;
-    if (wa.optional != wb.optional) return wa.optional > wb.optional;
-    const glm::dvec3 &pa = candidates_.position_m[a], &pb = candidates_.position_m[b];
-    const bool in_a = within_limits(pa, targets_, settings_), in_b = within_limits(pb, targets_, settings_);
-    if (in_a != in_b) return in_a;
-    return cost_[a] != cost_[b] ? cost_[a] < cost_[b] : a < b;
+  static bool better(const ChoiceKey& a, const ChoiceKey& b) {
+    if (a.required != b.required) return a.required > b.required;
+    if (a.optional != b.optional) return a.optional > b.optional;
+    if (a.within_limits != b.within_limits) return a.within_limits;
+    return a.cost != b.cost ? a.cost < b.cost : a.candidate < b.candidate;
   }
 
-  Weights weight_of(uint32_t candidate) const {
-    const Weights now = weight_seen(candidates_.filtered_targets[candidate], targets_);
+  ChoiceKey key_of(uint32_t candidate) {
+    const Weights weights = weight_of(candidate);
+    return {weights.required, weights.optional, cost_[candidate], candidate,
+            limits_.hold(candidates_.position_m[candidate])};
+  }
+
+  Weights weight_of(uint32_t candidate) {
+    const Weights now = now_.of(candidates_.filtered_targets[candidate], targets_);
     if (ahead_weight_ == 0) return now;
-    const Weights ahead = weight_seen(candidates_.ahead_targets[candidate], targets_);
+    const Weights ahead = ahead_.of(candidates_.ahead_targets[candidate], targets_);
     return {now.required * (1 - ahead_weight_) + ahead.required * ahead_weight_,
             now.optional * (1 - ahead_weight_) + ahead.optional * ahead_weight_};
   }
+
+  // Places side by side mostly see the same: the last sum is kept.
+  struct LastWeights {
+    uint32_t visible = 0;
+    Weights weights;  // of seeing nothing: none
+    const Weights& of(uint32_t seen, std::span<const TargetView> targets) {
+      if (seen != visible) visible = seen, weights = weight_seen(seen, targets);
+      return weights;
+    }
+  };
 
   const CandidateSet& candidates_;
   std::span<const TargetView> targets_;
   std::span<const double> cost_;
   const double ahead_weight_;
-  const MoveSettings& settings_;
+  const PlaceLimits limits_;
   const Reachable& reachable_;
-  std::vector<uint32_t>& order_;
+  std::vector<ChoiceKey>& keys_;
+  LastWeights now_, ahead_;
 };
 
 }  // namespace
@@ -159,6 +171,29 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
   return center + outwards * distance;
 }
 
+PlaceLimits::PlaceLimits(std::span<const TargetView> targets, const MoveSettings& settings)
+    : targets_(targets),
+      settings_(settings),
+      center_m_(weighted_center_m(targets)),
+      low_(std::cos(settings.min_elevation_rad), std::sin(settings.min_elevation_rad)),
+      high_(std::cos(settings.max_elevation_rad), std::sin(settings.max_elevation_rad)) {}
+
+// An elevation e is over a limit l when sin(e - l), which is y cos l - flat sin l over the distance, is above 0: no arc has to be
+// taken unless it is within rounding of 0.
+bool PlaceLimits::hold(const glm::dvec3& place_m) const {
+  for (const TargetView& t : targets_)
+    if (t.steered() && glm::distance(place_m, t.aim_m) < settings_.min_distance_m) return false;
+  const glm::dvec3 from_center = place_m - center_m_;
+  const double distance_m = glm::length(from_center);
+  if (!(distance_m <= settings_.max_distance_m)) return false;
+  const double flat_m = std::sqrt(from_center.x * from_center.x + from_center.z * from_center.z);
+  const double over_low = from_center.y * low_.x - flat_m * low_.y, over_high = from_center.y * high_.x - flat_m * high_.y;
+  const double rounding_m = 1e-12 * distance_m;
+  if (over_low < -rounding_m || over_high > rounding_m) return false;
+  if (over_low > rounding_m && over_high < -rounding_m) return true;
+  return within_limits(place_m, targets_, settings_);
+}
+
 bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
                    const MoveSettings& settings) {
   for (const TargetView& t : targets)
@@ -171,10 +206,10 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> target
 
 Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
-                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order) {
+                    const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch) {
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
-  Search search(candidates, targets, cost, ahead_weight, settings, reachable, order);
+  Search search(candidates, targets, cost, ahead_weight, settings, reachable, scratch);
 
   const bool any_all = search.collect([=](uint32_t seen) { return (seen & steered) == steered; });
   if (any_all) {
@@ -213,10 +248,10 @@ Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> 
 
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
                     const glm::dvec3& desired_m, const MoveSettings& settings, const Reachable& reachable,
-                    std::vector<uint32_t>& order) {
+                    ChoiceScratch& scratch) {
   std::vector<double> cost;
   basic_costs(candidates.position_m, desired_m, cost);
-  return choose_place(candidates, targets, cost, desired_m, 0.0, settings, reachable, order);
+  return choose_place(candidates, targets, cost, desired_m, 0.0, settings, reachable, scratch);
 }
 
 }  // namespace sightline

@@ -71,6 +71,21 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
 bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
                    const MoveSettings& settings);
 
+// The same for many places of the same targets, which are looked at once. Exact: a place so near to a limit of elevation that the
+// quick test cannot tell is tested as above.
+class PlaceLimits {
+ public:
+  // At least one target is steered; both must outlive it.
+  PlaceLimits(std::span<const TargetView> targets, const MoveSettings& settings);
+  bool hold(const glm::dvec3& place_m) const;
+
+ private:
+  std::span<const TargetView> targets_;
+  const MoveSettings& settings_;
+  glm::dvec3 center_m_;
+  glm::dvec2 low_, high_;  // cosine and sine of the least and greatest elevation
+};
+
 struct Choice {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
@@ -83,13 +98,24 @@ using Reachable = std::function<bool(const glm::dvec3& place_m)>;
 // At most this many places of one set are tested for reachability, nearest first: it bounds the cost of a step.
 inline constexpr int kMaxReachTests = 24;
 
+// By what candidates are ordered, and the memory for it, reused.
+struct ChoiceKey {
+  double required = 0, optional = 0;  // weights of the targets seen
+  double cost = 0;
+  uint32_t candidate = 0;
+  bool within_limits = false;
+};
+struct ChoiceScratch {
+  std::vector<ChoiceKey> keys;
+};
+
 // The goal among `candidates`. `cost` runs parallel to them. What a candidate sees is what the filter says now and what is
 // predicted, weighed by 1 - ahead_weight and ahead_weight, [0, 1]; a state (tracking, partial, escaping) is by what it sees
 // now: a prediction never replaces the real target. `desired_m` only tells whether the goal is the desired place itself.
-// `order` is scratch memory, reused. Candidates outside the limits are taken only when none inside is left.
+// Candidates outside the limits are taken only when none inside is left.
 Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
-                    const MoveSettings& settings, const Reachable& reachable, std::vector<uint32_t>& order);
+                    const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch);
 
 // The reachable candidate of least cost, whatever it sees: for costs that hold what is hidden. Unreachable ones cost infinity.
 Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
@@ -98,6 +124,6 @@ Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> 
 // Basic alone: choose_place by the distance to the desired place, without prediction.
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
                     const glm::dvec3& desired_m, const MoveSettings& settings, const Reachable& reachable,
-                    std::vector<uint32_t>& order);
+                    ChoiceScratch& scratch);
 
 }  // namespace sightline

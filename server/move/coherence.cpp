@@ -111,13 +111,16 @@ double hidden_share(std::span<const TargetView> targets, std::span<const float> 
   return weighted_mean(targets, [&](size_t i) { return 1.0 - static_cast<double>(seen_share[i]); });
 }
 
-double shot_cost(const ShotCandidate& candidate, const ShotState& now, std::span<const TargetView> targets,
-                 const CoherenceSettings& s) {
+double unseen_cost(const ShotCandidate& candidate, std::span<const TargetView> targets, const CoherenceSettings& s) {
   const double risk = 1.0 - candidate.depth_share * (1.0 - candidate.hidden_ahead);
   const double hidden = hidden_share(targets, candidate.seen_share);
-  const double unseen = (1.0 - s.predictive_power) * hidden + s.predictive_power * risk;
+  return s.responsiveness * ((1.0 - s.predictive_power) * hidden + s.predictive_power * risk);
+}
+
+double shot_cost(const ShotCandidate& candidate, const ShotState& now, std::span<const TargetView> targets,
+                 const CoherenceSettings& s) {
   const double change = coherence_cost(candidate, now, targets, s);
-  return s.responsiveness * unseen + (1.0 - s.responsiveness) * change / (1.0 + change);
+  return unseen_cost(candidate, targets, s) + (1.0 - s.responsiveness) * change / (1.0 + change);
 }
 
 }  // namespace sightline

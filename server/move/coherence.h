@@ -103,5 +103,8 @@ double hidden_share(std::span<const TargetView> targets, std::span<const float> 
 // Risk is the chance to be hidden if depth is taken for the chance that the place stays free.
 double shot_cost(const ShotCandidate& candidate, const ShotState& now, std::span<const TargetView> targets,
                  const CoherenceSettings& settings);
+// Its first term, whatever the shot is now: no shot_cost of the candidate is less. The pose is not read.
+double unseen_cost(const ShotCandidate& candidate, std::span<const TargetView> targets,
+                   const CoherenceSettings& settings);
 
 }  // namespace sightline

@@ -1,10 +1,12 @@
 #include "server/move/shot.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 #include "server/base/check.h"
 #include "server/move/choose.h"
+#include "server/scene/target.h"
 
 namespace sightline {
 namespace {
@@ -36,15 +38,15 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
-  std::vector<float> seen(targets.size()), beside(targets.size());
+  std::array<float, kMaxTargets> seen, beside;
+  // Without its pose, which costs more than all the rest.
   const auto candidate_at = [&](size_t place) {
     for (size_t i = 0; i < targets.size(); ++i) {
       seen[i] = survey.share(i, place);
       beside[i] = survey.share_beside(i, place);
     }
-    ShotCandidate candidate{.world_from_camera = pose_of_shot(center_m, survey.offset_m(place)),
-                            .seen_share = seen};
-    candidate.hidden_ahead = hidden_share(targets, beside);
+    ShotCandidate candidate{.world_from_camera = {}, .seen_share = std::span(seen).first(targets.size())};
+    candidate.hidden_ahead = hidden_share(targets, std::span(beside).first(targets.size()));
     return candidate;
   };
   for (const size_t place : {asked_place, former}) {
@@ -54,12 +56,20 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
   }
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
-  for (size_t place = 0; place < Survey::kPlaces; ++place) {
-    if (!allowed(survey.offset_m(place))) continue;
-    double cost = cost_of(candidate_at(place), asked, present, targets, coherence);
-    if (place == former) cost -= settings.hold;
-    if (cost < least) least = cost, best = place;
-  }
+  // Of equal ones the first is taken, in whatever order they are tried.
+  const auto try_place = [&](size_t place) {
+    ShotCandidate candidate = candidate_at(place);
+    const double hold = place == former ? settings.hold : 0.0;
+    if (unseen_cost(candidate, targets, coherence) - hold > least) return;
+    candidate.world_from_camera = pose_of_shot(center_m, survey.offset_m(place));
+    const double cost = cost_of(candidate, asked, present, targets, coherence) - hold;
+    const bool better = cost < least || (cost == least && best && place < *best);
+    if (better && allowed(survey.offset_m(place))) least = cost, best = place;
+  };
+  // The former is seldom far from the best: after it most others need no closer look.
+  try_place(former);
+  for (size_t place = 0; place < Survey::kPlaces; ++place)
+    if (place != former) try_place(place);
   return best;
 }
 

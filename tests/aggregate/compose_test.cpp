@@ -74,7 +74,7 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
   std::vector<DepthMap> maps;
   ASSERT_TRUE(device->make_sampler()->take(mirror, requests, maps));
   int visible = 0, hidden = 0;
-  std::vector<uint8_t> scratch;
+  Composer composer;
   for (int t = 0; t < n; ++t) {
     CandidateSet candidates;
     for (int y = 0; y < 7; ++y)
@@ -82,8 +82,8 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
         candidates.add(eyes[t] +
                        glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
     const std::vector<MapRange> points = one_each(ranges.size());
-    compose_visibility({maps, ranges, points}, 1e-5, candidates.position_m, scratch,
-                       candidates.visible_targets);
+    composer.set_positions(candidates.position_m);
+    composer.visibility({maps, ranges, points}, 1e-5, candidates.visible_targets);
     for (size_t i = 0; i < candidates.size(); ++i) {
       bool blocked = false;
       for (const auto& [center, half] : boxes)
@@ -105,16 +105,17 @@ TEST(Compose, ATargetIsSeenWhenEnoughOfItsPointsAre) {
   const std::vector<DepthMap> maps = {{view, {9.0f}, {0}}, {view, {9.0f}, {0}}, {view, {1.0f}, {0}}};
   const std::vector<MapRange> of_point = {{0, 1}, {1, 1}, {2, 1}}, of_target = {{0, 3}};
   const std::vector<glm::dvec3> places = {{0, 0, -5}};
-  std::vector<uint8_t> scratch;
+  Composer composer;
   std::vector<uint32_t> visible;
+  composer.set_positions(places);
   for (const auto& [needed, seen] :
        std::vector<std::pair<double, uint32_t>>{{0.0, 1}, {0.6, 1}, {2.0 / 3, 1}, {0.7, 0}, {1.0, 0}}) {
-    compose_visibility({maps, of_point, of_target, needed}, 0.0, places, scratch, visible);
+    composer.visibility({maps, of_point, of_target, needed}, 0.0, visible);
     EXPECT_EQ(visible[0], seen) << needed;
   }
   const std::vector<DepthMap> hidden = {{view, {1.0f}, {0}}};
   const std::vector<MapRange> alone = {{0, 1}};
-  compose_visibility({hidden, alone, alone, 0.0}, 0.0, places, scratch, visible);
+  composer.visibility({hidden, alone, alone, 0.0}, 0.0, visible);
   EXPECT_EQ(visible[0], 0u) << "none seen is never enough";
 }
 

@@ -277,9 +277,10 @@ TEST(PairChain, AgreesWithTheGeneralOperatorOverTheSameMaps) {
     ASSERT_GT(candidates.size(), 20u);
     std::vector<MapRange> ranges;
     for (uint32_t i = 0; i < n; ++i) ranges.push_back({i, 1});
-    std::vector<uint8_t> scratch;
+    Composer composer;
     std::vector<uint32_t> general;
-    compose_visibility({maps, ranges, ranges}, kBias, candidates.position_m, scratch, general);
+    composer.set_positions(candidates.position_m);
+    composer.visibility({maps, ranges, ranges}, kBias, general);
     EXPECT_EQ(general, candidates.visible_targets) << n << " targets";
     EXPECT_EQ(general, candidates.filtered_targets);
     EXPECT_EQ(general, candidates.ahead_targets);

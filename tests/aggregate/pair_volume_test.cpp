@@ -178,8 +178,9 @@ TEST(PairVolume, CandidatesAreThePointsInTheBallAndCompareAtTheirOwnTexels) {
   }
   const std::vector<DepthMap> maps = {map_a, map_b};
   const std::vector<MapRange> ranges = {{0, 1}, {1, 1}};
-  std::vector<uint8_t> scratch;
-  compose_visibility({maps, ranges, ranges}, 0.001, general.position_m, scratch, general.visible_targets);
+  Composer composer;
+  composer.set_positions(general.position_m);
+  composer.visibility({maps, ranges, ranges}, 0.001, general.visible_targets);
   EXPECT_EQ(general.visible_targets, pair.visible_targets);
 }
 

@@ -1,4 +1,4 @@
-// add_hidden: the share of the targets that is expected to be hidden from a place, from several samplings of them.
+// Composer::add_hidden: the share of the targets that is expected to be hidden from a place, from several samplings of them.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -73,8 +73,10 @@ TEST_P(ShareTargets, AreTheWeighedMeanOfWhatIsSeen) {
     const double first = random.next_unit(), bias = random.next_in(0, 0.1);
     HiddenShares share;
     share.reset(places.size());
-    add_hidden(now.view(), bias, kPasses, places, weights, first, share);
-    add_hidden(ahead.view(), bias, kPasses, places, weights, 1 - first, share);
+    Composer composer;
+    composer.set_positions(places);
+    composer.add_hidden(now.view(), bias, {kPasses, weights, first}, share);
+    composer.add_hidden(ahead.view(), bias, {kPasses, weights, 1 - first}, share);
     for (size_t i = 0; i < places.size(); ++i)
       for (const bool by_moving : {false, true}) {
         const double expected = first * now.hidden(places[i], weights, bias, by_moving) +
@@ -95,15 +97,18 @@ TEST(Shares, NothingIsAddedWithoutWeightOrPointsOrPlaces) {
   const auto places = random_places(random, 20);
   HiddenShares share;
   share.reset(20);
+  Composer composer;
+  composer.set_positions(places);
   const std::vector<double> none(3, 0.0), some = {1, 0, 2}, nothing(20, 0.0);
-  add_hidden(sampling.view(), 0, kPasses, places, none, 1.0, share);
-  add_hidden(sampling.view(), 0, kPasses, places, some, 0.0, share);
-  add_hidden({}, 0, kPasses, places, {}, 1.0, share);
-  add_hidden(without_points.view(), 0, kPasses, places, some, 1.0, share);
+  composer.add_hidden(sampling.view(), 0, {kPasses, none, 1.0}, share);
+  composer.add_hidden(sampling.view(), 0, {kPasses, some, 0.0}, share);
+  composer.add_hidden({}, 0, {kPasses, {}, 1.0}, share);
+  composer.add_hidden(without_points.view(), 0, {kPasses, some, 1.0}, share);
   EXPECT_EQ(share.by_passing, nothing);
   EXPECT_EQ(share.by_staying, nothing);
   share.reset(0);
-  add_hidden(sampling.view(), 0, kPasses, {}, some, 1.0, share);
+  composer.set_positions({});
+  composer.add_hidden(sampling.view(), 0, {kPasses, some, 1.0}, share);
   EXPECT_TRUE(share.by_passing.empty() && share.by_staying.empty());
 }
 

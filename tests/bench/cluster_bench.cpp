@@ -24,8 +24,8 @@ namespace {
 constexpr int kMaps = 500;
 constexpr int kRounds = 5;
 
-// A leaf each, so that what survives depends on the clusters alone and not on the tree above them.
-using Clusters = std::vector<TriangleTree>;
+// Leaves alone: what survives is not to depend on the tree above them.
+using Clusters = std::vector<TreeNode>;
 using MakeClusters = std::function<Clusters(const MeshData&)>;
 
 struct Placed {
@@ -44,7 +44,7 @@ Clusters by_tree_builder(const MeshData& mesh) {
   const auto geometry = build_geometry(mesh).value();
   Clusters clusters;
   for (const TreeNode& node : geometry->occluding)
-    if (node.is_leaf()) clusters.push_back({node});
+    if (node.is_leaf()) clusters.push_back(node);
   return clusters;
 }
 
@@ -64,7 +64,7 @@ Clusters by_meshlets(const MeshData& mesh) {
     indices.clear();
     for (size_t i = 0; i < 3 * size_t{m.triangle_count}; ++i)
       indices.push_back(vertices[m.vertex_offset + triangles[m.triangle_offset + i]]);
-    clusters.push_back({leaf(mesh, indices)});
+    clusters.push_back(leaf(mesh, indices));
   }
   return clusters;
 }
@@ -76,7 +76,7 @@ Clusters by_spatial_sort(const MeshData& mesh) {
   Clusters clusters;
   const size_t step = 3 * kMaxClusterTriangles;
   for (size_t i = 0; i < sorted.size(); i += step)
-    clusters.push_back({leaf(mesh, std::span(sorted).subspan(i, std::min(step, sorted.size() - i)))});
+    clusters.push_back(leaf(mesh, std::span(sorted).subspan(i, std::min(step, sorted.size() - i))));
   return clusters;
 }
 
@@ -98,33 +98,25 @@ MapView view_from_street(CounterRandom& random) {
   return view;
 }
 
-// dot(row, (p, 1)) for p in the mesh's frame is dot(axis, world point - eye).
-glm::dvec4 row_of(const glm::dvec3& axis, const MapView& view, const Affine& world_from_mesh) {
-  glm::dvec4 row;
-  for (int i = 0; i < 3; ++i) row[i] = glm::dot(axis, world_from_mesh[i]);
-  row.w = glm::dot(axis, world_from_mesh[3] - view.eye_m);
-  return row;
-}
-
-SampleGrid grid_for(const MapView& view, const Affine& world_from_mesh) {
-  const glm::dmat3& axes = view.world_from_view;
-  return sample_grid(row_of(axes[0] / view.right, view, world_from_mesh),
-                     row_of(axes[1] / view.top, view, world_from_mesh),
-                     row_of(-axes[2], view, world_from_mesh), view);
-}
-
 Survivors survivors(const std::vector<Placed>& scene, const std::vector<Clusters>& clusters) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
-  std::vector<VisibleCluster> visible;
   Survivors mean;
   for (int map = 0; map < kMaps; ++map) {
     const MapView view = view_from_street(random);
-    visible.clear();
-    for (size_t i = 0; i < scene.size(); ++i)
-      for (const TriangleTree& cluster : clusters[i])
-        append_visible_clusters(cluster, grid_for(view, scene[i].world_from_mesh), visible);
-    mean.clusters += static_cast<double>(visible.size()) / kMaps;
-    for (const VisibleCluster& cluster : visible) mean.triangles += cluster.index_count / 3.0 / kMaps;
+    const ClipMap clip = clip_map(view);
+    for (size_t i = 0; i < scene.size(); ++i) {
+      const SampleGrid grid = sample_grid(clip_rows(clip, view, scene[i].world_from_mesh), view);
+      Aabb bounds;
+      for (const TreeNode& cluster : clusters[i])
+        bounds.grow(cluster.bounds.min), bounds.grow(cluster.bounds.max);
+      const BoxTest test(grid, bounds);
+      Footprint where;
+      for (const TreeNode& cluster : clusters[i]) {
+        if (!test.may_show(cluster.bounds, where)) continue;
+        mean.clusters += 1.0 / kMaps;
+        mean.triangles += cluster.index_count / 3.0 / kMaps;
+      }
+    }
   }
   return mean;
 }

@@ -28,14 +28,14 @@ struct Case {
   std::vector<TargetView> targets;
   glm::dvec3 desired{0, 0, 5};
   MoveSettings settings;
-  std::vector<uint32_t> order;
+  ChoiceScratch scratch;
   std::vector<double> costs;
   double ahead_weight = 0;
 
   void place(const glm::dvec3& at, uint32_t visible) { candidates.add(at, visible); }
   Choice choose(const Reachable& reachable = kAlways) {
     basic_costs(candidates.position_m, desired, costs);
-    return choose_place(candidates, targets, costs, desired, ahead_weight, settings, reachable, order);
+    return choose_place(candidates, targets, costs, desired, ahead_weight, settings, reachable, scratch);
   }
 };
 
@@ -256,6 +256,36 @@ TEST(ChooseLeast, ATargetWithoutWeightCountsForNothing) {
     const std::vector<double> costs(1, 0.0);
     EXPECT_EQ(choose_least(c.candidates, c.targets, costs, c.desired).status, status) << seen;
   }
+}
+
+// Places all around, and on the very cones and spheres of the limits.
+TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
+  CounterRandom random(19, 0, RandomPurpose::kTest);
+  int inside = 0, outside = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    std::vector<TargetView> targets;
+    for (int i = 0; i < 1 + trial % 4; ++i)
+      targets.push_back(target_at({random.next_in(-2, 2), random.next_in(0, 2), random.next_in(-2, 2)}, i == 1 ? 0.0 : 1.0));
+    const bool poles = trial % 10 == 0;
+    const MoveSettings settings{.min_distance_m = random.next_in(0, 2),
+                                .max_distance_m = random.next_in(3, 20),
+                                .min_elevation_rad = poles ? -std::acos(0.0) : random.next_in(-1.5, 0.5),
+                                .max_elevation_rad = poles ? std::acos(0.0) : random.next_in(0.6, 1.5)};
+    const PlaceLimits limits(targets, settings);
+    for (int i = 0; i < 200; ++i) {
+      const double limit = i % 2 == 0 ? settings.min_elevation_rad : settings.max_elevation_rad;
+      const double rise = i % 3 == 0 ? limit : random.next_in(-1.6, 1.6), turn = random.next_in(0, 6.3),
+                   far_m = i % 5 == 0 ? settings.max_distance_m : random.next_in(0, 25);
+      const glm::dvec3 place = weighted_center_m(targets) + far_m * glm::dvec3(std::cos(rise) * std::cos(turn), std::sin(rise),
+                                                                              std::cos(rise) * std::sin(turn));
+      const bool expected = within_limits(place, targets, settings);
+      ASSERT_EQ(limits.hold(place), expected) << "trial " << trial << " place " << i;
+      ++(expected ? inside : outside);
+    }
+    EXPECT_EQ(limits.hold(weighted_center_m(targets)), within_limits(weighted_center_m(targets), targets, settings));
+  }
+  EXPECT_GT(inside, 5000);
+  EXPECT_GT(outside, 5000);
 }
 
 TEST(Choose, SettingsOutOfRangeAreNamed) {

@@ -106,6 +106,29 @@ TEST(Route, CostsAreThoseOfBellmanFordOnRandomNodes) {
   EXPECT_GT(unreached, 1000);
 }
 
+// The nodes' cells are those of a lattice of spacing 1: told so, the finder passes legs over, which must change nothing.
+TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
+  Draw draw(17);
+  RouteFinder plain, knowing;
+  size_t routes = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Nodes nodes = random_nodes(draw);
+    const RouteSettings settings = random_settings(draw);
+    const auto start = static_cast<uint32_t>(draw.in(0, static_cast<double>(nodes.size())));
+    RouteNodes view = nodes.view();
+    plain.find(view, start, settings);
+    view.spacing_m = 1.0;
+    knowing.find(view, start, settings);
+    ASSERT_EQ(knowing.cost_m(), plain.cost_m()) << "trial " << trial;
+    for (uint32_t goal = 0; goal < nodes.size(); ++goal) {
+      if (std::isinf(plain.cost_m()[goal])) continue;
+      ASSERT_EQ(knowing.to(goal), plain.to(goal)) << "trial " << trial << " goal " << goal;
+      ++routes;
+    }
+  }
+  EXPECT_GT(routes, 3000u);
+}
+
 TEST(Route, ARouteLeadsOverNeighboursAndCostsWhatIsSaid) {
   Draw draw(12);
   RouteFinder finder;

@@ -1,0 +1,153 @@
+// Many places at once: what they see is what the plain definition says of each, to the bit, where rounding could decide too.
+#include "server/aggregate/look_up.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/base/random.h"
+#include "server/sample/plan.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr float kNotANumber = std::numeric_limits<float>::quiet_NaN();
+
+struct Case {
+  std::vector<DepthMap> maps;
+  std::vector<glm::dvec3> places;
+  std::vector<uint8_t> passes;
+  double bias = 0.0;
+};
+
+glm::dvec3 random_vector(CounterRandom& random, double size) {
+  const double x = random.next_in(-size, size), y = random.next_in(-size, size), z = random.next_in(-size, size);
+  return {x, y, z};
+}
+
+float random_distance(CounterRandom& random, double near_m) {
+  const double kind = random.next_unit();
+  if (kind < 0.3) return static_cast<float>(kInfinity);
+  if (kind < 0.33) return kNotANumber;
+  if (kind < 0.36) return 0.0f;
+  if (kind < 0.38) return -1.0f;
+  return static_cast<float>(near_m * random.next_in(0.2, 2.0));
+}
+
+// Views of a ball as the plan lays them: one map where the eye is far, up to six where it is near or inside.
+Case random_case(CounterRandom& random) {
+  Case c;
+  const double size = std::exp(random.next_in(-2, 4));
+  const Bound bound{.center_m = random_vector(random, random.next_unit() < 0.2 ? 1e5 : 30.0), .radius_m = size};
+  const glm::dvec3 eye = bound.center_m + random_vector(random, size * random.next_in(0.0, 5.0));
+  std::vector<MapView> views;
+  const int resolution = 2 + static_cast<int>(random.next_in(0, 31));
+  plan_views(eye, bound, {.resolution = resolution}, {random.next_unit(), random.next_unit()}, views);
+  c.passes.resize(50);
+  for (uint8_t& passes : c.passes) passes = random.next_unit() < 0.3;
+  for (const MapView& view : views) {
+    DepthMap& map = c.maps.emplace_back();
+    map.view = view;
+    for (int i = 0; i < resolution * resolution; ++i) {
+      map.distance_m.push_back(random_distance(random, glm::distance(eye, bound.center_m) + 0.1));
+      map.occluder.push_back(std::isinf(map.distance_m.back()) ? kNoOccluder
+                                                               : static_cast<uint32_t>(random.next_in(0, 50)));
+    }
+  }
+  c.bias = random.next_unit() < 0.5 ? 0.0 : random.next_in(0, 0.1);
+  while (c.places.size() < 700) c.places.push_back(bound.center_m + random_vector(random, size * 1.2));
+  return c;
+}
+
+// On the rays between texels and through their middles, at the texel's very distance: where the last bit decides.
+void add_places_on_edges(CounterRandom& random, Case& c) {
+  for (const DepthMap& map : c.maps)
+    for (int i = 0; i < 200; ++i) {
+      const int x = static_cast<int>(random.next_in(0, map.view.width + 1)),
+                y = static_cast<int>(random.next_in(0, map.view.height + 1));
+      MapView edges = map.view;
+      edges.jitter = random.next_unit() < 0.5 ? glm::dvec2(0.0) : glm::dvec2(0.5, 0.0);
+      const glm::dvec3 along = glm::normalize(texel_direction(edges, x, y));
+      const double far_m = map.distance_at(std::min(x, map.view.width - 1), std::min(y, map.view.height - 1));
+      const double at_m = std::isfinite(far_m) && far_m > 0 ? far_m * (1 + c.bias) : random.next_in(0.1, 9);
+      c.places.push_back(map.view.eye_m + along * at_m);
+      c.places.push_back(map.view.eye_m + along * std::nextafter(at_m, kInfinity));
+    }
+  const MapView& view = c.maps[0].view;
+  c.places.push_back(view.eye_m);
+  c.places.push_back(view.eye_m + view.world_from_view[0]);  // in the eye's plane
+  c.places.push_back(view.eye_m + 1e-9 * view.world_from_view[2]);
+}
+
+int32_t expected_sight(const Case& c, const glm::dvec3& place) {
+  const Sight sight = look_up(c.maps, place, c.bias);
+  if (!sight.known) return kUnknownSight;
+  if (sight.visible) return kVisibleSight;
+  return sight.occluder != kNoOccluder && c.passes[sight.occluder] ? kPassingSight : kHiddenSight;
+}
+
+TEST(LookUp, SaysOfEveryPlaceWhatTheDefinitionSays) {
+  CounterRandom random(5, 0, RandomPurpose::kTest);
+  LookUp look_up_all;
+  std::array<size_t, 4> found{};
+  size_t singly = 0, all = 0, several_maps = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    Case c = random_case(random);
+    const size_t plain = c.places.size();
+    look_up_all.set_places(c.places);
+    look_up_all(c.maps, c.bias, c.passes);
+    singly += look_up_all.exact_count(), all += plain;
+    add_places_on_edges(random, c);
+    several_maps += c.maps.size() > 1;
+    look_up_all.set_places(c.places);
+    const std::span<const int32_t> sights = look_up_all(c.maps, c.bias, c.passes);
+    bool any_passing = false;
+    for (size_t i = 0; i < c.places.size(); ++i) {
+      const int32_t expected = expected_sight(c, c.places[i]);
+      ASSERT_EQ(sights[i], expected) << "trial " << trial << " place " << i << " of " << plain;
+      ++found[static_cast<size_t>(expected)];
+      any_passing |= expected == kPassingSight;
+    }
+    EXPECT_TRUE(look_up_all.any_passing() || !any_passing);
+  }
+  for (const size_t count : found) EXPECT_GT(count, 10000u);
+  EXPECT_GT(several_maps, 50u);
+  EXPECT_GT(singly, 0u);
+  EXPECT_LT(singly, all / 20) << "texels of no number among them";
+}
+
+TEST(LookUp, HiddenIsHiddenByWhatStaysWhenNothingPasses) {
+  CounterRandom random(6, 0, RandomPurpose::kTest);
+  const Case c = random_case(random);
+  LookUp look_up_all;
+  look_up_all.set_places(c.places);
+  const std::span<const int32_t> sights = look_up_all(c.maps, c.bias);
+  for (size_t i = 0; i < c.places.size(); ++i) {
+    const int32_t expected = expected_sight(c, c.places[i]);
+    EXPECT_EQ(sights[i], expected == kPassingSight ? kHiddenSight : expected);
+  }
+  EXPECT_FALSE(look_up_all.any_passing());
+}
+
+TEST(LookUp, PlacesThatAreNoNumbersAreUnknownAndLeaveTheOthersAsTheyAre) {
+  CounterRandom random(7, 0, RandomPurpose::kTest);
+  Case c = random_case(random);
+  c.places[3].x = std::numeric_limits<double>::quiet_NaN();
+  c.places[500] = {kInfinity, 0, 0};
+  LookUp look_up_all;
+  look_up_all.set_places(c.places);
+  const std::span<const int32_t> sights = look_up_all(c.maps, c.bias, c.passes);
+  for (size_t i = 0; i < c.places.size(); ++i) EXPECT_EQ(sights[i], expected_sight(c, c.places[i])) << i;
+}
+
+TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
+  LookUp look_up_all;
+  EXPECT_TRUE(look_up_all({}, 0.0).empty());
+  const std::vector<glm::dvec3> places = {{0, 0, -5}};
+  look_up_all.set_places(places);
+  EXPECT_EQ(look_up_all({}, 0.0)[0], kUnknownSight);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,56 @@
+// A city on a grid, as large and as finely cut as a measurement wants it: what growth is measured on. Blocks with streets between
+// them; targets walk abreast along the middle street, movers along all of them, props stand at the kerbs.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "server/sample/extent.h"
+#include "server/scene/mirror.h"
+#include "server/scene/target.h"
+
+namespace sightline::bench {
+
+struct GridCityOptions {
+  int blocks_a_side = 20;  // even
+  int cells = 8;           // every face of a block is cut into cells x cells: 12 cells^2 triangles
+  bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
+  int targets = 2;         // [1, kMaxTargets]
+  int movers = 0;          // moving occluders besides the targets
+  int props = 0;           // small instances that stand; all of one geometry
+};
+
+// Deterministic. Single-threaded.
+class GridCity {
+ public:
+  explicit GridCity(const GridCityOptions& options);
+
+  // Moves everything that moves to where it is at this tick of 1/60 s, velocities with it. Returns what the mirror took for it,
+  // milliseconds.
+  double advance(int tick);
+
+  const SceneMirror& mirror() const { return mirror_; }
+  const std::vector<Target>& targets() const { return targets_; }
+  // By target: tables of their shape.
+  const std::vector<const ExtentTable*>& tables() const { return tables_; }
+  // Behind the targets and above them.
+  Pose camera() const;
+  size_t triangles() const;
+
+ private:
+  void add_blocks(SceneDelta& delta);
+  void add_props(SceneDelta& delta);
+  void add_walkers(SceneDelta& delta);
+  Pose walker_pose(int walker, int tick) const;
+
+  const GridCityOptions options_;
+  GeometryStore store_;
+  ExtentCache extents_;
+  SceneMirror mirror_;
+  std::vector<Target> targets_;
+  std::vector<std::shared_ptr<const ExtentTable>> held_tables_;
+  std::vector<const ExtentTable*> tables_;
+  TransformUpdate update_;
+};
+
+}  // namespace sightline::bench

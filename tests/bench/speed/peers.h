@@ -1,0 +1,47 @@
+// What one would write instead: the peers that a step is measured beside. Each answers which candidates see which targets' aim
+// points, or does the costly part of it, over the scene of one mirror.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/sample/depth_map.h"
+#include "server/scene/mirror.h"
+
+namespace sightline::bench {
+
+// What is asked of one target.
+struct SeenFrom {
+  glm::dvec3 aim_m{0.0};
+  uint32_t slot = 0;  // of the target itself: never in its own way
+};
+
+// One ray for each candidate and target. `seen`: bit i of entry k, candidate k sees target i. `prepare` takes in what moved.
+class RayPeer {
+ public:
+  virtual ~RayPeer() = default;
+  virtual void prepare() = 0;
+  virtual void look(std::span<const SeenFrom> targets, std::span<const glm::dvec3> candidates_m,
+                    std::vector<uint32_t>& seen) = 0;
+};
+
+// Embree, rtcOccluded1: all that stands as one flat scene of triangles, built with high quality; what moves as instances in another.
+std::unique_ptr<RayPeer> make_embree_peer(const SceneMirror& mirror);
+
+// Bullet, btCollisionWorld::rayTest: every instance a collision object with a triangle-mesh shape, as a game has it for its physics.
+std::unique_ptr<RayPeer> make_bullet_peer(const SceneMirror& mirror);
+
+// The paper's way: the whole scene drawn into every map, each map read back by glReadPixels. What stands is one vertex buffer, drawn
+// by one call.
+class DrawAllPeer {
+ public:
+  virtual ~DrawAllPeer() = default;
+  virtual void take(std::span<const MapRequest> requests, std::vector<std::vector<float>>& depths) = 0;
+};
+// On the EGL device that the sampler would choose. kUnavailable where there is none.
+Result<std::unique_ptr<DrawAllPeer>> make_draw_all_peer(const SceneMirror& mirror);
+
+}  // namespace sightline::bench

@@ -1,0 +1,245 @@
+// What a step costs beside what one would write instead, and how it grows. All contenders of a section are measured in one run, frame
+// by frame in turn, over the same scene at the same time.
+//
+//   speed_bench --out FOLDER [--quick] [--section NAME]...
+//
+// Writes FOLDER/rows.csv (percentiles of milliseconds) and FOLDER/ratios.csv. Sections: peers, default, wide, detail, blocks, targets,
+// movers. tests/results/speed/make.sh makes the page of it.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "client/scenario_world.h"
+#include "client/step_timing.h"
+#include "server/gl/software_renderer.h"
+#include "server/presets.h"
+#include "server/sample/egl_sampler.h"
+#include "server/sample/embree_sampler.h"
+#include "tests/bench/speed/grid_city.h"
+#include "tests/bench/speed/peers.h"
+#include "tests/bench/speed/timed_steps.h"
+
+namespace sightline::bench {
+namespace {
+
+struct Bench {
+  Tables tables;
+  bool quick = false;
+  std::vector<std::unique_ptr<SamplerDevice>> devices;  // EGL where there is one, and Embree
+
+  int frames(int full) const { return TimedSteps::kWarmUpFrames + (quick ? std::max(20, full / 20) : full); }
+};
+
+// One point a target, the nearest visible place: what the peers' rays answer.
+StepSettings plain(int resolution, int candidates, int points = 0) {
+  StepSettings settings = paper_row(Strategy::kBasic, 0.0);
+  settings.aggregate.volume = Volume::kLattice;
+  settings.sample.resolution = resolution;
+  settings.sample.points = points;
+  settings.aggregate.candidates = candidates;
+  return settings;
+}
+
+StepSettings with_defaults(int resolution, int candidates) {
+  StepSettings settings = preset_settings(Preset::kSightline);
+  settings.sample.resolution = resolution;
+  settings.aggregate.candidates = candidates;
+  return settings;
+}
+
+// A peer's answer beside that of the step just taken.
+double agreement(const std::vector<uint32_t>& seen, const StepMemory& memory, size_t targets) {
+  size_t same = 0;
+  for (size_t k = 0; k < seen.size(); ++k)
+    for (size_t t = 0; t < targets; ++t) same += ((seen[k] ^ memory.candidates.visible_targets[k]) >> t & 1u) == 0;
+  return static_cast<double>(same) / static_cast<double>(std::max<size_t>(1, seen.size() * targets));
+}
+
+// The candidates of the step that was just taken, looked at by rays from the targets' aim points.
+class TimedRays {
+ public:
+  TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)) { track.name = std::move(name); }
+
+  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepMemory& memory, bool keep) {
+    from_.clear();
+    for (size_t i = 0; i < targets.size(); ++i)
+      from_.push_back({memory.target_views[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
+    const double begin_ms = now_ms();
+    peer_->prepare();
+    peer_->look(from_, memory.candidates.position_m, seen_);
+    const double took_ms = now_ms() - begin_ms;
+    if (!keep) return;
+    track.total_ms.push_back(took_ms);
+    track.candidates = seen_.size();
+    agreements_ += agreement(seen_, memory, targets.size());
+    track.agreement = agreements_ / static_cast<double>(track.total_ms.size());
+  }
+  Track track;
+
+ private:
+  std::unique_ptr<RayPeer> peer_;
+  std::vector<SeenFrom> from_;
+  std::vector<uint32_t> seen_;
+  double agreements_ = 0;
+};
+
+class TimedDrawing {
+ public:
+  explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) { track.name = "draw all"; }
+  // The maps over the bound of the step that was just taken: one a target.
+  void take(const StepMemory& memory, bool keep) {
+    const double begin_ms = now_ms();
+    peer_->take(std::span(memory.requests).first(memory.now.first_sight), depths_);
+    if (keep) track.total_ms.push_back(now_ms() - begin_ms);
+  }
+  Track track;
+
+ private:
+  std::unique_ptr<DrawAllPeer> peer_;
+  std::vector<std::vector<float>> depths_;
+};
+
+// The scenario `city` (280 K triangles, two targets).
+void run_peers(Bench& bench) {
+  const auto city = TimedCity::load();
+  if (!city) std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), std::exit(1);
+  const Scenario& scenario = *(*city)->scenario;
+  std::vector<const ExtentTable*> tables;
+  for (const auto& table : (*city)->tables) tables.push_back(table.get());
+  for (const int r : {5, 7, 10, 15, 32}) {
+    const auto world = ScenarioWorld::make(scenario, (*city)->store, (*city)->device);
+    if (!world) std::fprintf(stderr, "%s\n", to_string(world.error()).c_str()), std::exit(1);
+    const SceneMirror& mirror = (*world)->mirror();
+    const TimedScene scene{mirror, (*world)->targets(), tables, scenario.lens()};
+    std::vector<std::unique_ptr<TimedSteps>> steps, defaults;
+    for (const auto& device : bench.devices) {
+      steps.push_back(std::make_unique<TimedSteps>(device->kind(), scene, plain(r, r * r * r), *device));
+      if (r <= 15) defaults.push_back(std::make_unique<TimedSteps>(device->kind() + " default", scene, with_defaults(r, r * r * r), *device));
+    }
+    TimedRays embree("embree rays", make_embree_peer(mirror)), bullet("bullet rays", make_bullet_peer(mirror));
+    std::unique_ptr<TimedDrawing> drawing;
+    if (bench.devices.size() > 1)
+      if (auto peer = make_draw_all_peer(mirror)) drawing = std::make_unique<TimedDrawing>(std::move(*peer));
+
+    const int frames = bench.frames(r > 15 ? 200 : 1200), lap = static_cast<int>(scenario.duration_s() * 60);
+    for (int frame = 0; frame < frames; ++frame) {
+      (*world)->set_time(frame % lap / 60.0);
+      for (auto* group : {&steps, &defaults})
+        for (auto& contender : *group) {
+          if (frame % lap == 0) contender->place(scenario.camera());
+          contender->step();
+        }
+      const StepMemory& memory = steps.back()->memory();  // Embree's, which comes last
+      const bool keep = frame >= TimedSteps::kWarmUpFrames;
+      embree.look(mirror, (*world)->targets(), memory, keep);
+      bullet.look(mirror, (*world)->targets(), memory, keep);
+      if (drawing) drawing->take(memory, keep);
+    }
+    for (const auto& contender : steps) bench.tables.row("peers", r, contender->track());
+    for (const auto& contender : defaults) bench.tables.row("default", r, contender->track());
+    bench.tables.row("peers", r, embree.track);
+    bench.tables.row("peers", r, bullet.track);
+    bench.tables.ratio("peers", r, steps.back()->track(), embree.track);
+    bench.tables.ratio("peers", r, steps.back()->track(), bullet.track);
+    if (!drawing) continue;
+    bench.tables.row("peers", r, drawing->track);
+    bench.tables.ratio("peers", r, steps.front()->track(), drawing->track);
+  }
+}
+
+// Contenders over one grid city: every setting with every device.
+void run_grid(Bench& bench, const std::string& section, double x, const GridCityOptions& options, int full_frames,
+              const std::vector<std::pair<std::string, StepSettings>>& settings, bool with_egl = true) {
+  const double begin_ms = now_ms();
+  GridCity city(options);
+  const TimedScene scene{city.mirror(), city.targets(), city.tables(), {}};
+  std::vector<std::unique_ptr<TimedSteps>> steps;
+  for (const auto& device : bench.devices) {
+    if (device->kind() == "egl" && !with_egl) continue;
+    for (const auto& [name, each] : settings)
+      steps.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name), scene, each, *device));
+  }
+  for (auto& contender : steps) contender->place(city.camera());
+  std::printf("%s %.0f: %zu triangles, %zu instances\n", section.c_str(), x, city.triangles(), city.mirror().size());
+  const int frames = bench.frames(full_frames);
+  for (int frame = 0; frame < frames; ++frame) {
+    const double scene_ms = city.advance(frame);
+    for (auto& contender : steps) contender->step(scene_ms);
+    if (frame == 0) std::printf("  ready after %.1f s\n", 1e-3 * (now_ms() - begin_ms));
+  }
+  for (const auto& contender : steps) bench.tables.row(section, x, contender->track());
+}
+
+void run_wide(Bench& bench) {
+  run_grid(bench, "wide", 4096, {.targets = 8}, 400,
+           {{"8 points", plain(16, 4096, 8)}, {"default", with_defaults(16, 4096)}}, false);
+}
+
+// The same blocks, cut ever finer.
+void run_detail(Bench& bench) {
+  for (const int cells : {2, 7, 22, 70}) {
+    if (bench.quick && cells == 70) continue;
+    run_grid(bench, "detail", 12.0 * 22 * 22 * cells * cells, {.blocks_a_side = 22, .cells = cells}, 600,
+             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+  }
+}
+
+// The same detail, ever more blocks.
+void run_blocks(Bench& bench) {
+  for (const int side : {6, 20, 60, 192}) {
+    if (bench.quick && side == 192) continue;
+    run_grid(bench, "blocks", 12.0 * 64 * side * side, {.blocks_a_side = side, .own_geometry = false}, 600,
+             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+  }
+}
+
+void run_targets(Bench& bench) {
+  for (const int targets : {1, 2, 4, 8, 16, 32})
+    run_grid(bench, "targets", targets, {.targets = targets}, 600, {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+}
+
+// 10,000 instances, of which ever more move.
+void run_movers(Bench& bench) {
+  for (const int movers : {0, 10, 100, 1000})
+    run_grid(bench, "movers", movers, {.movers = movers, .props = 10'000 - 400 - 2 - movers}, 600,
+             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+}
+
+struct Section {
+  const char* name;
+  void (*run)(Bench&);
+};
+constexpr Section kSections[] = {{"peers", run_peers},   {"wide", run_wide},       {"detail", run_detail},
+                                 {"blocks", run_blocks}, {"targets", run_targets}, {"movers", run_movers}};
+
+int run(int argc, char** argv) {
+  Bench bench;
+  std::string folder;
+  std::vector<std::string> wanted;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--quick") bench.quick = true;
+    else if (word == "--out" && i + 1 < argc) folder = argv[++i];
+    else if (word == "--section" && i + 1 < argc) wanted.push_back(argv[++i]);
+    else return std::fprintf(stderr, "usage: speed_bench --out FOLDER [--quick] [--section NAME]...\n"), 2;
+  }
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (folder.empty() || !bench.tables.open(folder)) return std::fprintf(stderr, "cannot write into '%s'\n", folder.c_str()), 1;
+  prepare_software_rendering();
+  std::string no_egl;
+  bench.devices = timed_samplers(&no_egl);
+  if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
+  for (const auto& device : bench.devices) std::printf("%s: %s\n", device->kind().c_str(), device->description().c_str());
+  for (const Section& section : kSections)
+    if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end()) section.run(bench);
+  return 0;
+}
+
+}  // namespace
+}  // namespace sightline::bench
+
+int main(int argc, char** argv) {
+  return sightline::bench::run(argc, argv);
+}

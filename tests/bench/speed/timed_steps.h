@@ -1,0 +1,71 @@
+// Steps taken one after another over a scene that moves, timed; and the tables that are made of it.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "server/step.h"
+
+namespace sightline::bench {
+
+double now_ms();
+
+// The times of one contender, frame by frame.
+struct Track {
+  std::string name;
+  std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
+  size_t candidates = 0;
+  double agreement = -1;  // share of candidates x targets on which a peer and the step beside it agree; -1: not asked
+};
+
+// What is stepped over. References must outlive the steps.
+struct TimedScene {
+  const SceneMirror& mirror;
+  const std::vector<Target>& targets;
+  const std::vector<const ExtentTable*>& tables;
+  Lens lens;
+};
+
+// One camera. The first kWarmUpFrames are not kept.
+class TimedSteps {
+ public:
+  static constexpr int kWarmUpFrames = 20;
+
+  TimedSteps(std::string name, const TimedScene& scene, const StepSettings& settings, SamplerDevice& device);
+  // The camera is there from the next step on.
+  void place(const Pose& camera) { place_camera(memory_, camera, glm::dvec3(0.0)); }
+  // The next frame; `scene_ms` is what the mirror took for it.
+  void step(double scene_ms = 0.0);
+
+  const StepMemory& memory() const { return memory_; }
+  const Track& track() const { return track_; }
+  bool warm() const { return frame_ > kWarmUpFrames; }
+
+ private:
+  const TimedScene scene_;
+  const StepSettings settings_;
+  const CameraLimits limits_;
+  const std::unique_ptr<Sampler> sampler_;
+  StepMemory memory_;
+  int frame_ = 0;
+  Track track_;
+};
+
+// rows.csv and ratios.csv in a folder.
+class Tables {
+ public:
+  // False when they cannot be written.
+  bool open(const std::string& folder);
+  ~Tables();
+
+  void row(const std::string& section, double x, const Track& track);
+  // How many times as long as `ours` the other takes: the median of ten runs of frames, with the least and the greatest.
+  void ratio(const std::string& section, double x, const Track& ours, const Track& other);
+
+ private:
+  std::FILE* rows_ = nullptr;
+  std::FILE* ratios_ = nullptr;
+};
+
+}  // namespace sightline::bench
