@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -152,7 +153,7 @@ void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror&
   const size_t before = resident_bytes();
   print_time(name, first_take(device, mirror));
   print_bytes("  as it says", device.geometry_bytes(), triangles);
-  print_bytes("  resident", resident_bytes() - before, triangles);
+  print_bytes("  resident", std::max(resident_bytes(), before) - before, triangles);
 }
 
 void measure(const std::string& path, const std::function<void(const SceneMirror&, size_t)>& take) {
