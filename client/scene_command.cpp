@@ -126,6 +126,7 @@ std::string joined(const std::vector<std::string>& words) {
 
 void print_summary(std::ostream& out, const std::string& path, const SceneAsset& asset,
                    const GeometryStore& store) {
+  const GeometryBytes bytes = store.live_bytes_by_part();
   size_t stored = 0, meshes = 0;
   for (const auto& mesh : asset.meshes)
     if (mesh) stored += mesh->triangle_count(), ++meshes;
@@ -134,8 +135,9 @@ void print_summary(std::ostream& out, const std::string& path, const SceneAsset&
       << "extents     " << extents_text(asset) << '\n'
       << "triangles   " << grouped(stored) << " stored, " << grouped(asset.triangle_count())
       << " as instanced\n"
-      << "memory      " << bytes_text(store.live_bytes()) << " for " << grouped(store.live_count())
-      << " different geometries of " << grouped(meshes) << " meshes\n"
+      << "memory      " << bytes_text(bytes.total()) << " for " << grouped(store.live_count())
+      << " different geometries of " << grouped(meshes) << " meshes: positions and indices "
+      << bytes_text(bytes.source) << ", clusters " << bytes_text(bytes.clusters) << '\n'
       << "extensions  " << joined(asset.extensions_used) << '\n';
 }
 

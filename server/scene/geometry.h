@@ -61,10 +61,17 @@ struct MeshData {
   uint32_t see_through_first_index = UINT32_MAX;
 };
 
+// What a geometry holds, by what it is for.
+struct GeometryBytes {
+  size_t source = 0;    // positions and indices
+  size_t clusters = 0;  // both trees, and the rest of the object
+  size_t total() const { return source + clusters; }
+};
+
 class Geometry {
  public:
   ContentHash hash;                  // of the MeshData as given
-  std::vector<glm::vec3> positions;  // metres, mesh frame
+  std::vector<glm::vec3> positions;  // metres, mesh frame; welded (weld.h)
   std::vector<uint32_t> indices;     // in cluster order; occluding triangles first
   uint32_t occluding_index_count = 0;
   TriangleTree occluding;    // over [0, occluding_index_count)
@@ -74,15 +81,15 @@ class Geometry {
   float radius_m = 0.0f;     // of the bounding sphere
 
   size_t triangle_count() const { return indices.size() / 3; }
-  size_t bytes() const;
+  GeometryBytes bytes_by_part() const;
+  size_t bytes() const { return bytes_by_part().total(); }
 };
 
 // The name of a mesh's content: equal for equal positions, indices and see-through split.
 ContentHash hash_mesh(const MeshData& mesh);
 
-// Builds clusters and trees: top-down, binned surface-area heuristic (Wald, "On fast construction of
-// SAH-based bounding volume hierarchies", 2007) with the cost counted in clusters, so that leaves are well
-// filled. Triangles of zero area are dropped; unused positions are kept. A mesh without triangles gives empty
+// Builds clusters and trees (tree_builder.h), on every core when there is much to do. Triangles of zero area are dropped; equal positions become one (weld.h), unused ones are
+// kept. A mesh without triangles gives empty
 // trees and an empty `bounds`. Fails with kInvalidArgument (field "indices", "positions" or
 // "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
 // position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input gives equal output.
@@ -95,7 +102,8 @@ class GeometryStore {
   // The geometry of this content: the living copy, or a new one. Fails as build_geometry does.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
   // Bytes of all geometries alive now, each counted once.
-  size_t live_bytes() const;
+  GeometryBytes live_bytes_by_part() const;
+  size_t live_bytes() const { return live_bytes_by_part().total(); }
   size_t live_count() const;
 
  private:

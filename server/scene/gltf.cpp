@@ -9,6 +9,7 @@
 #include "server/scene/gltf_document.h"
 #include "server/scene/gltf_extras.h"
 #include "server/scene/gltf_json.h"
+#include "server/scene/gltf_meshopt.h"
 
 namespace sightline {
 namespace {
@@ -64,7 +65,8 @@ ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentH
 }
 
 GltfBudget budget_of(const GltfLimits& limits) {
-  return {limits.max_triangles, 3 * limits.max_triangles, limits.max_instances, limits.max_animation_values};
+  return {limits.max_triangles, 3 * limits.max_triangles, limits.max_instances, limits.max_animation_values,
+          limits.max_unpacked_bytes};
 }
 
 void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
@@ -87,6 +89,7 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   document.budget = budget_of(limits);
   if (const Status s = load_gltf_buffers(*json, *container, external, limits, document); !s)
     return tl::unexpected(s.error());
+  if (const Status s = unpack_meshopt_views(*json, document); !s) return tl::unexpected(s.error());
   if (const Status s = parse_model(*json, document.model); !s) return tl::unexpected(s.error());
   if (const Status s = read_node_extras(*json, document); !s) return tl::unexpected(s.error());
   // 4. The asset.

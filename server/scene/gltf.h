@@ -26,6 +26,9 @@ struct GltfLimits {
   size_t max_json_bytes = size_t{128} << 20;
   size_t max_json_values = 16'000'000;
   size_t max_animation_values = 50'000'000;  // numbers in all keys of all animations
+  // What packed parts (EXT_meshopt_compression, KHR_draco_mesh_compression) may need while they are unpacked, all of a
+  // file together.
+  size_t max_unpacked_bytes = size_t{4} << 30;
 };
 
 // Returns the bytes of a file that the document refers to by relative URI (already percent-decoded, never

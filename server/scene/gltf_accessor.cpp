@@ -22,16 +22,14 @@ size_t component_bytes(int component_type) {
 Result<StridedBytes> strided(const GltfDocument& document, int view_index, size_t offset, size_t count,
                              size_t element_bytes, const std::string& field) {
   const tinygltf::BufferView& view = document.model.bufferViews[static_cast<size_t>(view_index)];
-  const std::span<const std::byte> buffer = document.buffers[static_cast<size_t>(view.buffer)];
-  if (view.byteOffset > buffer.size() || view.byteLength > buffer.size() - view.byteOffset)
-    return fail(ErrorCode::kDataLoss, gltf_path("bufferViews", static_cast<size_t>(view_index)),
-                "reaches beyond its buffer");
+  const auto bytes = gltf_view_bytes(document, static_cast<size_t>(view_index));
+  if (!bytes) return tl::unexpected(bytes.error());
   const size_t stride = view.byteStride != 0 ? view.byteStride : element_bytes;
   if (stride < element_bytes) return invalid(field, "has a byteStride smaller than an element");
   const auto outside = fail(ErrorCode::kDataLoss, field, "reaches beyond its buffer view");
-  if (offset > view.byteLength || element_bytes > view.byteLength - offset) return outside;
-  if (count - 1 > (view.byteLength - offset - element_bytes) / stride) return outside;
-  return StridedBytes{buffer.data() + view.byteOffset + offset, stride, count};
+  if (offset > bytes->size() || element_bytes > bytes->size() - offset) return outside;
+  if (count - 1 > (bytes->size() - offset - element_bytes) / stride) return outside;
+  return StridedBytes{bytes->data() + offset, stride, count};
 }
 
 template <typename T>
@@ -75,6 +73,14 @@ uint32_t decode_index(const std::byte* from, int component_type) {
     default:
       return load<uint32_t>(from);
   }
+}
+
+void decode_indices(const StridedBytes& from, int component_type, uint32_t* to) {
+  if (component_type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT && from.stride == sizeof(uint32_t)) {
+    std::memcpy(to, from.first, from.count * from.stride);
+    return;
+  }
+  for (size_t i = 0; i < from.count; ++i) to[i] = decode_index(from.first + i * from.stride, component_type);
 }
 
 bool is_index_type(int component_type) {
@@ -159,31 +165,97 @@ bool allowed_component(const tinygltf::Accessor& accessor, GltfComponents allowe
   return allowed == GltfComponents::kFloatOrAnyInteger;
 }
 
-}  // namespace
+// How an accessor's elements are stored, and how they become floats.
+struct FloatFormat {
+  int component_type = TINYGLTF_COMPONENT_TYPE_FLOAT;
+  bool normalized = false;
+  size_t width = 0;  // components of an element
 
-Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int index, int components,
-                                            GltfComponents allowed, const std::string& field) {
+  size_t element_bytes() const { return component_bytes(component_type) * width; }
+  void decode_element(const std::byte* from, float* to) const {
+    const size_t step = component_bytes(component_type);
+    for (size_t c = 0; c < width; ++c) to[c] = decode_component(from + c * step, component_type, normalized);
+  }
+  void decode(const StridedBytes& from, float* to) const {
+    if (component_type == TINYGLTF_COMPONENT_TYPE_FLOAT && from.stride == element_bytes()) {
+      std::memcpy(to, from.first, from.count * from.stride);
+      return;
+    }
+    for (size_t i = 0; i < from.count; ++i) decode_element(from.first + i * from.stride, to + i * width);
+  }
+};
+
+Result<FloatFormat> float_format(const GltfDocument& document, int index, int components,
+                                 GltfComponents allowed, const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (tinygltf::GetNumComponentsInType(static_cast<uint32_t>(accessor.type)) != components ||
       !allowed_component(accessor, allowed))
     return invalid(field, "accessors[" + std::to_string(index) + "] has the wrong type or componentType");
-  const size_t step = component_bytes(accessor.componentType);
-  const auto width = static_cast<size_t>(components);
-  const auto sources = locate(document, index, step * width);
-  if (!sources) return tl::unexpected(sources.error());
+  return FloatFormat{accessor.componentType, accessor.normalized, static_cast<size_t>(components)};
+}
 
-  std::vector<float> values(accessor.count * width, 0.0f);
-  const auto decode_element = [&](size_t element, const std::byte* from) {
-    for (size_t c = 0; c < width; ++c)
-      values[element * width + c] =
-          decode_component(from + c * step, accessor.componentType, accessor.normalized);
-  };
-  if (sources->base)
-    for (size_t i = 0; i < accessor.count; ++i)
-      decode_element(i, sources->base->first + i * sources->base->stride);
-  const Status status = substitute(*sources, accessor.count,
-                                   gltf_path("accessors", static_cast<size_t>(index)), decode_element);
-  if (!status) return tl::unexpected(status.error());
+struct FloatSource : FloatFormat {
+  Sources sources;
+  size_t count = 0;
+
+  // `to` holds zeros.
+  Status decode_all(int index, float* to) const {
+    if (sources.base) decode(*sources.base, to);
+    return substitute(
+        sources, count, gltf_path("accessors", static_cast<size_t>(index)),
+        [&](size_t element, const std::byte* from) { decode_element(from, to + element * width); });
+  }
+};
+
+Result<FloatSource> float_source(const GltfDocument& document, int index, int components,
+                                 GltfComponents allowed, const std::string& field) {
+  const auto format = float_format(document, index, components, allowed, field);
+  if (!format) return tl::unexpected(format.error());
+  const auto sources = locate(document, index, format->element_bytes());
+  if (!sources) return tl::unexpected(sources.error());
+  return FloatSource{*format, *sources, document.model.accessors[static_cast<size_t>(index)].count};
+}
+
+}  // namespace
+
+Result<std::span<const std::byte>> gltf_view_bytes(const GltfDocument& document, size_t index) {
+  if (!document.unpacked_views.empty() && !document.unpacked_views[index].empty())
+    return document.unpacked_views[index];
+  const tinygltf::BufferView& view = document.model.bufferViews[index];
+  const std::span<const std::byte> buffer = document.buffers[static_cast<size_t>(view.buffer)];
+  if (view.byteOffset > buffer.size() || view.byteLength > buffer.size() - view.byteOffset)
+    return fail(ErrorCode::kDataLoss, gltf_path("bufferViews", index), "reaches beyond its buffer");
+  return buffer.subspan(view.byteOffset, view.byteLength);
+}
+
+Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int index, int components,
+                                            GltfComponents allowed, const std::string& field) {
+  const auto source = float_source(document, index, components, allowed, field);
+  if (!source) return tl::unexpected(source.error());
+  std::vector<float> values(source->count * source->width, 0.0f);
+  if (const Status s = source->decode_all(index, values.data()); !s) return tl::unexpected(s.error());
+  return values;
+}
+
+Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document, int index,
+                                                   const std::string& field) {
+  const auto source = float_source(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
+  if (!source) return tl::unexpected(source.error());
+  std::vector<glm::vec3> values(source->count, glm::vec3(0.0f));
+  if (const Status s = source->decode_all(index, &values.data()->x); !s) return tl::unexpected(s.error());
+  return values;
+}
+
+Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document, int index,
+                                                   std::span<const std::byte> elements,
+                                                   const std::string& field) {
+  const auto format = float_format(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
+  if (!format) return tl::unexpected(format.error());
+  if (document.model.accessors[static_cast<size_t>(index)].sparse.isSparse)
+    return invalid(field, "must not be sparse");
+  std::vector<glm::vec3> values(elements.size() / format->element_bytes());
+  if (!values.empty())
+    format->decode({elements.data(), format->element_bytes(), values.size()}, &values.data()->x);
   return values;
 }
 
@@ -199,9 +271,7 @@ Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, in
   const auto decode_element = [&](size_t element, const std::byte* from) {
     values[element] = decode_index(from, accessor.componentType);
   };
-  if (sources->base)
-    for (size_t i = 0; i < accessor.count; ++i)
-      decode_element(i, sources->base->first + i * sources->base->stride);
+  if (sources->base) decode_indices(*sources->base, accessor.componentType, values.data());
   const Status status = substitute(*sources, accessor.count,
                                    gltf_path("accessors", static_cast<size_t>(index)), decode_element);
   if (!status) return tl::unexpected(status.error());

@@ -3,6 +3,8 @@
 #include <cstring>
 #include <map>
 
+#include "server/scene/gltf_meshopt.h"
+
 namespace sightline {
 namespace {
 
@@ -125,8 +127,12 @@ Status load_gltf_buffers(const nlohmann::json& json, const GltfContainer& contai
                          const ExternalFile& external, const GltfLimits& limits, GltfDocument& document) {
   if (!json.contains("buffers")) return {};
   BufferLoader loader(container, external, limits, document);
+  const std::vector<bool> is_fallback = meshopt_fallback_buffers(json);
   for (size_t i = 0; i < json["buffers"].size(); ++i)
-    if (const Status status = loader.load(json["buffers"][i], i); !status) return status;
+    if (i < is_fallback.size() && is_fallback[i])
+      document.buffers.emplace_back();
+    else if (const Status status = loader.load(json["buffers"][i], i); !status)
+      return status;
   return {};
 }
 

@@ -8,7 +8,9 @@
 #include <span>
 #include <string_view>
 
+#include "server/scene/gltf_draco.h"
 #include "server/scene/gltf_json.h"
+#include "server/scene/gltf_meshopt.h"
 
 namespace sightline {
 namespace {
@@ -19,11 +21,15 @@ constexpr uint64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr size_t kMaxArrayItems = 1'000'000;  // of any one array of the document
 constexpr size_t kMaxMaterials = 65'536;      // "{}" is a valid one, and tinygltf spends 1.5 KB on it
 
-// Extensions that may be required: two that we read, and those that leave every triangle where it is.
-constexpr std::array<std::string_view, 12> kSupported = {
-    "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_lights_punctual", "KHR_xmp_json_ld",
-    "KHR_texture_basisu",    "KHR_texture_transform",   "EXT_texture_webp",    "EXT_texture_avif",
-    "MSFT_texture_dds",      "EXT_lights_image_based",  "EXT_lights_ies",      "KHR_xmp"};
+// Extensions that may be required: four that we read, and those that leave every triangle where it is.
+constexpr std::array<std::string_view, 14> kSupported = {
+    "KHR_mesh_quantization",   "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression", "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",     "KHR_xmp_json_ld",
+    "KHR_texture_basisu",      "KHR_texture_transform",
+    "EXT_texture_webp",        "EXT_texture_avif",
+    "MSFT_texture_dds",        "EXT_lights_image_based",
+    "EXT_lights_ies",          "KHR_xmp"};
 
 bool supported(std::string_view extension) {
   return extension.starts_with("KHR_materials_") ||
@@ -186,6 +192,45 @@ void check_extensions(JsonCheck& check, const json& document) {
                      ErrorCode::kUnsupported);
 }
 
+constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
+constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION",
+                                                             "EXPONENTIAL"};
+
+// What the extension says of its own layout; the values themselves are known to be there and of the right type.
+void check_meshopt_layout(JsonCheck& check, const json& view, const json& packing, const std::string& path) {
+  const auto stride = packing["byteStride"].get<uint64_t>(), count = packing["count"].get<uint64_t>();
+  const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");
+  const bool attributes = mode == "ATTRIBUTES";
+  const bool stride_suits_mode = attributes ? stride % 4 == 0 : stride == 2 || stride == 4;
+  const bool stride_suits_filter =
+      filter == "OCTAHEDRAL" ? stride == 4 || stride == 8 : filter != "QUATERNION" || stride == 8;
+  if (!stride_suits_mode || !stride_suits_filter)
+    check.complain(path + ".byteStride", "does not suit the mode and the filter");
+  if (mode == "TRIANGLES" && count % 3 != 0) check.complain(path + ".count", "must be a multiple of 3");
+  if (!attributes && filter != "NONE") check.complain(path + ".filter", "is for attributes only");
+  if (view.value("byteStride", stride) != stride)
+    check.complain(path + ".byteStride", "differs from the view's");
+  if (view["byteLength"].get<uint64_t>() != stride * count)
+    check.complain(path, "byteStride times count is not the view's byteLength");
+}
+
+void check_meshopt(JsonCheck& check, const json& view, const std::string& view_path) {
+  const json* extensions = check.object(view, view_path, "extensions");
+  if (!extensions) return;
+  const json* packing = check.object(*extensions, view_path + ".extensions", kMeshoptExtension);
+  if (!packing) return;
+  const std::string path = view_path + ".extensions." + kMeshoptExtension;
+  check.required(*packing, path, {"buffer", "byteLength", "byteStride", "count", "mode"});
+  check.index(*packing, path, "buffer", "buffers");
+  check.whole(*packing, path, "byteOffset", 0, uint64_t{1} << 40);
+  check.whole(*packing, path, "byteLength", 1, uint64_t{1} << 40);
+  check.whole(*packing, path, "byteStride", 2, 256);
+  check.whole(*packing, path, "count", 1, kMaxInt);
+  check.one_of(*packing, path, "mode", kMeshoptModes);
+  check.one_of(*packing, path, "filter", kMeshoptFilters);
+  if (!check.failed()) check_meshopt_layout(check, view, *packing, path);
+}
+
 void check_buffers(JsonCheck& check, const json& document) {
   check.each(document, "", "buffers", [&](const json& buffer, const std::string& path) {
     check.required(buffer, path, {"byteLength"});
@@ -200,6 +245,7 @@ void check_buffers(JsonCheck& check, const json& document) {
     check.whole(view, path, "byteStride", 4, 252);
     if (!check.failed() && view.value("byteStride", 4u) % 4 != 0)
       check.complain(path + ".byteStride", "must be a multiple of 4");
+    check_meshopt(check, view, path);
   });
 }
 
@@ -239,6 +285,23 @@ void check_accessors(JsonCheck& check, const json& document) {
   });
 }
 
+void check_draco(JsonCheck& check, const json& primitive, const std::string& primitive_path) {
+  const json* extensions = check.object(primitive, primitive_path, "extensions");
+  if (!extensions) return;
+  const json* packing = check.object(*extensions, primitive_path + ".extensions", kDracoExtension);
+  if (!packing) return;
+  const std::string path = primitive_path + ".extensions." + kDracoExtension;
+  check.required(*packing, path, {"bufferView", "attributes"});
+  check.index(*packing, path, "bufferView", "bufferViews");
+  const json* attributes = check.object(*packing, path, "attributes");
+  if (!attributes) return;
+  check.required(*attributes, path + ".attributes", {"POSITION"});
+  for (const auto& [name, id] : attributes->items())
+    check.whole_value(id, in(path + ".attributes", name.c_str()), 0, kMaxInt);
+  if (const int mode = check.failed() ? 4 : primitive.value("mode", 4); mode != 4 && mode != 5)
+    check.complain(primitive_path + ".mode", "must be triangles or a triangle strip where Draco packs them");
+}
+
 void check_meshes(JsonCheck& check, const json& document) {
   check.each(document, "", "meshes", [&](const json& mesh, const std::string& mesh_path) {
     check.string(mesh, mesh_path, "name");
@@ -250,6 +313,7 @@ void check_meshes(JsonCheck& check, const json& document) {
       check.index(primitive, path, "material", "materials");
       check.whole(primitive, path, "mode", 0, 6);
       check.array(primitive, path, "targets");
+      check_draco(check, primitive, path);
     });
   });
 }

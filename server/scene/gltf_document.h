@@ -30,6 +30,7 @@ struct GltfBudget {
   size_t vertices = 0;  // of accessors read, used or not: bounds the work as well as the memory
   size_t instances = 0;
   size_t animation_values = 0;
+  size_t unpacked_bytes = 0;
 
   // Takes `amount` from `left`, or says which limit (`what`) `field` would exceed.
   static Status take(size_t& left, size_t amount, const std::string& field, const char* what);
@@ -39,7 +40,10 @@ struct GltfBudget {
 struct GltfDocument {
   tinygltf::Model model;
   std::vector<std::span<const std::byte>> buffers;  // one per buffer, exactly byteLength long
-  std::vector<std::vector<std::byte>> owned;        // what buffers from files and data URIs point into
+  // One per buffer view: what stands in place of its range of the buffer. Empty for a view that is not packed.
+  std::vector<std::span<const std::byte>> unpacked_views;
+  std::vector<std::vector<std::byte>>
+      owned;  // what buffers and views that are not in the file itself point into
   std::vector<ContentHash> external_hashes;         // of each file read, in order
   std::vector<std::string> node_extras;             // one per node; empty when absent
   std::vector<InstanceAttributes> node_attributes;  // one per node

@@ -2,6 +2,8 @@
 
 #include <initializer_list>
 
+#include "server/scene/gltf_draco.h"
+
 namespace sightline {
 namespace {
 
@@ -65,6 +67,12 @@ json keep_each(const json& document, const char* collection, std::initializer_li
   return kept;
 }
 
+void keep_extension(const json& object, const char* name, json& kept) {
+  if (!object.contains("extensions")) return;
+  json extensions = keep(object["extensions"], {name});
+  if (!extensions.empty()) kept["extensions"] = std::move(extensions);
+}
+
 json reduce_primitives(const json& mesh) {
   json primitives = keep_each(mesh, "primitives", {"attributes", "material", "mode", "targets"});
   for (size_t i = 0; i < primitives.size(); ++i) {
@@ -72,6 +80,7 @@ json reduce_primitives(const json& mesh) {
     attributes.erase(kIndicesAttribute);
     if (const json& primitive = mesh["primitives"][i]; primitive.contains("indices"))
       attributes[kIndicesAttribute] = primitive["indices"];
+    keep_extension(mesh["primitives"][i], kDracoExtension, primitives[i]);
   }
   return primitives;
 }
@@ -87,12 +96,8 @@ json reduce_nodes(const json& document) {
   json nodes =
       keep_each(document, "nodes",
                 {"name", "children", "mesh", "camera", "skin", "matrix", "translation", "rotation", "scale"});
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    const json& node = document["nodes"][i];
-    if (!node.contains("extensions")) continue;
-    json extensions = keep(node["extensions"], {"EXT_mesh_gpu_instancing"});
-    if (!extensions.empty()) nodes[i]["extensions"] = std::move(extensions);
-  }
+  for (size_t i = 0; i < nodes.size(); ++i)
+    keep_extension(document["nodes"][i], "EXT_mesh_gpu_instancing", nodes[i]);
   return nodes;
 }
 

@@ -24,8 +24,8 @@ Status check_gltf_json(const nlohmann::json& document, const GltfLimits& limits)
 // travel among the attributes, under this name.
 inline constexpr const char* kIndicesAttribute = "#indices";
 
-// The checked keys and no others: no images, no URIs, no extras, no extensions except
-// EXT_mesh_gpu_instancing.
+// The checked keys and no others: no images, no URIs, no extras, no extensions except EXT_mesh_gpu_instancing and
+// KHR_draco_mesh_compression.
 nlohmann::json reduce_gltf_json(const nlohmann::json& document);
 
 }  // namespace sightline

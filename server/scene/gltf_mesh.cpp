@@ -4,15 +4,14 @@
 #include <cmath>
 #include <numeric>
 
+#include "server/base/parallel.h"
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
+#include "server/scene/gltf_draco.h"
 #include "server/scene/gltf_json.h"
 
 namespace sightline {
 namespace {
-
-constexpr float kMaxCoordinate =
-    1e9f;  // metres; further out single precision is useless, and squares overflow
 
 // The accessor of an attribute, -1 when absent.
 int accessor_of(const tinygltf::Primitive& primitive, const char* attribute) {
@@ -51,40 +50,42 @@ std::array<size_t, 3> corners(int mode, size_t t) {
   return {3 * t, 3 * t + 1, 3 * t + 2};
 }
 
-Result<std::vector<glm::vec3>> read_positions(const GltfDocument& document, int accessor,
-                                              const std::string& field) {
-  const auto flat = read_gltf_floats(document, accessor, 3, GltfComponents::kFloatOrAnyInteger, field);
-  if (!flat) return tl::unexpected(flat.error());
-  std::vector<glm::vec3> positions(flat->size() / 3);
-  for (size_t i = 0; i < positions.size(); ++i) {
-    positions[i] = {(*flat)[3 * i], (*flat)[3 * i + 1], (*flat)[3 * i + 2]};
+Status check_positions(const std::vector<glm::vec3>& positions, const std::string& field) {
+  for (size_t i = 0; i < positions.size(); ++i)
     for (int axis = 0; axis < 3; ++axis)
-      if (!(std::abs(positions[i][axis]) <= kMaxCoordinate))
+      if (!(std::abs(positions[i][axis]) <= kMaxCoordinateM))
         return invalid(gltf_path(field.c_str(), i), "must be finite and within 1e9 m");
-  }
-  return positions;
+  return {};
+}
+
+Status check_sequence(const std::vector<uint32_t>& sequence, size_t vertex_count, const std::string& field) {
+  for (size_t i = 0; i < sequence.size(); ++i)
+    if (sequence[i] >= vertex_count)
+      return invalid(gltf_path(field.c_str(), i), "is " + std::to_string(sequence[i]) + ", there are " +
+                                                      std::to_string(vertex_count) + " vertices");
+  return {};
 }
 
 // The vertex sequence that the mode runs over: the index accessor, or 0, 1, 2 ...
 Result<std::vector<uint32_t>> read_sequence(const GltfDocument& document, int accessor, size_t vertex_count,
                                             const std::string& field) {
-  if (accessor < 0) {
-    std::vector<uint32_t> sequence(vertex_count);
-    std::iota(sequence.begin(), sequence.end(), 0u);
-    return sequence;
-  }
-  auto indices = read_gltf_indices(document, accessor, field);
-  if (!indices) return indices;
-  for (size_t i = 0; i < indices->size(); ++i)
-    if ((*indices)[i] >= vertex_count)
-      return invalid(gltf_path(field.c_str(), i), "is " + std::to_string((*indices)[i]) + ", there are " +
-                                                      std::to_string(vertex_count) + " vertices");
-  return indices;
+  if (accessor >= 0) return read_gltf_indices(document, accessor, field);
+  std::vector<uint32_t> sequence(vertex_count);
+  std::iota(sequence.begin(), sequence.end(), 0u);
+  return sequence;
 }
 
+// A primitive's vertices and the order in which its triangles run over them.
+struct Corners {
+  int mode = TINYGLTF_MODE_TRIANGLES;
+  size_t triangle_count = 0;
+  std::vector<glm::vec3> positions;
+  std::vector<uint32_t> sequence;
+};
+
 // Appends the triangles, copying each used vertex once, in its original order.
-void append(const std::vector<glm::vec3>& positions, const std::vector<uint32_t>& sequence, int mode,
-            size_t triangle_count, Triangles& out) {
+void append(Corners from, Triangles& out) {
+  const auto& [mode, triangle_count, positions, sequence] = from;
   constexpr uint32_t kUnused = UINT32_MAX;
   std::vector<uint32_t> place(positions.size(), kUnused);
   for (const uint32_t vertex : sequence) place[vertex] = 0;
@@ -113,15 +114,45 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   return triangles;
 }
 
-Status read_triangles(GltfDocument& document, int mode, int position, int indices, const std::string& field,
-                      Triangles& out) {
-  const auto triangle_count = plan_primitive(document, mode, position, indices, field);
-  if (!triangle_count) return tl::unexpected(triangle_count.error());
-  const auto positions = read_positions(document, position, field + ".attributes.POSITION");
-  if (!positions) return tl::unexpected(positions.error());
-  const auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
-  if (!sequence) return tl::unexpected(sequence.error());
-  append(*positions, *sequence, mode, *triangle_count, out);
+Status read_accessors(const GltfDocument& document, int position, int indices, const std::string& field,
+                      Corners& out) {
+  auto positions = read_gltf_positions(document, position, field + ".attributes.POSITION");
+  if (!positions) return tl::unexpected(std::move(positions.error()));
+  auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
+  if (!sequence) return tl::unexpected(std::move(sequence.error()));
+  out.positions = std::move(*positions);
+  out.sequence = std::move(*sequence);
+  return {};
+}
+
+Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position,
+                  const std::string& field, Corners& out) {
+  auto unpacked = unpack_draco(document, packing, position, out.triangle_count, field);
+  if (!unpacked) return tl::unexpected(std::move(unpacked.error()));
+  auto positions =
+      read_gltf_positions(document, position, unpacked->positions, field + ".attributes.POSITION");
+  if (!positions) return tl::unexpected(std::move(positions.error()));
+  out.mode = TINYGLTF_MODE_TRIANGLES;
+  out.triangle_count = unpacked->indices.size() / 3;
+  out.positions = std::move(*positions);
+  out.sequence = std::move(unpacked->indices);
+  return {};
+}
+
+Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primitive, int position,
+                      const std::string& field, Triangles& out) {
+  const int indices = accessor_of(primitive, kIndicesAttribute);
+  const auto planned = plan_primitive(document, primitive.mode, position, indices, field);
+  if (!planned) return tl::unexpected(planned.error());
+  Corners corners{primitive.mode, *planned, {}, {}};
+  const tinygltf::Value* packing = draco_packing(primitive);
+  const Status read = packing ? read_draco(document, *packing, position, field, corners)
+                              : read_accessors(document, position, indices, field, corners);
+  if (!read) return read;
+  if (const Status s = check_positions(corners.positions, field + ".attributes.POSITION"); !s) return s;
+  if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s)
+    return s;
+  append(std::move(corners), out);
   return {};
 }
 
@@ -137,8 +168,7 @@ Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primiti
     return {};
   }
   if (!primitive.targets.empty()) document.warnings.add(field + ".targets: morph targets are drawn at rest");
-  return read_triangles(document, primitive.mode, position, accessor_of(primitive, kIndicesAttribute), field,
-                        out);
+  return read_triangles(document, primitive, position, field, out);
 }
 
 MeshData join(Triangles occluding, const Triangles& see_through) {
@@ -151,8 +181,8 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
   return mesh;
 }
 
-Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh,
-                                                  const std::string& field, GeometryStore& store) {
+// Of every primitive; without indices when none of them has triangles.
+Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
@@ -160,13 +190,18 @@ Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const 
         read_primitive(document, mesh.primitives[i], field + "." + gltf_path("primitives", i), out);
     if (!status) return tl::unexpected(status.error());
   }
-  if (occluding.indices.empty() && see_through.indices.empty()) return nullptr;
-  auto geometry = store.intern(join(std::move(occluding), see_through));
-  if (!geometry) {
+  return join(std::move(occluding), see_through);
+}
+
+// Null when all triangles are degenerate, or there are none.
+Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::string& field,
+                                                   GeometryStore& store) {
+  if (mesh.indices.empty()) return nullptr;
+  auto geometry = store.intern(std::move(mesh));
+  if (!geometry)
     geometry.error().field = field + "." + geometry.error().field;
-    return geometry;
-  }
-  if ((*geometry)->triangle_count() == 0) return nullptr;  // all of them degenerate
+  else if ((*geometry)->triangle_count() == 0)
+    return nullptr;
   return geometry;
 }
 
@@ -174,11 +209,19 @@ Result<std::shared_ptr<const Geometry>> read_mesh(GltfDocument& document, const 
 
 Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
+  std::vector<MeshData> read;
   for (size_t i = 0; i < meshes.size(); ++i) {
-    auto geometry = read_mesh(document, meshes[i], gltf_path("meshes", i), store);
+    auto mesh = read_mesh(document, meshes[i], gltf_path("meshes", i));
+    if (!mesh) return tl::unexpected(std::move(mesh.error()));
+    read.push_back(std::move(*mesh));
+    asset.mesh_names.push_back(meshes[i].name);
+  }
+  std::vector<Result<std::shared_ptr<const Geometry>>> built(meshes.size());
+  parallel_for(meshes.size(),
+               [&](size_t i) { built[i] = build_mesh(std::move(read[i]), gltf_path("meshes", i), store); });
+  for (auto& geometry : built) {
     if (!geometry) return tl::unexpected(std::move(geometry.error()));
     asset.meshes.push_back(std::move(*geometry));
-    asset.mesh_names.push_back(meshes[i].name);
   }
   return {};
 }

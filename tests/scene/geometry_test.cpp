@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <set>
 #include <thread>
 
 #include "server/base/random.h"
+#include "tests/support/triangles.h"
 
 namespace sightline {
 namespace {
@@ -36,10 +38,10 @@ std::shared_ptr<const Geometry> build(const MeshData& mesh) {
   return build_geometry(mesh).value();
 }
 
-using Triangle = std::array<uint32_t, 3>;
+using Corners = std::array<uint32_t, 3>;
 
-std::vector<Triangle> sorted_triangles(std::span<const uint32_t> indices) {
-  std::vector<Triangle> triangles;
+std::vector<Corners> sorted_triangles(std::span<const uint32_t> indices) {
+  std::vector<Corners> triangles;
   for (size_t i = 0; i < indices.size(); i += 3)
     triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
   std::sort(triangles.begin(), triangles.end());
@@ -135,7 +137,7 @@ TEST(Geometry, TrianglesWithoutAreaAreDropped) {
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {2, 0, 0}, {1, 0, 0}};
   mesh.indices = {0, 1, 2, /*corner twice*/ 0, 1, 1, /*on a line*/ 0, 1, 3, /*equal positions*/ 1, 4, 2};
   const auto g = build(mesh);
-  EXPECT_EQ(sorted_triangles(g->indices), (std::vector<Triangle>{{0, 1, 2}}));
+  EXPECT_EQ(sorted_triangles(g->indices), (std::vector<Corners>{{0, 1, 2}}));
   check_trees(*g);
 }
 
@@ -261,6 +263,58 @@ TEST(Geometry, BadMeshesAreRefusedByField) {
   expect_refused(with([](MeshData& m) { m.see_through_first_index = 4; }), "see_through_first_index");
 }
 
+// Large enough for subtrees of their own threads.
+TEST(Geometry, ALargeMeshGivesTheSameTreeEveryTime) {
+  const MeshData mesh = random_soup(11, 150'000, 0.2);
+  const auto first = build(mesh), second = build(mesh);
+  EXPECT_EQ(sorted_triangles(first->indices), sorted_triangles(mesh.indices));
+  check_trees(*first);
+  EXPECT_EQ(first->indices, second->indices);
+  ASSERT_EQ(first->occluding.size(), second->occluding.size());
+  EXPECT_EQ(std::memcmp(first->occluding.data(), second->occluding.data(),
+                        first->occluding.size() * sizeof(TreeNode)),
+            0);
+}
+
+TEST(Geometry, BytesAreToldByPart) {
+  const auto g = build(random_soup(12, 500));
+  EXPECT_EQ(g->bytes_by_part().source, 1500u * 12 + 1500u * 4);
+  EXPECT_EQ(g->bytes_by_part().clusters, sizeof(Geometry) + g->occluding.size() * sizeof(TreeNode));
+  EXPECT_EQ(g->bytes(), g->bytes_by_part().source + g->bytes_by_part().clusters);
+}
+
+// A grid with three vertices of its own for each triangle, as flat shading has it, and one vertex that nothing uses.
+TEST(Geometry, EqualPositionsAreWelded) {
+  MeshData grid{{glm::vec3(50.0f)}, {}};
+  for (uint32_t j = 0; j < 20; ++j)
+    for (uint32_t i = 0; i < 20; ++i) {
+      const auto corner = [&](uint32_t di, uint32_t dj) {
+        grid.indices.push_back(static_cast<uint32_t>(grid.positions.size()));
+        grid.positions.push_back({i + di, 0.1f * static_cast<float>((i + di) * (j + dj)), j + dj});
+      };
+      corner(0, 0), corner(0, 1), corner(1, 0);
+      corner(1, 0), corner(0, 1), corner(1, 1);
+    }
+  const auto g = build(grid);
+  EXPECT_EQ(g->positions.size(), 21u * 21 + 1);
+  EXPECT_EQ(triangles_of(*g), triangles_of(grid));
+  EXPECT_EQ(g->hash, hash_mesh(grid));
+}
+
+// Equal positions stand far apart in the file.
+TEST(Geometry, ManyCopiesOfManyPositionsAreWelded) {
+  MeshData mesh = random_soup(14, 5000);
+  const size_t once = mesh.positions.size();
+  for (int copy = 0; copy < 3; ++copy)
+    for (size_t i = 0; i < once; ++i) {
+      mesh.indices.push_back(static_cast<uint32_t>(mesh.positions.size()));
+      mesh.positions.push_back(mesh.positions[i]);
+    }
+  const auto g = build(mesh);
+  EXPECT_EQ(g->positions.size(), once);
+  EXPECT_EQ(triangles_of(*g), triangles_of(mesh));
+}
+
 TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   GeometryStore store;
   const auto a = store.intern(random_soup(1, 100)).value(), b = store.intern(random_soup(1, 100)).value();
@@ -269,6 +323,7 @@ TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   EXPECT_NE(a, other);
   EXPECT_EQ(store.live_count(), 2u);
   EXPECT_EQ(store.live_bytes(), a->bytes() + other->bytes());
+  EXPECT_EQ(store.live_bytes_by_part().source, a->bytes_by_part().source + other->bytes_by_part().source);
   EXPECT_EQ(a->hash, build(random_soup(1, 100))->hash);
 }
 

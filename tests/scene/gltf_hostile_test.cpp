@@ -2,7 +2,6 @@
 // than the limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <cmath>
 #include <functional>
@@ -10,6 +9,7 @@
 #include "server/base/random.h"
 #include "server/scene/gltf.h"
 #include "tests/support/glb_builder.h"
+#include "tests/support/peak_memory.h"
 
 namespace sightline {
 namespace {
@@ -52,17 +52,6 @@ Error error_of(const std::vector<std::byte>& bytes, const GltfLimits& limits = {
 }
 Error error_of(const GlbBuilder& file, const GltfLimits& limits = {}) {
   return error_of(file.glb(), limits);
-}
-
-// The most memory that the process ever held. Sanitizers keep freed memory back, so there the question is not
-// asked.
-size_t peak_bytes() {
-#ifdef __SANITIZE_ADDRESS__
-  return 0;
-#endif
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<size_t>(usage.ru_maxrss) * 1024;
 }
 
 TEST(GltfHostile, TheRichFileIsSound) {

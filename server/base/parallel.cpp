@@ -1,0 +1,64 @@
+#include "server/base/parallel.h"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+namespace sightline {
+namespace {
+
+// What the threads of one parallel_for share.
+class Pieces {
+ public:
+  Pieces(size_t count, const std::function<void(size_t)>& visit) : count_(count), visit_(visit) {}
+
+  // Takes pieces until none is left.
+  void work() {
+    for (size_t i = next_++; i < count_; i = next_++) {
+      try {
+        visit_(i);
+      } catch (...) {
+        note(i, std::current_exception());
+      }
+    }
+  }
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  void note(size_t i, std::exception_ptr error) {
+    const std::lock_guard lock(mutex_);
+    if (error_ && i > error_at_) return;
+    error_ = std::move(error);
+    error_at_ = i;
+  }
+
+  const size_t count_;
+  const std::function<void(size_t)>& visit_;
+  std::atomic<size_t> next_{0};
+  std::mutex mutex_;
+  size_t error_at_ = 0;       // guarded by mutex_
+  std::exception_ptr error_;  // guarded by mutex_
+};
+
+}  // namespace
+
+void parallel_for(size_t count, const std::function<void(size_t)>& visit) {
+  Pieces pieces(count, visit);
+  const size_t cores = std::max(1u, std::thread::hardware_concurrency());
+  std::vector<std::thread> helpers;
+  try {
+    while (helpers.size() + 1 < std::min(cores, count)) helpers.emplace_back([&pieces] { pieces.work(); });
+  } catch (const std::system_error&) {  // no more threads: those that there are do it
+  }
+  pieces.work();
+  for (std::thread& helper : helpers) helper.join();
+  pieces.rethrow();
+}
+
+}  // namespace sightline
