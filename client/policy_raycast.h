@@ -43,7 +43,7 @@ class RaycastPolicy : public CameraPolicy {
   Lattice lattice_;
   CandidateSet candidates_;
   ClearanceField colliders_;
-  std::vector<uint32_t> order_;
+  ChoiceScratch scratch_;
 };
 
 }  // namespace sightline

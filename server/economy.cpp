@@ -13,7 +13,7 @@ namespace {
 struct Cut {
   double points, survey, resolution, candidates;
   bool turns, predicts;
-  double cost;  // measured with the default settings on the synthetic city; see expected_cost
+  double cost;  // a guess; see expected_cost
 };
 constexpr std::array<Cut, kMaxEconomyLevel + 1> kCuts{{
     {1, 1, 1, 1, true, true, 1.0},

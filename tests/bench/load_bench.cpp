@@ -1,5 +1,7 @@
 // What it takes to load a scene, and what it then holds: seconds and bytes a triangle for each part, by scene size.
-//   load_bench [TRIANGLES ...]      by default 280000 2800000 10000000
+//   load_bench [--csv FILE] [TRIANGLES ...]      by default 280000 2800000 10000000
+// The EGL row is of the way that keeps geometry on the device, as a GPU has it; on a software renderer the other way, which keeps none,
+// is the fast one.
 // Seconds are the least of three loads, on the wall clock with every core there is, and of processor time over all of
 // them, which says more on a machine that does other work too. The file comes from the page cache.
 // Bytes are what the parts report of themselves; "resident" is what the process holds more than before, as the system
@@ -149,14 +151,22 @@ void print_time(const char* part, const Seconds& seconds) {
   std::printf("  %-32s %9.3f s %9.3f s of processor time\n", part, seconds.wall, seconds.cpu);
 }
 
-void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror& mirror, size_t triangles) {
+void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror& mirror, size_t triangles, std::FILE* csv) {
   const size_t before = resident_bytes();
-  print_time(name, first_take(device, mirror));
+  const Seconds took = first_take(device, mirror);
+  const size_t resident = std::max(resident_bytes(), before) - before;
+  print_time(name, took);
   print_bytes("  as it says", device.geometry_bytes(), triangles);
-  print_bytes("  resident", std::max(resident_bytes(), before) - before, triangles);
+  print_bytes("  resident", resident, triangles);
+  if (csv) std::fprintf(csv, ",%.4f,%.2f,%.2f", took.wall, each(device.geometry_bytes(), triangles), each(resident, triangles));
 }
 
-void measure(const std::string& path, const std::function<void(const SceneMirror&, size_t)>& take) {
+// Each part's columns are written by the child that measured it.
+constexpr const char* kColumns =
+    "triangles,file_mb,scene_s,scene_cpu_s,source_bytes,cluster_bytes,scene_resident,embree_s,embree_bytes,embree_resident,egl_s,"
+    "egl_bytes,egl_resident\n";
+
+void measure(const std::string& path, std::FILE* csv, const std::function<void(const SceneMirror&, size_t)>& take) {
   // The first load is the one that is weighed: later ones find memory that it left.
   const size_t before = resident_bytes();
   auto scene = std::make_unique<Scene>();
@@ -173,17 +183,20 @@ void measure(const std::string& path, const std::function<void(const SceneMirror
   print_bytes("  positions and indices", bytes.source, triangles);
   print_bytes("  clusters and their tree", bytes.clusters, triangles);
   print_bytes("  resident", grown, triangles);
+  if (csv)
+    std::fprintf(csv, "%zu,%.2f,%.4f,%.4f,%.2f,%.2f,%.2f", triangles, 1e-6 * static_cast<double>(std::filesystem::file_size(path)),
+                 best.wall, best.cpu, each(bytes.source, triangles), each(bytes.clusters, triangles), each(grown, triangles));
   take(scene->mirror, triangles);
 }
 
 // A child each, so that what one part leaves behind is not counted as the next one's.
 void in_child(const std::function<void()>& work) {
-  std::fflush(stdout);
+  std::fflush(nullptr);
   const pid_t child = fork();
   if (child < 0) give_up("cannot fork");
   if (child == 0) {
     work();
-    std::fflush(stdout);
+    std::fflush(nullptr);
     _exit(0);
   }
   int status = 0;
@@ -191,7 +204,7 @@ void in_child(const std::function<void()>& work) {
   if (status != 0) give_up("a part failed");
 }
 
-void measure_size(size_t triangles) {
+void measure_size(size_t triangles, std::FILE* csv) {
   const std::string path =
       (std::filesystem::temp_directory_path() / ("load_bench_" + std::to_string(getpid()) + ".glb"));
   in_child([&] {
@@ -200,18 +213,19 @@ void measure_size(size_t triangles) {
         .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   });
   in_child([&] {
-    measure(path, [](const SceneMirror& mirror, size_t count) {
-      measure_sampler("Embree, first map", *make_embree_sampler_device(), mirror, count);
+    measure(path, csv, [&](const SceneMirror& mirror, size_t count) {
+      measure_sampler("Embree, first map", *make_embree_sampler_device(), mirror, count, csv);
     });
   });
   in_child([&] {
-    measure(path, [](const SceneMirror& mirror, size_t count) {
+    measure(path, nullptr, [&](const SceneMirror& mirror, size_t count) {
       prepare_software_rendering();
-      auto device = make_egl_sampler_device({});
+      auto device = make_egl_sampler_device({.variant = EglVariant{.detail = Detail::kClusters}});
       if (!device) return void(std::printf("  EGL: not measured, no context\n"));
-      measure_sampler("EGL, first map", **device, mirror, count);
+      measure_sampler("EGL, first map", **device, mirror, count, csv);
     });
   });
+  if (csv) std::fputc('\n', csv);
   std::filesystem::remove(path);
 }
 
@@ -220,7 +234,13 @@ void measure_size(size_t triangles) {
 
 int main(int argc, char** argv) {
   std::vector<size_t> sizes;
-  for (int i = 1; i < argc; ++i) sizes.push_back(std::strtoull(argv[i], nullptr, 10));
+  std::FILE* csv = nullptr;
+  for (int i = 1; i < argc; ++i) {
+    if (std::string(argv[i]) == "--csv" && i + 1 < argc) csv = std::fopen(argv[++i], "w");
+    else sizes.push_back(std::strtoull(argv[i], nullptr, 10));
+  }
   if (sizes.empty()) sizes = {280'000, 2'800'000, 10'000'000};
-  for (const size_t triangles : sizes) sightline::measure_size(triangles);
+  if (csv) std::fputs(sightline::kColumns, csv);
+  for (const size_t triangles : sizes) sightline::measure_size(triangles, csv);
+  if (csv) std::fclose(csv);
 }

@@ -66,10 +66,10 @@ class DrawAll final : public DrawAllPeer {
     program_ = std::move(*program);
     standing_ = std::make_unique<Mesh>(flat_statics(mirror_));
     for (const uint32_t slot : moving_occluders(mirror_)) add_mover(slot);
-    depth_ = GlTexture2d::create();
-    glTextureStorage2D(depth_.name(), 1, GL_DEPTH_COMPONENT32F, kMaxMapSize, kMaxMapSize);
+    depth_ = GlTexture2dArray::create();
+    glTextureStorage3D(depth_.name(), 1, GL_DEPTH_COMPONENT32F, kMaxMapSize, kMaxMapSize, 1);
     framebuffer_ = GlFramebuffer::create();
-    glNamedFramebufferTexture(framebuffer_.name(), GL_DEPTH_ATTACHMENT, depth_.name(), 0);
+    glNamedFramebufferTextureLayer(framebuffer_.name(), GL_DEPTH_ATTACHMENT, depth_.name(), 0, 0);
     return {};
   }
 
@@ -117,7 +117,7 @@ class DrawAll final : public DrawAllPeer {
   GlProgram program_;
   std::unique_ptr<Mesh> standing_;
   std::vector<Mover> movers_;
-  GlTexture2d depth_;
+  GlTexture2dArray depth_;
   GlFramebuffer framebuffer_;
 };
 
