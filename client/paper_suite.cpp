@@ -81,7 +81,7 @@ Status time_all(const PaperOptions& options, PaperResults& results) {
         const auto timing = time_steps(**city, *device, timed.settings, r, options.timed_frames, progress);
         if (!timing) return tl::unexpected(timing.error());
         results.timings.push_back(
-            {device->kind(), device->description(), std::string(timed.name), r, *timing});
+            {device->kind(), device->renderer(), std::string(timed.name), r, *timing});
       }
   return {};
 }

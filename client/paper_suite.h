@@ -33,7 +33,7 @@ struct PaperOptions {
 
 struct TimingRow {
   std::string sampler;   // "egl" or "embree"
-  std::string renderer;  // the sampler's description
+  std::string renderer;  // of the sampler
   std::string settings;  // see timed_settings
   int resolution = 0;    // r
   StepTiming timing;

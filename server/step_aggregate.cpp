@@ -61,8 +61,8 @@ void look_now(StepWork& w) {
                                    w.memory.goal.hidden_by);
   else
     composer.visibility(sampled, bias, visible);
-  composer.set_positions(candidates.position_m);
   if (!w.on_lattice) {
+    composer.set_positions(candidates.position_m);
     candidates.visible_targets.insert(candidates.visible_targets.end(), visible.begin(), visible.end());
     if (expects_hidden(w))
       composer.add_hidden(sampled, bias, hidden_weights(w, 1 - weight_ahead(w)), w.memory.goal.hidden_by);

@@ -1,7 +1,6 @@
 #include "server/aggregate/compose.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "server/base/check.h"
 #include "server/base/vector_clones.h"
@@ -29,6 +28,13 @@ void add_staying(const int32_t* __restrict sights, size_t count, double share, d
 SIGHTLINE_VECTOR_CLONES
 void add_passing(const int32_t* __restrict sights, size_t count, double share, double* __restrict hidden) {
   for (size_t i = 0; i < count; ++i) hidden[i] += sights[i] == kPassingSight ? share : 0.0;
+}
+
+SIGHTLINE_VECTOR_CLONES
+uint32_t count_masked(const uint32_t* visible, size_t count, uint32_t mask, uint32_t wanted) {
+  uint32_t found = 0;
+  for (size_t i = 0; i < count; ++i) found += (visible[i] & mask) == wanted;
+  return found;
 }
 
 // The least number of seen points that is enough; more than there are when none is.
@@ -92,14 +98,15 @@ void Composer::compose(const SampledPoints& sampled, double relative_bias, const
 void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count,
                   SightCounts& counts) {
   counts.total = static_cast<uint32_t>(candidates.size());
-  counts.all_visible = counts.some_visible = counts.none_visible = 0;
-  counts.visible_by_target.assign(target_count, 0);
-  for (const uint32_t visible : candidates.filtered_targets) {
-    const uint32_t seen = visible & steered;
-    ++(seen == 0 ? counts.none_visible : seen == steered ? counts.all_visible : counts.some_visible);
-    for (uint32_t rest = visible; rest != 0; rest &= rest - 1)
-      ++counts.visible_by_target[std::countr_zero(rest)];
-  }
+  const uint32_t* visible = candidates.filtered_targets.data();
+  counts.all_visible = count_masked(visible, candidates.size(), steered, steered);
+  counts.none_visible = count_masked(visible, candidates.size(), steered, 0);
+  // Without a target to steer for nothing is seen, rather than all.
+  if (steered == 0) counts.all_visible = 0;
+  counts.some_visible = counts.total - counts.all_visible - counts.none_visible;
+  counts.visible_by_target.clear();
+  for (size_t target = 0; target < target_count; ++target)
+    counts.visible_by_target.push_back(count_masked(visible, candidates.size(), 1u << target, 1u << target));
 }
 
 Status validate(const AggregateSettings& s) {

@@ -1,5 +1,6 @@
 #include "server/aggregate/lattice.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -35,20 +36,31 @@ void Lattice::cover(const Bound& bound, int candidates) {
   addresses_.clear();
   const glm::dvec3 low = glm::ceil((bound.center_m - bound.radius_m) / spacing);
   const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing);
-  for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z) {
-    for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y) {
-      const uint32_t row = (wrap(z) * side_ + wrap(y)) * side_;
-      uint32_t column = wrap(static_cast<int>(low.x));
-      for (int x = static_cast<int>(low.x); x <= static_cast<int>(high.x); ++x) {
-        const uint32_t address = row + column;
-        column = column + 1 == static_cast<uint32_t>(side_) ? 0 : column + 1;
-        const glm::dvec3 place = glm::dvec3(x, y, z) * spacing;
-        if (!bound.contains(place)) continue;
-        if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}, 0, 0, ++owners_};
-        positions_m_.push_back(place);
-        addresses_.push_back(address);
-      }
-    }
+  for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z)
+    for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y)
+      cover_row(bound, static_cast<int>(low.x), static_cast<int>(high.x), y, z);
+}
+
+// A row meets the ball in one run. Only its ends have to be looked for: the root tells where, to within a cell.
+void Lattice::cover_row(const Bound& bound, int first, int last, int y, int z) {
+  const auto contains = [&](int x) { return bound.contains(glm::dvec3(x, y, z) * spacing_m_); };
+  const glm::dvec2 off = glm::dvec2(y, z) * spacing_m_ - glm::dvec2(bound.center_m.y, bound.center_m.z);
+  const double half_squared = bound.radius_m * bound.radius_m - glm::dot(off, off);
+  if (half_squared < -1e-6 * bound.radius_m * bound.radius_m) return;
+  const double half_m = std::sqrt(std::max(0.0, half_squared));
+  first = std::max(first, static_cast<int>(std::floor((bound.center_m.x - half_m) / spacing_m_)) - 1);
+  last = std::min(last, static_cast<int>(std::ceil((bound.center_m.x + half_m) / spacing_m_)) + 1);
+  while (first <= last && !contains(first)) ++first;
+  while (first <= last && !contains(last)) --last;
+  if (first > last) return;
+  const uint32_t row = (wrap(z) * side_ + wrap(y)) * side_;
+  uint32_t column = wrap(first);
+  for (int x = first; x <= last; ++x) {
+    const uint32_t address = row + column;
+    column = column + 1 == static_cast<uint32_t>(side_) ? 0 : column + 1;
+    if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}, 0, 0, ++owners_};
+    positions_m_.push_back(glm::dvec3(x, y, z) * spacing_m_);
+    addresses_.push_back(address);
   }
 }
 

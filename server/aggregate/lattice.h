@@ -54,6 +54,7 @@ class Lattice {
   uint32_t wrap(int index) const;
   uint32_t address_of(const glm::ivec3& index) const;
   void resize(double spacing_m, int side);
+  void cover_row(const Bound& bound, int first, int last, int y, int z);
 
   double spacing_m_ = 0.0;
   int side_ = 0;

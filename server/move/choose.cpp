@@ -69,20 +69,31 @@ class Search {
         reachable_(reachable),
         keys_(scratch.keys) {}
 
+  // Keeps the kMaxReachTests best of those that are wanted; false when none is. Most candidates are worse than all that are kept
+  // by what they see and cost alone: whether they are within the limits need not be known.
   template <typename Wanted>
   bool collect(Wanted wanted) {
     keys_.clear();
-    for (uint32_t i = 0; i < candidates_.size(); ++i)
-      if (wanted(candidates_.filtered_targets[i])) keys_.push_back(key_of(i));
+    for (uint32_t i = 0; i < candidates_.size(); ++i) {
+      if (!wanted(candidates_.filtered_targets[i])) continue;
+      const Weights weights = weight_of(i);
+      ChoiceKey key{weights.required, weights.optional, cost_[i], i, true};
+      const bool full = keys_.size() == kMaxReachTests;
+      if (full && !better(key, keys_.front())) continue;
+      key.within_limits = limits_.hold(candidates_.position_m[i]);
+      if (full && !better(key, keys_.front())) continue;
+      if (full) std::pop_heap(keys_.begin(), keys_.end(), better), keys_.pop_back();
+      keys_.push_back(key);
+      std::push_heap(keys_.begin(), keys_.end(), better);
+    }
     return !keys_.empty();
   }
 
-  // The first reachable of the collected ones, best first; -1 when none of the kMaxReachTests best is.
+  // The first reachable of those kept, best first; -1 when none is.
   int best() {
-    const size_t tests = std::min<size_t>(keys_.size(), kMaxReachTests);
-    std::partial_sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(tests), keys_.end(), better);
-    for (size_t k = 0; k < tests; ++k)
-      if (reachable_(candidates_.position_m[keys_[k].candidate])) return static_cast<int>(keys_[k].candidate);
+    std::sort_heap(keys_.begin(), keys_.end(), better);
+    for (const ChoiceKey& key : keys_)
+      if (reachable_(candidates_.position_m[key.candidate])) return static_cast<int>(key.candidate);
     return -1;
   }
 
@@ -92,12 +103,6 @@ class Search {
     if (a.optional != b.optional) return a.optional > b.optional;
     if (a.within_limits != b.within_limits) return a.within_limits;
     return a.cost != b.cost ? a.cost < b.cost : a.candidate < b.candidate;
-  }
-
-  ChoiceKey key_of(uint32_t candidate) {
-    const Weights weights = weight_of(candidate);
-    return {weights.required, weights.optional, cost_[candidate], candidate,
-            limits_.hold(candidates_.position_m[candidate])};
   }
 
   Weights weight_of(uint32_t candidate) {
@@ -124,7 +129,7 @@ class Search {
   const double ahead_weight_;
   const PlaceLimits limits_;
   const Reachable& reachable_;
-  std::vector<ChoiceKey>& keys_;
+  std::vector<ChoiceKey>& keys_;  // a heap, the worst first
   LastWeights now_, ahead_;
 };
 

@@ -67,6 +67,7 @@ class SharedEglDevice final : public EglSamplerDevice {
   void take_all(std::span<TakeJob> jobs) override;
   size_t best_batch() const override { return best_batch_; }
   std::string kind() const override { return "egl"; }
+  std::string renderer() const override;
   std::string description() const override;
   std::string variant_reason() const override { return variant_reason_; }
   size_t geometry_bytes() const override;
@@ -188,9 +189,13 @@ void SharedEglDevice::take_all(std::span<TakeJob> jobs) {
   }
 }
 
-std::string SharedEglDevice::description() const {
+std::string SharedEglDevice::renderer() const {
   const std::lock_guard lock(mutex_);
-  return description_ + "; maps by " + variant_reason_;
+  return description_;
+}
+
+std::string SharedEglDevice::description() const {
+  return renderer() + "; maps by " + variant_reason_;
 }
 
 size_t SharedEglDevice::geometry_bytes() const {

@@ -34,7 +34,7 @@ class EmbreeSamplerDevice final : public SamplerDevice {
  public:
   std::unique_ptr<Sampler> make_sampler() override { return std::make_unique<EmbreeSampler>(device_); }
   std::string kind() const override { return "embree"; }
-  std::string description() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
+  std::string renderer() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
   size_t geometry_bytes() const override { return device_.geometry_bytes(); }
 
  private:

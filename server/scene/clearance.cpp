@@ -13,6 +13,8 @@ namespace {
 constexpr double kTouchM = 1e-9;
 // A sweep ends when it can advance no further than this; what it may then fall short by is far below 1 mm.
 constexpr double kLeastAdvanceM = 1e-7;
+// A camera goes this far before what stands is gathered anew.
+constexpr double kGatheredFartherM = 4.0;
 
 glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
   const glm::dvec3 ab = b - a;
@@ -156,7 +158,8 @@ glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const g
 }
 
 void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
-                                 std::span<const uint32_t> ignored_slots, double ahead_s) {
+                                 std::span<const uint32_t> ignored_slots, double ahead_s,
+                                 std::vector<Collider>& into) {
   const Instance& instance = mirror.instances()[slot];
   if (!instance.geometry || !instance.collides()) return;
   const glm::dvec3 center = instance.center_m + travel_m(instance, ahead_s);
@@ -164,21 +167,47 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
   if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
   if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;
   const Affine there = world_from_instance_ahead(instance, ahead_s), back = inverse(there);
-  colliders_.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back)});
+  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back)});
+}
+
+void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                                     std::span<const uint32_t> ignored_slots) {
+  // Ignored slots that move change nothing about what stands.
+  const bool all = std::all_of(ignored_slots.begin(), ignored_slots.end(),
+                               [&](uint32_t slot) { return mirror.instances()[slot].moving; });
+  const bool holds = all && gathered_.all && gathered_.identity == mirror.identity() &&
+                     gathered_.static_version == mirror.static_version() &&
+                     glm::distance(gathered_.center_m, center_m) + reach_m <= gathered_.reach_m;
+  if (holds) return;
+  const double farther_m = reach_m + kGatheredFartherM;
+  gathered_ = {mirror.identity(), mirror.static_version(), center_m, farther_m, all};
+  standing_.clear();
+  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot)
+    if (!mirror.instances()[slot].moving)
+      add_if_near(mirror, slot, center_m, farther_m, ignored_slots, 0.0, standing_);
 }
 
 void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                             std::span<const uint32_t> ignored_slots) {
-  colliders_.clear();
-  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot)
-    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0);
+  gather_standing(mirror, center_m, reach_m, ignored_slots);
+  moving_.clear();
+  for (const uint32_t slot : mirror.moving_slots())
+    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0, moving_);
 }
 
 void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                                    std::span<const uint32_t> ignored_slots, double ahead_s) {
-  colliders_.clear();
+  standing_.clear();
+  gathered_ = {};
+  moving_.clear();
   for (const uint32_t slot : mirror.moving_slots())
-    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s);
+    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s, moving_);
+}
+
+template <typename Visit>
+void ClearanceField::for_each_collider(Visit visit) const {
+  for (const auto* colliders : {&standing_, &moving_})
+    for (const Collider& collider : *colliders) visit(collider);
 }
 
 double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
@@ -189,8 +218,8 @@ double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) co
 bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const {
   double best = reach_m;
   bool found = false;
-  for (const Collider& collider : colliders_) {
-    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) continue;
+  for_each_collider([&](const Collider& collider) {
+    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) return;
     const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
@@ -203,7 +232,7 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
     for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
       search(
           *collider.geometry, *tree, bound, [&] { return best; }, visit);
-  }
+  });
   return found;
 }
 
@@ -214,9 +243,9 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
   // A path too short to have a direction is free or not as its start is.
   if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
   double free = length;
-  for (const Collider& collider : colliders_) {
+  for_each_collider([&](const Collider& collider) {
     const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, from_m, to_m);
-    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) continue;
+    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) return;
     const Affine& map = collider.world_from_instance;
     const Path path{transform_point(collider.instance_from_world, from_m),
                     transform_vector(collider.instance_from_world, to_m - from_m),
@@ -230,7 +259,7 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
       search(
           *collider.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
           [&] { return free; }, visit);
-  }
+  });
   return free / length;
 }
 

@@ -10,7 +10,8 @@
 
 namespace sightline {
 
-// The colliders near one place, gathered once a step, then asked many times. Exact: distances are to
+// The colliders near one place, gathered once a step, then asked many times. Those that stand are gathered somewhat farther, and
+// again only once the place has left that or the mirror's static version has changed. Exact: distances are to
 // triangles, both sides alike, see-through ones too; a point inside a solid is as far from it as from its
 // surface. Not thread-safe; keep one per session and call gather again, it reuses its memory. The mirror must
 // outlive the queries and not change between gather and them.
@@ -39,7 +40,8 @@ class ClearanceField {
   // that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
-  size_t collider_count() const { return colliders_.size(); }
+  // Those that stand may lie a little farther than was asked for.
+  size_t collider_count() const { return standing_.size() + moving_.size(); }
 
  private:
   struct Collider {
@@ -49,9 +51,22 @@ class ClearanceField {
     double radius_m;
     double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
   };
-  void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
-                   std::span<const uint32_t> ignored_slots, double ahead_s);
-  std::vector<Collider> colliders_;
+  // What standing_ holds: all of this mirror's colliders that stand and come within reach_m of center_m, but those ignored.
+  struct Gathered {
+    uint64_t identity = 0, static_version = 0;
+    glm::dvec3 center_m{0.0};
+    double reach_m = -1.0;
+    bool all = false;  // nothing was ignored
+  };
+  void gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                       std::span<const uint32_t> ignored_slots);
+  static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
+                          std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
+  template <typename Visit>
+  void for_each_collider(Visit visit) const;
+
+  Gathered gathered_;
+  std::vector<Collider> standing_, moving_;
 };
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision

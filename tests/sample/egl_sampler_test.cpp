@@ -144,11 +144,13 @@ TEST(EglSamplerTest, AMapThatEndsShowsAllThatIsNearer) {
     ASSERT_TRUE(sampler->take(mirror, requests, ended));
     for (size_t i = 0; i < endless.size(); ++i)
       for (size_t texel = 0; texel < endless[i].distance_m.size(); ++texel) {
-        const bool none = ended[i].occluder[texel] == kNoOccluder;
         const bool is_nearer = endless[i].distance_m[texel] <= far_m;
         nearer += is_nearer;
-        left_out += none && endless[i].occluder[texel] != kNoOccluder;
-        if (none && !is_nearer) continue;
+        left_out += ended[i].occluder[texel] == kNoOccluder && endless[i].occluder[texel] != kNoOccluder;
+        if (!is_nearer) {
+          EXPECT_GT(ended[i].distance_m[texel], far_m);  // nothing, or something else beyond
+          continue;
+        }
         EXPECT_EQ(ended[i].occluder[texel], endless[i].occluder[texel]);
         EXPECT_EQ(ended[i].distance_m[texel], endless[i].distance_m[texel]);
       }

@@ -19,7 +19,7 @@ class CountingDevice final : public SamplerDevice {
 
   std::unique_ptr<Sampler> make_sampler() override { return nullptr; }
   std::string kind() const override { return "none"; }
-  std::string description() const override { return "none"; }
+  std::string renderer() const override { return "none"; }
   size_t geometry_bytes() const override { return 0; }
   size_t best_batch() const override { return best_batch_; }
   void take_all(std::span<TakeJob> jobs) override {

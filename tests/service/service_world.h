@@ -26,7 +26,7 @@ class GatedDevice final : public SamplerDevice {
  public:
   std::unique_ptr<Sampler> make_sampler() override;
   std::string kind() const override { return inner_->kind(); }
-  std::string description() const override { return inner_->description(); }
+  std::string renderer() const override { return inner_->renderer(); }
   size_t geometry_bytes() const override { return inner_->geometry_bytes(); }
 
   void close_gate();

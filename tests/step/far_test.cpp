@@ -33,7 +33,7 @@ class EndlessDevice final : public SamplerDevice {
     return std::make_unique<EndlessSampler>(inner_->make_sampler());
   }
   std::string kind() const override { return inner_->kind(); }
-  std::string description() const override { return inner_->description(); }
+  std::string renderer() const override { return inner_->renderer(); }
   size_t geometry_bytes() const override { return inner_->geometry_bytes(); }
 
  private:
