@@ -179,9 +179,12 @@ class Verifier {
     char record[mcap::kRecordHeadBytes + sizeof(uint32_t)];
     mcap::RecordView view;
     mcap::DataEnd end;
-    if (!source_.read_at(data_end, record, sizeof record)) return;
     std::string_view rest(record, sizeof record);
-    if (!mcap::take_record(rest, view) || view.opcode != Opcode::kDataEnd || !mcap::decode(view.content, end)) return;
+    if (!source_.read_at(data_end, record, sizeof record) || !mcap::take_record(rest, view) ||
+        view.opcode != Opcode::kDataEnd || !mcap::decode(view.content, end)) {
+      verdict_.disagreements.note(data_end, differs("data_end", "is not what ends the data"));
+      return;
+    }
     if (end.data_crc == 0) return;
     std::string block;
     uint32_t crc = 0;
