@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 
 #include "server/record/mcap_recover.h"
 #include "server/record/mcap_verify.h"
@@ -260,6 +262,26 @@ TEST(Mcap, RecoverCopiesASoundFileWhole) {
   EXPECT_EQ(test::read_all(reader), file.messages);
   EXPECT_EQ(reader.attachment(reader.info().attachments.at(0)).value(), file.attachment);
   EXPECT_TRUE(verify_mcap(copy, {}).value().sound());
+}
+
+TEST(Mcap, TheWorkedExampleOfTheFormatPageIsWhatIsWritten) {
+  MemorySink sink;
+  McapWriter writer(sink, {.library = "x", .zstd_level = 0});
+  const uint16_t schema = writer.add_schema("S", "protobuf", "").value();
+  const uint16_t channel = writer.add_channel("/t", schema, "protobuf", {}).value();
+  ASSERT_TRUE(writer.write(channel, kSecondNs, kSecondNs, "hi"));
+  ASSERT_TRUE(writer.finish());
+
+  // Lines "    <offset>  <up to 16 bytes>  <what they are>" after the last heading.
+  std::ifstream page(SIGHTLINE_SOURCE_DIR "/server/record/FORMAT.md");
+  std::string line, bytes;
+  while (std::getline(page, line)) {
+    if (!line.starts_with("    ") || line.size() < 12) continue;
+    EXPECT_EQ(std::stoul(line.substr(4, 4), nullptr, 16), bytes.size()) << line;
+    std::istringstream digits(line.substr(10, 47));
+    for (std::string pair; digits >> pair;) bytes.push_back(static_cast<char>(std::stoi(pair, nullptr, 16)));
+  }
+  EXPECT_EQ(bytes, sink.bytes());
 }
 
 TEST(Mcap, FilesOnDiskAreNewOnes) {
