@@ -54,7 +54,8 @@ class MemorySource final : public ByteSource {
 // A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: what was written is
 // there after a kill, not after a power cut.
 Result<std::unique_ptr<ByteSink>> create_file_sink(const std::string& path);
-// Fails with kNotFound or kUnavailable; folders and pipes are kInvalidArgument. The size is that of the moment of opening.
+// Fails with kNotFound or kUnavailable; folders and pipes are kInvalidArgument. The size is that of the moment of
+// opening.
 Result<std::unique_ptr<ByteSource>> open_file_source(const std::string& path);
 
 }  // namespace sightline

@@ -37,9 +37,9 @@ ChunkUnpacker::~ChunkUnpacker() = default;
 
 Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
   if (chunk.uncompressed_size > max_bytes_)
-    return fail(ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
-                "must be at most " + std::to_string(max_bytes_) + ", got " +
-                    std::to_string(chunk.uncompressed_size));
+    return fail(
+        ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
+        "must be at most " + std::to_string(max_bytes_) + ", got " + std::to_string(chunk.uncompressed_size));
   Result<std::string_view> raw = chunk.records;
   if (chunk.compression == "zstd")
     raw = unpack_zstd(chunk);
@@ -55,7 +55,8 @@ Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
 }
 
 Result<std::string_view> ChunkUnpacker::unpack_zstd(const mcap::Chunk& chunk) {
-  // The frame's own claim is looked at first, so that a lie costs no memory; a frame without one is held by `raw_`'s size.
+  // The frame's own claim is looked at first, so that a lie costs no memory; a frame without one is held by `raw_`'s
+  // size.
   const unsigned long long claimed = ZSTD_getFrameContentSize(chunk.records.data(), chunk.records.size());
   const bool lies = claimed != ZSTD_CONTENTSIZE_UNKNOWN && claimed > chunk.uncompressed_size;
   if (claimed == ZSTD_CONTENTSIZE_ERROR || lies)

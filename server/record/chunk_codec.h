@@ -1,4 +1,5 @@
-// A chunk's records, packed and unpacked: zstd (RFC 8878), or as they are. lz4, the third that MCAP knows, is refused by name.
+// A chunk's records, packed and unpacked: zstd (RFC 8878), or as they are. lz4, the third that MCAP knows, is refused
+// by name.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +22,8 @@ class ChunkPacker {
   explicit ChunkPacker(int zstd_level);
   ~ChunkPacker();
 
-  // Fills `compression`, `records`, size and CRC of the chunk; `records` is a view that lasts until the next call, of `raw`
-  // itself where packing is off.
+  // Fills `compression`, `records`, size and CRC of the chunk; `records` is a view that lasts until the next call, of
+  // `raw` itself where packing is off.
   Status pack(std::string_view raw, mcap::Chunk& out);
 
  private:
@@ -41,9 +42,10 @@ class ChunkUnpacker {
   explicit ChunkUnpacker(uint64_t max_bytes);
   ~ChunkUnpacker();
 
-  // The chunk's records, valid until the next call. At most max_bytes are ever allocated and never more than the chunk
-  // declares are written, whatever the packed bytes would grow to. Fails with kResourceExhausted over the limit, kUnsupported for
-  // a compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes or a wrong CRC.
+  // The chunk's records, valid until the next call. At most max_bytes are ever allocated and never more than the
+  // chunk declares are written, whatever the packed bytes would grow to. Fails with kResourceExhausted over the
+  // limit, kUnsupported for a compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes
+  // or a wrong CRC.
   Result<std::string_view> unpack(const mcap::Chunk& chunk);
 
  private:

@@ -1,7 +1,8 @@
-// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every record
-// is <opcode, 1 byte> <length of the content, 8 bytes> <content>; integers are little-endian; a string is its length
-// in 4 bytes, then the bytes; arrays and maps are their length in bytes in 4, then the elements. Times are nanoseconds of one clock a
-// file, in recordings of ours since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 says that there is none.
+// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every
+// record is <opcode, 1 byte> <length of the content, 8 bytes> <content>; integers are little-endian; a string is its
+// length in 4 bytes, then the bytes; arrays and maps are their length in bytes in 4, then the elements. Times are
+// nanoseconds of one clock a file, in recordings of ours since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 says that
+// there is none.
 //
 // Here is only the translation: what follows what in a file is up to mcap_writer.h, mcap_scanner.h and mcap_reader.h.
 #pragma once
@@ -174,9 +175,9 @@ void append_record(std::string& out, const MetadataIndex& record);
 void append_record(std::string& out, const SummaryOffset& record);
 void append_record(std::string& out, const DataEnd& record);
 
-// Each reads the content of one record (no opcode, no length). False when it is too short for what it declares; `out` is then
-// unspecified. Bytes after the known fields are left alone, as the specification asks. Never allocates more than a small
-// multiple of the content.
+// Each reads the content of one record (no opcode, no length). False when it is too short for what it declares; `out`
+// is then unspecified. Bytes after the known fields are left alone, as the specification asks. Never allocates more
+// than a small multiple of the content.
 bool decode(std::string_view content, Header& out);
 bool decode(std::string_view content, Footer& out);
 bool decode(std::string_view content, Schema& out);
@@ -193,12 +194,12 @@ bool decode(std::string_view content, MetadataIndex& out);
 bool decode(std::string_view content, SummaryOffset& out);
 bool decode(std::string_view content, DataEnd& out);
 
-// Reads what an attachment says before its data, from the first bytes of its content; `offset` and `length` are left alone. False
-// when they are too few.
+// Reads what an attachment says before its data, from the first bytes of its content; `offset` and `length` are left
+// alone. False when they are too few.
 bool decode_head(std::string_view content_start, AttachmentIndex& out);
 
-// Takes the record at the front of `bytes` off it. False at the end, or when what is left is too short for the record that it
-// begins; `bytes` then stays.
+// Takes the record at the front of `bytes` off it. False at the end, or when what is left is too short for the record
+// that it begins; `bytes` then stays.
 struct RecordView {
   Opcode opcode = Opcode::kHeader;
   std::string_view content;

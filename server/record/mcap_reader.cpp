@@ -21,15 +21,16 @@ Result<std::string> load(const ByteSource& source, uint64_t offset, uint64_t cou
   if (offset > source.size() || count > source.size() - offset)
     return tl::unexpected(broken("offset", "points beyond the end of the file"));
   if (count > limit)
-    return fail(ErrorCode::kResourceExhausted, "record", "is larger than the limit of " + std::to_string(limit));
+    return fail(ErrorCode::kResourceExhausted, "record",
+                "is larger than the limit of " + std::to_string(limit));
   std::string bytes(count, '\0');
   if (Status ok = source.read_at(offset, bytes.data(), count); !ok) return tl::unexpected(ok.error());
   return bytes;
 }
 
 // Loads the record that an index says is there; its content is a view of `bytes`.
-Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, uint64_t length, Opcode opcode,
-                                     uint64_t limit, std::string& bytes) {
+Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, uint64_t length,
+                                     Opcode opcode, uint64_t limit, std::string& bytes) {
   Result<std::string> loaded = load(source, offset, length, limit);
   if (!loaded) return tl::unexpected(loaded.error());
   bytes = std::move(*loaded);
@@ -60,14 +61,17 @@ bool learn(const mcap::RecordView& record, McapInfo& info, uint64_t& room) {
 
 void count_message(const mcap::Message& message, mcap::Statistics& statistics) {
   const bool first = statistics.message_count == 0;
-  statistics.start_time_ns = first ? message.log_time_ns : std::min(statistics.start_time_ns, message.log_time_ns);
-  statistics.end_time_ns = first ? message.log_time_ns : std::max(statistics.end_time_ns, message.log_time_ns);
+  statistics.start_time_ns =
+      first ? message.log_time_ns : std::min(statistics.start_time_ns, message.log_time_ns);
+  statistics.end_time_ns =
+      first ? message.log_time_ns : std::max(statistics.end_time_ns, message.log_time_ns);
   ++statistics.message_count;
   ++statistics.channel_message_counts[message.channel_id];
 }
 
 // `length` is of the whole record.
-bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t length, mcap::AttachmentIndex& out) {
+bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t length,
+                          mcap::AttachmentIndex& out) {
   constexpr uint64_t kHeadBytes = 64 << 10;  // times, two texts and the size of the data
   const uint64_t content = length - mcap::kRecordHeadBytes;
   const Result<std::string> head =
@@ -81,7 +85,8 @@ bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t le
 // Hands over what a query wants of messages that come one by one.
 class Filter {
  public:
-  Filter(const McapInfo& info, uint64_t room, const McapQuery& query, const Visit& visit, McapReadReport& report)
+  Filter(const McapInfo& info, uint64_t room, const McapQuery& query, const Visit& visit,
+         McapReadReport& report)
       : info_(info), query_(query), visit_(visit), report_(report), room_(room) {}
 
   // False: no more is wanted.
@@ -112,7 +117,8 @@ class Filter {
     }
     if (message.log_time_ns < query_.start_ns || message.log_time_ns >= query_.end_ns) return true;
     const auto& topics = query_.topics;
-    if (!topics.empty() && std::find(topics.begin(), topics.end(), channel->topic) == topics.end()) return true;
+    if (!topics.empty() && std::find(topics.begin(), topics.end(), channel->topic) == topics.end())
+      return true;
     ++report_.messages;
     return visit_({*channel, find_schema(channel->schema_id), message});
   }
@@ -139,7 +145,8 @@ class Filter {
 }  // namespace
 
 Result<McapReader> McapReader::open(const ByteSource& source, McapLimits limits) {
-  Result<std::string> magic = load(source, 0, std::min(source.size(), uint64_t{mcap::kMagic.size()}), mcap::kMagic.size());
+  Result<std::string> magic =
+      load(source, 0, std::min(source.size(), uint64_t{mcap::kMagic.size()}), mcap::kMagic.size());
   if (!magic) return tl::unexpected(magic.error());
   if (*magic != mcap::kMagic) return tl::unexpected(broken("", "is not an MCAP file"));
   McapReader reader(source, limits);
@@ -172,7 +179,8 @@ Result<bool> McapReader::take_summary() {
       load(*source_, footer.summary_start, footer_start - footer.summary_start, limits_.max_summary_bytes);
   if (!summary) return tl::unexpected(summary.error());
   constexpr uint64_t kCheckedOfFooter = mcap::kRecordHeadBytes + mcap::kFooterContentBytes - sizeof(uint32_t);
-  const uint32_t crc = mcap::crc32_of(std::string_view(*tail).substr(0, kCheckedOfFooter), mcap::crc32_of(*summary));
+  const uint32_t crc =
+      mcap::crc32_of(std::string_view(*tail).substr(0, kCheckedOfFooter), mcap::crc32_of(*summary));
   if (footer.summary_crc != 0 && footer.summary_crc != crc)
     return tl::unexpected(broken("footer.summary_crc", "is not the CRC of the summary"));
 
@@ -193,13 +201,16 @@ Result<bool> McapReader::take_summary() {
 
   std::string bytes;
   char head[mcap::kRecordHeadBytes];
-  if (Status ok = source_->read_at(mcap::kMagic.size(), head, sizeof head); !ok) return tl::unexpected(ok.error());
+  if (Status ok = source_->read_at(mcap::kMagic.size(), head, sizeof head); !ok)
+    return tl::unexpected(ok.error());
   uint64_t length = 0;
   std::copy_n(head + 1, sizeof length, reinterpret_cast<char*>(&length));
   if (length > size) return tl::unexpected(broken("header", "is longer than the file"));
-  const Result<std::string_view> header = load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length,
-                                                      Opcode::kHeader, limits_.max_record_bytes, bytes);
-  if (!header || !mcap::decode(*header, info_.header)) return tl::unexpected(broken("header", "there is none"));
+  const Result<std::string_view> header =
+      load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length, Opcode::kHeader,
+                  limits_.max_record_bytes, bytes);
+  if (!header || !mcap::decode(*header, info_.header))
+    return tl::unexpected(broken("header", "there is none"));
   info_.from_summary = true;
   info_.finished = true;
   return true;
@@ -218,12 +229,15 @@ Status McapReader::check_summary() const {
       return tl::unexpected(broken("chunk_index", "points to no chunk"));
     // Chunks do not overlap, so that a short file cannot ask for the same one a million times.
     declared += chunk.chunk_length + chunk.message_index_length;
-    if (declared > source_->size()) return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
+    if (declared > source_->size())
+      return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
   }
   for (const mcap::AttachmentIndex& index : info_.attachments)
-    if (!inside(index.offset, index.length)) return tl::unexpected(broken("attachment_index", "points to no attachment"));
+    if (!inside(index.offset, index.length))
+      return tl::unexpected(broken("attachment_index", "points to no attachment"));
   for (const mcap::MetadataIndex& index : info_.metadata)
-    if (!inside(index.offset, index.length)) return tl::unexpected(broken("metadata_index", "points to no metadata"));
+    if (!inside(index.offset, index.length))
+      return tl::unexpected(broken("metadata_index", "points to no metadata"));
   const mcap::Statistics& told = info_.statistics;
   if (info_.chunks.size() < told.chunk_count || (info_.chunks.empty() && told.message_count > 0))
     return tl::unexpected(broken("summary", "has no index of all chunks"));
@@ -241,7 +255,8 @@ void McapReader::go_through() {
   const auto take = [&](const mcap::RecordView& part, uint64_t offset, McapInfo& definitions) {
     mcap::Message message;
     if (!learn(part, definitions, room)) info_.loss.note(offset, broken("record", kUnfit));
-    if (part.opcode == Opcode::kMessage && mcap::decode(part.content, message)) count_message(message, counted);
+    if (part.opcode == Opcode::kMessage && mcap::decode(part.content, message))
+      count_message(message, counted);
   };
   while (scanner.next(record)) {
     if (record.opcode == Opcode::kChunk) {
@@ -249,8 +264,15 @@ void McapReader::go_through() {
       mcap::RecordView part;
       std::string_view rest = record.records;
       while (mcap::take_record(rest, part)) take(part, record.offset, info_);
-      info_.chunks.push_back({chunk.start_time_ns, chunk.end_time_ns, record.offset, record.length, {}, 0,
-                              std::string(chunk.compression), chunk.records.size(), chunk.uncompressed_size});
+      info_.chunks.push_back({chunk.start_time_ns,
+                              chunk.end_time_ns,
+                              record.offset,
+                              record.length,
+                              {},
+                              0,
+                              std::string(chunk.compression),
+                              chunk.records.size(),
+                              chunk.uncompressed_size});
     } else if (record.opcode == Opcode::kAttachment) {
       mcap::AttachmentIndex index;
       if (read_attachment_head(*source_, record.offset, record.length, index))
@@ -286,23 +308,25 @@ void McapReader::go_through() {
 bool McapReader::wanted(const mcap::ChunkIndex& chunk, const McapQuery& query) const {
   if (chunk.end_time_ns < query.start_ns || chunk.start_time_ns >= query.end_ns) return false;
   if (query.topics.empty() || chunk.message_index_offsets.empty()) return true;
-  return std::any_of(chunk.message_index_offsets.begin(), chunk.message_index_offsets.end(), [&](const auto& entry) {
-    const auto channel = info_.channels.find(entry.first);
-    return channel == info_.channels.end() ||
-           std::find(query.topics.begin(), query.topics.end(), channel->second.topic) != query.topics.end();
-  });
+  return std::any_of(
+      chunk.message_index_offsets.begin(), chunk.message_index_offsets.end(), [&](const auto& entry) {
+        const auto channel = info_.channels.find(entry.first);
+        return channel == info_.channels.end() || std::find(query.topics.begin(), query.topics.end(),
+                                                            channel->second.topic) != query.topics.end();
+      });
 }
 
 uint64_t McapReader::messages_by_index(const mcap::ChunkIndex& chunk) const {
-  const Result<std::string> bytes = load(*source_, chunk.chunk_start + chunk.chunk_length, chunk.message_index_length,
-                                         limits_.max_record_bytes);
+  const Result<std::string> bytes = load(*source_, chunk.chunk_start + chunk.chunk_length,
+                                         chunk.message_index_length, limits_.max_record_bytes);
   if (!bytes) return 0;
   std::string_view rest = *bytes;
   uint64_t count = 0;
   mcap::RecordView record;
   mcap::MessageIndex index;
   while (mcap::take_record(rest, record))
-    if (record.opcode == Opcode::kMessageIndex && mcap::decode(record.content, index)) count += index.records.size();
+    if (record.opcode == Opcode::kMessageIndex && mcap::decode(record.content, index))
+      count += index.records.size();
   return count;
 }
 
@@ -322,8 +346,8 @@ void McapReader::read_chunks(const McapQuery& query, const Visit& visit, McapRea
   for (const mcap::ChunkIndex& index : info_.chunks) {
     if (!wanted(index, query)) continue;
     mcap::Chunk chunk;
-    Result<std::string_view> records = load_record(*source_, index.chunk_start, index.chunk_length, Opcode::kChunk,
-                                                   limits_.max_record_bytes, bytes);
+    Result<std::string_view> records = load_record(*source_, index.chunk_start, index.chunk_length,
+                                                   Opcode::kChunk, limits_.max_record_bytes, bytes);
     if (records && !mcap::decode(*records, chunk)) records = tl::unexpected(broken("chunk", "is too short"));
     if (records) records = unpacker.unpack(chunk);
     if (!records) {
@@ -355,12 +379,13 @@ void McapReader::read_through(const McapQuery& query, const Visit& visit, McapRe
 
 Result<std::string> McapReader::attachment(const mcap::AttachmentIndex& index) const {
   std::string bytes;
-  const Result<std::string_view> content = load_record(*source_, index.offset, index.length, Opcode::kAttachment,
-                                                       limits_.max_attachment_bytes, bytes);
+  const Result<std::string_view> content = load_record(
+      *source_, index.offset, index.length, Opcode::kAttachment, limits_.max_attachment_bytes, bytes);
   if (!content) return tl::unexpected(content.error());
   mcap::Attachment attachment;
   if (!mcap::decode(*content, attachment)) return tl::unexpected(broken("attachment", "is too short"));
-  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content->data());
+  const size_t checked =
+      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content->data());
   if (attachment.crc != 0 && mcap::crc32_of(content->substr(0, checked)) != attachment.crc)
     return tl::unexpected(broken("attachment.crc", "is not the CRC of the attachment"));
   return std::string(attachment.data);

@@ -5,10 +5,10 @@
 //   reader->info()                                    what is in it: topics, schemas, counts, times
 //   reader->read({.start_ns = t}, [](const McapMessage& m) { ...; return true; });
 //
-// With a summary only the tail of the file is read at first, and then the chunks that a query needs. Without one, or with one that does not
-// fit the file, the file is gone through once and the same index made. Damage costs the chunks that it lies in: what is lost
-// is counted, not passed over in silence. Nothing that a file declares is believed before it is checked against the file's
-// size and the limits (mcap_loss.h).
+// With a summary only the tail of the file is read at first, and then the chunks that a query needs. Without one, or
+// with one that does not fit the file, the file is gone through once and the same index made. Damage costs the chunks
+// that it lies in: what is lost is counted, not passed over in silence. Nothing that a file declares is believed
+// before it is checked against the file's size and the limits (mcap_loss.h).
 #pragma once
 
 #include <cstdint>
@@ -32,8 +32,8 @@ struct McapInfo {
   std::vector<mcap::ChunkIndex> chunks;        // in the order of the file
   std::vector<mcap::AttachmentIndex> attachments;
   std::vector<mcap::MetadataIndex> metadata;
-  mcap::Statistics statistics;   // of the summary, or counted
-  bool has_statistics = false;   // false: the summary has none
+  mcap::Statistics statistics;  // of the summary, or counted
+  bool has_statistics = false;  // false: the summary has none
   bool from_summary = false;    // false: the file was gone through
   bool finished = false;        // its data have an end
   bool loose_messages = false;  // gone through, and there are messages outside chunks
@@ -55,21 +55,22 @@ struct McapMessage {
 };
 
 struct McapReadReport {
-  uint64_t messages = 0;     // handed over
+  uint64_t messages = 0;  // handed over
   uint64_t chunks_read = 0;
-  McapLoss loss;             // of this reading, beside what info() tells
+  McapLoss loss;  // of this reading, beside what info() tells
 };
 
 // Reading changes nothing in it: may be used from several threads when the source may.
 class McapReader {
  public:
-  // `source` must outlive the reader. Fails with kDataLoss when the bytes do not begin as MCAP does, and when reading fails.
+  // `source` must outlive the reader. Fails with kDataLoss when the bytes do not begin as MCAP does, and when reading
+  // fails.
   static Result<McapReader> open(const ByteSource& source, McapLimits limits);
 
   const McapInfo& info() const { return info_; }
 
-  // Hands every message of the query to `visit`, in the order of the file (in recordings of ours the order in which things
-  // happened), until it answers false. Messages outside chunks are found only in a file without a summary.
+  // Hands every message of the query to `visit`, in the order of the file (in recordings of ours the order in which
+  // things happened), until it answers false. Messages outside chunks are found only in a file without a summary.
   McapReadReport read(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit) const;
 
   // The bytes of an attachment of info(). kDataLoss on a wrong CRC or place, kResourceExhausted over the limit.

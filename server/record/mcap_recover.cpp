@@ -86,7 +86,8 @@ class Copy {
     if (id == 0) return uint16_t{0};
     if (const auto done = schemas_.find(id); done != schemas_.end()) return done->second;
     const auto known = known_schemas_.find(id);
-    if (known == known_schemas_.end()) return fail(ErrorCode::kDataLoss, "schema", "a channel without its schema");
+    if (known == known_schemas_.end())
+      return fail(ErrorCode::kDataLoss, "schema", "a channel without its schema");
     const mcap::Schema& schema = known->second;
     const Result<uint16_t> made = writer().add_schema(schema.name, schema.encoding, schema.data);
     if (made) schemas_[id] = *made;
@@ -96,7 +97,8 @@ class Copy {
   Result<uint16_t> channel_of(uint16_t id) {
     if (const auto done = channels_.find(id); done != channels_.end()) return done->second;
     const auto known = known_channels_.find(id);
-    if (known == known_channels_.end()) return fail(ErrorCode::kDataLoss, "channel", "a message without its channel");
+    if (known == known_channels_.end())
+      return fail(ErrorCode::kDataLoss, "channel", "a message without its channel");
     const mcap::Channel& channel = known->second;
     const Result<uint16_t> schema = schema_of(channel.schema_id);
     if (!schema) return schema;
@@ -140,8 +142,8 @@ class Copy {
 
   ByteSink& sink_;
   McapWriterOptions options_;
-  uint64_t room_;  // bytes of schemas and channels that may still be kept
-  std::map<uint16_t, mcap::Schema> known_schemas_;    // the newest, by the source's id
+  uint64_t room_;                                   // bytes of schemas and channels that may still be kept
+  std::map<uint16_t, mcap::Schema> known_schemas_;  // the newest, by the source's id
   std::map<uint16_t, mcap::Channel> known_channels_;
   McapRecovery& done_;
   std::optional<McapWriter> writer_;

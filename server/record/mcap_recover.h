@@ -16,10 +16,11 @@ struct McapRecovery {
   McapLoss loss;
 };
 
-// Copies to `sink` every message, attachment and metadata of `source` that stands in a whole chunk or record, in the order of the
-// file, with its own times and sequence; then the summary, so that the copy is a finished file. A chunk is whole when its CRC
-// is right; of a chunk that is not, nothing is taken. `options.profile` and `.library` are replaced by those of the source.
-// Fails with kDataLoss when not even one record of the source is sound, and as the sink fails.
+// Copies to `sink` every message, attachment and metadata of `source` that stands in a whole chunk or record, in the
+// order of the file, with its own times and sequence; then the summary, so that the copy is a finished file. A chunk
+// is whole when its CRC is right; of a chunk that is not, nothing is taken. `options.profile` and `.library` are
+// replaced by those of the source. Fails with kDataLoss when not even one record of the source is sound, and as the
+// sink fails.
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
                                   McapWriterOptions options);
 

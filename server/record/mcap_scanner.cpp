@@ -84,7 +84,8 @@ McapScanner::Found McapScanner::look_at(uint64_t offset, ScannedRecord& out) {
   out.opcode = static_cast<Opcode>(head[0]);
   out.length = mcap::kRecordHeadBytes + read_u64(head + 1);
   const Found found = load(out);
-  if (out.opcode != Opcode::kMessageIndex) lost_chunk_ = found == Found::kBroken && out.opcode == Opcode::kChunk;
+  if (out.opcode != Opcode::kMessageIndex)
+    lost_chunk_ = found == Found::kBroken && out.opcode == Opcode::kChunk;
   return found;
 }
 
@@ -156,8 +157,10 @@ McapScanner::Found McapScanner::load_attachment(ScannedRecord& out) {
     loss_.note(out.offset, broken("the attachment's fields do not fit into it"));
     return Found::kBroken;
   }
-  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
-  if (attachment.crc != 0 && mcap::crc32_of(std::string_view(content_).substr(0, checked)) != attachment.crc) {
+  const size_t checked =
+      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
+  if (attachment.crc != 0 &&
+      mcap::crc32_of(std::string_view(content_).substr(0, checked)) != attachment.crc) {
     loss_.note(out.offset, broken("the attachment's CRC is wrong"));
     return Found::kBroken;
   }
@@ -225,7 +228,8 @@ bool McapScanner::sound_at(uint64_t offset, Opcode opcode, uint64_t content_leng
   }
   mcap::Attachment attachment;
   if (!mcap::decode(content_, attachment) || attachment.crc == 0) return false;
-  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
+  const size_t checked =
+      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
   return mcap::crc32_of(std::string_view(content_).substr(0, checked)) == attachment.crc;
 }
 
@@ -239,7 +243,8 @@ bool McapScanner::chunk_head_fits(uint64_t offset, uint64_t content_length) cons
   const bool zstd = name == std::string_view("\4\0\0\0zstd", 8);
   const bool plain = name.substr(0, 4) == std::string_view("\0\0\0\0", 4);
   const uint64_t name_bytes = zstd ? 4 : 0;
-  return (zstd || plain) && read_u64(head) <= read_u64(head + 8) && read_u64(head + 16) <= limits_.max_chunk_bytes &&
+  return (zstd || plain) && read_u64(head) <= read_u64(head + 8) &&
+         read_u64(head + 16) <= limits_.max_chunk_bytes &&
          read_u64(head + kChunkHeadBytes + name_bytes) == content_length - kChunkHeadBytes - name_bytes - 8;
 }
 

@@ -1,6 +1,6 @@
-// Goes straight through the data section of an MCAP file, with no help from its summary: for files that were not finished, or
-// were damaged. Whatever does not hold together is noted and passed over; after it the scanner looks for the next chunk or
-// attachment whose CRC is right and goes on from there.
+// Goes straight through the data section of an MCAP file, with no help from its summary: for files that were not
+// finished, or were damaged. Whatever does not hold together is noted and passed over; after it the scanner looks for
+// the next chunk or attachment whose CRC is right and goes on from there.
 //
 //   McapScanner scanner(source, {});
 //   ScannedRecord record;
@@ -22,22 +22,23 @@ namespace sightline {
 // One sound record outside chunks. Views last until the next call of next().
 struct ScannedRecord {
   mcap::Opcode opcode = mcap::Opcode::kHeader;
-  uint64_t offset = 0;        // from the start of the file
-  uint64_t length = 0;        // of the whole record
-  std::string_view content;   // of an attachment only when they are wanted
-  mcap::Chunk chunk;          // of a chunk,
-  std::string_view records;   // and its records, unpacked; the CRC was right
+  uint64_t offset = 0;       // from the start of the file
+  uint64_t length = 0;       // of the whole record
+  std::string_view content;  // of an attachment only when they are wanted
+  mcap::Chunk chunk;         // of a chunk,
+  std::string_view records;  // and its records, unpacked; the CRC was right
 };
 
-// Not thread-safe. Holds one record and one unpacked chunk at a time, within the limits. Time is bounded too: looking for the next
-// sound record after damage costs at most a few readings of the file in all, however the damage was made.
+// Not thread-safe. Holds one record and one unpacked chunk at a time, within the limits. Time is bounded too: looking
+// for the next sound record after damage costs at most a few readings of the file in all, however the damage was
+// made.
 class McapScanner {
  public:
   // `source` must outlive the scanner. Attachments are read and their CRC checked only when `with_attachments`.
   McapScanner(const ByteSource& source, McapLimits limits, bool with_attachments);
 
-  // The next sound record, in the order of the file; false at the end. Indexes of messages, chunks and the like are passed over, and so
-  // are records of kinds that this version of the format does not know.
+  // The next sound record, in the order of the file; false at the end. Indexes of messages, chunks and the like are
+  // passed over, and so are records of kinds that this version of the format does not know.
   bool next(ScannedRecord& out);
 
   const McapLoss& loss() const { return loss_; }

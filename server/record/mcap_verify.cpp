@@ -31,7 +31,8 @@ struct TopicWatch {
       const bool back = message.sequence < last_sequence || message.log_time_ns < last_time_ns;
       if (back) ++verdict.out_of_order;
       if (message.sequence > last_sequence) verdict.missing += message.sequence - last_sequence - 1;
-      verdict.longest_silence_ns = std::max(verdict.longest_silence_ns, distance(message.log_time_ns, last_time_ns));
+      verdict.longest_silence_ns =
+          std::max(verdict.longest_silence_ns, distance(message.log_time_ns, last_time_ns));
     }
     verdict.start_time_ns = std::min(verdict.start_time_ns, message.log_time_ns);
     verdict.end_time_ns = std::max(verdict.end_time_ns, message.log_time_ns);
@@ -109,13 +110,15 @@ class Verifier {
       greatest_ns = std::max(greatest_ns, message.log_time_ns);
       ++messages;
     }
-    if (!rest.empty()) verdict_.disagreements.note(record.offset, differs("chunk.records", "end within a record"));
+    if (!rest.empty())
+      verdict_.disagreements.note(record.offset, differs("chunk.records", "end within a record"));
     if (least_ns != record.chunk.start_time_ns || greatest_ns != record.chunk.end_time_ns)
       verdict_.disagreements.note(record.offset, differs("chunk", "its times are not those of its messages"));
     compare_index(record, places);
   }
 
-  void compare_index(const ScannedRecord& record, const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
+  void compare_index(const ScannedRecord& record,
+                     const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
     if (!told_.from_summary) return;
     const auto told = told_chunks_.find(record.offset);
     if (told == told_chunks_.end()) {
@@ -162,8 +165,9 @@ class Verifier {
 
   void compare_counts() {
     const mcap::Statistics& told = told_.statistics;
-    bool right = !told_.has_statistics || (told.message_count == messages_ && told.chunk_count == verdict_.chunks &&
-                          told.attachment_count == attachments_ && told.metadata_count == metadata_);
+    bool right =
+        !told_.has_statistics || (told.message_count == messages_ && told.chunk_count == verdict_.chunks &&
+                                  told.attachment_count == attachments_ && told.metadata_count == metadata_);
     for (const auto& [id, count] : told.channel_message_counts) {
       const auto watch = watches_.find(id);
       right = right && (watch == watches_.end() ? 0 : watch->second.verdict.messages) == count;
@@ -193,7 +197,8 @@ class Verifier {
       if (Status ok = source_.read_at(at, block.data(), block.size()); !ok) return;
       crc = mcap::crc32_of(block, crc);
     }
-    if (crc != end.data_crc) verdict_.disagreements.note(data_end, differs("data_end.crc", "is not the CRC of the data"));
+    if (crc != end.data_crc)
+      verdict_.disagreements.note(data_end, differs("data_end.crc", "is not the CRC of the data"));
   }
 
   const ByteSource& source_;

@@ -229,7 +229,8 @@ Status McapWriter::finish() {
   mcap::append_record(footer_bytes, footer);
   footer.summary_crc = mcap::crc32_of(tail);
   footer.summary_crc = mcap::crc32_of(
-      std::string_view(footer_bytes).substr(0, footer_bytes.size() - sizeof footer.summary_crc), footer.summary_crc);
+      std::string_view(footer_bytes).substr(0, footer_bytes.size() - sizeof footer.summary_crc),
+      footer.summary_crc);
   mcap::append_record(tail, footer);
   tail.append(mcap::kMagic);
   return put(tail);

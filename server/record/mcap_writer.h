@@ -6,10 +6,10 @@
 //   writer.write(channel, now_ns, now_ns, bytes);  ...
 //   writer.finish();
 //
-// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages; the file ends with a summary:
-// schemas, channels, statistics, the indexes of chunks, attachments and metadata, and where to find them.
-// A file that is cut off before finish() lacks the summary and the open chunk, no more: schemas and channels stand before the chunk
-// that first uses them as well as in it, so that no damaged chunk takes them along.
+// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages; the file ends with a
+// summary: schemas, channels, statistics, the indexes of chunks, attachments and metadata, and where to find them. A
+// file that is cut off before finish() lacks the summary and the open chunk, no more: schemas and channels stand
+// before the chunk that first uses them as well as in it, so that no damaged chunk takes them along.
 #pragma once
 
 #include <chrono>
@@ -35,13 +35,13 @@ struct McapWriterOptions {
   std::string library = "sightline";
   // A chunk is closed by the message that brings it to so many bytes (unpacked), or that is logged so much later than
   // its first. Smaller: less is lost by a kill; larger: fewer bytes on the disk.
-  uint64_t chunk_bytes = uint64_t{1} << 20;   // [1, 32 MiB]
+  uint64_t chunk_bytes = uint64_t{1} << 20;  // [1, 32 MiB]
   std::chrono::nanoseconds chunk_time{500'000'000};
   int zstd_level = 1;  // [1, 19]; 0: not packed
 };
 
-// Not thread-safe. Errors of the sink stick: once a call has failed so, every later one fails in the same way and writes nothing.
-// A call refused for its arguments leaves the file as it was.
+// Not thread-safe. Errors of the sink stick: once a call has failed so, every later one fails in the same way and
+// writes nothing. A call refused for its arguments leaves the file as it was.
 class McapWriter {
  public:
   // Writes the head of the file at once; should that fail, the first call says so. `sink` must outlive the writer.
@@ -53,8 +53,8 @@ class McapWriter {
   Result<uint16_t> add_channel(std::string topic, uint16_t schema_id, std::string message_encoding,
                                std::map<std::string, std::string> metadata);
 
-  // The channel's own count, from 1 on, becomes the sequence. kNotFound for a channel that was not added, kResourceExhausted over
-  // kMaxMessageBytes.
+  // The channel's own count, from 1 on, becomes the sequence. kNotFound for a channel that was not added,
+  // kResourceExhausted over kMaxMessageBytes.
   Status write(uint16_t channel_id, uint64_t log_time_ns, uint64_t publish_time_ns, std::string_view data);
   // The same with a sequence from elsewhere (a copy of a recording).
   Status write(const mcap::Message& message);
@@ -84,7 +84,7 @@ class McapWriter {
     mcap::Channel channel;
     uint64_t messages = 0;
     uint32_t last_sequence = 0;
-    bool in_chunks = false;  // its record is in a chunk, and its schema's
+    bool in_chunks = false;                                 // its record is in a chunk, and its schema's
     std::vector<std::pair<uint64_t, uint64_t>> open_index;  // of the open chunk
   };
 
@@ -104,8 +104,8 @@ class McapWriter {
   uint32_t data_crc_ = 0;
   std::string pending_;  // records on their way to the sink
 
-  std::vector<mcap::Schema> schemas_;       // id - 1
-  std::vector<ChannelState> channels_;      // id - 1
+  std::vector<mcap::Schema> schemas_;   // id - 1
+  std::vector<ChannelState> channels_;  // id - 1
   std::vector<mcap::ChunkIndex> chunks_;
   std::vector<mcap::AttachmentIndex> attachments_;
   std::vector<mcap::MetadataIndex> metadata_;

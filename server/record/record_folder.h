@@ -1,6 +1,6 @@
-// A bounded ring of recordings in one folder: the oldest go when there are too many bytes of them, when they are too old, or when the disk
-// has too little left for everybody else. Only files that bear our name are counted and removed, and never one that is
-// being written.
+// A bounded ring of recordings in one folder: the oldest go when there are too many bytes of them, when they are too
+// old, or when the disk has too little left for everybody else. Only files that bear our name are counted and
+// removed, and never one that is being written.
 #pragma once
 
 #include <cstdint>
@@ -56,8 +56,9 @@ class RecordFolder {
   // A file that is of no use to anybody.
   Status remove(const std::string& name) { return files_.remove(folder_, name); }
 
-  // Removes what is over the limits, the oldest first. Fails with kResourceExhausted when the disk's reserve is touched all the
-  // same or nothing but files being written is left and they are over the total, and as the file system fails.
+  // Removes what is over the limits, the oldest first. Fails with kResourceExhausted when the disk's reserve is
+  // touched all the same or nothing but files being written is left and they are over the total, and as the file
+  // system fails.
   Status make_room(uint64_t now_ns, const std::set<std::string>& being_written);
 
   uint64_t removed_files() const { return removed_; }
@@ -70,8 +71,8 @@ class RecordFolder {
   uint64_t removed_ = 0;
 };
 
-// "sightline-20261121T193054.123Z-<session>-p001.mcap": sorts by time. Bytes of the session that are not letters, digits, - or _
-// become _, and no more than 64 of them are taken.
+// "sightline-20261121T193054.123Z-<session>-p001.mcap": sorts by time. Bytes of the session that are not letters,
+// digits, - or _ become _, and no more than 64 of them are taken.
 std::string recording_name(uint64_t start_time_ns, const std::string& session_id, uint32_t part);
 // Whether a file is one that a RecordFolder may remove.
 bool is_recording_name(const std::string& name);

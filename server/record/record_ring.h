@@ -1,5 +1,5 @@
-// A queue of serialised messages from one thread to another in a ring of bytes, without locks: putting one never waits. A message
-// is serialised straight into it.
+// A queue of serialised messages from one thread to another in a ring of bytes, without locks: putting one never
+// waits. A message is serialised straight into it.
 //
 //   producer: char* at = ring.reserve(size);  if (at) { fill; ring.commit(head); }
 //   consumer: while (const RecordEntry* e = ring.front()) { ...; ring.pop(); }
@@ -34,7 +34,8 @@ class RecordRing {
   // Rounded up to a power of two, at least 4096. Pages are touched only as they are first used.
   explicit RecordRing(size_t capacity_bytes);
 
-  // Room for a message of `size` bytes, in one piece; null when there is none now. Larger than max_message() never fits.
+  // Room for a message of `size` bytes, in one piece; null when there is none now. Larger than max_message() never
+  // fits.
   char* reserve(size_t size);
   // Hands over what was reserved last; `head.size` may be less than was reserved.
   void commit(const RecordHead& head);
@@ -53,8 +54,8 @@ class RecordRing {
 
   // Counted in bytes ever since the start. A message is [tail, head) long; apart by a cache line.
   alignas(64) std::atomic<uint64_t> written_{0};
-  uint64_t known_read_ = 0;     // producer's
-  uint64_t reserved_at_ = 0;    // producer's
+  uint64_t known_read_ = 0;   // producer's
+  uint64_t reserved_at_ = 0;  // producer's
   alignas(64) std::atomic<uint64_t> read_{0};
   uint64_t known_written_ = 0;  // consumer's
   uint64_t front_end_ = 0;      // consumer's

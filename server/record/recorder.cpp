@@ -3,6 +3,7 @@
 #include <google/protobuf/message_lite.h>
 
 #include <algorithm>
+#include <cassert>
 
 namespace sightline {
 
@@ -43,6 +44,7 @@ constexpr uint64_t kHousekeepingNs = 1'000'000'000;
 constexpr uint64_t kHousekeepingBytes = uint64_t{16} << 20;
 constexpr uint64_t kLeastPartBytes = uint64_t{1} << 20;
 constexpr uint32_t kLayoutVersion = 1;
+constexpr int kNameTries = 1000;
 
 const char* reason_text(v1::Gap::Reason reason) {
   switch (reason) {
@@ -57,7 +59,8 @@ const char* reason_text(v1::Gap::Reason reason) {
   }
 }
 
-void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns, uint64_t last_ns) {
+void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns,
+                uint64_t last_ns) {
   if (gap.messages() == 0) {
     gap.set_first_time_ns(first_ns);
     gap.set_reason(reason);
@@ -74,7 +77,8 @@ SessionRecorder::~SessionRecorder() {
   session_->closed.store(true, std::memory_order_release);
 }
 
-bool SessionRecorder::record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message) {
+bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
+                             const google::protobuf::MessageLite& message) {
   const size_t size = message.ByteSizeLong();
   char* at = reserve(topic, times, size);
   if (at == nullptr) return false;
@@ -92,11 +96,13 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_v
 }
 
 char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
+  assert(topic <= RecordTopic::kGap);
   // The number is used up even when the message is dropped, so that it is missed.
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
-  if (at == nullptr) drop(times, size > session_->ring.max_message() ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
+  if (at == nullptr)
+    drop(times, size > session_->ring.max_message() ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
   return at;
 }
 
@@ -106,8 +112,8 @@ void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size) 
   if (session_->ring.half_full()) session_->woken->store(true, std::memory_order_relaxed);
 }
 
-// What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full would fill
-// with gaps.
+// What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full
+// would fill with gaps.
 bool SessionRecorder::record_gap(RecordTimes times) {
   if (session_->ring.half_full()) return false;
   const size_t size = gap_.ByteSizeLong();
@@ -132,7 +138,8 @@ bool SessionRecorder::attach(std::string name, std::string content_type, uint64_
   attached->head = {log_time_ns, 0, std::move(name), std::move(content_type), *data, 0};
   attached->data = std::move(data);
   Attached* none = nullptr;
-  if (!session_->attached.compare_exchange_strong(none, attached.get(), std::memory_order_acq_rel)) return false;
+  if (!session_->attached.compare_exchange_strong(none, attached.get(), std::memory_order_acq_rel))
+    return false;
   (void)attached.release();
   return true;
 }
@@ -154,12 +161,12 @@ struct RecordWriter::Book {
   std::string file_name;
   uint64_t counted_bytes = 0;  // of the file, that are in the counts
   uint32_t part = 0;
-  uint64_t retry_ns = 0;    // no new file before
-  v1::Gap gap;              // what was lost for want of a file
-  bool warned = false;      // of the trouble that lasts
-  uint64_t seen_drops = 0;  // of the recorder's, that were warned of
+  uint64_t retry_ns = 0;                    // no new file before
+  v1::Gap gap;                              // what was lost for want of a file
+  bool warned = false;                      // of the trouble that lasts
+  uint64_t seen_drops = 0;                  // of the recorder's, that were warned of
   std::optional<std::string> open, opened;  // for the head of the next part
-  uint64_t head_bytes = 0;  // of the file, with nothing in it yet
+  uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
   ViewerChannels viewers;
   std::array<uint32_t, kRecordTopics> sequences{};  // of what is made here
 };
@@ -301,7 +308,8 @@ void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
 void RecordWriter::write_attachment(Book& book) {
   // It waits for a file rather than being lost.
   if (book.session->attached.load(std::memory_order_relaxed) == nullptr || !ensure_file(book)) return;
-  const std::unique_ptr<Attached> attached(book.session->attached.exchange(nullptr, std::memory_order_acq_rel));
+  const std::unique_ptr<Attached> attached(
+      book.session->attached.exchange(nullptr, std::memory_order_acq_rel));
   check(book, book.file->attach(attached->head));
 }
 
@@ -314,9 +322,13 @@ bool RecordWriter::ensure_file(Book& book) {
     return false;
   }
   v1::RecordingInfo info = book.session->info;
-  info.set_part(++book.part);
-  book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
-  Result<std::unique_ptr<ByteSink>> sink = folder_.create(book.file_name);
+  Result<std::unique_ptr<ByteSink>> sink = fail(ErrorCode::kAlreadyExists, "", "");
+  // A name that is taken, by a session with the same id in the same millisecond, is passed over.
+  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries; ++tries) {
+    info.set_part(++book.part);
+    book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
+    sink = folder_.create(book.file_name);
+  }
   if (!sink) {
     --book.part;
     lose_file(book, sink.error());
@@ -396,7 +408,8 @@ void RecordWriter::lose_file(Book& book, const Error& error) {
   book.session->failing.store(true, std::memory_order_relaxed);
   book.gap.set_text(to_string(error));
   book.gap.set_reason(full ? v1::Gap::NO_SPACE : v1::Gap::WRITE_FAILED);
-  if (waiting.messages > 0) lose_messages(book, waiting.messages, waiting.first_time_ns, waiting.last_time_ns);
+  if (waiting.messages > 0)
+    lose_messages(book, waiting.messages, waiting.first_time_ns, waiting.last_time_ns);
   if (!std::exchange(book.warned, true)) {
     std::string text = reason_text(book.gap.reason());
     warn_({book.gap.reason(), book.session->info.session_id(), text.append(": ").append(to_string(error))});
@@ -434,8 +447,8 @@ void RecordWriter::keep_house() {
   for (Book& book : books_) lose_file(book, room.error());
 }
 
-// All sessions together stay within the total even when the ring of files holds nothing else: half of it for the parts being written,
-// half for those before.
+// All sessions together stay within the total even when the ring of files holds nothing else: half of it for the
+// parts being written, half for those before.
 uint64_t RecordWriter::part_limit() const {
   const uint64_t share = settings_.limits.max_total_bytes / (2 * std::max<uint64_t>(books_.size(), 1));
   return std::min(settings_.limits.max_file_bytes, std::max(share, kLeastPartBytes));

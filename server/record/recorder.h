@@ -1,14 +1,16 @@
-// Records sessions without ever making one wait. Every session puts its messages, serialised, into a bounded queue of its own; one
-// thread takes them out of all queues and writes one MCAP file a session, in parts, into a bounded ring of files.
+// Records sessions without ever making one wait. Every session puts its messages, serialised, into a bounded queue of
+// its own; one thread takes them out of all queues and writes one MCAP file a session, in parts, into a bounded ring
+// of files.
 //
 //   RecordWriter writer(settings, *system_files(), wall_clock_ns, warn);
 //   RecordThread thread(writer, std::chrono::milliseconds(50));
 //   std::unique_ptr<SessionRecorder> recorder = writer.open_session(info);
 //   recorder->record(RecordTopic::kTick, {arrived_ns, arrived_ns}, tick);
 //
-// What cannot be written is dropped and counted: when a queue is full (a slow disk), and when there is no file (a full disk, a folder that
-// was removed). Then a warning is given once, `degraded()` is true, and once writing works again the file holds a Gap that
-// says what is missing, as do the sequence numbers. A full disk and a removed folder are tried again every second.
+// What cannot be written is dropped and counted: when a queue is full (a slow disk), and when there is no file (a
+// full disk, a folder that was removed). Then a warning is given once, `degraded()` is true, and once writing works
+// again the file holds a Gap that says what is missing, as do the sequence numbers. A full disk and a removed folder
+// are tried again every second.
 #pragma once
 
 #include <array>
@@ -46,7 +48,8 @@ struct RecordSettings {
   bool for_viewers = true;  // also topics that ordinary viewers understand, made on the writing thread
 };
 
-// Nanoseconds since 1970 (UTC). Log time: when the server had it. Publish time: when its sender sent it, where that is known.
+// Nanoseconds since 1970 (UTC). Log time: when the server had it. Publish time: when its sender sent it, where that
+// is known.
 struct RecordTimes {
   uint64_t log_ns = 0;
   uint64_t publish_ns = 0;
@@ -74,8 +77,8 @@ namespace record_internal {
 struct Session;
 }
 
-// One session's end of the queue. Its calls must not overlap each other; a session's never do. None of them waits, takes a lock that the
-// writer holds while it works, or allocates (attach() alone does).
+// One session's end of the queue. Its calls must not overlap each other; a session's never do. None of them waits,
+// takes a lock that the writer holds while it works, or allocates (attach() alone does).
 class SessionRecorder {
  public:
   explicit SessionRecorder(std::shared_ptr<record_internal::Session> session);
@@ -89,9 +92,10 @@ class SessionRecorder {
   // The same with the bytes at hand.
   bool record(RecordTopic topic, RecordTimes times, std::string_view serialised);
 
-  // Puts `data` into the file, e.g. the scene; held until then. At most one at a time waits: false, and not taken, while another
-  // does, or over kMaxAttachmentBytes.
-  bool attach(std::string name, std::string content_type, uint64_t log_time_ns, std::shared_ptr<const std::string> data);
+  // Puts `data` into the file, e.g. the scene; held until then. At most one at a time waits: false, and not taken,
+  // while another does, or over kMaxAttachmentBytes.
+  bool attach(std::string name, std::string content_type, uint64_t log_time_ns,
+              std::shared_ptr<const std::string> data);
 
   // Something was dropped and nothing has been taken since, or there is no file to write to. For the flag in a reply.
   bool degraded() const;
@@ -114,17 +118,17 @@ class RecordWriter {
   using Clock = std::function<uint64_t()>;  // ns since 1970 (UTC)
   using Warn = std::function<void(const RecordWarning&)>;
 
-  // `files` must outlive it. `warn` is called by run_once(): once when a session begins to lose messages for a reason, and again only
-  // after it had recovered.
+  // `files` must outlive it. `warn` is called by run_once(): once when a session begins to lose messages for a
+  // reason, and again only after it had recovered.
   RecordWriter(RecordSettings settings, RecordFileSystem& files, Clock now_ns, Warn warn);
-  // Writes what is queued and finishes every file.
+  // Writes what is queued and finishes every file. Recorders may outlive it; what they take then goes nowhere.
   ~RecordWriter();
 
   // The info's `version`, `part` and `start_time_ns` are filled here. May be called from any thread.
   std::unique_ptr<SessionRecorder> open_session(v1::RecordingInfo info);
 
-  // Takes what stands in the queues, writes it, closes chunks whose time has come, finishes the files of sessions that ended
-  // and keeps the folder within its limits. Never fails: what fails is counted and warned of.
+  // Takes what stands in the queues, writes it, closes chunks whose time has come, finishes the files of sessions
+  // that ended and keeps the folder within its limits. Never fails: what fails is counted and warned of.
   void run_once();
 
   // Returns when a queue is half full, when woken, or after `timeout`.

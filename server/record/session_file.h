@@ -26,7 +26,8 @@ struct RecordMessage {
 class SessionFile {
  public:
   // Owns the sink. Writes the head: the info, as a message and as metadata "sightline" for tools without protobuf.
-  SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns, McapWriterOptions options);
+  SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
+              McapWriterOptions options);
 
   Status write(const RecordMessage& message, uint64_t now_ns);
   Status attach(const mcap::Attachment& attachment) { return writer_.attach(attachment); }
@@ -53,7 +54,7 @@ class SessionFile {
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
   Waiting waiting_;
-  std::optional<uint64_t> chunk_since_ns_;          // by the clock; none: no message waits
+  std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
 };
 
 }  // namespace sightline

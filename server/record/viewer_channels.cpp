@@ -118,7 +118,8 @@ void add_cylinder(foxglove::SceneEntity& entity, const glm::dvec3& size_m) {
 }
 
 // `scale`: canonical, per axis. Long axes are along the client's up, which is the viewer's Z.
-void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Convention& c, const glm::dvec3& scale) {
+void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Convention& c,
+               const glm::dvec3& scale) {
   const auto sized = [&](double x, double y, double z) {  // canonical units of the client's length
     return extent_to_viewer(scale * glm::dvec3(x, y, z) * c.metres_per_unit);
   };
@@ -132,7 +133,8 @@ void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Conve
       return;
     }
     case v1::Shape::kSphere:
-      return add_sphere(entity, {0, 0, 0}, 2.0 * sized(wire.sphere().radius(), wire.sphere().radius(), wire.sphere().radius()));
+      return add_sphere(entity, {0, 0, 0},
+                        2.0 * sized(wire.sphere().radius(), wire.sphere().radius(), wire.sphere().radius()));
     case v1::Shape::kCapsule: {
       const double r = wire.capsule().radius(), h = wire.capsule().half_height();
       const glm::dvec3 round = 2.0 * sized(r, r, r), middle = 2.0 * sized(r, h, r);
@@ -150,7 +152,8 @@ void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Conve
   }
 }
 
-void start_entity(foxglove::SceneEntity& entity, uint64_t time_ns, const std::string& frame, const std::string& id) {
+void start_entity(foxglove::SceneEntity& entity, uint64_t time_ns, const std::string& frame,
+                  const std::string& id) {
   set_time(*entity.mutable_timestamp(), time_ns);
   entity.set_frame_id(frame);
   entity.set_id(id);
@@ -283,7 +286,8 @@ void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, 
   last_status_ = reply.status();
   last_reason_ = reply.reason();
   if (changed)
-    emit_log(foxglove::Log::INFO, "camera", v1::Status_Name(reply.status()) + ": " + reply.reason_text(), time_ns, emit);
+    emit_log(foxglove::Log::INFO, "camera", v1::Status_Name(reply.status()) + ": " + reply.reason_text(),
+             time_ns, emit);
 }
 
 void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const {
@@ -294,7 +298,8 @@ void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emi
   emit(RecordTopic::kFrames, frames);
 }
 
-void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) const {
+void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t time_ns,
+                                      const Emit& emit) const {
   const double width = kPictureWidth, height = std::round(width / aspect_);
   const double focal_px = height / 2 / std::tan(fov_from_client(client_, reply.field_of_view(), aspect_) / 2);
   foxglove::CameraCalibration calibration;
@@ -302,7 +307,8 @@ void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t tim
   calibration.set_frame_id(kOptical);
   calibration.set_width(kPictureWidth);
   calibration.set_height(static_cast<uint32_t>(height));
-  for (const double k : {focal_px, 0.0, width / 2, 0.0, focal_px, height / 2, 0.0, 0.0, 1.0}) calibration.add_k(k);
+  for (const double k : {focal_px, 0.0, width / 2, 0.0, focal_px, height / 2, 0.0, 0.0, 1.0})
+    calibration.add_k(k);
   for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) calibration.add_r(r);
   for (const double p : {focal_px, 0.0, width / 2, 0.0, 0.0, focal_px, height / 2, 0.0, 0.0, 0.0, 1.0, 0.0})
     calibration.add_p(p);
@@ -336,8 +342,9 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
 }
 
 void ViewerChannels::take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit) {
-  emit_log(foxglove::Log::WARNING, "tick", "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(),
-           time_ns, emit);
+  emit_log(foxglove::Log::WARNING, "tick",
+           "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns,
+           emit);
 }
 
 void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit) {
@@ -345,8 +352,8 @@ void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const 
 }
 
 void ViewerChannels::take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit) {
-  emit_log(foxglove::Log::WARNING, "record", std::to_string(gap.messages()) + " messages are missing: " + gap.text(), time_ns,
-           emit);
+  emit_log(foxglove::Log::WARNING, "record",
+           std::to_string(gap.messages()) + " messages are missing: " + gap.text(), time_ns, emit);
 }
 
 void ViewerChannels::emit_log(int level, const std::string& name, const std::string& text, uint64_t time_ns,

@@ -1,8 +1,9 @@
-// What a recording shows in ordinary viewers, with no plugin: Foxglove's well-known messages, made of the wire messages.
+// What a recording shows in ordinary viewers, with no plugin: Foxglove's well-known messages, made of the wire
+// messages.
 //
-// Everything is in the frame "world": metres, right-handed, +Z up (REP 103), whatever the client's convention: x, y, z here are z, x, y of
-// the canonical frame, the world origin not taken away. Frames below it: "camera" (+X forward, +Z up), "camera_optical" (+Z forward, +Y
-// down; what CameraCalibration asks for), "instance/<id>".
+// Everything is in the frame "world": metres, right-handed, +Z up (REP 103), whatever the client's convention: x, y,
+// z here are z, x, y of the canonical frame, the world origin not taken away. Frames below it: "camera" (+X forward,
+// +Z up), "camera_optical" (+Z forward, +Y down; what CameraCalibration asks for), "instance/<id>".
 #pragma once
 
 #include <cstdint>
@@ -19,7 +20,8 @@
 
 namespace sightline {
 
-// Not thread-safe. Holds one pose and at most one shape an instance, and at most kMaxInstances of them; more are not shown.
+// Not thread-safe. Holds one pose and at most one shape an instance, and at most kMaxInstances of them; more are not
+// shown.
 class ViewerChannels {
  public:
   static constexpr size_t kMaxInstances = 4096;
@@ -51,7 +53,8 @@ class ViewerChannels {
   void emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_sight(const v1::CameraReply& reply, const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_calibration(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) const;
-  void emit_log(int level, const std::string& name, const std::string& text, uint64_t time_ns, const Emit& emit) const;
+  void emit_log(int level, const std::string& name, const std::string& text, uint64_t time_ns,
+                const Emit& emit) const;
 
   Convention client_;
   double aspect_ = 16.0 / 9.0;

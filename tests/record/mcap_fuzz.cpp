@@ -1,17 +1,21 @@
-// libFuzzer: every reader of MCAP on whatever bytes. Built and run by tests/record/fuzz.sh with clang, not with everything else.
+// libFuzzer: every reader of MCAP on whatever bytes. Built and run by tests/record/fuzz.sh with clang, not with
+// everything else.
 #include <cstdint>
 #include <cstdlib>
 
+#include "server/record/mcap_reader.h"
 #include "server/record/mcap_recover.h"
 #include "server/record/mcap_verify.h"
-#include "server/record/mcap_reader.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace sightline;
   const MemorySource source({reinterpret_cast<const char*>(data), size});
   // Small enough that an input which reaches them is found by the memory limit of the run.
-  const McapLimits limits{.max_chunk_bytes = 1 << 20, .max_record_bytes = 1 << 20, .max_attachment_bytes = 1 << 20,
-                          .max_summary_bytes = 1 << 20, .max_definition_bytes = 1 << 20};
+  const McapLimits limits{.max_chunk_bytes = 1 << 20,
+                          .max_record_bytes = 1 << 20,
+                          .max_attachment_bytes = 1 << 20,
+                          .max_summary_bytes = 1 << 20,
+                          .max_definition_bytes = 1 << 20};
   (void)verify_mcap(source, limits);
   if (const Result<McapReader> reader = McapReader::open(source, limits)) {
     uint64_t messages = 0;

@@ -1,5 +1,5 @@
-// Files that were cut, damaged or made to harm: an error or a part with a count of what is missing, never a crash or memory
-// without bound.
+// Files that were cut, damaged or made to harm: an error or a part with a count of what is missing, never a crash or
+// memory without bound.
 #include <gtest/gtest.h>
 #include <zstd.h>
 
@@ -73,10 +73,12 @@ TEST(McapHostile, EveryTruncationGivesTheWholeChunksBeforeIt) {
     size_t expected = 0;
     for (const mcap::ChunkIndex& chunk : chunks)
       if (chunk.chunk_start + chunk.chunk_length <= size)
-        expected += static_cast<size_t>(std::count_if(file.messages.begin(), file.messages.end(), [&](const auto& m) {
-          return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
-        }));
-    const std::vector<PlainMessage> first(file.messages.begin(), file.messages.begin() + static_cast<long>(expected));
+        expected +=
+            static_cast<size_t>(std::count_if(file.messages.begin(), file.messages.end(), [&](const auto& m) {
+              return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
+            }));
+    const std::vector<PlainMessage> first(file.messages.begin(),
+                                          file.messages.begin() + static_cast<long>(expected));
     EXPECT_EQ(readings.opened, size >= mcap::kMagic.size()) << size;
     EXPECT_EQ(readings.messages, first) << size;
     EXPECT_EQ(readings.troubles > 0, readings.opened) << size;
@@ -101,7 +103,8 @@ TEST(McapHostile, TenThousandDamagesGiveAPartOfTheTruth) {
 
     const Readings readings = read_every_way(damaged);
     EXPECT_TRUE(is_part_of(readings.messages, file.messages)) << "damage " << i;
-    if (readings.opened && readings.messages.size() < file.messages.size() && readings.troubles == 0) ++silent;
+    if (readings.opened && readings.messages.size() < file.messages.size() && readings.troubles == 0)
+      ++silent;
     const auto kept = recovered(damaged);
     EXPECT_TRUE(is_part_of(kept, file.messages)) << "damage " << i;
     recovered_messages += kept.size();
@@ -186,7 +189,8 @@ TEST(McapHostile, BombsAreRefusedByWhatTheyDeclareAndByWhatTheyAre) {
     ChunkUnpacker unpacker(limits.max_chunk_bytes);
     const Result<std::string_view> raw = unpacker.unpack({0, 0, declared, 0, "zstd", bomb});
     ASSERT_FALSE(raw) << declared;
-    EXPECT_EQ(raw.error().code, declared > limits.max_chunk_bytes ? ErrorCode::kResourceExhausted : ErrorCode::kDataLoss);
+    EXPECT_EQ(raw.error().code,
+              declared > limits.max_chunk_bytes ? ErrorCode::kResourceExhausted : ErrorCode::kDataLoss);
     const Readings readings = read_every_way(file_of_chunk({0, 0, declared, 0, "zstd", bomb}), limits);
     EXPECT_TRUE(readings.opened);
     EXPECT_TRUE(readings.messages.empty());
@@ -209,7 +213,8 @@ TEST(McapHostile, LengthsAndOffsetsBeyondTheFileAreNoPlaces) {
   mcap::Footer told;
   ASSERT_TRUE(mcap::decode(std::string_view(file.bytes).substr(footer + mcap::kRecordHeadBytes), told));
   for (size_t at = told.summary_start; at + 8 <= footer + mcap::kRecordHeadBytes + 16; ++at)
-    for (const uint64_t value : {~uint64_t{0}, uint64_t{1} << 63, uint64_t{0}, uint64_t{file.bytes.size()}, uint64_t{1}}) {
+    for (const uint64_t value :
+         {~uint64_t{0}, uint64_t{1} << 63, uint64_t{0}, uint64_t{file.bytes.size()}, uint64_t{1}}) {
       std::string hostile = file.bytes;
       hostile.replace(at, 8, reinterpret_cast<const char*>(&value), 8);
       const uint32_t crc = mcap::crc32_of(std::string_view(hostile).substr(
@@ -227,7 +232,8 @@ TEST(McapHostile, MemoryStaysBoundedWhenTheSameSchemaBombComesAgainAndAgain) {
   uint16_t id = 1;
   for (int c = 0; c < 50; ++c) {
     std::string raw;
-    for (int s = 0; s < 20; ++s) mcap::append_record(raw, mcap::Schema{id++, "s", "e", std::string(1 << 20, '\0')});
+    for (int s = 0; s < 20; ++s)
+      mcap::append_record(raw, mcap::Schema{id++, "s", "e", std::string(1 << 20, '\0')});
     const std::string packed = zstd_of(raw);
     mcap::append_record(bytes, mcap::Chunk{0, 0, raw.size(), mcap::crc32_of(raw), "zstd", packed});
   }
@@ -240,7 +246,8 @@ TEST(McapHostile, MemoryStaysBoundedWhenTheSameSchemaBombComesAgainAndAgain) {
 }
 
 TEST(McapHostile, LookingForTheNextChunkReadsTheFileAFewTimesAtMost) {
-  // Heads of chunks, one behind the other, each of which claims all that follows: n^2 work for a reader that tries them all.
+  // Heads of chunks, one behind the other, each of which claims all that follows: n^2 work for a reader that tries
+  // them all.
   std::string bytes(mcap::kMagic);
   bytes.push_back('\0');
   const size_t total = 4 << 20;

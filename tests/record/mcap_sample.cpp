@@ -45,7 +45,8 @@ int read(const std::string& path, McapQuery query) {
   for (const test::PlainMessage& m : test::read_all(*reader, query, &report)) print(m);
   std::printf("chunks read: %llu\n", static_cast<unsigned long long>(report.chunks_read));
   for (const McapLoss* loss : {&reader->info().loss, static_cast<const McapLoss*>(&report.loss)})
-    for (const McapTrouble& trouble : loss->first_troubles) std::printf("trouble: %s\n", to_string(trouble.error).c_str());
+    for (const McapTrouble& trouble : loss->first_troubles)
+      std::printf("trouble: %s\n", to_string(trouble.error).c_str());
   return 0;
 }
 
@@ -85,7 +86,8 @@ v1::Tick some_tick(uint64_t i) {
   tick.set_sequence(i);
   tick.set_time_s(static_cast<double>(i) / 60);
   tick.mutable_transforms()->add_id(9);
-  for (const double p : {std::cos(0.01 * static_cast<double>(i)) * 500, std::sin(0.01 * static_cast<double>(i)) * 500, 90.0})
+  for (const double p :
+       {std::cos(0.01 * static_cast<double>(i)) * 500, std::sin(0.01 * static_cast<double>(i)) * 500, 90.0})
     tick.mutable_transforms()->add_position(p);
   return tick;
 }
@@ -112,8 +114,9 @@ int record_session(const std::string& folder) {
   settings.folder = folder;
   settings.limits.free_reserve_bytes = 0;
   const auto files = system_files();
-  RecordWriter writer(settings, *files, [&] { return now_ns; },
-                      [](const RecordWarning& warning) { std::printf("warning: %s\n", warning.text.c_str()); });
+  RecordWriter writer(
+      settings, *files, [&] { return now_ns; },
+      [](const RecordWarning& warning) { std::printf("warning: %s\n", warning.text.c_str()); });
   v1::RecordingInfo info;
   info.set_session_id("sample");
   info.set_seed(7);

@@ -1,5 +1,5 @@
-// What is written is what is read, with the index and without it. That the bytes are MCAP is held elsewhere, by the format's own reader
-// (official_reader_test.py).
+// What is written is what is read, with the index and without it. That the bytes are MCAP is held elsewhere, by the
+// format's own reader (official_reader_test.py).
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -13,8 +13,8 @@
 namespace sightline {
 namespace {
 
-using test::kSecondNs;
 using test::CountedSource;
+using test::kSecondNs;
 using test::PlainMessage;
 
 // Takes so many bytes and then no more.
@@ -43,7 +43,8 @@ std::vector<PlainMessage> between(const std::vector<PlainMessage>& all, uint64_t
 
 TEST(Mcap, GivesBackEveryMessageInOrder) {
   for (const int level : {0, 1, 9}) {
-    const test::SmallFile file = test::make_small_file({.chunk_time = std::chrono::seconds(1), .zstd_level = level});
+    const test::SmallFile file =
+        test::make_small_file({.chunk_time = std::chrono::seconds(1), .zstd_level = level});
     const MemorySource source(file.bytes);
     const McapReader reader = McapReader::open(source, {}).value();
     EXPECT_TRUE(reader.info().from_summary);
@@ -80,7 +81,8 @@ TEST(Mcap, AFileWithoutItsSummaryTellsTheSame) {
   EXPECT_FALSE(reader.info().from_summary);
   EXPECT_FALSE(reader.info().finished);
   EXPECT_EQ(test::read_all(reader), file.messages);
-  EXPECT_EQ(reader.info().statistics.channel_message_counts, (std::map<uint16_t, uint64_t>{{1, 20}, {2, 20}}));
+  EXPECT_EQ(reader.info().statistics.channel_message_counts,
+            (std::map<uint16_t, uint64_t>{{1, 20}, {2, 20}}));
   ASSERT_EQ(reader.info().attachments.size(), 1u);
   EXPECT_EQ(reader.info().attachments[0].name, "scene.glb");
   EXPECT_EQ(reader.info().attachments[0].data_size, file.attachment.size());
@@ -93,12 +95,15 @@ TEST(Mcap, ChunksAreBoundedByTimeAndBySize) {
   const MemorySource source(by_time.bytes);
   const McapReader reader = McapReader::open(source, {}).value();
   EXPECT_GE(reader.info().chunks.size(), 8u);
-  for (const mcap::ChunkIndex& chunk : reader.info().chunks) EXPECT_LT(chunk.end_time_ns - chunk.start_time_ns, kSecondNs / 2);
+  for (const mcap::ChunkIndex& chunk : reader.info().chunks)
+    EXPECT_LT(chunk.end_time_ns - chunk.start_time_ns, kSecondNs / 2);
 
-  const test::SmallFile by_size = test::make_small_file({.chunk_bytes = 200, .chunk_time = std::chrono::hours(1)});
+  const test::SmallFile by_size =
+      test::make_small_file({.chunk_bytes = 200, .chunk_time = std::chrono::hours(1)});
   const MemorySource other(by_size.bytes);
   for (const mcap::ChunkIndex& chunk : McapReader::open(other, {}).value().info().chunks)
-    EXPECT_LT(chunk.uncompressed_size, 200u + 9 + 22 + 50 + 200) << "no more than one message over, and a chunk's own definitions";
+    EXPECT_LT(chunk.uncompressed_size, 200u + 9 + 22 + 50 + 200)
+        << "no more than one message over, and a chunk's own definitions";
 }
 
 TEST(Mcap, ARangeOfTimeIsWhatAPlainFilterGives) {
@@ -117,7 +122,8 @@ TEST(Mcap, OnlyTheChunksOfTheRangeAreRead) {
   McapWriter writer(sink, {.zstd_level = 0});
   const uint16_t channel = writer.add_channel("/big", 0, "x-plain", {}).value();
   const std::string payload(20'000, 'x');
-  for (uint64_t i = 0; i < 600; ++i) ASSERT_TRUE(writer.write(channel, i * kSecondNs, i * kSecondNs, payload));
+  for (uint64_t i = 0; i < 600; ++i)
+    ASSERT_TRUE(writer.write(channel, i * kSecondNs, i * kSecondNs, payload));
   ASSERT_TRUE(writer.finish());
   const CountedSource source(sink.bytes());
   const McapReader reader = McapReader::open(source, {}).value();
@@ -196,7 +202,8 @@ TEST(Mcap, AFullDiskSticksAndWritesNothingMore) {
     McapWriter writer(sink, {.chunk_bytes = 300, .zstd_level = 0});
     const Result<uint16_t> channel = writer.add_channel("/t", 0, "", {});
     Status last;
-    for (uint64_t i = 0; i < 100 && last; ++i) last = writer.write(channel.value_or(1), i, i, std::string(100, 'x'));
+    for (uint64_t i = 0; i < 100 && last; ++i)
+      last = writer.write(channel.value_or(1), i, i, std::string(100, 'x'));
     ASSERT_FALSE(last) << room;
     EXPECT_EQ(last.error().code, ErrorCode::kResourceExhausted);
     const size_t writes = sink.writes();
@@ -213,9 +220,11 @@ TEST(Mcap, FinishingNeedsNoMoreThanWasSaid) {
     MemorySink sink;
     McapWriter writer(sink, {.chunk_bytes = small_chunks ? 10u : 1u << 20});
     const uint16_t schema = writer.add_schema("s", "protobuf", std::string(5000, 's')).value();
-    for (int c = 0; c < 20; ++c) ASSERT_TRUE(writer.add_channel("/topic/" + std::to_string(c), schema, "protobuf", {}));
+    for (int c = 0; c < 20; ++c)
+      ASSERT_TRUE(writer.add_channel("/topic/" + std::to_string(c), schema, "protobuf", {}));
     for (uint64_t i = 0; i < 500; ++i) {
-      ASSERT_TRUE(writer.write(static_cast<uint16_t>(i % 20 + 1), i, i, std::string(i % 50, static_cast<char>(i))));
+      ASSERT_TRUE(
+          writer.write(static_cast<uint16_t>(i % 20 + 1), i, i, std::string(i % 50, static_cast<char>(i))));
     }
     const uint64_t before = writer.bytes_written(), said = writer.bytes_to_finish();
     ASSERT_TRUE(writer.finish());

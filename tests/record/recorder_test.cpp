@@ -18,7 +18,6 @@
 namespace sightline {
 namespace {
 
-using ::testing::Each;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
@@ -90,7 +89,8 @@ Contents contents_of(const std::string& bytes, bool sound = true) {
     return true;
   });
   const auto topics = verify_mcap(source, {}).value().topics;
-  if (const auto tick = topics.find("/sightline/tick"); tick != topics.end()) found.missing = tick->second.missing;
+  if (const auto tick = topics.find("/sightline/tick"); tick != topics.end())
+    found.missing = tick->second.missing;
   return found;
 }
 
@@ -263,8 +263,10 @@ TEST(Recorder, TheDisksReserveIsNotTouched) {
   EXPECT_LE(most, 2'000'000u + 300'000u) << "what is written between two looks at the disk";
   EXPECT_FALSE(recorder->degraded()) << "the oldest make room";
   EXPECT_TRUE(studio.files.files.contains("holiday.mcap")) << "not ours";
-  EXPECT_FALSE(studio.files.files.contains("sightline-20200101T000000.000Z-old-p001.mcap")) << "the oldest went first";
-  EXPECT_EQ(studio.writer->counts().removed_files, 2u + studio.files.creations - (studio.files.files.size() - 1));
+  EXPECT_FALSE(studio.files.files.contains("sightline-20200101T000000.000Z-old-p001.mcap"))
+      << "the oldest went first";
+  EXPECT_EQ(studio.writer->counts().removed_files,
+            2u + studio.files.creations - (studio.files.files.size() - 1));
 }
 
 TEST(Recorder, ADiskThatOthersFilledIsLeftAlone) {
@@ -352,8 +354,23 @@ TEST(Recorder, EverySessionHasItsOwnFile) {
   for (const auto& [name, file] : studio.files.files) {
     EXPECT_TRUE(is_recording_name(name)) << name;
     const bool first = name.find("one") != std::string::npos;
-    EXPECT_EQ(contents_of(*file.bytes).ticks, first ? (std::vector<uint64_t>{1, 3}) : (std::vector<uint64_t>{2}));
+    EXPECT_EQ(contents_of(*file.bytes).ticks,
+              first ? (std::vector<uint64_t>{1, 3}) : (std::vector<uint64_t>{2}));
   }
+}
+
+TEST(Recorder, SessionsWithOneNameDoNotTakeEachOthersFile) {
+  Studio studio;
+  auto one = studio.open("same"), two = studio.open("same");
+  studio.tick(*one);
+  studio.tick(*two);
+  one.reset(), two.reset();
+  studio.writer.reset();
+  std::vector<uint64_t> all;
+  for (const auto& [_, file] : studio.files.files)
+    for (const uint64_t tick : contents_of(*file.bytes).ticks) all.push_back(tick);
+  EXPECT_EQ(all, numbers(1, 2));
+  EXPECT_THAT(studio.files.files, SizeIs(2));
 }
 
 TEST(Recorder, TheSceneGoesInAsAnAttachment) {
@@ -413,7 +430,8 @@ TEST(Recorder, AKillLosesLessThanASecond) {
   }
   ASSERT_GT(child, 0);
   uint64_t last_ns = 0;
-  for (int i = 0; i < 500; ++i) ASSERT_EQ(read(pipe_ends[0], &last_ns, sizeof last_ns), static_cast<ssize_t>(sizeof last_ns));
+  for (int i = 0; i < 500; ++i)
+    ASSERT_EQ(read(pipe_ends[0], &last_ns, sizeof last_ns), static_cast<ssize_t>(sizeof last_ns));
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
 
@@ -460,8 +478,10 @@ TEST(RecordRing, GivesBackEveryMessageInOrderToAnotherThread) {
       std::this_thread::yield();
       continue;
     }
-    const bool filled = std::all_of(entry.message.begin(), entry.message.end(), [&](char c) { return c == static_cast<char>(i); });
-    right += entry.head.sequence == i && entry.head.log_time_ns == i && entry.message.size() == entry.head.publish_time_ns && filled;
+    const bool filled = std::all_of(entry.message.begin(), entry.message.end(),
+                                    [&](char c) { return c == static_cast<char>(i); });
+    right += entry.head.sequence == i && entry.head.log_time_ns == i &&
+             entry.message.size() == entry.head.publish_time_ns && filled;
     ring.pop();
     ++i;
   }
