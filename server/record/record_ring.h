@@ -44,6 +44,7 @@ class RecordRing {
   bool front(RecordEntry& out);
   void pop();
 
+  size_t capacity() const { return capacity_; }
   size_t max_message() const { return capacity_ / 2 - sizeof(RecordHead); }
   // By the producer: more than half of it is taken.
   bool half_full();

@@ -164,7 +164,8 @@ struct RecordWriter::Book {
   uint64_t retry_ns = 0;                    // no new file before
   v1::Gap gap;                              // what was lost for want of a file
   bool warned = false;                      // of the trouble that lasts
-  uint64_t seen_drops = 0;                  // of the recorder's, that were warned of
+  uint64_t seen_drops = 0;                  // of the recorder's, that are in the counts
+  bool dropping = false;                    // its queue was full since the last time but one
   std::optional<std::string> open, opened;  // for the head of the next part
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
   ViewerChannels viewers;
@@ -239,8 +240,11 @@ void RecordWriter::run_once() {
 }
 
 void RecordWriter::serve(Book& book) {
+  // No more than a queue can hold, so that one that is filled as fast as it is emptied does not keep the others
+  // waiting.
   RecordEntry entry;
-  while (book.session->ring.front(entry)) {
+  for (size_t taken = 0; taken <= book.session->ring.capacity() && book.session->ring.front(entry);) {
+    taken += sizeof(RecordHead) + entry.message.size();
     write_entry(book, entry);
     book.session->ring.pop();
   }
@@ -248,8 +252,10 @@ void RecordWriter::serve(Book& book) {
   if (book.file) check(book, book.file->tend(now_ns_()));
 
   const uint64_t drops = book.session->dropped_by_recorder.load(std::memory_order_relaxed);
-  if (drops == book.seen_drops) return;
-  warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), reason_text(v1::Gap::QUEUE_FULL)});
+  const bool was_dropping = std::exchange(book.dropping, drops != book.seen_drops);
+  if (!book.dropping) return;
+  if (!was_dropping)
+    warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), reason_text(v1::Gap::QUEUE_FULL)});
   const std::lock_guard lock(mutex_);
   counts_.dropped_messages += drops - std::exchange(book.seen_drops, drops);
 }
@@ -324,7 +330,8 @@ bool RecordWriter::ensure_file(Book& book) {
   v1::RecordingInfo info = book.session->info;
   Result<std::unique_ptr<ByteSink>> sink = fail(ErrorCode::kAlreadyExists, "", "");
   // A name that is taken, by a session with the same id in the same millisecond, is passed over.
-  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries; ++tries) {
+  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
+       ++tries) {
     info.set_part(++book.part);
     book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
     sink = folder_.create(book.file_name);

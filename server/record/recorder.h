@@ -112,7 +112,7 @@ class SessionRecorder {
   v1::Gap gap_;  // what was dropped since the last message that was taken
 };
 
-// The writing end. Only open_session() and counts() may be called while another thread is in run_once().
+// The writing end. Only open_session(), counts() and wake() may be called while another thread is in run_once().
 class RecordWriter {
  public:
   using Clock = std::function<uint64_t()>;  // ns since 1970 (UTC)

@@ -156,6 +156,21 @@ TEST(Recorder, AFullQueueDropsCountsAndSaysSoInTheFile) {
   EXPECT_EQ(found.missing, dropped);
 }
 
+TEST(Recorder, AQueueThatStaysFullIsWarnedOfOnce) {
+  Studio studio({.queue_bytes = 4096});
+  auto recorder = studio.open();
+  const auto overfill = [&] {
+    for (int i = 0; i < 300; ++i) studio.tick(*recorder);
+    studio.writer->run_once();
+  };
+  for (int round = 0; round < 5; ++round) overfill();
+  EXPECT_THAT(studio.warnings, SizeIs(1));
+  studio.writer->run_once();
+  overfill();
+  EXPECT_THAT(studio.warnings, SizeIs(2)) << "it had recovered in between";
+  EXPECT_EQ(studio.writer->counts().dropped_messages, recorder->dropped());
+}
+
 TEST(Recorder, AMessageLargerThanTheQueueIsDroppedAndTheRestGoesOn) {
   Studio studio({.queue_bytes = 8192});
   auto recorder = studio.open();
