@@ -3,28 +3,33 @@
 # with sudo; does nothing, quickly, when all is there.
 #   deploy/install-packages.sh build   what building and testing needs (the default)
 #   deploy/install-packages.sh run     what the built programs need
+#   deploy/install-packages.sh fuzz    what the fuzzers need beside that of build (tests/record/fuzz.sh)
 set -euo pipefail
 
 build_packages=(
   ca-certificates ccache cmake g++ git ninja-build pkg-config
   libgrpc++-dev libgrpc-dev libprotobuf-dev libprotoc-dev protobuf-compiler protobuf-compiler-grpc
-  libc-ares-dev libre2-dev libssl-dev zlib1g-dev libabsl-dev
+  libc-ares-dev libre2-dev libssl-dev zlib1g-dev libzstd-dev libabsl-dev
   libegl-dev libepoxy-dev libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
   libmeshoptimizer-dev libdraco-dev
   libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
-  python3 python3-grpcio python3-protobuf
+  python3 python3-grpcio python3-protobuf python3-venv
 )
 run_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
-  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7
+  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 zlib1g
+)
+fuzz_packages=(
+  clang-14 libclang-rt-14-dev
 )
 
 case "${1:-build}" in
   build) wanted=("${build_packages[@]}") ;;
   run) wanted=("${run_packages[@]}") ;;
-  *) echo "usage: $0 [build|run]" >&2; exit 2 ;;
+  fuzz) wanted=("${fuzz_packages[@]}") ;;
+  *) echo "usage: $0 [build|run|fuzz]" >&2; exit 2 ;;
 esac
 
 missing=()

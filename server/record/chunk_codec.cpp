@@ -1,0 +1,71 @@
+#include "server/record/chunk_codec.h"
+
+#include <zstd.h>
+
+namespace sightline {
+
+void ChunkPacker::Free::operator()(ZSTD_CCtx_s* context) const {
+  ZSTD_freeCCtx(context);
+}
+
+ChunkPacker::ChunkPacker(int zstd_level)
+    : level_(zstd_level), context_(zstd_level > 0 ? ZSTD_createCCtx() : nullptr) {}
+
+ChunkPacker::~ChunkPacker() = default;
+
+Status ChunkPacker::pack(std::string_view raw, mcap::Chunk& out) {
+  out.uncompressed_size = raw.size();
+  out.uncompressed_crc = mcap::crc32_of(raw);
+  out.compression = level_ > 0 ? "zstd" : "";
+  out.records = raw;
+  if (level_ == 0) return {};
+  packed_.resize(ZSTD_compressBound(raw.size()));
+  const size_t size =
+      ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), raw.data(), raw.size(), level_);
+  if (ZSTD_isError(size)) return fail(ErrorCode::kInternal, "chunk", ZSTD_getErrorName(size));
+  out.records = std::string_view(packed_).substr(0, size);
+  return {};
+}
+
+void ChunkUnpacker::Free::operator()(ZSTD_DCtx_s* context) const {
+  ZSTD_freeDCtx(context);
+}
+
+ChunkUnpacker::ChunkUnpacker(uint64_t max_bytes) : max_bytes_(max_bytes), context_(ZSTD_createDCtx()) {}
+
+ChunkUnpacker::~ChunkUnpacker() = default;
+
+Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
+  if (chunk.uncompressed_size > max_bytes_)
+    return fail(
+        ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
+        "must be at most " + std::to_string(max_bytes_) + ", got " + std::to_string(chunk.uncompressed_size));
+  Result<std::string_view> raw = chunk.records;
+  if (chunk.compression == "zstd")
+    raw = unpack_zstd(chunk);
+  else if (!chunk.compression.empty())
+    return fail(ErrorCode::kUnsupported, "chunk.compression",
+                "zstd and none can be read, not \"" + std::string(chunk.compression.substr(0, 32)) + '"');
+  if (!raw) return raw;
+  if (raw->size() != chunk.uncompressed_size)
+    return fail(ErrorCode::kDataLoss, "chunk.uncompressed_size", "is not the size of the records");
+  if (chunk.uncompressed_crc != 0 && mcap::crc32_of(*raw) != chunk.uncompressed_crc)
+    return fail(ErrorCode::kDataLoss, "chunk.uncompressed_crc", "is not the CRC of the records");
+  return raw;
+}
+
+Result<std::string_view> ChunkUnpacker::unpack_zstd(const mcap::Chunk& chunk) {
+  // The frame's own claim is looked at first, so that a lie costs no memory; a frame without one is held by `raw_`'s
+  // size.
+  const unsigned long long claimed = ZSTD_getFrameContentSize(chunk.records.data(), chunk.records.size());
+  const bool lies = claimed != ZSTD_CONTENTSIZE_UNKNOWN && claimed > chunk.uncompressed_size;
+  if (claimed == ZSTD_CONTENTSIZE_ERROR || lies)
+    return fail(ErrorCode::kDataLoss, "chunk.records", "are not what the chunk declares");
+  if (raw_.size() < chunk.uncompressed_size) raw_.resize(chunk.uncompressed_size);
+  const size_t size = ZSTD_decompressDCtx(context_.get(), raw_.data(), chunk.uncompressed_size,
+                                          chunk.records.data(), chunk.records.size());
+  if (ZSTD_isError(size)) return fail(ErrorCode::kDataLoss, "chunk.records", ZSTD_getErrorName(size));
+  return std::string_view(raw_).substr(0, size);
+}
+
+}  // namespace sightline

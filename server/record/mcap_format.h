@@ -1,0 +1,209 @@
+// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every
+// record is <opcode, 1 byte> <length of the content, 8 bytes> <content>; integers are little-endian; a string is its
+// length in 4 bytes, then the bytes; arrays and maps are their length in bytes in 4, then the elements. Times are
+// nanoseconds of one clock a file, in recordings of ours since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 says that
+// there is none.
+//
+// Here is only the translation: what follows what in a file is up to mcap_writer.h, mcap_scanner.h and mcap_reader.h.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace sightline::mcap {
+
+inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
+inline constexpr uint64_t kRecordHeadBytes = 9;  // opcode and length
+inline constexpr uint64_t kFooterContentBytes = 20;
+// A whole Footer record and the magic after it: what stands at the end of a finished file.
+inline constexpr uint64_t kTailBytes = kRecordHeadBytes + kFooterContentBytes + kMagic.size();
+
+enum class Opcode : uint8_t {
+  kHeader = 0x01,
+  kFooter = 0x02,
+  kSchema = 0x03,
+  kChannel = 0x04,
+  kMessage = 0x05,
+  kChunk = 0x06,
+  kMessageIndex = 0x07,
+  kChunkIndex = 0x08,
+  kAttachment = 0x09,
+  kAttachmentIndex = 0x0A,
+  kStatistics = 0x0B,
+  kMetadata = 0x0C,
+  kMetadataIndex = 0x0D,
+  kSummaryOffset = 0x0E,
+  kDataEnd = 0x0F,
+};
+
+struct Header {
+  std::string profile;  // empty: none
+  std::string library;  // who wrote it, for people
+};
+
+struct Footer {
+  uint64_t summary_start = 0;         // from the start of the file; 0: no summary
+  uint64_t summary_offset_start = 0;  // the same; 0: no summary offsets
+  uint32_t summary_crc = 0;           // from summary_start up to this field
+};
+
+struct Schema {
+  uint16_t id = 0;  // not 0
+  std::string name;
+  std::string encoding;  // "protobuf": data is a serialised google.protobuf.FileDescriptorSet
+  std::string data;
+  bool operator==(const Schema&) const = default;
+};
+
+struct Channel {
+  uint16_t id = 0;
+  uint16_t schema_id = 0;  // 0: no schema
+  std::string topic;
+  std::string message_encoding;
+  std::map<std::string, std::string> metadata;
+  bool operator==(const Channel&) const = default;
+};
+
+// `data` is a view of whatever the message was decoded from or is to be encoded from.
+struct Message {
+  uint16_t channel_id = 0;
+  uint32_t sequence = 0;
+  uint64_t log_time_ns = 0;
+  uint64_t publish_time_ns = 0;
+  std::string_view data;
+};
+
+struct Chunk {
+  uint64_t start_time_ns = 0;  // least and greatest log time inside; both 0 without messages
+  uint64_t end_time_ns = 0;
+  uint64_t uncompressed_size = 0;
+  uint32_t uncompressed_crc = 0;
+  std::string_view compression;  // "zstd", "lz4" or ""
+  std::string_view records;      // schemas, channels and messages, compressed so
+};
+
+struct MessageIndex {
+  uint16_t channel_id = 0;
+  std::vector<std::pair<uint64_t, uint64_t>> records;  // log time, offset in the uncompressed chunk
+};
+
+struct ChunkIndex {
+  uint64_t start_time_ns = 0;
+  uint64_t end_time_ns = 0;
+  uint64_t chunk_start = 0;   // from the start of the file
+  uint64_t chunk_length = 0;  // of the whole record
+  std::map<uint16_t, uint64_t> message_index_offsets;
+  uint64_t message_index_length = 0;
+  std::string compression;
+  uint64_t compressed_size = 0;
+  uint64_t uncompressed_size = 0;
+};
+
+struct Attachment {
+  uint64_t log_time_ns = 0;
+  uint64_t create_time_ns = 0;
+  std::string name;
+  std::string content_type;
+  std::string_view data;  // a view, as in Message
+  uint32_t crc = 0;       // of the content up to here; filled by append_record
+};
+
+struct AttachmentIndex {
+  uint64_t offset = 0;
+  uint64_t length = 0;  // of the whole record
+  uint64_t log_time_ns = 0;
+  uint64_t create_time_ns = 0;
+  uint64_t data_size = 0;
+  std::string name;
+  std::string content_type;
+};
+
+struct Statistics {
+  uint64_t message_count = 0;
+  uint16_t schema_count = 0;
+  uint32_t channel_count = 0;
+  uint32_t attachment_count = 0;
+  uint32_t metadata_count = 0;
+  uint32_t chunk_count = 0;
+  uint64_t start_time_ns = 0;
+  uint64_t end_time_ns = 0;
+  std::map<uint16_t, uint64_t> channel_message_counts;
+};
+
+struct Metadata {
+  std::string name;
+  std::map<std::string, std::string> values;
+};
+
+struct MetadataIndex {
+  uint64_t offset = 0;
+  uint64_t length = 0;
+  std::string name;
+};
+
+struct SummaryOffset {
+  Opcode group_opcode = Opcode::kSchema;
+  uint64_t group_start = 0;
+  uint64_t group_length = 0;
+};
+
+struct DataEnd {
+  uint32_t data_crc = 0;  // of the file from its first byte to the last before this record
+};
+
+// CRC-32 of `bytes`, going on from that of what came before.
+uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
+
+// Each appends one whole record. A string or array of 4 GiB or more is a misuse (asserted).
+void append_record(std::string& out, const Header& record);
+void append_record(std::string& out, const Footer& record);
+void append_record(std::string& out, const Schema& record);
+void append_record(std::string& out, const Channel& record);
+void append_record(std::string& out, const Message& record);
+void append_record(std::string& out, const Chunk& record);
+void append_record(std::string& out, const MessageIndex& record);
+void append_record(std::string& out, const ChunkIndex& record);
+void append_record(std::string& out, const Attachment& record);
+void append_record(std::string& out, const AttachmentIndex& record);
+void append_record(std::string& out, const Statistics& record);
+void append_record(std::string& out, const Metadata& record);
+void append_record(std::string& out, const MetadataIndex& record);
+void append_record(std::string& out, const SummaryOffset& record);
+void append_record(std::string& out, const DataEnd& record);
+
+// Each reads the content of one record (no opcode, no length). False when it is too short for what it declares; `out`
+// is then unspecified. Bytes after the known fields are left alone, as the specification asks. Never allocates more
+// than a small multiple of the content.
+bool decode(std::string_view content, Header& out);
+bool decode(std::string_view content, Footer& out);
+bool decode(std::string_view content, Schema& out);
+bool decode(std::string_view content, Channel& out);
+bool decode(std::string_view content, Message& out);
+bool decode(std::string_view content, Chunk& out);
+bool decode(std::string_view content, MessageIndex& out);
+bool decode(std::string_view content, ChunkIndex& out);
+bool decode(std::string_view content, Attachment& out);
+bool decode(std::string_view content, AttachmentIndex& out);
+bool decode(std::string_view content, Statistics& out);
+bool decode(std::string_view content, Metadata& out);
+bool decode(std::string_view content, MetadataIndex& out);
+bool decode(std::string_view content, SummaryOffset& out);
+bool decode(std::string_view content, DataEnd& out);
+
+// Reads what an attachment says before its data, from the first bytes of its content; `offset` and `length` are left
+// alone. False when they are too few.
+bool decode_head(std::string_view content_start, AttachmentIndex& out);
+
+// Takes the record at the front of `bytes` off it. False at the end, or when what is left is too short for the record
+// that it begins; `bytes` then stays.
+struct RecordView {
+  Opcode opcode = Opcode::kHeader;
+  std::string_view content;
+};
+bool take_record(std::string_view& bytes, RecordView& out);
+
+}  // namespace sightline::mcap

@@ -1,0 +1,42 @@
+// What could not be read of a file, and what a reader lets a file make it do.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "server/base/error.h"
+
+namespace sightline {
+
+// A file is untrusted: nothing that it declares makes a reader hold more than this.
+struct McapLimits {
+  uint64_t max_chunk_bytes = uint64_t{64} << 20;   // a chunk's records, unpacked
+  uint64_t max_record_bytes = uint64_t{80} << 20;  // any record but an attachment, as it stands in the file
+  uint64_t max_attachment_bytes = uint64_t{1} << 30;  // only when one is asked for
+  uint64_t max_summary_bytes = uint64_t{64} << 20;
+  uint64_t max_definition_bytes = uint64_t{64} << 20;  // all schemas and channels together
+};
+
+struct McapTrouble {
+  uint64_t offset = 0;  // of the record, from the start of the file
+  Error error;
+};
+
+// Counts are of what is known to be missing; whatever stood in a gap is counted in bytes alone.
+struct McapLoss {
+  uint64_t chunks = 0;
+  uint64_t messages = 0;                    // of lost chunks whose index is there, and single ones
+  uint64_t bytes = 0;                       // of the file, that no sound record covers
+  uint64_t troubles = 0;                    // all of them
+  std::vector<McapTrouble> first_troubles;  // at most kKeptTroubles
+
+  static constexpr size_t kKeptTroubles = 16;
+  bool none() const { return troubles == 0; }
+  void note(uint64_t offset, Error error) {
+    ++troubles;
+    if (first_troubles.size() < kKeptTroubles) first_troubles.push_back({offset, std::move(error)});
+  }
+};
+
+}  // namespace sightline

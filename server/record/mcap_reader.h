@@ -1,0 +1,98 @@
+// Reads MCAP files that may come from anywhere: https://mcap.dev/spec.
+//
+//   const auto file = open_file_source(path);
+//   const auto reader = McapReader::open(**file, {});
+//   reader->info()                                    what is in it: topics, schemas, counts, times
+//   reader->read({.start_ns = t}, [](const McapMessage& m) { ...; return true; });
+//
+// With a summary only the tail of the file is read at first, and then the chunks that a query needs. Without one, or
+// with one that does not fit the file, the file is gone through once and the same index made. Damage costs the chunks
+// that it lies in: what is lost is counted, not passed over in silence. Nothing that a file declares is believed
+// before it is checked against the file's size and the limits (mcap_loss.h).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/record/byte_io.h"
+#include "server/record/mcap_format.h"
+#include "server/record/mcap_loss.h"
+
+namespace sightline {
+
+struct McapInfo {
+  mcap::Header header;
+  std::map<uint16_t, mcap::Schema> schemas;    // by id
+  std::map<uint16_t, mcap::Channel> channels;  // by id
+  std::vector<mcap::ChunkIndex> chunks;        // in the order of the file
+  std::vector<mcap::AttachmentIndex> attachments;
+  std::vector<mcap::MetadataIndex> metadata;
+  mcap::Statistics statistics;  // of the summary, or counted
+  bool has_statistics = false;  // false: the summary has none
+  bool from_summary = false;    // false: the file was gone through
+  bool finished = false;        // its data have an end
+  bool loose_messages = false;  // gone through, and there are messages outside chunks
+  McapLoss loss;                // what was found wrong on opening
+};
+
+struct McapQuery {
+  // By log time: start <= t < end.
+  uint64_t start_ns = 0;
+  uint64_t end_ns = std::numeric_limits<uint64_t>::max();
+  std::vector<std::string> topics = {};  // empty: all
+};
+
+// Valid during the call that it is handed to.
+struct McapMessage {
+  const mcap::Channel& channel;
+  const mcap::Schema* schema = nullptr;  // null: none
+  mcap::Message message;
+};
+
+struct McapReadReport {
+  uint64_t messages = 0;  // handed over
+  uint64_t chunks_read = 0;
+  McapLoss loss;  // of this reading, beside what info() tells
+};
+
+// Reading changes nothing in it: may be used from several threads when the source may.
+class McapReader {
+ public:
+  // `source` must outlive the reader. Fails with kDataLoss when the bytes do not begin as MCAP does, and when reading
+  // fails.
+  static Result<McapReader> open(const ByteSource& source, McapLimits limits);
+
+  const McapInfo& info() const { return info_; }
+
+  // Hands every message of the query to `visit`, in the order of the file (in recordings of ours the order in which
+  // things happened), until it answers false. Messages outside chunks are found only in a file without a summary.
+  McapReadReport read(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit) const;
+
+  // The bytes of an attachment of info(). kDataLoss on a wrong CRC or place, kResourceExhausted over the limit.
+  Result<std::string> attachment(const mcap::AttachmentIndex& index) const;
+  Result<mcap::Metadata> metadata(const mcap::MetadataIndex& index) const;
+
+ private:
+  McapReader(const ByteSource& source, McapLimits limits) : source_(&source), limits_(limits) {}
+
+  Result<bool> take_summary();
+  Status check_summary() const;
+  void go_through();
+  void read_chunks(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,
+                   McapReadReport& report) const;
+  void read_through(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,
+                    McapReadReport& report) const;
+  bool wanted(const mcap::ChunkIndex& chunk, const McapQuery& query) const;
+  uint64_t messages_by_index(const mcap::ChunkIndex& chunk) const;
+
+  const ByteSource* source_;  // never null
+  McapLimits limits_;
+  McapInfo info_;
+};
+
+}  // namespace sightline

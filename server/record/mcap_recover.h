@@ -1,0 +1,27 @@
+// Makes a sound file of a damaged or unfinished one.
+#pragma once
+
+#include "server/record/byte_io.h"
+#include "server/record/mcap_loss.h"
+#include "server/record/mcap_writer.h"
+
+namespace sightline {
+
+struct McapRecovery {
+  uint64_t chunks = 0;  // of the damaged file, that were whole
+  uint64_t messages = 0;
+  uint64_t attachments = 0;
+  uint64_t metadata = 0;
+  bool was_finished = false;  // nothing was missing behind what was read
+  McapLoss loss;
+};
+
+// Copies to `sink` every message, attachment and metadata of `source` that stands in a whole chunk or record, in the
+// order of the file, with its own times and sequence; then the summary, so that the copy is a finished file. A chunk
+// is whole when its CRC is right; of a chunk that is not, nothing is taken. `options.profile` and `.library` are
+// replaced by those of the source. Fails with kDataLoss when not even one record of the source is sound, and as the
+// sink fails.
+Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
+                                  McapWriterOptions options);
+
+}  // namespace sightline

@@ -1,0 +1,121 @@
+// Writes an MCAP file (https://mcap.dev/spec) from front to back, never going back:
+//
+//   McapWriter writer(sink, {});
+//   const uint16_t schema = *writer.add_schema("sightline.v1.Tick", "protobuf", descriptors);
+//   const uint16_t channel = *writer.add_channel("/tick", schema, "protobuf", {});
+//   writer.write(channel, now_ns, now_ns, bytes);  ...
+//   writer.finish();
+//
+// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages; the file ends with a
+// summary: schemas, channels, statistics, the indexes of chunks, attachments and metadata, and where to find them. A
+// file that is cut off before finish() lacks the summary and the open chunk, no more: schemas and channels stand
+// before the chunk that first uses them as well as in it, so that no damaged chunk takes them along.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/record/byte_io.h"
+#include "server/record/chunk_codec.h"
+#include "server/record/mcap_format.h"
+
+namespace sightline {
+
+// A reader with the default limits takes whatever is within these.
+inline constexpr uint64_t kMaxMessageBytes = uint64_t{32} << 20;
+inline constexpr uint64_t kMaxAttachmentBytes = uint64_t{1} << 30;
+
+struct McapWriterOptions {
+  std::string profile = {};
+  std::string library = "sightline";
+  // A chunk is closed by the message that brings it to so many bytes (unpacked), or that is logged so much later than
+  // its first. Smaller: less is lost by a kill; larger: fewer bytes on the disk.
+  uint64_t chunk_bytes = uint64_t{1} << 20;  // [1, 32 MiB]
+  std::chrono::nanoseconds chunk_time{500'000'000};
+  int zstd_level = 1;  // [1, 19]; 0: not packed
+};
+
+// Not thread-safe. Errors of the sink stick: once a call has failed so, every later one fails in the same way and
+// writes nothing. A call refused for its arguments leaves the file as it was.
+class McapWriter {
+ public:
+  // Writes the head of the file at once; should that fail, the first call says so. `sink` must outlive the writer.
+  McapWriter(ByteSink& sink, McapWriterOptions options);
+
+  // Ids count from 1. Fail with kResourceExhausted after 65535 of them.
+  Result<uint16_t> add_schema(std::string name, std::string encoding, std::string data);
+  // `schema_id` 0: none. kNotFound for a schema that was not added.
+  Result<uint16_t> add_channel(std::string topic, uint16_t schema_id, std::string message_encoding,
+                               std::map<std::string, std::string> metadata);
+
+  // The channel's own count, from 1 on, becomes the sequence. kNotFound for a channel that was not added,
+  // kResourceExhausted over kMaxMessageBytes.
+  Status write(uint16_t channel_id, uint64_t log_time_ns, uint64_t publish_time_ns, std::string_view data);
+  // The same with a sequence from elsewhere (a copy of a recording).
+  Status write(const mcap::Message& message);
+
+  // Written at once, between chunks: the open chunk is closed first. kResourceExhausted over kMaxAttachmentBytes.
+  Status attach(mcap::Attachment attachment);
+  Status add_metadata(const mcap::Metadata& metadata);
+
+  // Hands everything that was taken to the sink. For whoever knows that time passes while no message comes.
+  Status end_chunk();
+  // Log time of the open chunk's first message; none: no message waits.
+  bool has_open_chunk() const { return open_messages_ > 0; }
+  uint64_t open_chunk_time_ns() const { return first_time_ns_; }
+
+  // Closes the chunk and writes the summary. Afterwards only bytes_written() may be called.
+  Status finish();
+
+  // How the sink fares: the error that sticks, once there is one.
+  const Status& status() const { return trouble_; }
+  // Handed to the sink.
+  uint64_t bytes_written() const { return position_; }
+  // What finish() would add to them at most, with the open chunk.
+  uint64_t bytes_to_finish() const;
+
+ private:
+  struct ChannelState {
+    mcap::Channel channel;
+    uint64_t messages = 0;
+    uint32_t last_sequence = 0;
+    bool in_chunks = false;                                 // its record is in a chunk, and its schema's
+    std::vector<std::pair<uint64_t, uint64_t>> open_index;  // of the open chunk
+  };
+
+  ChannelState* find(uint16_t channel_id);
+  Status put(std::string_view bytes);
+  Status put_pending();
+  void note_time(uint64_t log_time_ns);
+  void introduce(ChannelState& state);
+  mcap::ChunkIndex put_message_indexes(uint64_t chunk_start, uint64_t chunk_length);
+  std::string summary(mcap::Footer& footer) const;
+
+  ByteSink& sink_;
+  const McapWriterOptions options_;
+  ChunkPacker packer_;
+  Status trouble_;
+  uint64_t position_ = 0;
+  uint32_t data_crc_ = 0;
+  std::string pending_;  // records on their way to the sink
+
+  std::vector<mcap::Schema> schemas_;   // id - 1
+  std::vector<ChannelState> channels_;  // id - 1
+  std::vector<mcap::ChunkIndex> chunks_;
+  std::vector<mcap::AttachmentIndex> attachments_;
+  std::vector<mcap::MetadataIndex> metadata_;
+  mcap::Statistics statistics_;
+
+  std::string open_chunk_;
+  uint64_t open_messages_ = 0;
+  uint64_t first_time_ns_ = 0;  // of the open chunk, in the order of writing
+  uint64_t least_time_ns_ = 0;
+  uint64_t greatest_time_ns_ = 0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,479 @@
+#include "server/record/recorder.h"
+
+#include <google/protobuf/message_lite.h>
+
+#include <algorithm>
+#include <cassert>
+
+namespace sightline {
+
+namespace record_internal {
+
+struct Attached {
+  mcap::Attachment head;  // its data are those below
+  std::shared_ptr<const std::string> data;
+};
+
+// What both ends share.
+struct Session {
+  Session(v1::RecordingInfo told, size_t queue_bytes, std::shared_ptr<std::atomic<bool>> wake)
+      : info(std::move(told)), ring(queue_bytes), woken(std::move(wake)) {}
+
+  // constant after construction
+  v1::RecordingInfo info;
+
+  RecordRing ring;
+  std::atomic<bool> closed{false};   // by the recorder: nothing more comes
+  std::atomic<bool> failing{false};  // by the writer: there is no file
+  std::atomic<uint64_t> dropped_by_recorder{0};
+  std::atomic<uint64_t> dropped_by_writer{0};
+  std::atomic<Attached*> attached{nullptr};  // the recorder puts one, the writer takes it
+  const std::shared_ptr<std::atomic<bool>> woken;
+
+  ~Session() { delete attached.load(); }
+};
+
+}  // namespace record_internal
+
+namespace {
+
+using record_internal::Attached;
+using record_internal::Session;
+
+constexpr uint64_t kHousekeepingNs = 1'000'000'000;
+constexpr uint64_t kHousekeepingBytes = uint64_t{16} << 20;
+constexpr uint64_t kLeastPartBytes = uint64_t{1} << 20;
+constexpr uint32_t kLayoutVersion = 1;
+constexpr int kNameTries = 1000;
+
+const char* reason_text(v1::Gap::Reason reason) {
+  switch (reason) {
+    case v1::Gap::QUEUE_FULL:
+      return "messages come faster than they can be written";
+    case v1::Gap::TOO_LARGE:
+      return "a message is larger than half of the queue";
+    case v1::Gap::NO_SPACE:
+      return "there is no space for recordings";
+    default:
+      return "the recording cannot be written";
+  }
+}
+
+void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns,
+                uint64_t last_ns) {
+  if (gap.messages() == 0) {
+    gap.set_first_time_ns(first_ns);
+    gap.set_reason(reason);
+  }
+  gap.set_last_time_ns(last_ns);
+  gap.set_messages(gap.messages() + messages);
+}
+
+}  // namespace
+
+SessionRecorder::SessionRecorder(std::shared_ptr<Session> session) : session_(std::move(session)) {}
+
+SessionRecorder::~SessionRecorder() {
+  session_->closed.store(true, std::memory_order_release);
+}
+
+bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
+                             const google::protobuf::MessageLite& message) {
+  const size_t size = message.ByteSizeLong();
+  char* at = reserve(topic, times, size);
+  if (at == nullptr) return false;
+  message.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
+  commit(topic, times, size);
+  return true;
+}
+
+bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_view serialised) {
+  char* at = reserve(topic, times, serialised.size());
+  if (at == nullptr) return false;
+  std::copy(serialised.begin(), serialised.end(), at);
+  commit(topic, times, serialised.size());
+  return true;
+}
+
+char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
+  assert(topic <= RecordTopic::kGap);
+  // The number is used up even when the message is dropped, so that it is missed.
+  ++sequences_[static_cast<size_t>(topic)];
+  char* at = nullptr;
+  if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
+  if (at == nullptr)
+    drop(times, size > session_->ring.max_message() ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
+  return at;
+}
+
+void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size) {
+  session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), 0,
+                         sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
+  if (session_->ring.half_full()) session_->woken->store(true, std::memory_order_relaxed);
+}
+
+// What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full
+// would fill with gaps.
+bool SessionRecorder::record_gap(RecordTimes times) {
+  if (session_->ring.half_full()) return false;
+  const size_t size = gap_.ByteSizeLong();
+  char* at = session_->ring.reserve(size);
+  if (at == nullptr) return false;
+  gap_.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
+  ++sequences_[static_cast<size_t>(RecordTopic::kGap)];
+  commit(RecordTopic::kGap, times, size);
+  gap_.Clear();
+  return true;
+}
+
+void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
+  add_to_gap(gap_, reason, 1, times.log_ns, times.log_ns);
+  session_->dropped_by_recorder.fetch_add(1, std::memory_order_relaxed);
+}
+
+bool SessionRecorder::attach(std::string name, std::string content_type, uint64_t log_time_ns,
+                             std::shared_ptr<const std::string> data) {
+  if (data->size() > kMaxAttachmentBytes) return false;
+  auto attached = std::make_unique<Attached>();
+  attached->head = {log_time_ns, 0, std::move(name), std::move(content_type), *data, 0};
+  attached->data = std::move(data);
+  Attached* none = nullptr;
+  if (!session_->attached.compare_exchange_strong(none, attached.get(), std::memory_order_acq_rel))
+    return false;
+  (void)attached.release();
+  return true;
+}
+
+bool SessionRecorder::degraded() const {
+  return gap_.messages() > 0 || session_->failing.load(std::memory_order_relaxed);
+}
+
+uint64_t SessionRecorder::dropped() const {
+  return session_->dropped_by_recorder.load(std::memory_order_relaxed) +
+         session_->dropped_by_writer.load(std::memory_order_relaxed);
+}
+
+struct RecordWriter::Book {
+  explicit Book(std::shared_ptr<Session> of) : session(std::move(of)) {}
+
+  const std::shared_ptr<Session> session;
+  std::unique_ptr<SessionFile> file;  // null: none now
+  std::string file_name;
+  uint64_t counted_bytes = 0;  // of the file, that are in the counts
+  uint32_t part = 0;
+  uint64_t retry_ns = 0;                    // no new file before
+  v1::Gap gap;                              // what was lost for want of a file
+  bool warned = false;                      // of the trouble that lasts
+  uint64_t seen_drops = 0;                  // of the recorder's, that are in the counts
+  bool dropping = false;                    // its queue was full since the last time but one
+  std::optional<std::string> open, opened;  // for the head of the next part
+  uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
+  ViewerChannels viewers;
+  std::array<uint32_t, kRecordTopics> sequences{};  // of what is made here
+};
+
+RecordWriter::RecordWriter(RecordSettings settings, RecordFileSystem& files, Clock now_ns, Warn warn)
+    : settings_(std::move(settings)),
+      now_ns_(std::move(now_ns)),
+      warn_(std::move(warn)),
+      folder_(settings_.folder, settings_.limits, files),
+      woken_(std::make_shared<std::atomic<bool>>(false)) {}
+
+RecordWriter::~RecordWriter() {
+  run_once();
+  for (Book& book : books_) close_file(book);
+}
+
+std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
+  info.set_version(kLayoutVersion);
+  info.set_start_time_ns(now_ns_());
+  auto session = std::make_shared<Session>(std::move(info), settings_.queue_bytes, woken_);
+  const std::lock_guard lock(mutex_);
+  new_sessions_.push_back(session);
+  ++counts_.open_sessions;
+  return std::make_unique<SessionRecorder>(std::move(session));
+}
+
+RecordCounts RecordWriter::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+void RecordWriter::wait(std::chrono::nanoseconds timeout) {
+  // The queues ask by a flag alone, so that asking costs them nothing: it is looked at a few times a period.
+  constexpr int kLooks = 10;
+  std::unique_lock lock(mutex_);
+  for (int i = 0; i < kLooks && !woken_->exchange(false); ++i) wake_.wait_for(lock, timeout / kLooks);
+}
+
+void RecordWriter::wake() {
+  woken_->store(true);
+  wake_.notify_all();
+}
+
+void RecordWriter::adopt_new_sessions() {
+  const std::lock_guard lock(mutex_);
+  for (auto& session : new_sessions_) books_.emplace_back(std::move(session));
+  new_sessions_.clear();
+}
+
+void RecordWriter::run_once() {
+  adopt_new_sessions();
+  if (now_ns_() >= next_housekeeping_ns_ || bytes_since_housekeeping_ >= kHousekeepingBytes) keep_house();
+  for (auto book = books_.begin(); book != books_.end();) {
+    // Looked at before the queue is: what was put in before the end is then seen.
+    const bool closed = book->session->closed.load(std::memory_order_acquire);
+    serve(*book);
+    if (closed) {
+      close_file(*book);
+      book = books_.erase(book);
+    } else {
+      ++book;
+    }
+  }
+  uint64_t failing = 0;
+  for (const Book& book : books_) failing += book.session->failing.load(std::memory_order_relaxed) ? 1 : 0;
+  const std::lock_guard lock(mutex_);
+  counts_.failing_sessions = failing;
+  counts_.open_sessions = books_.size() + new_sessions_.size();
+  counts_.removed_files = folder_.removed_files();
+}
+
+void RecordWriter::serve(Book& book) {
+  // No more than a queue can hold, so that one that is filled as fast as it is emptied does not keep the others
+  // waiting.
+  RecordEntry entry;
+  for (size_t taken = 0; taken <= book.session->ring.capacity() && book.session->ring.front(entry);) {
+    taken += sizeof(RecordHead) + entry.message.size();
+    write_entry(book, entry);
+    book.session->ring.pop();
+  }
+  write_attachment(book);
+  if (book.file) check(book, book.file->tend(now_ns_()));
+
+  const uint64_t drops = book.session->dropped_by_recorder.load(std::memory_order_relaxed);
+  const bool was_dropping = std::exchange(book.dropping, drops != book.seen_drops);
+  if (!book.dropping) return;
+  if (!was_dropping)
+    warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), reason_text(v1::Gap::QUEUE_FULL)});
+  const std::lock_guard lock(mutex_);
+  counts_.dropped_messages += drops - std::exchange(book.seen_drops, drops);
+}
+
+void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
+  const RecordHead& head = entry.head;
+  const RecordMessage message{static_cast<RecordTopic>(head.topic), head.sequence, head.log_time_ns,
+                              head.publish_time_ns, entry.message};
+  if (message.topic == RecordTopic::kOpen) book.open = entry.message;
+  if (message.topic == RecordTopic::kOpened) book.opened = entry.message;
+  if (!ensure_file(book)) return lose_message(book, head);
+  if (Status ok = book.file->write(message, now_ns_()); !ok) {
+    // One message may be refused for its size; then the file goes on.
+    if (!book.file->status()) lose_file(book, ok.error());
+    return lose_message(book, head);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    ++counts_.messages;
+  }
+  if (settings_.for_viewers) write_for_viewers(book, message);
+  if (book.file) check(book, book.file->status());
+  if (book.file && book.file->bytes() >= part_limit()) close_file(book);
+}
+
+void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
+  const uint64_t time_ns = message.log_time_ns;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    const std::string bytes = made.SerializeAsString();
+    const uint32_t sequence = ++book.sequences[static_cast<size_t>(topic)];
+    // What cannot be written here cannot be written at the next message either, which tells.
+    (void)book.file->write({topic, sequence, time_ns, time_ns, bytes}, now_ns_());
+  };
+  const auto parsed = [&](auto wire, auto take) {
+    const bool whole = wire.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()));
+    if (whole) (book.viewers.*take)(wire, time_ns, emit);
+  };
+  switch (message.topic) {
+    case RecordTopic::kOpen:
+      return parsed(v1::OpenSession(), &ViewerChannels::take_open);
+    case RecordTopic::kTick:
+      return parsed(v1::Tick(), &ViewerChannels::take_tick);
+    case RecordTopic::kReply:
+      return parsed(v1::CameraReply(), &ViewerChannels::take_reply);
+    case RecordTopic::kRejection:
+      return parsed(v1::Rejection(), &ViewerChannels::take_rejection);
+    case RecordTopic::kFault:
+      return parsed(v1::Fault(), &ViewerChannels::take_fault);
+    case RecordTopic::kGap:
+      return parsed(v1::Gap(), &ViewerChannels::take_gap);
+    default:
+      return;
+  }
+}
+
+void RecordWriter::write_attachment(Book& book) {
+  // It waits for a file rather than being lost.
+  if (book.session->attached.load(std::memory_order_relaxed) == nullptr || !ensure_file(book)) return;
+  const std::unique_ptr<Attached> attached(
+      book.session->attached.exchange(nullptr, std::memory_order_acq_rel));
+  check(book, book.file->attach(attached->head));
+}
+
+bool RecordWriter::ensure_file(Book& book) {
+  if (book.file) return true;
+  const uint64_t now_ns = now_ns_();
+  if (now_ns < book.retry_ns) return false;
+  if (no_room_) {
+    lose_file(book, *no_room_);
+    return false;
+  }
+  v1::RecordingInfo info = book.session->info;
+  Result<std::unique_ptr<ByteSink>> sink = fail(ErrorCode::kAlreadyExists, "", "");
+  // A name that is taken, by a session with the same id in the same millisecond, is passed over.
+  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
+       ++tries) {
+    info.set_part(++book.part);
+    book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
+    sink = folder_.create(book.file_name);
+  }
+  if (!sink) {
+    --book.part;
+    lose_file(book, sink.error());
+    return false;
+  }
+  McapWriterOptions options;
+  options.library = "sightline " + info.server_version();
+  options.chunk_bytes = settings_.chunk_bytes;
+  options.chunk_time = settings_.chunk_time;
+  options.zstd_level = settings_.zstd_level;
+  book.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
+  being_written_.insert(book.file_name);
+  book.counted_bytes = 0;
+  write_head(book, info.part() > 1, now_ns);
+  book.head_bytes = book.file->bytes();
+  {
+    const std::lock_guard lock(mutex_);
+    ++counts_.files;
+  }
+  if (Status ok = book.file->status(); !ok) lose_file(book, ok.error());
+  return book.file != nullptr;
+}
+
+// So that a later part can be read by itself, and says what is missing before it.
+void RecordWriter::write_head(Book& book, bool later_part, uint64_t now_ns) {
+  const auto write = [&](RecordTopic topic, uint32_t sequence, const std::string& bytes) {
+    return book.file->write({topic, sequence, now_ns, now_ns, bytes}, now_ns);
+  };
+  if (later_part && book.open) (void)write(RecordTopic::kOpen, 1, *book.open);
+  if (later_part && book.opened) (void)write(RecordTopic::kOpened, 1, *book.opened);
+  if (later_part && settings_.for_viewers)
+    book.viewers.emit_still(now_ns, [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+      (void)write(topic, ++book.sequences[static_cast<size_t>(topic)], made.SerializeAsString());
+    });
+  if (book.gap.messages() > 0) (void)write(RecordTopic::kGap, 1, book.gap.SerializeAsString());
+}
+
+// Looks after what a write said, and keeps count of bytes.
+void RecordWriter::check(Book& book, const Status& done) {
+  const uint64_t more = book.file->bytes() - std::exchange(book.counted_bytes, book.file->bytes());
+  bytes_since_housekeeping_ += more;
+  {
+    const std::lock_guard lock(mutex_);
+    counts_.bytes += more;
+  }
+  if (done && book.file->bytes() > book.head_bytes && book.file->waiting().messages == 0) {
+    // Something beyond the head is on the disk, and with it the gap.
+    book.gap.Clear();
+    book.warned = false;
+    book.session->failing.store(false, std::memory_order_relaxed);
+  }
+  // A refusal of one message (too large for the format's readers) is not the file's end.
+  if (!done && !book.file->status()) lose_file(book, done.error());
+}
+
+void RecordWriter::close_file(Book& book) {
+  if (!book.file) return;
+  const Status done = book.file->finish();
+  check(book, done);
+  if (!book.file) return;  // lost on its last bytes
+  book.file.reset();
+  being_written_.erase(book.file_name);
+}
+
+void RecordWriter::lose_file(Book& book, const Error& error) {
+  const bool full = error.code == ErrorCode::kResourceExhausted;
+  SessionFile::Waiting waiting;
+  if (book.file) {
+    waiting = book.file->waiting();
+    const bool nothing_in_it = book.file->bytes() <= book.head_bytes;
+    book.file.reset();
+    being_written_.erase(book.file_name);
+    // A disk that stays full is not to be littered with a file at every try.
+    if (nothing_in_it && folder_.remove(book.file_name)) --book.part;
+  }
+  book.retry_ns = now_ns_() + kHousekeepingNs;
+  book.session->failing.store(true, std::memory_order_relaxed);
+  book.gap.set_text(to_string(error));
+  book.gap.set_reason(full ? v1::Gap::NO_SPACE : v1::Gap::WRITE_FAILED);
+  if (waiting.messages > 0)
+    lose_messages(book, waiting.messages, waiting.first_time_ns, waiting.last_time_ns);
+  if (!std::exchange(book.warned, true)) {
+    std::string text = reason_text(book.gap.reason());
+    warn_({book.gap.reason(), book.session->info.session_id(), text.append(": ").append(to_string(error))});
+  }
+  const std::lock_guard lock(mutex_);
+  ++counts_.write_failures;
+}
+
+void RecordWriter::lose_message(Book& book, const RecordHead& head) {
+  lose_messages(book, 1, head.log_time_ns, head.log_time_ns);
+}
+
+void RecordWriter::lose_messages(Book& book, uint64_t messages, uint64_t first_ns, uint64_t last_ns) {
+  add_to_gap(book.gap, book.gap.reason(), messages, first_ns, last_ns);
+  book.session->dropped_by_writer.fetch_add(messages, std::memory_order_relaxed);
+  const std::lock_guard lock(mutex_);
+  counts_.dropped_messages += messages;
+}
+
+void RecordWriter::keep_house() {
+  next_housekeeping_ns_ = now_ns_() + kHousekeepingNs;
+  bytes_since_housekeeping_ = 0;
+  // A file whose name is gone can be written to for ever, and nobody will ever see it.
+  for (Book& book : books_)
+    if (book.file && !folder_.exists(book.file_name))
+      lose_file(book, Error{ErrorCode::kNotFound, book.file_name, "was removed while it was written"});
+  no_room_.reset();
+  Status room = folder_.make_room(now_ns_(), being_written_);
+  if (room) return;
+  // What was being written becomes the past, the oldest of which may go; the sessions go on in their next parts.
+  for (Book& book : books_) close_file(book);
+  room = folder_.make_room(now_ns_(), being_written_);
+  if (room) return;
+  no_room_ = room.error();
+  for (Book& book : books_) lose_file(book, room.error());
+}
+
+// All sessions together stay within the total even when the ring of files holds nothing else: half of it for the
+// parts being written, half for those before.
+uint64_t RecordWriter::part_limit() const {
+  const uint64_t share = settings_.limits.max_total_bytes / (2 * std::max<uint64_t>(books_.size(), 1));
+  return std::min(settings_.limits.max_file_bytes, std::max(share, kLeastPartBytes));
+}
+
+RecordThread::RecordThread(RecordWriter& writer, std::chrono::nanoseconds period)
+    : writer_(writer), thread_([this, period] {
+        while (!stopping_.load()) {
+          writer_.run_once();
+          writer_.wait(period);
+        }
+        writer_.run_once();
+      }) {}
+
+RecordThread::~RecordThread() {
+  stopping_.store(true);
+  writer_.wake();
+  thread_.join();
+}
+
+}  // namespace sightline

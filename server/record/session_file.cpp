@@ -1,0 +1,72 @@
+#include "server/record/session_file.h"
+
+#include <google/protobuf/descriptor.h>
+
+namespace sightline {
+namespace {
+
+mcap::Metadata metadata_of(const v1::RecordingInfo& info) {
+  return {"sightline",
+          {{"version", std::to_string(info.version())},
+           {"server_version", info.server_version()},
+           {"build", info.build()},
+           {"sampler", info.sampler()},
+           {"session_id", info.session_id()},
+           {"seed", std::to_string(info.seed())},
+           {"label", info.label()},
+           {"part", std::to_string(info.part())}}};
+}
+
+}  // namespace
+
+SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
+                         McapWriterOptions options)
+    : sink_(std::move(sink)),
+      chunk_time_ns_(static_cast<uint64_t>(options.chunk_time.count())),
+      writer_(*sink_, std::move(options)) {
+  // Trouble sticks to the writer: the first write() tells.
+  (void)writer_.add_metadata(metadata_of(info));
+  const std::string bytes = info.SerializeAsString();
+  (void)write({RecordTopic::kInfo, 1, now_ns, now_ns, bytes}, now_ns);
+  waiting_ = {};  // of the file's own, nobody misses anything
+}
+
+Result<uint16_t> SessionFile::channel_of(RecordTopic topic) {
+  uint16_t& channel = channels_[static_cast<size_t>(topic)];
+  if (channel != 0) return channel;
+  const RecordTopicInfo& info = all_record_topics()[static_cast<size_t>(topic)];
+  const std::string name(info.message->full_name());
+  auto schema = schemas_.find(name);
+  if (schema == schemas_.end()) {
+    const Result<uint16_t> id = writer_.add_schema(name, "protobuf", descriptor_set_of(*info.message));
+    if (!id) return id;
+    schema = schemas_.emplace(name, *id).first;
+  }
+  const Result<uint16_t> id = writer_.add_channel(info.topic, schema->second, "protobuf", {});
+  if (id) channel = *id;
+  return id;
+}
+
+Status SessionFile::write(const RecordMessage& message, uint64_t now_ns) {
+  const Result<uint16_t> channel = channel_of(message.topic);
+  if (!channel) return tl::unexpected(channel.error());
+  const uint64_t before = writer_.bytes_written();
+  const Status done = writer_.write(
+      {*channel, message.sequence, message.log_time_ns, message.publish_time_ns, message.bytes});
+  if (!done) return done;
+  if (writer_.bytes_written() != before) waiting_ = {}, chunk_since_ns_.reset();
+  if (!writer_.has_open_chunk()) return done;
+  if (!chunk_since_ns_) chunk_since_ns_ = now_ns;
+  if (waiting_.messages++ == 0) waiting_.first_time_ns = message.log_time_ns;
+  waiting_.last_time_ns = message.log_time_ns;
+  return done;
+}
+
+Status SessionFile::tend(uint64_t now_ns) {
+  if (!chunk_since_ns_ || now_ns < *chunk_since_ns_ + chunk_time_ns_) return writer_.status();
+  const Status done = writer_.end_chunk();
+  if (done) waiting_ = {}, chunk_since_ns_.reset();
+  return done;
+}
+
+}  // namespace sightline

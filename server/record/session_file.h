@@ -1,0 +1,60 @@
+// One file of one session: its topics as MCAP channels, what stands at its head, and the end of chunks by the clock.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "server/record/mcap_writer.h"
+#include "server/record/record_topics.h"
+#include "sightline/v1/recording.pb.h"
+
+namespace sightline {
+
+// One message on its way into a file.
+struct RecordMessage {
+  RecordTopic topic = RecordTopic::kInfo;
+  uint32_t sequence = 0;  // of its topic; numbers that are missing were dropped
+  uint64_t log_time_ns = 0;
+  uint64_t publish_time_ns = 0;
+  std::string_view bytes;  // serialised
+};
+
+// Not thread-safe.
+class SessionFile {
+ public:
+  // Owns the sink. Writes the head: the info, as a message and as metadata "sightline" for tools without protobuf.
+  SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
+              McapWriterOptions options);
+
+  Status write(const RecordMessage& message, uint64_t now_ns);
+  Status attach(const mcap::Attachment& attachment) { return writer_.attach(attachment); }
+  // Closes the chunk when its first message has waited for `chunk_time`. To be called at least that often.
+  Status tend(uint64_t now_ns);
+  Status finish() { return writer_.finish(); }
+
+  // Taken, and not handed to the sink yet: what is lost when it fails.
+  struct Waiting {
+    uint64_t messages = 0;
+    uint64_t first_time_ns = 0;
+    uint64_t last_time_ns = 0;
+  };
+  const Waiting& waiting() const { return waiting_; }
+  uint64_t bytes() const { return writer_.bytes_written(); }
+  const Status& status() const { return writer_.status(); }
+
+ private:
+  Result<uint16_t> channel_of(RecordTopic topic);
+
+  const std::unique_ptr<ByteSink> sink_;
+  const uint64_t chunk_time_ns_;
+  McapWriter writer_;
+  std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
+  std::map<std::string, uint16_t> schemas_;         // by the message's name
+  Waiting waiting_;
+  std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
+};
+
+}  // namespace sightline

@@ -1,0 +1,369 @@
+#include "server/record/viewer_channels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "foxglove/camera.pb.h"
+#include "server/receive/from_proto_values.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kWorld[] = "world", kCamera[] = "camera", kOptical[] = "camera_optical";
+// The picture that the calibration speaks of; the lens says nothing of pixels.
+constexpr int kPictureWidth = 1280;
+constexpr double kFrustumDepthM = 1.0;
+
+struct Colour {
+  double r, g, b, a;
+};
+constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kCameraColour{0.15, 0.45, 0.95, 1.0};
+
+Colour colour_of(v1::TargetState state) {
+  switch (state) {
+    case v1::VISIBLE:
+      return {0.10, 0.75, 0.30, 1.0};
+    case v1::PARTIAL:
+      return {0.95, 0.70, 0.10, 1.0};
+    case v1::OCCLUDED:
+      return {0.90, 0.20, 0.20, 1.0};
+    default:
+      return {0.60, 0.60, 0.60, 1.0};
+  }
+}
+
+void set(foxglove::Color& out, const Colour& colour) {
+  out.set_r(colour.r);
+  out.set_g(colour.g);
+  out.set_b(colour.b);
+  out.set_a(colour.a);
+}
+
+template <typename Wire>  // Vector3, Point3
+void set(Wire& out, const glm::dvec3& v) {
+  out.set_x(v.x);
+  out.set_y(v.y);
+  out.set_z(v.z);
+}
+
+void set(foxglove::Quaternion& out, const glm::dquat& q) {
+  out.set_x(q.x);
+  out.set_y(q.y);
+  out.set_z(q.z);
+  out.set_w(q.w);
+}
+
+void set(foxglove::Pose& out, const Pose& pose) {
+  set(*out.mutable_position(), pose.position_m);
+  set(*out.mutable_orientation(), pose.rotation);
+}
+
+void set_time(google::protobuf::Timestamp& out, uint64_t time_ns) {
+  out.set_seconds(static_cast<int64_t>(time_ns / 1'000'000'000));
+  out.set_nanos(static_cast<int32_t>(time_ns % 1'000'000'000));
+}
+
+glm::dvec3 vector_of(const v1::Vector3& wire) {
+  return {wire.x(), wire.y(), wire.z()};
+}
+
+Pose pose_of(const v1::Pose& wire) {
+  Pose pose{vector_of(wire.position()), {1, 0, 0, 0}};
+  if (wire.has_rotation())
+    pose.rotation = glm::normalize(
+        glm::dquat(wire.rotation().w(), wire.rotation().x(), wire.rotation().y(), wire.rotation().z()));
+  return pose;
+}
+
+// Canonical to the viewer's world, which is that of the convention ROS.
+Pose to_viewer(const Pose& canonical) {
+  const Convention viewer = ros_convention();
+  return {position_to_client(viewer, canonical.position_m), rotation_to_client(viewer, canonical.rotation)};
+}
+
+glm::dvec3 extent_to_viewer(const glm::dvec3& canonical) {
+  return glm::abs(vector_to_client(ros_convention(), canonical));
+}
+
+std::string frame_of(uint64_t id) {
+  std::string frame = "instance/";
+  return frame.append(std::to_string(id));
+}
+
+void add_frame(foxglove::FrameTransforms& out, uint64_t time_ns, const char* parent, const std::string& child,
+               const Pose& parent_from_child) {
+  foxglove::FrameTransform& frame = *out.add_transforms();
+  set_time(*frame.mutable_timestamp(), time_ns);
+  frame.set_parent_frame_id(parent);
+  frame.set_child_frame_id(child);
+  set(*frame.mutable_translation(), parent_from_child.position_m);
+  set(*frame.mutable_rotation(), parent_from_child.rotation);
+}
+
+void add_sphere(foxglove::SceneEntity& entity, const glm::dvec3& centre_m, const glm::dvec3& size_m) {
+  foxglove::SpherePrimitive& sphere = *entity.add_spheres();
+  set(*sphere.mutable_pose(), Pose{centre_m, {1, 0, 0, 0}});
+  set(*sphere.mutable_size(), size_m);
+  set(*sphere.mutable_color(), kShapeColour);
+}
+
+void add_cylinder(foxglove::SceneEntity& entity, const glm::dvec3& size_m) {
+  foxglove::CylinderPrimitive& cylinder = *entity.add_cylinders();
+  set(*cylinder.mutable_pose(), Pose{});
+  set(*cylinder.mutable_size(), size_m);
+  cylinder.set_bottom_scale(1.0);
+  cylinder.set_top_scale(1.0);
+  set(*cylinder.mutable_color(), kShapeColour);
+}
+
+// `scale`: canonical, per axis. Long axes are along the client's up, which is the viewer's Z.
+void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Convention& c,
+               const glm::dvec3& scale) {
+  const auto sized = [&](double x, double y, double z) {  // canonical units of the client's length
+    return extent_to_viewer(scale * glm::dvec3(x, y, z) * c.metres_per_unit);
+  };
+  switch (wire.shape_case()) {
+    case v1::Shape::kBox: {
+      foxglove::CubePrimitive& cube = *entity.add_cubes();
+      set(*cube.mutable_pose(), Pose{});
+      set(*cube.mutable_size(),
+          2.0 * extent_to_viewer(scale * extent_from_client(c, vector_of(wire.box().half_extent()))));
+      set(*cube.mutable_color(), kShapeColour);
+      return;
+    }
+    case v1::Shape::kSphere:
+      return add_sphere(entity, {0, 0, 0},
+                        2.0 * sized(wire.sphere().radius(), wire.sphere().radius(), wire.sphere().radius()));
+    case v1::Shape::kCapsule: {
+      const double r = wire.capsule().radius(), h = wire.capsule().half_height();
+      const glm::dvec3 round = 2.0 * sized(r, r, r), middle = 2.0 * sized(r, h, r);
+      if (h > 0) add_cylinder(entity, middle);
+      add_sphere(entity, {0, 0, middle.z / 2}, round);
+      add_sphere(entity, {0, 0, -middle.z / 2}, round);
+      return;
+    }
+    case v1::Shape::kCylinder: {
+      const double r = wire.cylinder().radius();
+      return add_cylinder(entity, 2.0 * sized(r, wire.cylinder().half_height(), r));
+    }
+    case v1::Shape::SHAPE_NOT_SET:
+      return;
+  }
+}
+
+void start_entity(foxglove::SceneEntity& entity, uint64_t time_ns, const std::string& frame,
+                  const std::string& id) {
+  set_time(*entity.mutable_timestamp(), time_ns);
+  entity.set_frame_id(frame);
+  entity.set_id(id);
+  entity.set_frame_locked(true);
+}
+
+foxglove::LinePrimitive& add_lines(foxglove::SceneEntity& entity, const Colour& colour, double thickness_px) {
+  foxglove::LinePrimitive& lines = *entity.add_lines();
+  lines.set_type(foxglove::LinePrimitive::LINE_LIST);
+  set(*lines.mutable_pose(), Pose{});
+  lines.set_thickness(thickness_px);
+  lines.set_scale_invariant(true);
+  set(*lines.mutable_color(), colour);
+  return lines;
+}
+
+void add_line(foxglove::LinePrimitive& lines, const glm::dvec3& from, const glm::dvec3& to) {
+  set(*lines.add_points(), from);
+  set(*lines.add_points(), to);
+}
+
+// In the frame "camera": forward is +X, left +Y, up +Z.
+void add_frustum(foxglove::SceneEntity& entity, double vertical_fov_rad, double aspect) {
+  foxglove::LinePrimitive& lines = add_lines(entity, kCameraColour, 2.0);
+  const double up = kFrustumDepthM * std::tan(vertical_fov_rad / 2), left = up * aspect;
+  const glm::dvec3 corners[] = {{kFrustumDepthM, left, up},
+                                {kFrustumDepthM, -left, up},
+                                {kFrustumDepthM, -left, -up},
+                                {kFrustumDepthM, left, -up}};
+  for (int i = 0; i < 4; ++i) {
+    add_line(lines, {0, 0, 0}, corners[i]);
+    add_line(lines, corners[i], corners[(i + 1) % 4]);
+  }
+}
+
+}  // namespace
+
+void ViewerChannels::take_open(const v1::OpenSession& open, uint64_t time_ns, const Emit& emit) {
+  Convention told;
+  client_ = read_convention(open.convention(), "", told) ? told : gltf_convention();
+  instances_.clear();
+  take_lens(open.lens());
+  for (const v1::NewInstance& instance : open.instances()) add_instance(instance);
+  emit_still(time_ns, emit);
+}
+
+void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t time_ns, const Emit& emit) {
+  if (tick.has_lens()) take_lens(tick.lens());
+  if (tick.has_delta()) take_delta(tick.delta());
+  move_instances(tick.transforms());
+  if (tick.has_delta()) emit_still(time_ns, emit);
+}
+
+void ViewerChannels::take_lens(const v1::Lens& lens) {
+  aspect_ = lens.aspect() > 0 ? lens.aspect() : 16.0 / 9.0;
+}
+
+void ViewerChannels::take_delta(const v1::SceneDelta& delta) {
+  for (const uint64_t id : delta.remove()) instances_.erase(id);
+  for (const v1::NewInstance& instance : delta.add()) add_instance(instance);
+}
+
+void ViewerChannels::add_instance(const v1::NewInstance& wire) {
+  if (instances_.size() >= kMaxInstances) return;
+  Instance& instance = instances_[wire.id()];
+  instance.world_from_instance = to_viewer(pose_from_client(client_, pose_of(wire.pose())));
+  instance.shape.Clear();
+  instance.has_shape = wire.has_shape();
+  const glm::dvec3 scale = wire.has_scale() ? vector_of(wire.scale()) : glm::dvec3(1.0);
+  if (instance.has_shape) add_shape(instance.shape, wire.shape(), client_, scale_from_client(client_, scale));
+}
+
+void ViewerChannels::move_instances(const v1::Transforms& wire) {
+  const bool rotated = wire.rotation_size() == 4 * wire.id_size();
+  if (wire.position_size() != 3 * wire.id_size()) return;
+  for (int i = 0; i < wire.id_size(); ++i) {
+    // Nodes of the scene file are not named before they move.
+    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.id(i))) continue;
+    Instance& instance = instances_[wire.id(i)];
+    Pose client{{wire.position(3 * i), wire.position(3 * i + 1), wire.position(3 * i + 2)}, {1, 0, 0, 0}};
+    if (rotated)
+      client.rotation = glm::normalize(glm::dquat(wire.rotation(4 * i + 3), wire.rotation(4 * i),
+                                                  wire.rotation(4 * i + 1), wire.rotation(4 * i + 2)));
+    Pose moved = to_viewer(pose_from_client(client_, client));
+    if (!rotated) moved.rotation = instance.world_from_instance.rotation;
+    instance.world_from_instance = moved;
+    instance.moves = true;
+  }
+}
+
+void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) const {
+  foxglove::FrameTransforms frames;
+  // The viewer's camera looks along +X; a picture's frame along +Z with +Y down.
+  add_frame(frames, time_ns, kCamera, kOptical, {{0, 0, 0}, {0.5, -0.5, 0.5, -0.5}});
+  foxglove::SceneUpdate shapes;
+  foxglove::SceneEntityDeletion& all = *shapes.add_deletions();
+  set_time(*all.mutable_timestamp(), time_ns);
+  all.set_type(foxglove::SceneEntityDeletion::ALL);
+  for (const auto& [id, instance] : instances_) {
+    if (!instance.moves) add_frame(frames, time_ns, kWorld, frame_of(id), instance.world_from_instance);
+    if (!instance.has_shape) continue;
+    foxglove::SceneEntity& entity = *shapes.add_entities();
+    entity = instance.shape;
+    start_entity(entity, time_ns, frame_of(id), frame_of(id));
+  }
+  emit(RecordTopic::kStaticFrames, frames);
+  emit(RecordTopic::kShapes, shapes);
+}
+
+void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) {
+  const Pose camera = camera_to_client(ros_convention(), camera_from_client(client_, pose_of(reply.pose())));
+  emit_frames(camera, time_ns, emit);
+  foxglove::PoseInFrame pose;
+  set_time(*pose.mutable_timestamp(), time_ns);
+  pose.set_frame_id(kWorld);
+  set(*pose.mutable_pose(), camera);
+  emit(RecordTopic::kCameraPose, pose);
+  emit_calibration(reply, time_ns, emit);
+  emit_sight(reply, camera, time_ns, emit);
+
+  v1::VisibilitySample visibility;
+  visibility.set_time_s(reply.time_s());
+  *visibility.mutable_targets() = reply.targets();
+  visibility.set_status(reply.status());
+  visibility.set_reason(reply.reason());
+  visibility.set_cut(reply.cut());
+  emit(RecordTopic::kVisibility, visibility);
+
+  const bool changed = reply.status() != last_status_ || reply.reason() != last_reason_;
+  last_status_ = reply.status();
+  last_reason_ = reply.reason();
+  if (changed)
+    emit_log(foxglove::Log::INFO, "camera", v1::Status_Name(reply.status()) + ": " + reply.reason_text(),
+             time_ns, emit);
+}
+
+void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const {
+  foxglove::FrameTransforms frames;
+  add_frame(frames, time_ns, kWorld, kCamera, camera);
+  for (const auto& [id, instance] : instances_)
+    if (instance.moves) add_frame(frames, time_ns, kWorld, frame_of(id), instance.world_from_instance);
+  emit(RecordTopic::kFrames, frames);
+}
+
+void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t time_ns,
+                                      const Emit& emit) const {
+  const double width = kPictureWidth, height = std::round(width / aspect_);
+  const double focal_px = height / 2 / std::tan(fov_from_client(client_, reply.field_of_view(), aspect_) / 2);
+  foxglove::CameraCalibration calibration;
+  set_time(*calibration.mutable_timestamp(), time_ns);
+  calibration.set_frame_id(kOptical);
+  calibration.set_width(kPictureWidth);
+  calibration.set_height(static_cast<uint32_t>(height));
+  for (const double k : {focal_px, 0.0, width / 2, 0.0, focal_px, height / 2, 0.0, 0.0, 1.0})
+    calibration.add_k(k);
+  for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) calibration.add_r(r);
+  for (const double p : {focal_px, 0.0, width / 2, 0.0, 0.0, focal_px, height / 2, 0.0, 0.0, 0.0, 1.0, 0.0})
+    calibration.add_p(p);
+  emit(RecordTopic::kCalibration, calibration);
+}
+
+void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera, uint64_t time_ns,
+                                const Emit& emit) const {
+  foxglove::SceneUpdate sight;
+  foxglove::SceneEntity& frustum = *sight.add_entities();
+  start_entity(frustum, time_ns, kCamera, kCamera);
+  add_frustum(frustum, fov_from_client(client_, reply.field_of_view(), aspect_), aspect_);
+  foxglove::SceneEntity& lines = *sight.add_entities();
+  start_entity(lines, time_ns, kWorld, "sight");
+  for (const v1::TargetVisibility& target : reply.targets()) {
+    const auto instance = instances_.find(target.id());
+    if (instance == instances_.end()) continue;
+    const glm::dvec3 place = instance->second.world_from_instance.position_m;
+    const Colour colour = colour_of(target.state());
+    add_line(add_lines(lines, colour, 1.5), camera.position_m, place);
+    foxglove::TextPrimitive& text = *lines.add_texts();
+    set(*text.mutable_pose(), Pose{place, {1, 0, 0, 0}});
+    text.set_billboard(true);
+    text.set_scale_invariant(true);
+    text.set_font_size(14);
+    set(*text.mutable_color(), colour);
+    text.set_text(std::to_string(target.id()) + ": " +
+                  std::to_string(std::lround(100 * target.filtered_share())) + " %");
+  }
+  emit(RecordTopic::kSight, sight);
+}
+
+void ViewerChannels::take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit) {
+  emit_log(foxglove::Log::WARNING, "tick",
+           "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns,
+           emit);
+}
+
+void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit) {
+  emit_log(foxglove::Log::ERROR, fault.stage(), fault.message(), time_ns, emit);
+}
+
+void ViewerChannels::take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit) {
+  emit_log(foxglove::Log::WARNING, "record",
+           std::to_string(gap.messages()) + " messages are missing: " + gap.text(), time_ns, emit);
+}
+
+void ViewerChannels::emit_log(int level, const std::string& name, const std::string& text, uint64_t time_ns,
+                              const Emit& emit) const {
+  foxglove::Log log;
+  set_time(*log.mutable_timestamp(), time_ns);
+  log.set_level(static_cast<foxglove::Log::Level>(level));
+  log.set_name(name);
+  log.set_message(text);
+  emit(RecordTopic::kLog, log);
+}
+
+}  // namespace sightline
