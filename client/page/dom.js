@@ -1,0 +1,36 @@
+// Small helpers for elements and numbers.
+
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === 'text') made.textContent = value;
+    else if (value !== undefined) made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+export function setText(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+export const DASH = '–';
+
+export function fixed(value, digits) {
+  return Number.isFinite(value) ? value.toFixed(digits) : DASH;
+}
+
+// "VISIBLE" as "visible", "BEST_ALL_VISIBLE" as "best all visible".
+export function plain(word) {
+  return word ? word.toLowerCase().replaceAll('_', ' ') : DASH;
+}
+
+export function colour(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+// As the pictures of what the camera saw have them (Okabe & Ito, 2008).
+const TARGET_COLOURS = ['#e69f00', '#56b4e9', '#cc79a7', '#f0e442', '#009e73', '#d55e00'];
+export function targetColour(index) {
+  return TARGET_COLOURS[index % TARGET_COLOURS.length];
+}
