@@ -54,7 +54,7 @@ class Builder {
     for (const std::string& warning : opened.warnings()) page_.facts.emplace_back("warning", warning);
     page_.aspect = input_.scenario.lens().aspect;
     page_.body_radius_m = input_.limits.body_radius_m;
-    page_.stages = {"queue", "scene", "bound", "sample", "aggregate", "move"};
+    page_.stages = {"scene", "bound", "sample", "aggregate", "move"};
     page_.flags = {"dt capped", "faces resampled", "body overlap"};
     if (!google::protobuf::util::MessageToJsonString(input_.open.settings(), &page_.settings_json).ok())
       page_.settings_json.clear();
@@ -109,8 +109,8 @@ class Builder {
                   (reply.flags().body_overlap() ? 4u : 0u);
     frame.merged_ticks = reply.merged_ticks();
     const v1::StageTimes& times = reply.stage_times();
-    frame.stage_us = {times.queue_us(),  times.scene_us(),     times.bound_us(),
-                      times.sample_us(), times.aggregate_us(), times.move_us()};
+    frame.queue_us = times.queue_us();
+    frame.stage_us = {times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(), times.move_us()};
     frame.latency_ms = played.latency_ms;
     frame.clearance_m = truth.body.clearance_m;
     const std::vector<Pose> poses = input_.scenario.poses_at(frame.time_s);

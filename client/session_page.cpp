@@ -178,6 +178,7 @@ class Frames {
     flags_.push_back(frame.flags);
     merged_.push_back(frame.merged_ticks);
     stage_us_.insert(stage_us_.end(), frame.stage_us.begin(), frame.stage_us.end());
+    queue_us_.push_back(static_cast<float>(frame.queue_us));
     latency_ms_.push_back(static_cast<float>(frame.latency_ms));
     clearance_m_.push_back(static_cast<float>(frame.clearance_m));
     for (const PageSight& sight : frame.sights) add(sight);
@@ -191,7 +192,8 @@ class Frames {
     data.add("mover_poses", mover_poses_), data.add("counts", counts_);
     data.add("status", status_), data.add("reason", reason_), data.add("text", text_);
     data.add("cut", cut_), data.add("flags", flags_), data.add("merged", merged_);
-    data.add("stage_us", stage_us_), data.add("latency_ms", latency_ms_), data.add("clearance_m", clearance_m_);
+    data.add("stage_us", stage_us_), data.add("queue_us", queue_us_);
+    data.add("latency_ms", latency_ms_), data.add("clearance_m", clearance_m_);
     data.add("aim_m", aim_m_), data.add("visible_share", visible_), data.add("filtered_share", filtered_);
     data.add("true_share", true_), data.add("state", state_), data.add("distance_m", distance_m_);
     data.add("occluder", occluder_), data.add("occluder_share", occluder_share_);
@@ -212,7 +214,7 @@ class Frames {
 
   Words words_, occluders_;
   std::vector<double> time_s_, sequence_, camera_, fov_rad_;
-  std::vector<float> velocity_mps_, mover_poses_, stage_us_, latency_ms_, clearance_m_, aim_m_;
+  std::vector<float> velocity_mps_, mover_poses_, stage_us_, queue_us_, latency_ms_, clearance_m_, aim_m_;
   std::vector<double> visible_, filtered_, true_, distance_m_, occluder_share_;
   std::vector<uint32_t> counts_, status_, reason_, text_, flags_, merged_, state_;
   std::vector<int32_t> occluder_;

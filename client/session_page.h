@@ -83,6 +83,7 @@ struct PageFrame {
   bool cut = false;            // the pose jumped on purpose
   uint32_t flags = 0;          // bit i: SessionPage::flags[i]
   uint32_t merged_ticks = 0;
+  double queue_us = kPageUnknown;      // how long the newest tick waited for the step
   std::vector<float> stage_us;         // as long as SessionPage::stages
   double latency_ms = kPageUnknown;    // tick sent to reply received
   double clearance_m = kPageUnknown;   // from the camera to the nearest collider

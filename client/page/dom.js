@@ -25,8 +25,14 @@ export function plain(word) {
   return word ? word.toLowerCase().replaceAll('_', ' ') : DASH;
 }
 
+// A colour of page.css; asked for at every pixel, so kept until the theme changes.
+const colours = new Map();
 export function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  return colours.get(name);
+}
+export function forgetColours() {
+  colours.clear();
 }
 
 // As the pictures of what the camera saw have them (Okabe & Ito, 2008).

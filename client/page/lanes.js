@@ -3,6 +3,8 @@
 import { colour, fixed, plain, targetColour } from './dom.js';
 import { look, sightAt, stageTotalUs } from './session.js';
 
+// Room for the names, pixels.
+export const GUTTER = 124;
 const WORST_FIRST = ['hidden', 'off', 'part', 'seen'];
 
 export function makeLanes(session) {
@@ -18,7 +20,7 @@ function ruler(session) {
   return {
     label: 'Time, s', height: 22,
     draw(context, line, top, right) {
-      const wanted = ((line.to_s - line.from_s) / (right - 124)) * 80;
+      const wanted = ((line.to_s - line.from_s) / (right - GUTTER)) * 80;
       const step = STEPS.find((s) => s >= wanted) || 1200;
       const digits = step < 0.1 ? 2 : step < 1 ? 1 : 0;
       for (let k = Math.ceil(line.from_s / step - 1e-9); k * step <= line.to_s + 1e-9; k++) {
@@ -35,7 +37,7 @@ function ruler(session) {
 }
 
 function pictures(session) {
-  const height = 40;
+  const height = 34;
   const images = session.pictures.map(({ url }) => Object.assign(new Image(), { src: url }));
   const lane = {
     label: 'Seen by the camera', height: height + 4,
@@ -58,19 +60,18 @@ function pictures(session) {
 
 // One target: the share seen as a filled line in the colour of its state, over the last steps as a line in its own colour, the truth as dots.
 function share(session, target, k) {
-  const height = 30, count = session.targets.length;
+  const count = session.targets.length, height = count > 2 ? 24 : 30;
   return {
     label: target.name, height, labelHeight: height,
     value: (frame) => `${fixed(100 * sightAt(session, frame, k).visible, 0)} %`,
     draw(context, line, top, right) {
       const yOf = (value) => top + height - 4 - value * (height - 8);
       context.fillStyle = colour('line');
-      context.fillRect(124, Math.round(yOf(0)), right - 124, 1);
+      context.fillRect(GUTTER, Math.round(yOf(0)), right - GUTTER, 1);
       const fill = Object.fromEntries(WORST_FIRST.map((name) => [name, colour(name)]));
       const dots = [];
       const filtered = [];
-      let before = 124;
-      line.eachColumn((x, first, end) => {
+      line.eachColumn((x, width, first, end) => {
         let least = 1, leastFiltered = 1, worst = 3, truth = NaN;
         for (let frame = first; frame < end; frame++) {
           const at = frame * count + k;
@@ -79,8 +80,6 @@ function share(session, target, k) {
           worst = Math.min(worst, WORST_FIRST.indexOf(look(session.words[session.state[at]])));
           if (!(session.true_share[at] >= truth)) truth = Number.isNaN(session.true_share[at]) ? truth : session.true_share[at];
         }
-        // A frame lasts until the next one.
-        const width = Math.max(1, line.xOf(session.time_s[Math.min(session.frames - 1, end)]) - x);
         context.globalAlpha = 0.5;
         context.fillStyle = fill[WORST_FIRST[worst]];
         // A target that is not seen at all still has its colour: a stripe on the ground.
@@ -88,7 +87,6 @@ function share(session, target, k) {
         context.globalAlpha = 1;
         filtered.push([x, yOf(leastFiltered)]);
         if (!Number.isNaN(truth)) dots.push([x, yOf(truth)]);
-        before = x + width;
       });
       context.strokeStyle = targetColour(k);
       context.lineWidth = 1.5;
@@ -119,9 +117,9 @@ function words(session, column, label) {
     draw(context, line, top) {
       runs.forEach((first, i) => {
         const end = runs[i + 1];
-        const x0 = Math.max(124, line.xOf(session.time_s[first]));
+        const x0 = Math.max(GUTTER, line.xOf(session.time_s[first]));
         const x1 = Math.min(line.width - 8, line.xOf(end === undefined ? session.end_s : session.time_s[end]));
-        if (x1 < 124 || x0 > line.width) return;
+        if (x1 < GUTTER || x0 > line.width) return;
         context.fillStyle = colour(STATUS_COLOURS[session.words[session.status[first]]] || 'status-3');
         context.fillRect(x0, top + 1, Math.max(1, x1 - x0 - 1), height - 2);
         const word = plain(session.words[session[column][first]]);
@@ -139,14 +137,14 @@ function marks(session) {
   return {
     label: 'Cuts, flags', height,
     draw(context, line, top) {
-      line.eachColumn((x, first, end) => {
+      line.eachColumn((x, width, first, end) => {
         let cut = false, flag = false;
         for (let frame = first; frame < end; frame++) {
           cut ||= session.cut[frame] !== 0;
           flag ||= session.flags[frame] !== 0 || session.merged[frame] !== 0;
         }
         context.fillStyle = colour(cut ? 'hidden' : 'part');
-        if (flag) context.fillRect(x, top + height - 5, 1, 3);
+        if (flag) context.fillRect(x, top + height - 5, width, 3);
         if (!cut) return;
         context.fillRect(x - 0.5, top + 1, 2, height - 2);
         context.fillText('cut', x + 4, top + height / 2);
@@ -156,18 +154,17 @@ function marks(session) {
 }
 
 function cells(session) {
-  const height = 24;
+  const height = 20;
   return {
     label: 'Cells', height,
     value: (frame) => String(session.counts[3 * frame] + session.counts[3 * frame + 1] + session.counts[3 * frame + 2]),
     draw(context, line, top) {
       const fill = ['seen', 'part', 'hidden'].map(colour);
       context.globalAlpha = 0.6;
-      line.eachColumn((x, first, end) => {
+      line.eachColumn((x, width, first, end) => {
         const sum = [0, 0, 0];
         for (let frame = first; frame < end; frame++) for (let i = 0; i < 3; i++) sum[i] += session.counts[3 * frame + i];
         const all = sum[0] + sum[1] + sum[2];
-        const width = Math.max(1, line.xOf(session.time_s[Math.min(session.frames - 1, end)]) - x);
         let y = top + height - 2;
         for (let i = 0; i < 3 && all > 0; i++) {
           const part = (sum[i] / all) * (height - 4);
@@ -181,24 +178,23 @@ function cells(session) {
   };
 }
 
-// The longest step of each column, stage upon stage. The scale ends at twice what 99 % of the steps stay below: one slow step flattens nothing.
+// The longest step of each column, stage upon stage. The scale ends a third above what 99 % of the steps stay below: one slow step flattens nothing.
 function stages(session) {
-  const height = 46, count = session.stages.length;
+  const height = 40, count = session.stages.length;
   const totals = Float64Array.from({ length: session.frames }, (_, frame) => stageTotalUs(session, frame)).sort();
-  const most = Math.max(1, Math.min(totals.at(-1), 2 * totals[Math.floor(0.99 * (totals.length - 1))]));
+  const most = Math.max(1, Math.min(totals.at(-1), 1.33 * totals[Math.floor(0.99 * (totals.length - 1))]));
   return {
     label: 'Step, ms', height, labelHeight: height,
     value: (frame) => fixed(stageTotalUs(session, frame) / 1000, 2),
     draw(context, line, top, right) {
       const fill = session.stages.map((_, i) => colour(`stage-${i % 6}`));
       const scale = (height - 6) / most;
-      line.eachColumn((x, first, end) => {
+      line.eachColumn((x, width, first, end) => {
         let worst = first, total = -1;
         for (let frame = first; frame < end; frame++) {
           const now = stageTotalUs(session, frame);
           if (now > total) [worst, total] = [frame, now];
         }
-        const width = Math.max(1, line.xOf(session.time_s[Math.min(session.frames - 1, end)]) - x);
         let y = top + height - 2;
         for (let i = 0; i < count; i++) {
           const part = session.stage_us[worst * count + i] * scale;
@@ -207,9 +203,12 @@ function stages(session) {
           y -= part;
         }
       });
+      const scaleText = `${fixed(most / 1000, 2)} ms`;
+      context.fillStyle = colour('panel');
+      context.fillRect(right - context.measureText(scaleText).width - 8, top, 200, 15);
       context.fillStyle = colour('dim');
       context.textAlign = 'right';
-      context.fillText(`${fixed(most / 1000, 2)} ms`, right - 4, top + 8);
+      context.fillText(scaleText, right - 4, top + 8);
       context.textAlign = 'left';
     },
   };

@@ -1,5 +1,5 @@
 // Puts the page together: the session, the frame that is shown, and the three views of it.
-import { element, fixed, setText } from './dom.js';
+import { element, fixed, forgetColours, setText } from './dom.js';
 import { makeKeys } from './keys.js';
 import { FramePanel, showRun, showSettings } from './panel.js';
 import { Player, SPEEDS } from './player.js';
@@ -34,6 +34,7 @@ function makeTheme(onChange) {
   let chosen = null;
   const apply = () => {
     document.documentElement.dataset.theme = chosen || (system.matches ? 'light' : 'dark');
+    forgetColours();
     onChange();
   };
   system.addEventListener('change', apply);

@@ -12,6 +12,13 @@ function pairs(rows) {
   return list;
 }
 
+// Two pairs a line.
+function grid(rows) {
+  const list = pairs(rows);
+  list.classList.add('two');
+  return list;
+}
+
 export class FramePanel {
   constructor(session, root) {
     Object.assign(this, { session, root });
@@ -19,18 +26,16 @@ export class FramePanel {
       element('section', { class: 'group' },
         element('div', { class: 'decision' },
           element('span', { class: 'chip', 'data-field': 'status' }), element('span', { class: 'chip', 'data-field': 'reason' }),
-          element('span', { class: 'chip alert', 'data-field': 'cut', hidden: '' })),
-        element('p', { class: 'sentence', 'data-field': 'text' })),
+          element('span', { class: 'chip alert', 'data-field': 'cut', hidden: '' }))),
       group('Targets', this.targetTable()),
-      this.pictureGroup(),
       group('Camera', pairs([['position, m', 'position'], ['rotation x y z w', 'rotation'], ['field of view', 'fov'], ['speed', 'speed'],
         ['nearest collider', 'clearance']])),
       group('Places', element('div', { class: 'bar', id: 'cell-bar' }),
-        pairs([['all targets seen, S_V', 'all_visible'], ['some seen, S_P', 'some_visible'], ['none seen, S_N', 'none_visible'],
-          ['cells drawn are of frame', 'cells_of']])),
-      group('Step', element('div', { class: 'bar', id: 'stage-bar' }), this.stageTable()),
-      group('Tick', pairs([['frame', 'frame'], ['sequence', 'sequence'], ['time', 'time'], ['latency', 'latency'], ['merged ticks', 'merged'],
-        ['flags', 'flags']])));
+        grid([['all seen, S_V', 'all_visible'], ['some, S_P', 'some_visible'], ['none, S_N', 'none_visible'], ['cells of frame', 'cells_of']])),
+      group('Step', element('div', { class: 'bar', id: 'stage-bar' }), this.stageGrid()),
+      group('Tick', grid([['frame', 'frame'], ['sequence', 'sequence'], ['time', 'time'], ['queue', 'queue'], ['latency', 'latency'],
+        ['merged ticks', 'merged'], ['flags', 'flags']])),
+      this.pictureGroup());
     this.fields = new Map([...root.querySelectorAll('[data-field]')].map((node) => [node.dataset.field, node]));
     this.cellBar = this.bars('cell-bar', ['seen', 'part', 'hidden']);
     this.stageBar = this.bars('stage-bar', session.stages.map((_, i) => `stage-${i % 6}`));
@@ -68,14 +73,11 @@ export class FramePanel {
     return made;
   }
 
-  stageTable() {
-    const table = element('table');
-    this.session.stages.forEach((stage, i) => table.append(element('tr', {},
-      element('th', { scope: 'row' }, element('span', { class: 'swatch', style: `background:var(--stage-${i % 6});border-radius:2px` }), stage),
-      element('td', { class: 'number', 'data-field': `stage-${i}` }))));
-    table.append(element('tr', {}, element('th', { scope: 'row', text: 'total' }),
-      element('td', { class: 'number', 'data-field': 'total' })));
-    return table;
+  stageGrid() {
+    const list = grid([...this.session.stages.map((stage, i) => [stage, `stage-${i}`]), ['total', 'total']]);
+    [...list.querySelectorAll('dt')].slice(0, -1).forEach((name, i) =>
+      name.prepend(element('span', { class: 'swatch square', style: `background:var(--stage-${i % 6})` })));
+    return list;
   }
 
   set(field, text) {
@@ -95,7 +97,6 @@ export class FramePanel {
     const { session } = this;
     this.set('status', plain(session.words[session.status[frame]]));
     this.set('reason', plain(session.words[session.reason[frame]]));
-    this.set('text', session.words[session.text[frame]]);
     this.set('cut', 'cut');
     this.fields.get('cut').hidden = !session.cut[frame];
   }
@@ -146,6 +147,7 @@ export class FramePanel {
     this.set('sequence', String(session.sequence[frame]));
     this.set('time', `${fixed(session.time_s[frame], 4)} s`);
     this.set('latency', Number.isNaN(session.latency_ms[frame]) ? DASH : `${fixed(session.latency_ms[frame], 2)} ms`);
+    this.set('queue', Number.isNaN(session.queue_us[frame]) ? DASH : `${fixed(session.queue_us[frame], 1)} µs`);
     this.set('merged', String(session.merged[frame]));
     const flags = session.flags.length ? this.flagNames(frame) : [];
     this.set('flags', flags.length ? flags.join(', ') : 'none');

@@ -78,7 +78,7 @@ export class SceneMarks {
     this.frustum = new THREE.LineSegments(
       new THREE.BufferGeometry().setAttribute('position', new THREE.Float32BufferAttribute(points, 3)), this.rigMaterial);
     const radius = Math.max(0.05, this.session.body_radius_m);
-    this.bodyMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.55 });
+    this.bodyMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.4 });
     rig.add(this.frustum, new THREE.Mesh(new THREE.IcosahedronGeometry(radius, 2), this.bodyMaterial));
     return rig;
   }
@@ -97,7 +97,7 @@ export class SceneMarks {
     let most = 1;
     const { cell_first: first, cell_mask: mask } = this.session;
     for (let i = 0; i < first.length; i++) most = Math.max(most, (i + 1 < first.length ? first[i + 1] : mask.length) - first[i]);
-    const cells = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1), new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.75 }), most);
+    const cells = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1), new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.6 }), most);
     cells.frustumCulled = false;
     this.chosen = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(1, 1, 1)), new THREE.LineBasicMaterial());
     return cells;
@@ -113,7 +113,7 @@ export class SceneMarks {
     const edge = this.cellEdge(row), matrix = new THREE.Matrix4();
     let i = 0;
     eachCell(session, row, (x, y, z, mask, isChosen) => {
-      const name = this.cellLook(mask), size = edge * { seen: 0.26, part: 0.2, hidden: 0.13 }[name];
+      const name = this.cellLook(mask), size = edge * { seen: 0.15, part: 0.15, hidden: 0.1 }[name];
       cells.setMatrixAt(i, matrix.makeScale(size, size, size).setPosition(x, y, z));
       cells.setColorAt(i++, this.colours[name]);
       if (!isChosen) return;

@@ -3,6 +3,8 @@ import * as THREE from 'three';
 import { colour, targetColour } from './dom.js';
 import { meshOf, sightAt } from './session.js';
 
+const ROOF_M = 8;  // higher than that it is no roof in the way
+
 export class SceneMeshes {
   constructor(session) {
     this.session = session;
@@ -84,23 +86,26 @@ export class SceneMeshes {
 
   setXray(on) {
     Object.assign(this.still, { transparent: on, opacity: on ? 0.22 : 1, depthWrite: !on });
-    this.still.needsUpdate = true;
   }
 
   // Cuts away what is above a height; null: nothing.
   setCut(height_m) {
-    const planes = height_m === null ? null : [this.cutPlane];
-    if ((this.still.clippingPlanes === null) !== (planes === null)) this.still.needsUpdate = true;
-    this.still.clippingPlanes = planes;
+    this.still.clippingPlanes = height_m === null ? null : [this.cutPlane];
     if (height_m !== null) this.cutPlane.constant = height_m;
+  }
+
+  // Whether nothing that stands still lies between two points.
+  isOpen(a, b) {
+    this.group.updateMatrixWorld(true);
+    const way = b.clone().sub(a), ray = new THREE.Raycaster(a, way.clone().normalize(), 0, way.length());
+    return ray.intersectObjects(this.stillMeshes, false).length === 0;
   }
 
   // Whether the first target starts under a roof.
   hasRoof() {
     if (!this.session.targets.length) return false;
-    this.group.updateMatrixWorld(true);
     const from = new THREE.Vector3(...sightAt(this.session, 0, 0).aim);
-    return new THREE.Raycaster(from, new THREE.Vector3(0, 1, 0)).intersectObjects(this.stillMeshes, false).length > 0;
+    return !this.isOpen(from, from.clone().add(new THREE.Vector3(0, ROOF_M, 0)));
   }
 
   show(frame) {

@@ -7,6 +7,11 @@ import { SceneMeshes } from './scene_meshes.js';
 import { sightAt } from './session.js';
 
 const INSET_SHARE = 0.28, PICK_PIXELS = 14, ABOVE_TARGETS_M = 1.1;
+const UP = new THREE.Vector3(0, 1, 0);
+// Where to look from at first, in this order: radians about the way from the targets to the camera, then how far away and how far up, in
+// distances between the two.
+const SIDES = [[0.65, 1.55, 0.95], [-0.65, 1.55, 0.95], [1.3, 1.4, 0.95], [-1.3, 1.4, 0.95], [0.65, 1.1, 1.9], [-0.65, 1.1, 1.9],
+  [2.4, 1.4, 1.2], [-2.4, 1.4, 1.2], [0.3, 0.5, 2.6], [2.8, 0.5, 2.6]];
 
 export class SceneView {
   constructor(session, player, section) {
@@ -35,24 +40,36 @@ export class SceneView {
 
   // ---- where one looks from ----
 
-  focus(frame = this.player.frame) {
+  place(frame = this.player.frame) {
+    return new THREE.Vector3().fromArray(this.session.camera, 7 * frame);
+  }
+
+  // The middle of the targets; the camera's place when there are none.
+  middle(frame = this.player.frame) {
     const { session } = this, sum = new THREE.Vector3();
-    if (!session.targets.length) return sum.fromArray(session.camera, 7 * frame);
+    if (!session.targets.length) return this.place(frame);
     session.targets.forEach((_, k) => sum.add(new THREE.Vector3(...sightAt(session, frame, k).aim)));
     return sum.divideScalar(session.targets.length);
   }
 
-  // From above and behind the camera's shoulder, with camera and targets in the picture.
+  // What the view from outside turns around: between targets and camera.
+  focus() {
+    return this.middle().lerp(this.place(), 0.4);
+  }
+
+  // From above and behind the camera's shoulder, or from the first side around from which targets and camera can be seen.
   placeOutside() {
-    const focus = this.focus(), place = new THREE.Vector3().fromArray(this.session.camera, 7 * this.player.frame);
-    const back = place.clone().sub(focus);
+    const focus = this.focus(), back = this.place().sub(this.middle());
     const reach = Math.max(3, back.length());
     back.setY(0);
     if (back.length() < 1e-3) back.set(0, 0, 1);
-    back.normalize().applyAxisAngle(new THREE.Vector3(0, 1, 0), 0.65);
-    this.outside.position.copy(focus).addScaledVector(back, 1.55 * reach).add(new THREE.Vector3(0, 0.95 * reach, 0));
+    back.normalize();
+    const places = SIDES.map(([yaw, away, up]) => back.clone().applyAxisAngle(UP, yaw).multiplyScalar(away * reach)
+      .add(new THREE.Vector3(0, up * reach, 0)).add(focus));
+    const open = places.find((place) => this.meshes.isOpen(place, this.middle()) && this.meshes.isOpen(place, this.place()));
+    this.outside.position.copy(open || places[0]);
     this.controls = new OrbitControls(this.outside, this.canvas);
-    this.controls.target.copy(focus).lerp(place, 0.3);
+    this.controls.target.copy(focus);
     this.controls.zoomToCursor = true;
     this.controls.maxDistance = 2000;
     this.controls.update();
@@ -77,7 +94,6 @@ export class SceneView {
 
   set(name, on) {
     this.shows[name] = on;
-    if (name === 'xray') this.meshes.setXray(on);
     if (name === 'path') this.marks.paths.visible = on;
     this.show();
   }
@@ -93,7 +109,7 @@ export class SceneView {
     this.marks.showCells(frame, this.shows.cells);
     this.marks.sight.visible = this.shows.sight;
     this.marks.showSight(frame, (k, from, to) => this.meet(frame, k, from, to));
-    this.meshes.setCut(this.shows.cut ? this.focus(frame).y + ABOVE_TARGETS_M : null);
+    this.cut_m = this.middle(frame).y + ABOVE_TARGETS_M;
     this.lens.position.fromArray(session.camera, 7 * frame);
     this.lens.quaternion.fromArray(session.camera, 7 * frame + 3);
     this.lens.fov = (session.fov_rad[frame] * 180) / Math.PI;
@@ -147,7 +163,7 @@ export class SceneView {
     this.drawInto(inset, !this.through);
   }
 
-  // Through its own lens neither the camera, nor its cells, nor its way are in the picture.
+  // Through its own lens the scene is whole, and neither the camera, nor its cells, nor its way are in the picture.
   drawInto({ x, y, width, height }, through) {
     const { marks, renderer } = this;
     renderer.setViewport(x, y, width, height);
@@ -155,13 +171,12 @@ export class SceneView {
     renderer.setScissorTest(true);
     renderer.setClearColor(colour('sky'));
     renderer.clear();
-    const cut = this.meshes.still.clippingPlanes;
-    if (through) this.meshes.setCut(null);
+    this.meshes.setXray(this.shows.xray && !through);
+    this.meshes.setCut(this.shows.cut && !through ? this.cut_m : null);
     marks.group.visible = !through;
     this.outside.aspect = width / height;
     this.outside.updateProjectionMatrix();
     renderer.render(this.scene, through ? this.lens : this.outside);
-    if (through && cut) this.meshes.setCut(this.meshes.cutPlane.constant);
   }
 
   recolour() {

@@ -1,9 +1,8 @@
 // The time line: lanes that are drawn once a zoom, and a cursor above them that is drawn at every frame.
 import { colour, fixed, plain } from './dom.js';
 import { frameAt, sightAt, stageTotalUs } from './session.js';
-import { makeLanes } from './lanes.js';
+import { GUTTER, makeLanes } from './lanes.js';
 
-export const GUTTER = 124;
 const LEAST_WINDOW_S = 0.1;
 
 export class Timeline {
@@ -71,8 +70,17 @@ export class Timeline {
     return context;
   }
 
+  // At most once a picture of the screen.
   draw() {
-    if (!this.root.clientWidth) return;
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame(() => {
+      this.pending = false;
+      if (this.root.clientWidth) this.drawLanes();
+    });
+  }
+
+  drawLanes() {
     const context = this.prepare(this.base);
     const right = this.width - 8;
     let top = 0;
@@ -91,13 +99,22 @@ export class Timeline {
     this.drawCursor();
   }
 
-  // Calls visit(x, first, end) for each column of pixels with the frames that fall on it; columns without a frame are left out.
+  // Calls visit(x, width, first, end) for each stretch of whole pixels with the frames that begin on its first one: a frame lasts until
+  // the next, so stretches meet and never overlap.
   eachColumn(visit) {
     const right = this.width - 8;
+    let open = null;
     for (let x = GUTTER; x < right; x++) {
       const first = this.firstFrameFrom(this.timeAt(x)), end = this.firstFrameFrom(this.timeAt(x + 1));
-      if (end > first) visit(x, first, end);
+      if (end <= first) continue;
+      // What has begun before the window is seen from its edge on.
+      if (!open && first > 0 && x > GUTTER) visit(GUTTER, x - GUTTER, first - 1, first);
+      if (open) visit(open.x, x - open.x, open.first, open.end);
+      open = { x, first, end };
     }
+    if (!open) return visit(GUTTER, right - GUTTER, frameAt(this.session, this.from_s), frameAt(this.session, this.from_s) + 1);
+    visit(open.x, Math.min(right, Math.max(open.x + 1, Math.ceil(this.xOf(this.session.time_s[Math.min(open.end, this.session.frames - 1)])))) - open.x,
+      open.first, open.end);
   }
 
   firstFrameFrom(time_s) {
