@@ -81,6 +81,8 @@ class Drive {
     std::error_code trouble;
     std::filesystem::create_directories(options_.out, trouble);
     if (trouble) return fail(ErrorCode::kUnavailable, options_.out, trouble.message());
+    if (!options_.page.empty() && !std::ofstream(options_.page, std::ios::app))
+      return fail(ErrorCode::kUnavailable, options_.page, "cannot be written");
     return {};
   }
 
@@ -171,8 +173,8 @@ class Drive {
   Status write_page() {
     DrivePictures pictures;
     pictures.progress = [&](size_t done) { bar_.show("page", done, pictures.count); };
-    SessionPage page =
-        drive_page({*scenario_, frames_, run_.truths, run_.metrics, follow_, open_, opened_}, *world_, pictures);
+    SessionPage page = drive_page({*scenario_, frames_, run_.truths, run_.metrics, follow_, open_, opened_},
+                                  *world_, pictures);
     bar_.clear();
     page.title = std::filesystem::path(options_.scenario).stem();
     page.facts.emplace_back("ticks", rate_text());

@@ -86,7 +86,8 @@ class Builder {
       if (found == index.end()) continue;
       page_.instances[found->second].name = actors[i].name;
       const glm::dmat3& linear = world_.mirror().find(actors[i].id)->linear;
-      page_.instances[found->second].world_from_instance = Affine(linear[0], linear[1], linear[2], glm::dvec3(0.0));
+      page_.instances[found->second].world_from_instance =
+          Affine(linear[0], linear[1], linear[2], glm::dvec3(0.0));
       page_.movers.push_back(found->second);
       mover_actors_.push_back(i);
     }
@@ -100,7 +101,8 @@ class Builder {
     frame.camera = played.frame.camera;
     frame.vertical_fov_rad = played.frame.lens.vertical_fov_rad;
     frame.velocity_mps = {reply.velocity().x(), reply.velocity().y(), reply.velocity().z()};
-    frame.counts = {reply.counts().all_visible(), reply.counts().some_visible(), reply.counts().none_visible()};
+    frame.counts = {reply.counts().all_visible(), reply.counts().some_visible(),
+                    reply.counts().none_visible()};
     frame.status = name_of(reply.status());
     frame.reason = name_of(reply.reason());
     frame.text = reply.reason_text();
@@ -110,7 +112,8 @@ class Builder {
     frame.merged_ticks = reply.merged_ticks();
     const v1::StageTimes& times = reply.stage_times();
     frame.queue_us = times.queue_us();
-    frame.stage_us = {times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(), times.move_us()};
+    frame.stage_us = {times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(),
+                      times.move_us()};
     frame.latency_ms = played.latency_ms;
     frame.clearance_m = truth.body.clearance_m;
     const std::vector<Pose> poses = input_.scenario.poses_at(frame.time_s);
@@ -151,8 +154,9 @@ class Builder {
   static void add_cells(const v1::Candidates& candidates, PageFrame& frame) {
     const int count = std::min(candidates.visible_mask_size(), candidates.position_size() / 3);
     for (int i = 0; i < count; ++i)
-      frame.cells.push_back({{candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)},
-                             candidates.visible_mask(i)});
+      frame.cells.push_back(
+          {{candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)},
+           candidates.visible_mask(i)});
     frame.chosen_cell = candidates.chosen() < count ? candidates.chosen() : -1;
   }
 

@@ -24,7 +24,7 @@ struct DrivePageInput {
 };
 
 struct DrivePictures {
-  size_t count = 48;  // evenly spaced over the frames; fewer when there are fewer frames
+  size_t count = 40;  // evenly spaced over the frames; fewer when there are fewer frames
   int width = 480;    // pixels; the height follows from the lens
   int quality = 82;   // of the JPEG, [1, 100]
   // Called after each picture with the number done.

@@ -63,7 +63,8 @@ std::vector<uint8_t> encode_jpeg(const Picture& picture, int quality) {
   std::vector<uint8_t> bytes;
   const auto append = [](void* to, void* data, int size) {
     const auto* first = static_cast<const uint8_t*>(data);
-    static_cast<std::vector<uint8_t>*>(to)->insert(static_cast<std::vector<uint8_t>*>(to)->end(), first, first + size);
+    static_cast<std::vector<uint8_t>*>(to)->insert(static_cast<std::vector<uint8_t>*>(to)->end(), first,
+                                                   first + size);
   };
   stbi_write_jpg_to_func(append, &bytes, picture.width, picture.height, 3, picture.pixels.data(), quality);
   return bytes;

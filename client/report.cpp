@@ -121,7 +121,8 @@ void print_table(std::ostream& out, const RunMetrics& run, const std::optional<R
   print_row(out, "", columns);
   for (const FigureRow& row : figure_rows(run, follow)) print_row(out, row.label, row.values);
   for (const FigureRow& row : latency_rows(frames))
-    out << "  " << std::left << std::setw(kLabelWidth) << row.label << std::right << row.values.front() << '\n';
+    out << "  " << std::left << std::setw(kLabelWidth) << row.label << std::right << row.values.front()
+        << '\n';
 }
 
 }  // namespace sightline

@@ -37,7 +37,8 @@ Status check_frame(const SessionPage& session, size_t i) {
     return invalid(at("frames", i, ".stage_us"), "must be as long as stages");
   if (frame.chosen_cell >= static_cast<int>(frame.cells.size()))
     return invalid(at("frames", i, ".chosen_cell"), "is none of its cells");
-  if (!std::isfinite(frame.time_s) || !is_finite(frame.camera.position_m) || !is_finite(frame.camera.rotation))
+  if (!std::isfinite(frame.time_s) || !is_finite(frame.camera.position_m) ||
+      !is_finite(frame.camera.rotation))
     return invalid(at("frames", i), "has a time or a camera that is not finite");
   if (i > 0 && frame.time_s < session.frames[i - 1].time_s)
     return invalid(at("frames", i, ".time_s"), "goes back");
@@ -46,6 +47,7 @@ Status check_frame(const SessionPage& session, size_t i) {
 
 Status check(const SessionPage& session) {
   if (session.frames.empty()) return invalid("frames", "a page needs one at least");
+  if (!(session.aspect > 0.0) || !std::isfinite(session.aspect)) return invalid("aspect", "must be above 0");
   if (session.targets.size() > kMaxTargets) return invalid("targets", "more than 32");
   if (session.flags.size() > kMaxFlags) return invalid("flags", "more than 32");
   for (size_t i = 0; i < session.instances.size(); ++i)
@@ -170,7 +172,8 @@ class Frames {
     fov_rad_.push_back(frame.vertical_fov_rad);
     append(velocity_mps_, frame.velocity_mps);
     for (const Pose& pose : frame.movers) append(mover_poses_, pose);
-    counts_.insert(counts_.end(), {frame.counts.all_visible, frame.counts.some_visible, frame.counts.none_visible});
+    counts_.insert(counts_.end(),
+                   {frame.counts.all_visible, frame.counts.some_visible, frame.counts.none_visible});
     status_.push_back(words_.index_of(frame.status));
     reason_.push_back(words_.index_of(frame.reason));
     text_.push_back(words_.index_of(frame.text));
@@ -302,7 +305,8 @@ void write_pictures(const SessionPage& session, Json& page) {
 
 Json directory_of(const PageData& data) {
   Json directory = Json::object();
-  for (const auto& [name, entry] : data.directory()) directory[name] = {entry.type, entry.offset, entry.count};
+  for (const auto& [name, entry] : data.directory())
+    directory[name] = {entry.type, entry.offset, entry.count};
   return directory;
 }
 
@@ -332,7 +336,8 @@ std::string html_text(const std::string& text) {
 }
 
 // The template with each {{NAME}} replaced, in their order in it.
-std::string fill(std::string_view page, std::initializer_list<std::pair<std::string_view, std::string>> places) {
+std::string fill(std::string_view page,
+                 std::initializer_list<std::pair<std::string_view, std::string>> places) {
   std::string filled;
   for (const auto& [name, text] : places) {
     const size_t place = page.find(name);

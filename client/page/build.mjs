@@ -21,7 +21,10 @@ const bundle = await esbuild.build({
   nodePaths: [path.join(path.resolve(modules), 'node_modules')],
   logLevel: 'warning',
 });
-const style = await esbuild.transform(await readFile(path.join(here, 'page.css'), 'utf8'), { loader: 'css', minify: true });
+const style = await esbuild.transform(await readFile(path.join(here, 'page.css'), 'utf8'), {
+  loader: 'css',
+  minify: true,
+});
 
 const html = (await readFile(path.join(here, 'index.html'), 'utf8'))
   .replace('{{STYLE}}', () => style.code.trim())
@@ -32,8 +35,10 @@ for (const place of ['{{TITLE}}', '{{SESSION}}', '{{DATA}}'])
 
 // In pieces: compilers need not take a literal of any length.
 const pieces = html.match(/[^]{1,15000}/gu).map((piece) => `R"page(${piece})page"`);
-await writeFile(out, `// Made by client/page/build.mjs.
-#include "client/page_template.h"
+await writeFile(
+  out,
+  `// Made by client/page/build.mjs.
+# include "client/page_template.h"
 
 namespace sightline {
 
@@ -44,4 +49,5 @@ ${pieces.join('\n')};
 }
 
 }  // namespace sightline
-`);
+`,
+);

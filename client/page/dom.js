@@ -28,7 +28,8 @@ export function plain(word) {
 // A colour of page.css; asked for at every pixel, so kept until the theme changes.
 const colours = new Map();
 export function colour(name) {
-  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  if (!colours.has(name))
+    colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
   return colours.get(name);
 }
 export function forgetColours() {

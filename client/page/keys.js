@@ -1,10 +1,16 @@
 // What each key does; the help lists the same table.
 
 export function makeKeys({ player, events, view, timeline, press, help }) {
-  const second = () => Math.max(1, Math.round((player.session.frames - 1) / Math.max(1e-9, player.session.end_s - player.session.start_s)));
+  const second = () =>
+    Math.max(
+      1,
+      Math.round((player.session.frames - 1) / Math.max(1e-9, player.session.end_s - player.session.start_s)),
+    );
   const event = (forward) => {
     player.pause();
-    const found = forward ? events.find((frame) => frame > player.frame) : events.findLast((frame) => frame < player.frame);
+    const found = forward
+      ? events.find((frame) => frame > player.frame)
+      : events.findLast((frame) => frame < player.frame);
     if (found !== undefined) player.seek(found);
   };
   const zoom = (factor) => timeline.zoom(player.session.time_s[player.frame], factor);
@@ -12,10 +18,36 @@ export function makeKeys({ player, events, view, timeline, press, help }) {
     event,
     table: [
       [[' '], 'space', 'Play or pause', () => player.toggle()],
-      [['ArrowRight'], '→', 'One frame forward; with shift one second', (key) => player.step(key.shiftKey ? second() : 1)],
-      [['ArrowLeft'], '←', 'One frame back; with shift one second', (key) => player.step(key.shiftKey ? -second() : -1)],
-      [['Home'], 'Home', 'First frame', () => { player.pause(); player.seek(0); }],
-      [['End'], 'End', 'Last frame', () => { player.pause(); player.seek(player.session.frames - 1); }],
+      [
+        ['ArrowRight'],
+        '→',
+        'One frame forward; with shift one second',
+        (key) => player.step(key.shiftKey ? second() : 1),
+      ],
+      [
+        ['ArrowLeft'],
+        '←',
+        'One frame back; with shift one second',
+        (key) => player.step(key.shiftKey ? -second() : -1),
+      ],
+      [
+        ['Home'],
+        'Home',
+        'First frame',
+        () => {
+          player.pause();
+          player.seek(0);
+        },
+      ],
+      [
+        ['End'],
+        'End',
+        'Last frame',
+        () => {
+          player.pause();
+          player.seek(player.session.frames - 1);
+        },
+      ],
       [[']'], ']', 'Next change of status or reason, or cut', () => event(true)],
       [['['], '[', 'Former change of status or reason, or cut', () => event(false)],
       [['.'], '.', 'Faster', () => player.faster(1)],

@@ -1,5 +1,5 @@
-// What each lane of the time line draws. A column of pixels that many frames share shows the worst of them: a short loss of sight is
-// never smoothed away.
+// What each lane of the time line draws. A column of pixels that many frames share shows the worst of them: a short
+// loss of sight is never smoothed away.
 import { colour, fixed, plain, targetColour } from './dom.js';
 import { look, sightAt, stageTotalUs } from './session.js';
 
@@ -11,14 +11,21 @@ export function makeLanes(session) {
   const lanes = [ruler(session)];
   if (session.pictures.length) lanes.push(pictures(session));
   session.targets.forEach((target, k) => lanes.push(share(session, target, k)));
-  lanes.push(words(session, 'status', 'Status'), words(session, 'reason', 'Reason'), marks(session), cells(session), stages(session));
+  lanes.push(
+    words(session, 'status', 'Status'),
+    words(session, 'reason', 'Reason'),
+    marks(session),
+    cells(session),
+    stages(session),
+  );
   return lanes;
 }
 
 function ruler(session) {
   const STEPS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600];
   return {
-    label: 'Time, s', height: 22,
+    label: 'Time, s',
+    height: 22,
     draw(context, line, top, right) {
       const wanted = ((line.to_s - line.from_s) / (right - GUTTER)) * 80;
       const step = STEPS.find((s) => s >= wanted) || 1200;
@@ -40,7 +47,8 @@ function pictures(session) {
   const height = 34;
   const images = session.pictures.map(({ url }) => Object.assign(new Image(), { src: url }));
   const lane = {
-    label: 'Seen by the camera', height: height + 4,
+    label: 'Seen by the camera',
+    height: height + 4,
     draw(context, line, top, right) {
       let free = 0;
       images.forEach((image, i) => {
@@ -58,11 +66,15 @@ function pictures(session) {
   return lane;
 }
 
-// One target: the share seen as a filled line in the colour of its state, over the last steps as a line in its own colour, the truth as dots.
+// One target: the share seen as a filled line in the colour of its state, over the last steps as a line in its own
+// colour, the truth as dots.
 function share(session, target, k) {
-  const count = session.targets.length, height = count > 2 ? 24 : 30;
+  const count = session.targets.length,
+    height = count > 2 ? 24 : 30;
   return {
-    label: target.name, height, labelHeight: height,
+    label: target.name,
+    height,
+    labelHeight: height,
     value: (frame) => `${fixed(100 * sightAt(session, frame, k).visible, 0)} %`,
     draw(context, line, top, right) {
       const yOf = (value) => top + height - 4 - value * (height - 8);
@@ -72,13 +84,17 @@ function share(session, target, k) {
       const dots = [];
       const filtered = [];
       line.eachColumn((x, width, first, end) => {
-        let least = 1, leastFiltered = 1, worst = 3, truth = NaN;
+        let least = 1,
+          leastFiltered = 1,
+          worst = 3,
+          truth = NaN;
         for (let frame = first; frame < end; frame++) {
           const at = frame * count + k;
           least = Math.min(least, session.visible_share[at]);
           leastFiltered = Math.min(leastFiltered, session.filtered_share[at]);
           worst = Math.min(worst, WORST_FIRST.indexOf(look(session.words[session.state[at]])));
-          if (!(session.true_share[at] >= truth)) truth = Number.isNaN(session.true_share[at]) ? truth : session.true_share[at];
+          if (!(session.true_share[at] >= truth))
+            truth = Number.isNaN(session.true_share[at]) ? truth : session.true_share[at];
         }
         context.globalAlpha = 0.5;
         context.fillStyle = fill[WORST_FIRST[worst]];
@@ -113,7 +129,8 @@ function words(session, column, label) {
   for (let frame = 0; frame < session.frames; frame++)
     if (!runs.length || session[column][frame] !== session[column][runs.at(-1)]) runs.push(frame);
   return {
-    label, height,
+    label,
+    height,
     draw(context, line, top) {
       runs.forEach((first, i) => {
         const end = runs[i + 1];
@@ -135,10 +152,12 @@ function words(session, column, label) {
 function marks(session) {
   const height = 16;
   return {
-    label: 'Cuts, flags', height,
+    label: 'Cuts, flags',
+    height,
     draw(context, line, top) {
       line.eachColumn((x, width, first, end) => {
-        let cut = false, flag = false;
+        let cut = false,
+          flag = false;
         for (let frame = first; frame < end; frame++) {
           cut ||= session.cut[frame] !== 0;
           flag ||= session.flags[frame] !== 0 || session.merged[frame] !== 0;
@@ -156,14 +175,16 @@ function marks(session) {
 function cells(session) {
   const height = 20;
   return {
-    label: 'Cells', height,
+    label: 'Cells',
+    height,
     value: (frame) => String(session.counts[3 * frame] + session.counts[3 * frame + 1] + session.counts[3 * frame + 2]),
     draw(context, line, top) {
       const fill = ['seen', 'part', 'hidden'].map(colour);
       context.globalAlpha = 0.6;
       line.eachColumn((x, width, first, end) => {
         const sum = [0, 0, 0];
-        for (let frame = first; frame < end; frame++) for (let i = 0; i < 3; i++) sum[i] += session.counts[3 * frame + i];
+        for (let frame = first; frame < end; frame++)
+          for (let i = 0; i < 3; i++) sum[i] += session.counts[3 * frame + i];
         const all = sum[0] + sum[1] + sum[2];
         let y = top + height - 2;
         for (let i = 0; i < 3 && all > 0; i++) {
@@ -178,19 +199,24 @@ function cells(session) {
   };
 }
 
-// The longest step of each column, stage upon stage. The scale ends a third above what 99 % of the steps stay below: one slow step flattens nothing.
+// The longest step of each column, stage upon stage. The scale ends a third above what 99 % of the steps stay below:
+// one slow step flattens nothing.
 function stages(session) {
-  const height = 40, count = session.stages.length;
+  const height = 40,
+    count = session.stages.length;
   const totals = Float64Array.from({ length: session.frames }, (_, frame) => stageTotalUs(session, frame)).sort();
   const most = Math.max(1, Math.min(totals.at(-1), 1.33 * totals[Math.floor(0.99 * (totals.length - 1))]));
   return {
-    label: 'Step, ms', height, labelHeight: height,
+    label: 'Step, ms',
+    height,
+    labelHeight: height,
     value: (frame) => fixed(stageTotalUs(session, frame) / 1000, 2),
     draw(context, line, top, right) {
       const fill = session.stages.map((_, i) => colour(`stage-${i % 6}`));
       const scale = (height - 6) / most;
       line.eachColumn((x, width, first, end) => {
-        let worst = first, total = -1;
+        let worst = first,
+          total = -1;
         for (let frame = first; frame < end; frame++) {
           const now = stageTotalUs(session, frame);
           if (now > total) [worst, total] = [frame, now];

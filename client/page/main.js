@@ -53,7 +53,10 @@ function wireView(view) {
     get('view-camera').setAttribute('aria-pressed', view.through);
     setText(get('inset-label'), view.through ? 'From outside' : 'Through the camera');
   };
-  const through = (on) => { view.setThrough(on); showThrough(); };
+  const through = (on) => {
+    view.setThrough(on);
+    showThrough();
+  };
   get('view-orbit').onclick = () => through(false);
   get('view-camera').onclick = () => through(true);
   get('inset').onclick = () => through(!view.through);
@@ -86,7 +89,10 @@ function showTransport(session, player) {
   setText(get('play'), player.playing ? '❚❚' : '▶');
   get('play').setAttribute('aria-label', player.playing ? 'Pause' : 'Play');
   get('speed').value = String(player.speed);
-  setText(get('clock'), `${fixed(session.time_s[player.frame], 3)} / ${fixed(session.end_s, 3)} s   frame ${player.frame}`);
+  setText(
+    get('clock'),
+    `${fixed(session.time_s[player.frame], 3)} / ${fixed(session.end_s, 3)} s   frame ${player.frame}`,
+  );
   setText(get('now-text'), session.words[session.text[player.frame]]);
 }
 
@@ -114,13 +120,17 @@ function wireTabs() {
 
 function wireKeys(keys) {
   for (const [, name, what] of keys.table)
-    get('help').querySelector('dl').append(element('dt', {}, element('kbd', { text: name })), element('dd', { text: what }));
+    get('help')
+      .querySelector('dl')
+      .append(element('dt', {}, element('kbd', { text: name })), element('dd', { text: what }));
   document.addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || get('help').open) return;
     const owner = event.target.closest('select, button, [role="tab"]');
     // What has the focus keeps the keys that mean something to it.
     if (owner && (event.key === ' ' || (owner.tagName === 'SELECT' && event.key.startsWith('Arrow')))) return;
-    const found = keys.table.find(([names]) => names.includes(event.key.length === 1 ? event.key.toLowerCase() : event.key));
+    const found = keys.table.find(([names]) =>
+      names.includes(event.key.length === 1 ? event.key.toLowerCase() : event.key),
+    );
     if (!found) return;
     event.preventDefault();
     found[3](event);
@@ -146,8 +156,12 @@ async function start() {
   const session = await readSession(document);
   const player = new Player(session);
   showHeader(session);
-  let view = null, timeline = null;
-  const toggleTheme = makeTheme(() => { view?.recolour(); timeline?.draw(); });
+  let view = null,
+    timeline = null;
+  const toggleTheme = makeTheme(() => {
+    view?.recolour();
+    timeline?.draw();
+  });
   const panel = new FramePanel(session, get('panel-frame'));
   showRun(session, get('panel-run'));
   showSettings(session, get('panel-settings'));
@@ -167,7 +181,11 @@ async function start() {
   wireTransport(player, keys.event, timeline);
   wireTabs();
   wireKeys(keys);
-  player.onChange(() => { panel.show(player.frame); view?.show(); showTransport(session, player); });
+  player.onChange(() => {
+    panel.show(player.frame);
+    view?.show();
+    showTransport(session, player);
+  });
   player.tell();
   wireAddress(player);
   document.body.dataset.ready = 'true';

@@ -44,12 +44,12 @@ export class Player {
     this.playing = true;
     this.time_s = this.session.time_s[this.frame];
     let last = performance.now();
-    const run = this.run = (now) => {
+    const run = (this.run = (now) => {
       if (!this.playing || this.run !== run) return;
       this.advance(((now - last) / 1000) * this.speed);
       last = now;
       requestAnimationFrame(run);
-    };
+    });
     requestAnimationFrame(run);
     this.tell();
   }

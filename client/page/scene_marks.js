@@ -4,10 +4,13 @@ import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
 import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
 import { colour, targetColour } from './dom.js';
-import { cellRowAt, eachCell, look, sightAt, steeredMask, worstLook } from './session.js';
+import { LOOKS, cellCount, cellRowAt, eachCell, look, sightAt, steeredMask, worstLook } from './session.js';
 
 function fatLines(width, options = {}) {
-  return new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: width, vertexColors: true, ...options }));
+  return new LineSegments2(
+    new LineSegmentsGeometry(),
+    new LineMaterial({ linewidth: width, vertexColors: true, ...options }),
+  );
 }
 
 function setLines(lines, positions, colours) {
@@ -29,8 +32,16 @@ export class SceneMarks {
     this.sight = new THREE.Group();
     this.rig = this.makeRig();
     this.lines = fatLines(2);
-    this.hidden = fatLines(2, { dashed: true, dashSize: 0.12, gapSize: 0.1, depthTest: false, transparent: true, opacity: 0.8 });
-    this.hits = session.targets.map(() => new THREE.Mesh(new THREE.SphereGeometry(0.07, 12, 8), new THREE.MeshBasicMaterial({ depthTest: false })));
+    this.hidden = fatLines(2, {
+      dashed: true,
+      dashSize: 0.12,
+      gapSize: 0.1,
+      depthTest: false,
+      transparent: true,
+      opacity: 0.8,
+    });
+    const ball = new THREE.SphereGeometry(0.07, 12, 8);
+    this.hits = session.targets.map(() => new THREE.Mesh(ball, new THREE.MeshBasicMaterial({ depthTest: false })));
     for (const hit of this.hits) hit.renderOrder = 7;
     this.sight.add(this.lines, this.hidden, ...this.hits);
     this.group.add(this.paths, this.cells, this.chosen, this.sight, this.rig);
@@ -41,18 +52,33 @@ export class SceneMarks {
 
   makePaths() {
     this.paths.clear();
-    const { session } = this, count = session.targets.length;
-    const seen = Object.fromEntries(['seen', 'part', 'hidden', 'off'].map((name) => [name, new THREE.Color(colour(name))]));
+    const { session } = this,
+      count = session.targets.length;
     const place = (frame) => session.camera.subarray(7 * frame, 7 * frame + 3);
-    this.paths.add(this.pathOf(place, (frame) => seen[worstLook(session, frame)], 2.5, (frame) => !session.cut[frame]));
+    this.paths.add(
+      this.pathOf(
+        place,
+        (frame) => this.colours[worstLook(session, frame)],
+        2.5,
+        (frame) => !session.cut[frame],
+      ),
+    );
     for (let k = 0; k < count; k++) {
       const own = new THREE.Color(targetColour(k));
-      this.paths.add(this.pathOf((frame) => sightAt(session, frame, k).aim, () => own, 1, () => true));
+      this.paths.add(
+        this.pathOf(
+          (frame) => sightAt(session, frame, k).aim,
+          () => own,
+          1,
+          () => true,
+        ),
+      );
     }
   }
 
   pathOf(place, paint, width, joins) {
-    const positions = [], colours = [];
+    const positions = [],
+      colours = [];
     for (let frame = 1; frame < this.session.frames; frame++) {
       if (!joins(frame)) continue;
       const { r, g, b } = paint(frame);
@@ -69,14 +95,22 @@ export class SceneMarks {
   makeRig() {
     const rig = new THREE.Group();
     this.rigMaterial = new THREE.LineBasicMaterial();
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]], points = [];
+    const corners = [
+        [-1, -1],
+        [1, -1],
+        [1, 1],
+        [-1, 1],
+      ],
+      points = [];
     corners.forEach((corner, i) => {
       const next = corners[(i + 1) % 4];
       points.push(0, 0, 0, ...corner, -1, ...corner, -1, ...next, -1);
     });
-    points.push(-0.3, 1.08, -1, 0.3, 1.08, -1, 0.3, 1.08, -1, 0, 1.35, -1, 0, 1.35, -1, -0.3, 1.08, -1);  // up
+    points.push(-0.3, 1.08, -1, 0.3, 1.08, -1, 0.3, 1.08, -1, 0, 1.35, -1, 0, 1.35, -1, -0.3, 1.08, -1); // up
     this.frustum = new THREE.LineSegments(
-      new THREE.BufferGeometry().setAttribute('position', new THREE.Float32BufferAttribute(points, 3)), this.rigMaterial);
+      new THREE.BufferGeometry().setAttribute('position', new THREE.Float32BufferAttribute(points, 3)),
+      this.rigMaterial,
+    );
     const radius = Math.max(0.05, this.session.body_radius_m);
     this.bodyMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.4 });
     rig.add(this.frustum, new THREE.Mesh(new THREE.IcosahedronGeometry(radius, 2), this.bodyMaterial));
@@ -95,25 +129,31 @@ export class SceneMarks {
 
   makeCells() {
     let most = 1;
-    const { cell_first: first, cell_mask: mask } = this.session;
-    for (let i = 0; i < first.length; i++) most = Math.max(most, (i + 1 < first.length ? first[i + 1] : mask.length) - first[i]);
-    const cells = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1), new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.6 }), most);
+    for (let row = 0; row < this.session.cell_first.length; row++) most = Math.max(most, cellCount(this.session, row));
+    const material = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.6 });
+    const cells = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1), material, most);
     cells.frustumCulled = false;
-    this.chosen = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(1, 1, 1)), new THREE.LineBasicMaterial());
+    this.chosen = new THREE.LineSegments(
+      new THREE.EdgesGeometry(new THREE.BoxGeometry(1, 1, 1)),
+      new THREE.LineBasicMaterial(),
+    );
     return cells;
   }
 
   showCells(frame, on) {
-    const { session, cells } = this, row = on ? cellRowAt(session, frame) : -1;
+    const { session, cells } = this,
+      row = on ? cellRowAt(session, frame) : -1;
     cells.count = 0;
     cells.visible = row >= 0;
     this.chosen.visible = false;
     if (row < 0 || row === this.cellRow) return this.keepCells(row);
     this.cellRow = row;
-    const edge = this.cellEdge(row), matrix = new THREE.Matrix4();
+    const edge = this.cellEdge(row),
+      matrix = new THREE.Matrix4();
     let i = 0;
     eachCell(session, row, (x, y, z, mask, isChosen) => {
-      const name = this.cellLook(mask), size = edge * { seen: 0.15, part: 0.15, hidden: 0.1 }[name];
+      const name = this.cellLook(mask),
+        size = edge * { seen: 0.15, part: 0.15, hidden: 0.1 }[name];
       cells.setMatrixAt(i, matrix.makeScale(size, size, size).setPosition(x, y, z));
       cells.setColorAt(i++, this.colours[name]);
       if (!isChosen) return;
@@ -141,27 +181,29 @@ export class SceneMarks {
   // How far cells are apart, from their number and the ball that they fill.
   cellEdge(row) {
     const { session } = this;
-    const first = session.cell_first[row];
-    const count = (row + 1 < session.cell_first.length ? session.cell_first[row + 1] : session.cell_mask.length) - first;
-    let volume = Math.PI / 6;
-    for (let axis = 0; axis < 3; axis++) volume *= Math.max(0.1, session.cell_high[3 * row + axis] - session.cell_low[3 * row + axis]);
-    return Math.cbrt(volume / Math.max(1, count));
+    let volume_m3 = Math.PI / 6;
+    for (let i = 3 * row; i < 3 * row + 3; i++) volume_m3 *= Math.max(0.1, session.cell_high[i] - session.cell_low[i]);
+    return Math.cbrt(volume_m3 / Math.max(1, cellCount(session, row)));
   }
 
   // ---- sight lines ----
 
   // `meets(k, from, to)` gives where the blocker of target k is met on the way, or null.
   showSight(frame, meets) {
-    const { session } = this, open = [[], []], shut = [[], []];
-    const from = new THREE.Vector3(...session.camera.subarray(7 * frame, 7 * frame + 3)), to = new THREE.Vector3();
+    const { session } = this,
+      open = [[], []],
+      shut = [[], []];
+    const from = new THREE.Vector3(...session.camera.subarray(7 * frame, 7 * frame + 3)),
+      to = new THREE.Vector3();
     session.targets.forEach((_, k) => {
-      const sight = sightAt(session, frame, k), name = look(sight.state);
+      const sight = sightAt(session, frame, k),
+        name = look(sight.state);
       const hit = meets(k, from, to.set(...sight.aim));
       this.hits[k].visible = hit !== null;
       if (hit) this.hits[k].position.copy(hit);
       // The part behind what blocks it, or the whole of one that is out of sight, is dashed.
       if (name === 'off') this.addLine(shut, from, to, name);
-      else if (hit) this.addLine(open, from, hit, name), this.addLine(shut, hit, to, 'hidden');
+      else if (hit) (this.addLine(open, from, hit, name), this.addLine(shut, hit, to, 'hidden'));
       else this.addLine(name === 'hidden' ? shut : open, from, to, name);
     });
     setLines(this.lines, ...open);
@@ -176,7 +218,7 @@ export class SceneMarks {
   }
 
   recolour() {
-    this.colours = Object.fromEntries(['seen', 'part', 'hidden', 'off'].map((name) => [name, new THREE.Color(colour(name))]));
+    this.colours = Object.fromEntries(LOOKS.map((name) => [name, new THREE.Color(colour(name))]));
     this.rigMaterial.color.set(colour('accent'));
     this.bodyMaterial.color.set(colour('accent'));
     this.chosen.material.color.set(colour('text'));

@@ -3,7 +3,7 @@ import * as THREE from 'three';
 import { colour, targetColour } from './dom.js';
 import { meshOf, sightAt } from './session.js';
 
-const ROOF_M = 8;  // higher than that it is no roof in the way
+const ROOF_M = 8; // higher than that it is no roof in the way
 
 export class SceneMeshes {
   constructor(session) {
@@ -30,7 +30,24 @@ export class SceneMeshes {
   // The matrix of an instance as it stands, columns x, y, z and origin.
   matrixOf(index) {
     const t = this.session.instance_transforms.subarray(12 * index, 12 * index + 12);
-    return new THREE.Matrix4().set(t[0], t[3], t[6], t[9], t[1], t[4], t[7], t[10], t[2], t[5], t[8], t[11], 0, 0, 0, 1);
+    return new THREE.Matrix4().set(
+      t[0],
+      t[3],
+      t[6],
+      t[9],
+      t[1],
+      t[4],
+      t[7],
+      t[10],
+      t[2],
+      t[5],
+      t[8],
+      t[11],
+      0,
+      0,
+      0,
+      1,
+    );
   }
 
   addStill() {
@@ -50,14 +67,17 @@ export class SceneMeshes {
   }
 
   addMovers() {
-    this.targetMaterials = this.session.targets.map((_, k) =>
-      new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide, color: targetColour(k) }));
+    this.targetMaterials = this.session.targets.map(
+      (_, k) => new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide, color: targetColour(k) }),
+    );
     const targetOf = new Map(this.session.targets.map((target, k) => [target.instance, k]));
     this.linear = this.session.movers.map((index) => this.matrixOf(index));
     this.movers = this.session.movers.map((index) => {
       const k = targetOf.get(index);
-      const drawn = new THREE.Mesh(this.geometries[this.session.instances[index].mesh],
-        k === undefined ? this.moving : this.targetMaterials[k]);
+      const drawn = new THREE.Mesh(
+        this.geometries[this.session.instances[index].mesh],
+        k === undefined ? this.moving : this.targetMaterials[k],
+      );
       drawn.matrixAutoUpdate = false;
       this.group.add(drawn);
       return drawn;
@@ -67,7 +87,12 @@ export class SceneMeshes {
 
   // One highlight a target: what hides it is drawn again, through everything.
   addBlockers() {
-    this.blockerMaterial = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.38, depthTest: false, side: THREE.DoubleSide });
+    this.blockerMaterial = new THREE.MeshBasicMaterial({
+      transparent: true,
+      opacity: 0.38,
+      depthTest: false,
+      side: THREE.DoubleSide,
+    });
     return this.session.targets.map(() => {
       const drawn = new THREE.Mesh(new THREE.BufferGeometry(), this.blockerMaterial);
       drawn.matrixAutoUpdate = false;
@@ -94,10 +119,20 @@ export class SceneMeshes {
     if (height_m !== null) this.cutPlane.constant = height_m;
   }
 
+  // How far apart any two things of the scene may be at the start, metres.
+  size() {
+    const box = new THREE.Box3().setFromObject(this.group),
+      camera = this.session.camera;
+    for (let frame = 0; frame < this.session.frames; frame++)
+      box.expandByPoint(new THREE.Vector3().fromArray(camera, 7 * frame));
+    return Math.max(100, 1.5 * box.getSize(new THREE.Vector3()).length());
+  }
+
   // Whether nothing that stands still lies between two points.
   isOpen(a, b) {
     this.group.updateMatrixWorld(true);
-    const way = b.clone().sub(a), ray = new THREE.Raycaster(a, way.clone().normalize(), 0, way.length());
+    const way = b.clone().sub(a),
+      ray = new THREE.Raycaster(a, way.clone().normalize(), 0, way.length());
     return ray.intersectObjects(this.stillMeshes, false).length === 0;
   }
 
@@ -109,11 +144,16 @@ export class SceneMeshes {
   }
 
   show(frame) {
-    const { session } = this, count = session.movers.length;
-    const position = new THREE.Vector3(), rotation = new THREE.Quaternion(), one = new THREE.Vector3(1, 1, 1);
+    const { session } = this,
+      count = session.movers.length;
+    const position = new THREE.Vector3(),
+      rotation = new THREE.Quaternion(),
+      one = new THREE.Vector3(1, 1, 1);
     this.movers.forEach((drawn, i) => {
       const p = session.mover_poses.subarray(7 * (frame * count + i), 7 * (frame * count + i) + 7);
-      drawn.matrix.compose(position.set(p[0], p[1], p[2]), rotation.set(p[3], p[4], p[5], p[6]), one).multiply(this.linear[i]);
+      drawn.matrix
+        .compose(position.set(p[0], p[1], p[2]), rotation.set(p[3], p[4], p[5], p[6]), one)
+        .multiply(this.linear[i]);
       drawn.matrixWorldNeedsUpdate = true;
     });
   }

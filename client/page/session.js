@@ -1,11 +1,18 @@
 // Reads what client/session_page.cpp wrote: names as they are, numbers as typed arrays, a row a frame.
 
 const KINDS = {
-  f64: Float64Array, f32: Float32Array, u32: Uint32Array, i32: Int32Array, u16: Uint16Array, u8: Uint8Array,
+  f64: Float64Array,
+  f32: Float32Array,
+  u32: Uint32Array,
+  i32: Int32Array,
+  u16: Uint16Array,
+  u8: Uint8Array,
 };
 
 async function inflate(base64) {
-  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const text = atob(base64),
+    bytes = new Uint8Array(text.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
   return new Response(stream).arrayBuffer();
 }
@@ -36,7 +43,8 @@ export function meshOf(session, index) {
 
 // The last frame at or before a time; the first one before all.
 export function frameAt(session, time_s) {
-  let low = 0, high = session.frames - 1;
+  let low = 0,
+    high = session.frames - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
     if (session.time_s[middle] <= time_s) low = middle;
@@ -67,7 +75,8 @@ export function occluderName(session, id) {
 
 // The kept cells at or before a frame, as a row of cell_frame; -1: none yet.
 export function cellRowAt(session, frame) {
-  let low = -1, high = session.cell_frame.length - 1;
+  let low = -1,
+    high = session.cell_frame.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
     if (session.cell_frame[middle] <= frame) low = middle;
@@ -76,11 +85,15 @@ export function cellRowAt(session, frame) {
   return low;
 }
 
+export function cellCount(session, row) {
+  const end = row + 1 < session.cell_first.length ? session.cell_first[row + 1] : session.cell_mask.length;
+  return end - session.cell_first[row];
+}
+
 // Calls visit(x, y, z, mask, isChosen) for each cell of a row.
 export function eachCell(session, row, visit) {
   const first = session.cell_first[row];
-  const end = row + 1 < session.cell_first.length ? session.cell_first[row + 1] : session.cell_mask.length;
-  for (let i = first; i < end; i++) {
+  for (let i = first; i < first + cellCount(session, row); i++) {
     const at = (axis) => {
       const low = session.cell_low[3 * row + axis];
       return low + (session.cell_position[3 * i + axis] / 65535) * (session.cell_high[3 * row + axis] - low);
@@ -94,7 +107,8 @@ export function steeredMask(session) {
   return session.targets.reduce((mask, target, i) => (target.weight > 0 ? mask | (1 << i) : mask), 0) >>> 0;
 }
 
-// "seen", "part", "hidden" or "off": one word for a state and its colour.
+// One word for a state and its colour.
+export const LOOKS = ['seen', 'part', 'hidden', 'off'];
 export function look(state) {
   return { VISIBLE: 'seen', PARTIAL: 'part', OCCLUDED: 'hidden' }[state] || 'off';
 }
@@ -113,10 +127,16 @@ export function stageTotalUs(session, frame) {
   return total;
 }
 
+export function flagNames(session, frame) {
+  return session.flag_names.filter((_, i) => (session.flags[frame] >>> i) & 1);
+}
+
 // The picture at or before a frame; -1: none.
 export function pictureAt(session, frame) {
   let found = -1;
-  session.pictures.forEach((picture, i) => { if (picture.frame <= frame) found = i; });
+  session.pictures.forEach((picture, i) => {
+    if (picture.frame <= frame) found = i;
+  });
   return found;
 }
 

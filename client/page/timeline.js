@@ -1,6 +1,6 @@
 // The time line: lanes that are drawn once a zoom, and a cursor above them that is drawn at every frame.
 import { colour, fixed, plain } from './dom.js';
-import { frameAt, sightAt, stageTotalUs } from './session.js';
+import { flagNames, frameAt, sightAt, stageTotalUs } from './session.js';
 import { GUTTER, makeLanes } from './lanes.js';
 
 const LEAST_WINDOW_S = 0.1;
@@ -22,7 +22,9 @@ export class Timeline {
 
   // ---- time and place ----
 
-  get width() { return this.base.clientWidth; }
+  get width() {
+    return this.base.clientWidth;
+  }
   xOf(time_s) {
     return GUTTER + ((time_s - this.from_s) / (this.to_s - this.from_s)) * (this.width - GUTTER - 8);
   }
@@ -49,8 +51,8 @@ export class Timeline {
   }
 
   show(from_s, span_s) {
-    const latest = Math.max(this.session.start_s, this.session.start_s + (this.session.end_s - this.session.start_s) - span_s);
-    this.from_s = Math.max(this.session.start_s, Math.min(latest, from_s));
+    const { start_s, end_s } = this.session;
+    this.from_s = Math.max(start_s, Math.min(end_s - span_s, from_s));
     this.to_s = this.from_s + span_s;
     this.draw();
   }
@@ -99,22 +101,26 @@ export class Timeline {
     this.drawCursor();
   }
 
-  // Calls visit(x, width, first, end) for each stretch of whole pixels with the frames that begin on its first one: a frame lasts until
-  // the next, so stretches meet and never overlap.
+  // Calls visit(x, width, first, end) for each stretch of whole pixels with the frames that begin on its first one: a
+  // frame lasts until the next, so stretches meet and never overlap.
   eachColumn(visit) {
     const right = this.width - 8;
     let open = null;
     for (let x = GUTTER; x < right; x++) {
-      const first = this.firstFrameFrom(this.timeAt(x)), end = this.firstFrameFrom(this.timeAt(x + 1));
+      const first = this.firstFrameFrom(this.timeAt(x)),
+        end = this.firstFrameFrom(this.timeAt(x + 1));
       if (end <= first) continue;
       // What has begun before the window is seen from its edge on.
       if (!open && first > 0 && x > GUTTER) visit(GUTTER, x - GUTTER, first - 1, first);
       if (open) visit(open.x, x - open.x, open.first, open.end);
       open = { x, first, end };
     }
-    if (!open) return visit(GUTTER, right - GUTTER, frameAt(this.session, this.from_s), frameAt(this.session, this.from_s) + 1);
-    visit(open.x, Math.min(right, Math.max(open.x + 1, Math.ceil(this.xOf(this.session.time_s[Math.min(open.end, this.session.frames - 1)])))) - open.x,
-      open.first, open.end);
+    const { session } = this,
+      before = frameAt(session, this.from_s);
+    if (!open) return visit(GUTTER, right - GUTTER, before, before + 1);
+    const next_s = session.time_s[Math.min(open.end, session.frames - 1)];
+    const end = Math.min(right, Math.max(open.x + 1, Math.ceil(this.xOf(next_s))));
+    visit(open.x, end - open.x, open.first, open.end);
   }
 
   firstFrameFrom(time_s) {
@@ -131,7 +137,7 @@ export class Timeline {
       context.fillStyle = colour('accent');
       context.fillRect(Math.round(x) - 0.5, 0, 1, this.height);
       context.beginPath();
-      context.moveTo(x - 5, 0), context.lineTo(x + 5, 0), context.lineTo(x, 7);
+      (context.moveTo(x - 5, 0), context.lineTo(x + 5, 0), context.lineTo(x, 7));
       context.fill();
     }
     context.fillStyle = colour('text');
@@ -139,15 +145,18 @@ export class Timeline {
     for (const lane of this.lanes)
       if (lane.value) context.fillText(lane.value(player.frame), GUTTER - 8, lane.top + lane.height / 2);
     this.root.setAttribute('aria-valuenow', player.frame);
-    this.root.setAttribute('aria-valuetext',
-      `${fixed(time_s, 3)} seconds, ${plain(session.words[session.status[player.frame]])}`);
+    this.root.setAttribute(
+      'aria-valuetext',
+      `${fixed(time_s, 3)} seconds, ${plain(session.words[session.status[player.frame]])}`,
+    );
   }
 
   // While playing or stepping, what is shown stays in the window.
   follow() {
     const time_s = this.session.time_s[this.player.frame];
-    if (time_s < this.from_s) this.show(time_s, this.to_s - this.from_s);
-    else if (time_s > this.to_s) this.show(time_s - (this.player.playing ? 0.1 : 1) * (this.to_s - this.from_s), this.to_s - this.from_s);
+    const span_s = this.to_s - this.from_s;
+    if (time_s < this.from_s) this.show(time_s, span_s);
+    else if (time_s > this.to_s) this.show(time_s - (this.player.playing ? 0.1 : 1) * span_s, span_s);
     else this.drawCursor();
   }
 
@@ -167,36 +176,55 @@ export class Timeline {
       if (scrubbing) this.player.seekTime(this.nearest(at(event)));
       this.showTip(event, at(event));
     });
-    this.root.addEventListener('pointerup', () => { scrubbing = false; });
-    this.root.addEventListener('pointercancel', () => { scrubbing = false; });
-    this.root.addEventListener('pointerleave', () => { this.tip.hidden = true; });
-    this.root.addEventListener('wheel', (event) => {
-      const sideways = Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey;
-      if (!sideways && !event.ctrlKey && this.root.scrollHeight > this.root.clientHeight + 1) return;  // it scrolls the lanes
-      event.preventDefault();
-      const amount = event.deltaX || event.deltaY;
-      if (sideways) this.pan((amount / this.width) * (this.to_s - this.from_s));
-      else this.zoom(this.timeAt(at(event)), Math.exp(event.deltaY * 0.002));
-    }, { passive: false });
+    this.root.addEventListener('pointerup', () => {
+      scrubbing = false;
+    });
+    this.root.addEventListener('pointercancel', () => {
+      scrubbing = false;
+    });
+    this.root.addEventListener('pointerleave', () => {
+      this.tip.hidden = true;
+    });
+    this.root.addEventListener(
+      'wheel',
+      (event) => {
+        const sideways = Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey;
+        if (!sideways && !event.ctrlKey && this.root.scrollHeight > this.root.clientHeight + 1) return; // it scrolls the lanes
+        event.preventDefault();
+        const amount = event.deltaX || event.deltaY;
+        if (sideways) this.pan((amount / this.width) * (this.to_s - this.from_s));
+        else this.zoom(this.timeAt(at(event)), Math.exp(event.deltaY * 0.002));
+      },
+      { passive: false },
+    );
   }
 
   // The time of the frame nearest to a place.
   nearest(x) {
-    const { session } = this, time_s = this.timeAt(x), frame = frameAt(session, time_s);
+    const { session } = this,
+      time_s = this.timeAt(x),
+      frame = frameAt(session, time_s);
     const next = Math.min(session.frames - 1, frame + 1);
-    return session.time_s[next] - time_s < time_s - session.time_s[frame] ? session.time_s[next] : session.time_s[frame];
+    return session.time_s[next] - time_s < time_s - session.time_s[frame]
+      ? session.time_s[next]
+      : session.time_s[frame];
   }
 
   showTip(event, x) {
     this.tip.hidden = x < GUTTER;
     if (this.tip.hidden) return;
-    const { session } = this, frame = frameAt(session, this.nearest(x));
-    const lines = [`${fixed(session.time_s[frame], 3)} s   frame ${frame}`,
-      `${plain(session.words[session.status[frame]])} · ${plain(session.words[session.reason[frame]])}${session.cut[frame] ? ' · cut' : ''}`];
+    const { session } = this,
+      frame = frameAt(session, this.nearest(x));
+    const lines = [
+      `${fixed(session.time_s[frame], 3)} s   frame ${frame}`,
+      `${plain(session.words[session.status[frame]])} · ${plain(session.words[session.reason[frame]])}${session.cut[frame] ? ' · cut' : ''}`,
+    ];
     session.targets.slice(0, 8).forEach((target, k) => {
       const sight = sightAt(session, frame, k);
       lines.push(`${target.name}  ${fixed(100 * sight.visible, 0)} %  ${plain(sight.state)}`);
     });
+    if (session.flags[frame]) lines.push(`flags: ${flagNames(session, frame).join(', ')}`);
+    if (session.merged[frame]) lines.push(`merged ticks: ${session.merged[frame]}`);
     lines.push(`step ${fixed(stageTotalUs(session, frame) / 1000, 2)} ms`);
     this.tip.textContent = lines.join('\n');
     this.tip.style.left = `${Math.min(x + 12, this.width - this.tip.offsetWidth - 8)}px`;

@@ -1,7 +1,8 @@
 """The page of a driven session in a real browser: page_test.py SIGHTLINED SIGHTLINE MAKE_SCENES OUT.
 
-Plays a scene against a daemon, opens the page that `sightline drive --page` writes in headless Chromium, uses it as a person would and
-compares what it shows with the trace of the same drive. OUT keeps the page and screenshots. Leaves with 77 where there is no Chromium."""
+Plays a scene against a daemon, opens the page that `sightline drive --page` writes in headless Chromium, uses it as a
+person would and compares what it shows with the trace of the same drive. OUT keeps the page and screenshots. Leaves with
+77 where there is no Chromium."""
 import base64
 import csv
 import json
@@ -56,20 +57,33 @@ class Session:
             folder = pathlib.Path(folder)
             subprocess.run([MAKE_SCENES, "--out", folder, "arena"], check=True, capture_output=True, timeout=60)
             address = f"unix:{folder}/sock"
-            daemon = subprocess.Popen([SIGHTLINED, "--listen", "none", "--listen-unix", f"{folder}/sock", "--sampler", "embree",
-                                       "--ready-file", folder / "ready"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            daemon = subprocess.Popen([SIGHTLINED, "--listen", "none", "--listen-unix", f"{folder}/sock",
+                                       "--sampler", "embree", "--ready-file", folder / "ready"],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:
                 wait_for((folder / "ready").exists)
                 self.page = OUT / "arena.html"
-                self.said = subprocess.run(
-                    [SIGHTLINE, "drive", folder / "arena.glb", "--server", address, "--fast", "--duration", "5", "--truth-every", "10",
-                     "--out", folder / "out", "--page", self.page], check=True, capture_output=True, text=True, timeout=300).stdout
+                drive = [SIGHTLINE, "drive", folder / "arena.glb", "--server", address, "--fast"]
+                self.said = self.run(*drive, "--duration", "5", "--truth-every", "10", "--out", folder / "out",
+                                     "--page", self.page)
+                self.run(*drive, "--duration", "1", "--no-truth", "--out", folder / "plain")
+                self.refused = subprocess.run(
+                    [*drive, "--out", folder / "none", "--page", folder / "none" / "no" / "page.html"],
+                    capture_output=True, text=True, timeout=60)
             finally:
                 daemon.terminate()
                 daemon.wait(timeout=30)
-            with open(folder / "out" / "trace.csv", newline="") as file:
-                self.rows = list(csv.DictReader(file))
+            self.rows, self.plain_rows = self.trace(folder / "out"), self.trace(folder / "plain")
             self.metrics = json.loads((folder / "out" / "metrics.json").read_text())
+
+    @staticmethod
+    def run(*command):
+        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=300).stdout
+
+    @staticmethod
+    def trace(folder):
+        with open(folder / "trace.csv", newline="") as file:
+            return list(csv.DictReader(file))
 
 
 def browser(width, height, light=False, flags=()):
@@ -201,6 +215,19 @@ class PageTest(unittest.TestCase):
         self.assertIn(f"page    {self.session.page}", self.session.said)
         self.assertLess(self.session.page.stat().st_size, 20e6)
 
+    def test_a_page_changes_nothing_of_the_drive(self):
+        decided = [column for column in self.rows[0] if not column.endswith(("_us", "_ms")) and "true_" not in column
+                   and column not in ("r_n", "r_p", "r_p_tolerant")]
+        self.assertGreater(len(decided), 40)
+        self.assertEqual(len(self.session.plain_rows), 61)
+        for with_page, without in zip(self.rows, self.session.plain_rows):
+            self.assertEqual([with_page[column] for column in decided], [without[column] for column in decided])
+
+    def test_a_page_that_cannot_be_written_is_refused_before_the_drive(self):
+        self.assertEqual(self.session.refused.returncode, 1)
+        self.assertIn("page.html", self.session.refused.stderr)
+        self.assertNotIn("session", self.session.refused.stdout)
+
     def test_it_opens_at_the_first_frame_with_the_names_of_the_session(self):
         self.assert_frame(0)
         self.assertEqual(self.find("#title").text, "arena")
@@ -235,7 +262,8 @@ class PageTest(unittest.TestCase):
         self.assertAlmostEqual(number("clearance"), float(row["clearance_m"]), delta=0.0051)
         self.assertEqual(self.text("status"), row["status"].lower().replace("_", " "))
         self.assertEqual(self.text("reason"), row["reason"].lower().replace("_", " "))
-        for field, column in (("all_visible", "s_v"), ("some_visible", "s_p"), ("none_visible", "s_n"), ("merged", "merged_ticks")):
+        for field, column in (("all_visible", "s_v"), ("some_visible", "s_p"), ("none_visible", "s_n"),
+                              ("merged", "merged_ticks")):
             self.assertEqual(self.text(field), row[column])
         for i, stage in enumerate(("scene", "bound", "sample", "aggregate", "move")):
             self.assertAlmostEqual(number(f"stage-{i}"), float(row[f"{stage}_us"]), delta=0.06)
@@ -265,9 +293,9 @@ class PageTest(unittest.TestCase):
     def test_the_figures_are_those_of_the_drive(self):
         self.find("#tab-run").click()
         run = self.find("#panel-run").text
-        for name, key in (("path length d_c", "d_c_m"), ("least clearance", "least_clearance_m")):
+        for name, key, digits in (("path length d_c", "d_c_m", 1), ("least clearance", "least_clearance_m", 2)):
             line = next(line for line in run.splitlines() if line.startswith(name))
-            wanted = [f"{self.session.metrics[column][key]:.{2 if 'clear' in name else 1}f} m" for column in ("sightline", "follow")]
+            wanted = [f"{self.session.metrics[column][key]:.{digits}f} m" for column in ("sightline", "follow")]
             self.assertEqual(line, " ".join([name, *wanted]))
 
     def test_scrubbing_moves_the_camera_of_the_3d_view(self):
@@ -387,7 +415,7 @@ class PageTest(unittest.TestCase):
 
     def test_through_the_camera_targets_are_where_the_pose_puts_them(self):
         frame = next(i for i, row in enumerate(self.rows)
-                     if all(row[f"target-{k}.true_visible_share"] == "1" and row[f"target-{k}.in_picture"] == "1" for k in (1, 2)))
+                     if all(row[f"target-{k}.{column}"] == "1" for k in (1, 2) for column in ("true_visible_share", "in_picture")))
         self.go(frame)
         self.press("c")
         self.assertTrue(self.view()["through"])
@@ -398,11 +426,11 @@ class PageTest(unittest.TestCase):
         self.assertGreater(blue[2], blue[0] + 40, (blue, points))            # target-2 is blue
 
     def project(self, frame, k, box):
-        """Where target `k` is in the largest picture of the session's shape within `box`, by the trace's pose and its own arithmetic."""
+        """Where target `k` is in the largest picture of the session's shape within `box`, by the trace's pose and plain arithmetic."""
         row = self.rows[frame]
         aim, aspect = self.driver.execute_script(
-            "const s = window.sightline.session; return [[...s.aim_m.subarray(3 * (arguments[0] * 4 + arguments[1])).slice(0, 3)], s.aspect]",
-            frame, k)
+            """const { aim_m, aspect } = window.sightline.session, at = 3 * (arguments[0] * 4 + arguments[1]);
+               return [[...aim_m.subarray(at, at + 3)], aspect]""", frame, k)
         x, y, z, w = (float(row[c]) for c in ("qx", "qy", "qz", "qw"))
         d = [aim[i] - float(row[c]) for i, c in enumerate(("x_m", "y_m", "z_m"))]
         axes = [(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
@@ -493,16 +521,17 @@ class LayoutTest(unittest.TestCase):
               const { left, top, right, bottom } = document.querySelector(name).getBoundingClientRect();
               return [name, { left, top, right, bottom }];
             }));""")
-        self.assertEqual(driver.execute_script("return [document.documentElement.scrollWidth, document.documentElement.scrollHeight]"),
-                         [width, height])
+        size = driver.execute_script("const { scrollWidth, scrollHeight } = document.documentElement; return [scrollWidth, scrollHeight]")
+        self.assertEqual(size, [width, height])
         self.assertLessEqual(boxes["header"]["bottom"], boxes["#view"]["top"])
         self.assertLessEqual(boxes["#view"]["right"], boxes["aside"]["left"])
         self.assertLessEqual(boxes["#view"]["bottom"], boxes["footer"]["top"])
         self.assertLessEqual(boxes["#timeline"]["bottom"], height)
         self.assertGreater(boxes["#view"]["bottom"] - boxes["#view"]["top"], 0.4 * height)
         cut = driver.execute_script("""
-            return [...document.querySelectorAll('aside [data-field]')].filter((node) => node.offsetParent && node.scrollWidth > node.clientWidth + 1 &&
-              getComputedStyle(node).display !== 'inline').map((node) => node.dataset.field)""")
+            return [...document.querySelectorAll('aside [data-field]')]
+              .filter((node) => node.offsetParent && getComputedStyle(node).display !== 'inline')
+              .filter((node) => node.scrollWidth > node.clientWidth + 1).map((node) => node.dataset.field)""")
         self.assertEqual(cut, [])
 
 

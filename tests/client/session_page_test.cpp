@@ -178,8 +178,9 @@ TEST(SessionPage, EqualMeshesAreStoredOnceAndComeBackWithinAStep) {
   for (size_t v = 0; v < geometry.positions.size(); ++v)
     for (size_t axis = 0; axis < 3; ++axis) {
       const float step = mesh.at("step")[axis];
-      const float value = mesh.at("low")[axis].get<float>() +
-                          step * static_cast<float>(positions[3 * (mesh.at("first_vertex").get<size_t>() + v) + axis]);
+      const float value =
+          mesh.at("low")[axis].get<float>() +
+          step * static_cast<float>(positions[3 * (mesh.at("first_vertex").get<size_t>() + v) + axis]);
       EXPECT_NEAR(value, geometry.positions[v][static_cast<int>(axis)], 0.51f * step);
     }
   int32_t index = 0;
@@ -251,6 +252,7 @@ TEST(SessionPage, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[2].time_s = 0; }), "frames[2].time_s");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].camera.position_m.x = kPageUnknown; }), "frames[1]");
   EXPECT_EQ(changed([](SessionPage& s) { s.instances[1].geometry.reset(); }), "instances[1].geometry");
+  EXPECT_EQ(changed([](SessionPage& s) { s.aspect = 0; }), "aspect");
   EXPECT_EQ(changed([](SessionPage& s) { s.movers[0] = 3; }), "movers[0]");
   EXPECT_EQ(changed([](SessionPage& s) { s.targets[1].instance = 3; }), "targets[1].instance");
   EXPECT_EQ(changed([](SessionPage& s) { s.targets.resize(33); }), "targets");
