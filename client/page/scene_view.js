@@ -142,7 +142,8 @@ export class SceneView {
     this.lens.quaternion.fromArray(session.camera, 7 * frame + 3);
     this.lens.fov = (session.fov_rad[frame] * 180) / Math.PI;
     this.lens.aspect = session.aspect;
-    ((this.lens.near = 0.1), (this.lens.far = this.size_m));
+    this.lens.near = 0.1;
+    this.lens.far = this.size_m;
     this.lens.updateProjectionMatrix();
     this.render();
   }

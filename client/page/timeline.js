@@ -137,7 +137,9 @@ export class Timeline {
       context.fillStyle = colour('accent');
       context.fillRect(Math.round(x) - 0.5, 0, 1, this.height);
       context.beginPath();
-      (context.moveTo(x - 5, 0), context.lineTo(x + 5, 0), context.lineTo(x, 7));
+      context.moveTo(x - 5, 0);
+      context.lineTo(x + 5, 0);
+      context.lineTo(x, 7);
       context.fill();
     }
     context.fillStyle = colour('text');
@@ -189,7 +191,7 @@ export class Timeline {
       'wheel',
       (event) => {
         const sideways = Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey;
-        if (!sideways && !event.ctrlKey && this.root.scrollHeight > this.root.clientHeight + 1) return; // it scrolls the lanes
+        if (!sideways && !event.ctrlKey && this.root.scrollHeight > this.root.clientHeight + 1) return;
         event.preventDefault();
         const amount = event.deltaX || event.deltaY;
         if (sideways) this.pan((amount / this.width) * (this.to_s - this.from_s));
