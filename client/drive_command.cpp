@@ -1,17 +1,16 @@
 #include "client/drive_command.h"
 
-#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <sstream>
 #include <thread>
 
 #include "client/contact_sheet.h"
 #include "client/drive_page.h"
+#include "client/file_bytes.h"
 #include "client/follow.h"
 #include "client/metrics.h"
 #include "client/player.h"
@@ -19,32 +18,12 @@
 #include "client/report.h"
 #include "client/scenario_session.h"
 #include "client/trace.h"
+#include "client/wire_presets.h"
 
 namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
-
-Result<std::vector<std::byte>> read_file(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string text(std::istreambuf_iterator<char>(in), {});
-  if (!in) return fail(ErrorCode::kUnavailable, path, "cannot be read");
-  const auto bytes = std::as_bytes(std::span(text));
-  return std::vector<std::byte>(bytes.begin(), bytes.end());
-}
-
-std::string lower_case(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
-Result<v1::Settings::Preset> preset_named(const std::string& name) {
-  const google::protobuf::EnumDescriptor& presets = *v1::Settings::Preset_descriptor();
-  for (int i = 1; i < presets.value_count(); ++i)  // 0: not named
-    if (lower_case(presets.value(i)->name()) == name)
-      return static_cast<v1::Settings::Preset>(presets.value(i)->number());
-  return invalid("--preset", "there is no preset " + name);
-}
 
 // The figures of one path, and the truth that they come from.
 struct Judged {
@@ -207,13 +186,6 @@ class Drive {
 };
 
 }  // namespace
-
-std::vector<std::string> drive_presets() {
-  const google::protobuf::EnumDescriptor& presets = *v1::Settings::Preset_descriptor();
-  std::vector<std::string> names;
-  for (int i = 1; i < presets.value_count(); ++i) names.push_back(lower_case(presets.value(i)->name()));
-  return names;
-}
 
 int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err) {
   if (const Status done = Drive(options, out, err).run(); !done) {

@@ -3,7 +3,6 @@
 
 #include <ostream>
 #include <string>
-#include <vector>
 
 #include "server/base/camera.h"
 #include "server/base/error.h"
@@ -16,7 +15,7 @@ struct DriveOptions {
   double rate_hz = 60.0;    // (0, 1000]
   double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;
-  std::string preset = "sightline";  // what the session's settings start from, of drive_presets()
+  std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/wire_presets.h)
   std::string out = "out";           // folder for trace.csv, metrics.json and contact.png; made when missing
   std::string page;                  // file for the page of the session (session_page.h); empty: none
   bool lockstep = false;             // --fast
@@ -24,9 +23,6 @@ struct DriveOptions {
   int picture_every = 1;             // judge every n-th frame's picture
   bool progress = false;             // a bar on `err`
 };
-
-// The wire's presets by their names in lower case.
-std::vector<std::string> drive_presets();
 
 // 0 when the run was played to its end and all files were written, else 1 with the reason on `err`.
 int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err);

@@ -2,12 +2,16 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 
+#include "client/bench_command.h"
+#include "client/bench_echo.h"
 #include "client/drive_command.h"
 #include "client/evaluate_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
+#include "client/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
 namespace {
@@ -30,7 +34,7 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
       ->check(CLI::Range(0.0, 86400.0));
   drive->add_option("--seed", options.seed, "Of all that is random in the session")->capture_default_str();
   drive->add_option("--preset", options.preset, "What the session's settings start from")
-      ->check(CLI::IsMember(sightline::drive_presets()))
+      ->check(CLI::IsMember(sightline::preset_names()))
       ->capture_default_str();
   drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")
       ->capture_default_str();
@@ -105,6 +109,17 @@ int main(int argc, char** argv) {
   evaluate.progress = drive.progress;
   add_evaluate(app, evaluate);
 
+  sightline::BenchOptions bench;
+  std::error_code unknown;
+  bench.program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
+  bench.progress = drive.progress;
+  sightline::add_bench_flags(app, bench);
+
+  std::string echo;
+  app.add_subcommand("echo", "A bare gRPC echo, as `bench --echo` starts it: answers until its standard input ends")
+      ->add_option("--listen", echo, "host:port or unix:/path")
+      ->required();
+
   std::string scene;
   app.add_subcommand("scene", "Say what a scene file contains")
       ->add_option("file", scene, "A .glb or .gltf")
@@ -114,5 +129,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
   if (app.got_subcommand("evaluate")) return sightline::run_evaluate_command(evaluate, std::cout, std::cerr);
+  if (app.got_subcommand("bench")) return sightline::run_bench_command(bench, std::cout, std::cerr);
+  if (app.got_subcommand("echo")) return sightline::run_echo_command(echo);
   return sightline::run_scene_command(scene, std::cout, std::cerr);
 }

@@ -17,6 +17,7 @@ struct RawFlags {
   Flags flags;
   std::string unix_mode = "0660";
   std::string sampler = "auto";
+  std::string egl_variant = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
   bool print_config = false;
@@ -25,6 +26,11 @@ struct RawFlags {
 
 const std::map<std::string, SamplerChoice> kSamplers{
     {"auto", SamplerChoice::kAuto}, {"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
+std::map<std::string, std::optional<EglVariant>> egl_variants() {
+  std::map<std::string, std::optional<EglVariant>> names{{"auto", std::nullopt}};
+  for (const EglVariant& variant : all_egl_variants()) names[to_string(variant)] = variant;
+  return names;
+}
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -89,6 +95,10 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
                  "Index of the EGL device (see `sightlined devices`); -1 chooses")
       ->check(CLI::Range(-1, 1023))
       ->capture_default_str();
+  app.add_option("--egl-variant", raw.egl_variant,
+                 "How OpenGL takes depth maps; all ways give the same maps, auto measures which is fast")
+      ->check(one_of(egl_variants()))
+      ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
                "Refuse to start when OpenGL would render in software; embree itself needs no GPU");
 }
@@ -98,6 +108,13 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Threads that take steps; 0 for the CPUs that the process may use")
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
+  app.add_option("--step-budget-ms", raw.flags.step_budget_ms,
+                 "What a step may cost at most, ms; sessions whose steps cost more leave out a part of them. 0: a session's fair "
+                 "share of the threads' time, and less than its tick interval")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  app.add_flag("--no-degrade", raw.flags.no_degrade,
+               "Leave nothing out of any step: under overload sessions are answered less often instead");
   app.add_option("--max-sessions", raw.flags.max_sessions, "Sessions open at the same time; more are refused")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
@@ -143,6 +160,7 @@ Flags finished(const RawFlags& raw) {
   Flags flags = raw.flags;
   flags.unix_mode = static_cast<unsigned>(std::stoul(raw.unix_mode, nullptr, 8));
   flags.sampler = kSamplers.at(raw.sampler);
+  flags.egl_variant = egl_variants().at(raw.egl_variant);
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   return flags;

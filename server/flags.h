@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <variant>
 
@@ -19,7 +20,10 @@ struct Flags {
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
+  std::optional<EglVariant> egl_variant;  // nothing: measured at the start
   unsigned threads = 0;  // 0: as many as there are CPUs to use
+  double step_budget_ms = 0.0;  // 0: by the load
+  bool no_degrade = false;
   size_t max_sessions = 64;
   size_t max_message_mib = 4;
   size_t max_upload_mib = 256;

@@ -51,7 +51,7 @@ void prepare_process() {
 }
 
 EglOptions egl_options(const Flags& flags) {
-  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
+  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu, .variant = flags.egl_variant};
 }
 
 ListenOptions listen_options(const Flags& flags) {
@@ -68,6 +68,13 @@ ServiceLimits service_limits(const Flags& flags) {
   limits.max_upload_bytes = flags.max_upload_mib << 20;
   limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
   return limits;
+}
+
+BudgetRules budget_rules(const Flags& flags) {
+  BudgetRules rules;
+  rules.degrade = !flags.no_degrade;
+  if (flags.step_budget_ms > 0) rules.fixed_ns = std::llround(flags.step_budget_ms * 1e6);
+  return rules;
 }
 
 // Different for each start of a daemon, so that session ids in logs never mean two sessions.
@@ -156,10 +163,13 @@ int serve(const Flags& flags) {
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
   StreamRegistry streams(flags.max_sessions);
-  WorkerPool loaders(kLoaderThreads);
-  WorkerPool steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()));
-  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams,
-                                            log, monotonic_ns, start_name(), chosen->reason},
+  Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler, monotonic_ns);
+  WorkerPool loaders(kLoaderThreads);  // after the steppers: its last round may still use them
+  const BudgetRules budget = budget_rules(flags);
+  FairShares shares(steppers.threads() * budget.largest_share);
+  StepStats stats;
+  CameraControlService service(ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares,
+                                            stats, log, monotonic_ns, start_name(), chosen->reason, budget},
                                service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)
@@ -175,7 +185,11 @@ int serve(const Flags& flags) {
   wait_for_stop_signal(log);
   ready.remove();
   stop_in_order(**listener, streams, flags.drain_s, log);
-  log.info("stopped");
+  log.info("stopped", {{"steps", std::to_string(stats.steps)},
+                       {"degraded", std::to_string(stats.degraded)},
+                       {"late", std::to_string(stats.late)},
+                       {"queue_p50_us", std::to_string(std::lround(stats.queue.quantile_us(0.5)))},
+                       {"queue_p99_us", std::to_string(std::lround(stats.queue.quantile_us(0.99)))}});
   return EXIT_SUCCESS;
 }
 
@@ -188,7 +202,7 @@ std::string device_note(const EglDeviceInfo& device) {
 
 int report_devices(const Flags& flags) {
   const EglOptions options = egl_options(flags);
-  const auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
+  auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
   const bool egl = decision && decision->sampler == SamplerChoice::kEgl;
   const bool embree = decision && decision->sampler == SamplerChoice::kEmbree;
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
@@ -201,6 +215,8 @@ int report_devices(const Flags& flags) {
   }
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
               make_embree_sampler_device()->description().c_str());
+  if (egl)
+    if (const auto device = make_egl_sampler_device(options)) decision->reason = reason_with_variant(*decision, **device);
   std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
                                : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;

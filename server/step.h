@@ -167,7 +167,8 @@ struct StepMemory {
   FilteredSights filtered;
   std::vector<glm::ivec3> cells;
   std::vector<uint8_t> members;
-  std::vector<uint8_t> seen;
+  Composer composer;
+  std::vector<uint32_t> off_grid_visible;  // of the candidates beside a pair volume's
   ShotSearch shot;
   GoalSearch goal;
   GroupScratch group_scratch;

@@ -10,20 +10,17 @@ bool filters(const StepWork& w) {
   return w.input.settings.aggregate.filter.mode != FilterMode::kNone;
 }
 
+// With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a place in
+// the world can have a past.
 void list_candidates(StepWork& w) {
   const AggregateSettings& settings = w.input.settings.aggregate;
   CandidateSet& candidates = w.memory.candidates;
   w.memory.lattice.cover(w.memory.bound, settings.candidates);
   w.on_lattice = !w.pair || filters(w);
-  if (!w.on_lattice) {
+  if (w.on_lattice)
+    candidates.position_m = w.memory.lattice.positions_m();
+  else
     compose_chain(w.memory.chain, w.memory.maps, w.memory.bound, settings.relative_bias, candidates);
-    return;
-  }
-  // With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a place in
-  // the world can have a past.
-  candidates.position_m = w.memory.lattice.positions_m();
-  compose_visibility(as_input(w, w.memory.now), settings.relative_bias, candidates.position_m, w.memory.seen,
-                     candidates.visible_targets);
 }
 
 // The place itself when the bound holds it, else the nearest place of the bound.
@@ -45,17 +42,32 @@ uint32_t seen_from_own_place(const StepWork& w) {
 // Two places that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would step
 // between grid points.
 void add_own_and_desired_place(StepWork& w) {
+  std::vector<glm::dvec3>& position_m = w.memory.candidates.position_m;
+  w.own_candidate = position_m.size();
+  position_m.push_back(w.memory.camera.pose.position_m);
+  if (w.steered != 0) position_m.push_back(nearest_in_bound(w.memory.bound, desired_place(w)));
+}
+
+// What all candidates see; of the pair volumes' the chain has told.
+void look_now(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
-  w.own_candidate = candidates.position_m.size();
-  candidates.position_m.push_back(w.memory.camera.pose.position_m);
-  candidates.visible_targets.push_back(seen_from_own_place(w));
-  if (w.steered == 0) return;
-  const glm::dvec3 desired = nearest_in_bound(w.memory.bound, desired_place(w));
-  std::vector<uint32_t> visible;
-  compose_visibility(as_input(w, w.memory.now), w.input.settings.aggregate.relative_bias, {&desired, 1},
-                     w.memory.seen, visible);
-  candidates.position_m.push_back(desired);
-  candidates.visible_targets.push_back(visible[0]);
+  Composer& composer = w.memory.composer;
+  const double bias = w.input.settings.aggregate.relative_bias;
+  const SampledPoints sampled = as_input(w, w.memory.now);
+  std::vector<uint32_t>& visible = w.on_lattice ? candidates.visible_targets : w.memory.off_grid_visible;
+  composer.set_positions(std::span(candidates.position_m).subspan(w.on_lattice ? 0 : w.own_candidate));
+  if (expects_hidden(w) && w.on_lattice)
+    composer.visibility_and_hidden(sampled, bias, hidden_weights(w, 1 - weight_ahead(w)), visible,
+                                   w.memory.goal.hidden_by);
+  else
+    composer.visibility(sampled, bias, visible);
+  composer.set_positions(candidates.position_m);
+  if (!w.on_lattice) {
+    candidates.visible_targets.insert(candidates.visible_targets.end(), visible.begin(), visible.end());
+    if (expects_hidden(w))
+      composer.add_hidden(sampled, bias, hidden_weights(w, 1 - weight_ahead(w)), w.memory.goal.hidden_by);
+  }
+  candidates.visible_targets[w.own_candidate] = seen_from_own_place(w);
 }
 
 // Cells of the lattice keep what they saw; the two other places take over the past of the cell that they are nearest to.
@@ -81,11 +93,17 @@ void filter(StepWork& w) {
 
 void look_ahead(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
-  if (w.memory.ahead_s > 0)
-    compose_visibility(as_input(w, w.memory.ahead), w.input.settings.aggregate.relative_bias,
-                       candidates.position_m, w.memory.seen, candidates.ahead_targets);
-  else
+  if (w.memory.ahead_s <= 0) {
     candidates.ahead_targets = candidates.filtered_targets;
+    return;
+  }
+  const double bias = w.input.settings.aggregate.relative_bias;
+  const SampledPoints sampled = as_input(w, w.memory.ahead);
+  if (expects_hidden(w) && weight_ahead(w) > 0)
+    w.memory.composer.visibility_and_hidden(sampled, bias, hidden_weights(w, weight_foretold(w)),
+                                            candidates.ahead_targets, w.memory.goal.hidden_by);
+  else
+    w.memory.composer.visibility(sampled, bias, candidates.ahead_targets);
 }
 
 }  // namespace
@@ -123,6 +141,8 @@ void aggregate(StepWork& w) {
   learn_survey(w);
   list_candidates(w);
   add_own_and_desired_place(w);
+  begin_hidden(w);
+  look_now(w);
   filter(w);
   look_ahead(w);
   expect_hidden(w);

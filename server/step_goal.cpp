@@ -47,7 +47,8 @@ void find_routes(StepWork& w) {
                          .first_leg_is_free = [&](uint32_t node) {
                            return path_is_free(m.colliders, m.camera.pose.position_m,
                                                m.candidates.position_m[node], body_m(w));
-                         }};
+                         },
+                         .spacing_m = m.lattice.spacing_m()};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
                      {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }
@@ -126,28 +127,41 @@ bool targets_stand(const StepWork& w) {
                       });
 }
 
-void expect_hidden(StepWork& w) {
-  const MoveSettings& settings = w.input.settings.move;
-  GoalSearch& goal = w.memory.goal;
-  if (settings.strategy != Strategy::kBlend) return goal.goal_m.reset();
-  const std::vector<glm::dvec3>& places = w.memory.candidates.position_m;
-  const double ahead = w.memory.ahead_s > 0 ? settings.predictive_power : 0.0;
-  goal.hidden_by.reset(places.size());
+bool expects_hidden(const StepWork& w) {
+  return w.input.settings.move.strategy == Strategy::kBlend;
+}
+
+double weight_ahead(const StepWork& w) {
+  return w.memory.ahead_s > 0 ? w.input.settings.move.predictive_power : 0.0;
+}
+
+double weight_foretold(const StepWork& w) {
+  return weight_ahead(w) * (w.memory.futures.empty() ? 1.0 : kForetoldShare);
+}
+
+HiddenWeights hidden_weights(const StepWork& w, double weight) {
+  return {w.memory.goal.passes, w.memory.goal.target_weights, weight};
+}
+
+void begin_hidden(StepWork& w) {
+  if (!expects_hidden(w)) return;
+  w.memory.goal.hidden_by.reset(w.memory.candidates.position_m.size());
   mark_what_passes(w);
-  const auto look = [&](const Sampled& sampled, double weight) {
-    add_hidden(as_input(w, sampled), w.input.settings.aggregate.relative_bias, goal.passes, places,
-               goal.target_weights, weight, goal.hidden_by);
-  };
-  look(w.memory.now, 1 - ahead);
-  if (ahead > 0) look(w.memory.ahead, ahead * (w.memory.futures.empty() ? 1.0 : kForetoldShare));
+}
+
+void expect_hidden(StepWork& w) {
+  GoalSearch& goal = w.memory.goal;
+  if (!expects_hidden(w)) return goal.goal_m.reset();
+  const double ahead = weight_ahead(w);
   for (const Future& future : w.memory.futures)
-    look(future.sampled, ahead * (1 - kForetoldShare) * future.weight);
+    w.memory.composer.add_hidden(as_input(w, future.sampled), w.input.settings.aggregate.relative_bias,
+                                 hidden_weights(w, ahead * (1 - kForetoldShare) * future.weight), goal.hidden_by);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
   goal.lasting.update(w.memory.lattice, w.on_lattice, w.move_s,
                       filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                       goal.hidden_by.by_passing);
-  goal.hidden.resize(places.size());
-  for (size_t i = 0; i < places.size(); ++i)
+  goal.hidden.resize(goal.hidden_by.by_staying.size());
+  for (size_t i = 0; i < goal.hidden.size(); ++i)
     goal.hidden[i] = std::clamp(goal.hidden_by.by_staying[i] + goal.hidden_by.by_passing[i], 0.0, 1.0);
 }
 

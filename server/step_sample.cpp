@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "server/base/random.h"
 #include "server/step_work.h"
@@ -178,6 +179,17 @@ void plan_sights(StepWork& w) {
     w.memory.views.push_back(plan_sight(point, place_on_course(w)));
 }
 
+// No place that is looked up in this step's maps is farther from the eye: candidates lie in the bound, the camera is where it is or
+// a step away. The places of pair volumes may lie anywhere before their far plane.
+double far_m(const StepWork& w, const glm::dvec3& eye_m) {
+  if (w.pair) return std::numeric_limits<double>::infinity();
+  const CameraState& camera = w.memory.camera;
+  const double speed_mps = std::max(w.input.limits.max_speed_mps, glm::length(camera.velocity_mps));
+  const double bound_m = glm::distance(eye_m, w.memory.bound.center_m) + w.memory.bound.radius_m;
+  const double camera_m = glm::distance(eye_m, camera.pose.position_m) + speed_mps * w.move_s;
+  return beyond_all_m(std::max(bound_m, camera_m));
+}
+
 void request(StepWork& w, const Sampled& sampled, double ahead_s) {
   for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
     const MapRange& points = sampled.points_of_target[target];
@@ -185,6 +197,7 @@ void request(StepWork& w, const Sampled& sampled, double ahead_s) {
       w.memory.requests[view] = {.view = w.memory.views[view],
                                  .layer_mask = w.input.targets[target].layer_mask,
                                  .ahead_s = ahead_s,
+                                 .far_m = far_m(w, w.memory.views[view].eye_m),
                                  .ignored_slots = w.memory.ignored_slots[target]};
     };
     for (uint32_t p = points.first; p < points.first + points.count; ++p) {

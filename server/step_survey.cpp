@@ -65,6 +65,11 @@ void choose(StepWork& w) {
                            shot.place.value_or(shot.asked_place), survey, coherence, allowed);
 }
 
+// What the survey's third of four distances is.
+double survey_distance_m(const StepWork& w) {
+  return std::max(glm::length(shot_offset_m(w, w.memory.shot.asked_offset_m)), 0.1);
+}
+
 // What was learnt is old when the survey comes on again, and without one the camera wants the shot that it was asked for.
 void stop_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
@@ -94,9 +99,12 @@ void plan_survey(StepWork& w) {
 
 void request_survey(StepWork& w) {
   const ShotSearch& shot = w.memory.shot;
+  const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
   for (uint32_t view = shot.maps.first; view < shot.maps.first + shot.maps.count; ++view)
     w.memory.requests[view] = {.view = w.memory.views[view],
                                .layer_mask = w.input.targets[shot.looking].layer_mask,
+                               .far_m = beyond_all_m(glm::distance(w.memory.views[view].eye_m, center_m) +
+                                                     Survey::kFarthestShare * survey_distance_m(w)),
                                .ignored_slots = w.memory.ignored_slots[shot.looking]};
 }
 
@@ -104,7 +112,7 @@ void learn_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   if (shot.maps.count == 0 || w.move_s <= 0) return;
   const AggregateSettings& settings = w.input.settings.aggregate;
-  shot.survey.follow(w.memory.target_ids, std::max(glm::length(shot_offset_m(w, shot.asked_offset_m)), 0.1));
+  shot.survey.follow(w.memory.target_ids, survey_distance_m(w));
   shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
                     weighted_center_m(w.memory.target_views), settings.relative_bias,
                     w.move_s * static_cast<double>(w.input.targets.size()),

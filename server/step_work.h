@@ -12,19 +12,28 @@ void aggregate(StepWork& work);                   // paper 3.3, 5
 void move(StepWork& work);                        // paper 3.4, 6
 void report_targets(StepWork& work);              // what the returned pose sees
 
+// Where a map may end when no place that is looked up in it is farther from its eye.
+inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01; }
+
 // Of the survey (step_survey.cpp): one target looks round, the places learn from it, the shot to want is chosen.
 void plan_survey(StepWork& work);
 void request_survey(StepWork& work);
 void learn_survey(StepWork& work);
 
 // Strategy kBlend (step_goal.cpp): the goal by what is hidden, now and ahead, and by the way there; and the velocity to it.
-void expect_hidden(StepWork& work);
+bool expects_hidden(const StepWork& work);
+HiddenWeights hidden_weights(const StepWork& work, double weight);
+void begin_hidden(StepWork& work);   // before the maps are looked at
+void expect_hidden(StepWork& work);  // after those of the targets where they are and where they are foretold
+// Of the future against what is now, and the part of it that is foretold with all its points.
+double weight_ahead(const StepWork& work);
+double weight_foretold(const StepWork& work);
 Choice choose_goal(StepWork& work, const glm::dvec3& desired_m);
 glm::dvec3 velocity_to_goal(StepWork& work, Choice& choice);
 
 // The targets' mean velocity, by weight.
 glm::dvec3 group_velocity(const StepWork& work);
-// Of the step's sampled points, as compose_visibility takes them.
+// Of the step's sampled points, as the composer takes them.
 SampledPoints as_input(const StepWork& work, const Sampled& sampled);
 // Nobody walks: what is seen now will be seen, but for what passes.
 bool targets_stand(const StepWork& work);

@@ -4,19 +4,44 @@
 #include <bit>
 
 #include "server/base/check.h"
+#include "server/base/vector_clones.h"
 
 namespace sightline {
 namespace {
 
-// seen[i]: how many of a target's points position i sees.
-void count_seen(const SampledPoints& sampled, const MapRange& points, double relative_bias,
-                std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen) {
-  seen.assign(position_m.size(), 0);
-  for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
-    const auto maps = sampled.maps.subspan(range.first, range.count);
-    for (size_t i = 0; i < position_m.size(); ++i)
-      seen[i] += look_up(maps, position_m[i], relative_bias).visible;
-  }
+SIGHTLINE_VECTOR_CLONES
+void count_visible(const int32_t* __restrict sights, size_t count, int32_t* __restrict seen) {
+  for (size_t i = 0; i < count; ++i) seen[i] += sights[i] == kVisibleSight;
+}
+
+SIGHTLINE_VECTOR_CLONES
+void set_bit_where_enough(const int32_t* __restrict seen, size_t count, int32_t least, uint32_t bit,
+                          uint32_t* __restrict visible) {
+  for (size_t i = 0; i < count; ++i) visible[i] |= seen[i] >= least ? bit : 0u;
+}
+
+SIGHTLINE_VECTOR_CLONES
+void add_staying(const int32_t* __restrict sights, size_t count, double share, double* __restrict hidden) {
+  for (size_t i = 0; i < count; ++i)
+    hidden[i] += (sights[i] == kHiddenSight) | (sights[i] == kUnknownSight) ? share : 0.0;
+}
+
+SIGHTLINE_VECTOR_CLONES
+void add_passing(const int32_t* __restrict sights, size_t count, double share, double* __restrict hidden) {
+  for (size_t i = 0; i < count; ++i) hidden[i] += sights[i] == kPassingSight ? share : 0.0;
+}
+
+// The least number of seen points that is enough; more than there are when none is.
+int32_t least_enough(uint32_t points, double needed_share) {
+  uint32_t seen = 0;
+  while (seen <= points && !is_enough(seen, points, needed_share)) ++seen;
+  return static_cast<int32_t>(seen);
+}
+
+double sum_of(std::span<const double> weights) {
+  double total = 0;
+  for (const double w : weights) total += w;
+  return total;
 }
 
 }  // namespace
@@ -25,50 +50,42 @@ bool is_enough(uint32_t seen, uint32_t points, double needed_share) {
   return seen > 0 && seen >= needed_share * points - 1e-9;
 }
 
-Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias) {
-  for (const DepthMap& map : maps) {
-    const MapPoint at = project(map.view, point_m);
-    if (!at.in_window) continue;
-    const int x = static_cast<int>(at.x), y = static_cast<int>(at.y);
-    Sight sight{.known = true};
-    sight.visible = at.distance_m <= map.distance_at(x, y) * (1.0 + relative_bias);
-    if (!sight.visible) sight.occluder = map.occluder_at(x, y);
-    return sight;
-  }
-  return {};
+void Composer::visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible) {
+  compose(sampled, relative_bias, {}, &visible, nullptr);
 }
 
-void compose_visibility(const SampledPoints& sampled, double relative_bias,
-                        std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
-                        std::vector<uint32_t>& visible) {
-  visible.assign(position_m.size(), 0);
-  for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
-    const MapRange& points = sampled.points_of_target[target];
-    count_seen(sampled, points, relative_bias, position_m, seen);
-    for (size_t i = 0; i < position_m.size(); ++i)
-      if (is_enough(seen[i], points.count, sampled.needed_share)) visible[i] |= 1u << target;
-  }
+void Composer::add_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+                          HiddenShares& hidden) {
+  compose(sampled, relative_bias, weights, nullptr, &hidden);
 }
 
-void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
-                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target,
-                double weight, HiddenShares& hidden) {
-  double total = 0;
-  for (const double w : weight_of_target) total += w;
-  if (!(total > 0)) return;
+void Composer::visibility_and_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+                                     std::vector<uint32_t>& visible, HiddenShares& hidden) {
+  compose(sampled, relative_bias, weights, &visible, &hidden);
+}
+
+void Composer::compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+                       std::vector<uint32_t>* visible, HiddenShares* hidden) {
+  const size_t count = look_up_.size();
+  const double total = sum_of(weights.of_target);
+  if (visible) visible->assign(count, 0);
   for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
     const MapRange& points = sampled.points_of_target[target];
-    if (points.count == 0 || weight_of_target[target] <= 0) continue;
-    const double each = weight * weight_of_target[target] / (total * points.count);
+    const bool hides = hidden && total > 0 && points.count > 0 && weights.of_target[target] > 0;
+    if (!hides && !visible) continue;
+    const double each = hides ? weights.weight * weights.of_target[target] / (total * points.count) : 0.0;
+    seen_.assign(count, 0);
     for (const MapRange& range : sampled.maps_of_point.subspan(points.first, points.count)) {
       const auto maps = sampled.maps.subspan(range.first, range.count);
-      for (size_t i = 0; i < position_m.size(); ++i) {
-        const Sight sight = look_up(maps, position_m[i], relative_bias);
-        if (sight.visible) continue;
-        const bool passing = sight.occluder != kNoOccluder && passes[sight.occluder] != 0;
-        (passing ? hidden.by_passing : hidden.by_staying)[i] += each;
-      }
+      const auto sights = look_up_(maps, relative_bias, hides ? weights.passes : std::span<const uint8_t>{});
+      if (visible) count_visible(sights.data(), count, seen_.data());
+      if (hides) add_staying(sights.data(), count, each, hidden->by_staying.data());
+      if (hides && look_up_.any_passing())
+        add_passing(sights.data(), count, each, hidden->by_passing.data());
     }
+    if (visible)
+      set_bit_where_enough(seen_.data(), count, least_enough(points.count, sampled.needed_share), 1u << target,
+                           visible->data());
   }
 }
 

@@ -8,8 +8,8 @@
 
 #include "server/aggregate/candidates.h"
 #include "server/aggregate/filter.h"
+#include "server/aggregate/look_up.h"
 #include "server/base/error.h"
-#include "server/sample/depth_map.h"
 
 namespace sightline {
 
@@ -34,17 +34,6 @@ struct MapRange {
   uint32_t count = 0;
 };
 
-// Where one map shows a point: its texel, or nothing.
-struct Sight {
-  bool known = false;               // the point lies in the window of one of the maps
-  bool visible = false;             // and nothing stands between
-  uint32_t occluder = kNoOccluder;  // what does, when not visible
-};
-
-// Whether `point_m` sees the point from which the maps were taken: its distance is compared with the texel's. At
-// equality it is visible; an unknown point is not.
-Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
-
 // What has been sampled of the targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of
 // target i. A target is seen from a place when at least `needed_share` of its points are, [0, 1]; more than none in any case.
 struct SampledPoints {
@@ -56,23 +45,45 @@ struct SampledPoints {
 
 bool is_enough(uint32_t seen, uint32_t points, double needed_share);
 
-// visible[i] becomes the set of targets that position i sees. `seen` is scratch memory, reused. O(positions * maps).
-void compose_visibility(const SampledPoints& sampled, double relative_bias,
-                        std::span<const glm::dvec3> position_m, std::vector<uint8_t>& seen,
-                        std::vector<uint32_t>& visible);
-
 // What hides the targets, by position: shares in [0, 1].
 struct HiddenShares {
   std::vector<double> by_staying, by_passing;
   void reset(size_t positions) { by_staying.assign(positions, 0.0), by_passing.assign(positions, 0.0); }
 };
 
-// Adds weight * the mean, by `weight_of_target`, of the shares of each target's points that are hidden from position i, by what
-// stays and by what passes; nothing when all weights are 0. `passes` has an entry for each mirror slot: 1 for occluders that may
-// be gone at once. A position that no map shows counts as hidden by what stays. O(positions * maps).
-void add_hidden(const SampledPoints& sampled, double relative_bias, std::span<const uint8_t> passes,
-                std::span<const glm::dvec3> position_m, std::span<const double> weight_of_target,
-                double weight, HiddenShares& hidden);
+// How hidden points count. `passes` has an entry for each mirror slot: 1 for occluders that may be gone at once.
+struct HiddenWeights {
+  std::span<const uint8_t> passes;
+  std::span<const double> of_target;
+  double weight = 1.0;  // of what is added, >= 0
+};
+
+// What many positions see, by one look at the maps for all that is asked of them. Memory is kept from call to call. Not
+// thread-safe. Every call is O(positions * maps).
+class Composer {
+ public:
+  // The positions of the calls to come; the span must outlive them.
+  void set_positions(std::span<const glm::dvec3> position_m) { look_up_.set_places(position_m); }
+
+  // visible[i] becomes the set of targets that position i sees.
+  void visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible);
+
+  // Adds weight * the mean, by `of_target`, of the shares of each target's points that are hidden from position i, by what stays
+  // and by what passes; nothing when all of them are 0. A position that no map shows counts as hidden by what stays. `hidden` is
+  // as long as the positions.
+  void add_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights, HiddenShares& hidden);
+
+  // Both.
+  void visibility_and_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+                             std::vector<uint32_t>& visible, HiddenShares& hidden);
+
+ private:
+  void compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+               std::vector<uint32_t>* visible, HiddenShares* hidden);
+
+  LookUp look_up_;
+  std::vector<int32_t> seen_;  // by position: points of one target
+};
 
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
 struct SightCounts {

@@ -65,7 +65,7 @@ double row(const PairVolume& volume, double texel_y);
 glm::dvec3 printed_trilinear(const PairVolume& volume, double u, double v, double w);
 
 // Lists the r^3 meeting points that lie in the bound, each with two bits: 0 for A, 1 for B. Distances are compared at the
-// texel itself, with the same rule as compose_visibility.
+// texel itself, with the same rule as look_up.
 void compose_pair(const PairVolume& volume, const DepthMap& map_a, const DepthMap& map_b, const Bound& bound,
                   double relative_bias, CandidateSet& candidates);
 

@@ -6,20 +6,28 @@
 #include <limits>
 #include <numbers>
 
-#include "server/aggregate/compose.h"
-
 namespace sightline {
 namespace {
 
 // From level to steep: over heads, over hedges, over pillars.
 constexpr std::array<double, Survey::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15};
-constexpr std::array<double, Survey::kDistances> kDistanceShares = {0.4, 0.7, 1.0, 1.4};
+constexpr std::array<double, Survey::kDistances> kDistanceShares = {0.4, 0.7, 1.0, Survey::kFarthestShare};
 
 size_t place_at(size_t azimuth, size_t elevation, size_t distance) {
   return (azimuth % Survey::kAzimuths * Survey::kElevations + elevation) * Survey::kDistances + distance;
 }
 
 }  // namespace
+
+Survey::Survey() {
+  for (size_t azimuth = 0; azimuth < kAzimuths; ++azimuth)
+    for (size_t elevation = 0; elevation < kElevations; ++elevation) {
+      const double turn = 2 * std::numbers::pi * static_cast<double>(azimuth) / static_cast<double>(kAzimuths),
+                   rise = kElevationsRad[elevation];
+      directions_[azimuth * kElevations + elevation] = {std::cos(rise) * std::cos(turn), std::sin(rise),
+                                                        std::cos(rise) * std::sin(turn)};
+    }
+}
 
 void Survey::follow(std::span<const uint64_t> target_ids, double distance_m) {
   distance_m_ = distance_m;
@@ -39,12 +47,7 @@ void Survey::follow(std::span<const uint64_t> target_ids, double distance_m) {
 }
 
 glm::dvec3 Survey::offset_m(size_t place) const {
-  const size_t distance = place % kDistances, elevation = place / kDistances % kElevations,
-               azimuth = place / (kDistances * kElevations);
-  const double turn = 2 * std::numbers::pi * static_cast<double>(azimuth) / static_cast<double>(kAzimuths),
-               rise = kElevationsRad[elevation];
-  return distance_m_ * kDistanceShares[distance] *
-         glm::dvec3(std::cos(rise) * std::cos(turn), std::sin(rise), std::cos(rise) * std::sin(turn));
+  return distance_m_ * kDistanceShares[place % kDistances] * directions_[place / kDistances];
 }
 
 size_t Survey::nearest_place(const glm::dvec3& offset_m) const {
@@ -64,11 +67,14 @@ void Survey::learn(size_t target, std::span<const DepthMap> maps, const glm::dve
                    double relative_bias, double since_s, double memory_s) {
   const auto newest = static_cast<float>(-std::expm1(-since_s / memory_s));
   known_s_[target] += since_s;
+  places_m_.resize(kPlaces);
+  for (size_t place = 0; place < kPlaces; ++place) places_m_[place] = center_m + offset_m(place);
+  look_up_.set_places(places_m_);
+  const std::span<const int32_t> sights = look_up_(maps, relative_bias);
+  const std::span<float> shares = std::span(shares_).subspan(target * kPlaces, kPlaces);
   for (size_t place = 0; place < kPlaces; ++place) {
-    const Sight sight = look_up(maps, center_m + offset_m(place), relative_bias);
-    if (!sight.known) continue;
-    float& share = shares_[target * kPlaces + place];
-    share += newest * ((sight.visible ? 1.0f : 0.0f) - share);
+    if (sights[place] == kUnknownSight) continue;
+    shares[place] += newest * ((sights[place] == kVisibleSight ? 1.0f : 0.0f) - shares[place]);
   }
 }
 

@@ -6,11 +6,13 @@
 // visible share as a low pass, so that it comes to know which shot is good for long.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
 #include <vector>
 
+#include "server/aggregate/look_up.h"
 #include "server/sample/depth_map.h"
 
 namespace sightline {
@@ -20,6 +22,10 @@ class Survey {
  public:
   static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 4;
   static constexpr size_t kPlaces = kAzimuths * kElevations * kDistances;
+  // Of the farthest places, in shares of the distance that `follow` takes.
+  static constexpr double kFarthestShare = 1.4;
+
+  Survey();
 
   // Which targets there are: one that is there again keeps what was learnt of it. `distance_m` > 0: of the third of four distances.
   void follow(std::span<const uint64_t> target_ids, double distance_m);
@@ -44,10 +50,14 @@ class Survey {
   size_t target_count() const { return ids_.size(); }
 
  private:
+  std::array<glm::dvec3, kAzimuths * kElevations> directions_;  // azimuth by azimuth
   double distance_m_ = 1.0;
   std::vector<uint64_t> ids_;
   std::vector<float> shares_;    // target by target, place by place
   std::vector<double> known_s_;  // by target: for how long it has looked round
+  // Of `learn`: kept for their memory.
+  std::vector<glm::dvec3> places_m_;
+  LookUp look_up_;
 };
 
 }  // namespace sightline

@@ -48,10 +48,10 @@ struct VertexArray {
   }
   static void destroy(GLuint name) { glDeleteVertexArrays(1, &name); }
 };
-struct Texture2d {
+struct Texture2dArray {
   static GLuint create() {
     GLuint name = 0;
-    glCreateTextures(GL_TEXTURE_2D, 1, &name);
+    glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &name);
     return name;
   }
   static void destroy(GLuint name) { glDeleteTextures(1, &name); }
@@ -76,9 +76,31 @@ struct Shader {
 
 using GlBuffer = GlObject<gl_kind::Buffer>;
 using GlVertexArray = GlObject<gl_kind::VertexArray>;
-using GlTexture2d = GlObject<gl_kind::Texture2d>;
+using GlTexture2dArray = GlObject<gl_kind::Texture2dArray>;
 using GlFramebuffer = GlObject<gl_kind::Framebuffer>;
 using GlProgram = GlObject<gl_kind::Program>;
 using GlShader = GlObject<gl_kind::Shader>;
+
+// A fence, as an owner under the same rules.
+class GlSync {
+ public:
+  GlSync() = default;
+  static GlSync create() { return GlSync(glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0)); }
+  GlSync(GlSync&& other) noexcept : sync_(std::exchange(other.sync_, nullptr)) {}
+  GlSync& operator=(GlSync&& other) noexcept {
+    std::swap(sync_, other.sync_);
+    return *this;
+  }
+  ~GlSync() {
+    if (sync_) glDeleteSync(sync_);
+  }
+
+  GLsync get() const { return sync_; }
+  explicit operator bool() const { return sync_ != nullptr; }
+
+ private:
+  explicit GlSync(GLsync sync) : sync_(sync) {}
+  GLsync sync_ = nullptr;
+};
 
 }  // namespace sightline

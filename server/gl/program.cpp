@@ -32,7 +32,8 @@ Result<GlShader> compile(GLenum stage, const char* stage_name, const std::string
 
 }  // namespace
 
-Result<GlProgram> make_program(const std::string& vertex_source, const std::string& fragment_source) {
+Result<GlProgram> make_program(const std::string& vertex_source, const std::string& fragment_source,
+                               const std::string& geometry_source) {
   Result<GlShader> vertex = compile(GL_VERTEX_SHADER, "vertex shader", vertex_source);
   if (!vertex) return tl::unexpected(vertex.error());
   Result<GlShader> fragment = compile(GL_FRAGMENT_SHADER, "fragment shader", fragment_source);
@@ -40,6 +41,11 @@ Result<GlProgram> make_program(const std::string& vertex_source, const std::stri
   GlProgram program = GlProgram::create();
   glAttachShader(program.name(), vertex->name());
   glAttachShader(program.name(), fragment->name());
+  if (!geometry_source.empty()) {
+    const Result<GlShader> geometry = compile(GL_GEOMETRY_SHADER, "geometry shader", geometry_source);
+    if (!geometry) return tl::unexpected(geometry.error());
+    glAttachShader(program.name(), geometry->name());
+  }
   glLinkProgram(program.name());
   GLint linked = GL_FALSE;
   glGetProgramiv(program.name(), GL_LINK_STATUS, &linked);

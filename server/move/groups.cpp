@@ -1,8 +1,7 @@
-// Depth is the exact Euclidean distance transform of Meijster, Roerdink & Hesselink, "A general algorithm for
-// computing distance transforms in linear time" (2000): one pass an axis, each the lower envelope of
-// parabolas along a line. A run of members ends at cells of distance 0, beyond which no parabola can be
-// lower, so each run is a problem of its own and no dense grid around the candidates is needed: they may be
-// scattered.
+// Depth is the exact Euclidean distance transform, one pass an axis (Meijster, Roerdink & Hesselink, "A general algorithm for
+// computing distance transforms in linear time", 2000). A run of members ends at cells of distance 0, beyond which nothing can be
+// nearer, so each run is a problem of its own. Within a run the nearest place is sought outwards and not by the paper's envelope of
+// parabolas: runs are a few cells deep, where dividing costs more than looking.
 #include "server/move/groups.h"
 
 #include <algorithm>
@@ -10,6 +9,8 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+
+#include "server/move/cell_box.h"
 
 namespace sightline {
 namespace {
@@ -23,6 +24,14 @@ uint32_t hash_cell(const glm::ivec3& c) {
   return static_cast<uint32_t>(h >> 32);
 }
 
+// Whether a table over the box around the cells is of the order of their number.
+bool is_compact(std::span<const glm::ivec3> cell) {
+  glm::dvec3 low(cell[0]), high(cell[0]);
+  for (const glm::ivec3& c : cell) low = glm::min(low, glm::dvec3(c)), high = glm::max(high, glm::dvec3(c));
+  const glm::dvec3 size = high - low + 3.0;
+  return size.x * size.y * size.z <= 16.0 * static_cast<double>(cell.size()) + 4096;
+}
+
 class Finder {
  public:
   Finder(std::span<const glm::ivec3> cell, std::span<const uint8_t> member, GroupScratch& scratch,
@@ -31,7 +40,7 @@ class Finder {
 
   void index_cells() {
     const size_t n = cell_.size();
-    s_.slots.assign(std::bit_ceil(std::max<size_t>(2 * n, 8)), -1);
+    choose_table();
     s_.first_in_cell.resize(n);
     for (size_t i = 0; i < n; ++i) {
       int32_t& slot = slot_of(cell_[i]);
@@ -87,8 +96,17 @@ class Finder {
     return member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i);
   }
 
-  // The slot that holds the cell's first candidate, or the free one where it would be put.
+  // A table over the box around the cells; where they are too scattered for that, a hash table.
+  void choose_table() {
+    const size_t n = cell_.size();
+    dense_ = n > 0 && is_compact(cell_);
+    if (dense_) box_ = box_around(cell_, 1);
+    s_.slots.assign(dense_ ? box_.count() : std::bit_ceil(std::max<size_t>(2 * n, 8)), -1);
+  }
+
+  // The slot that holds the cell's first candidate, or the free one where it would be put. The cell is a candidate's or beside one.
   int32_t& slot_of(const glm::ivec3& cell) {
+    if (dense_) return s_.slots[box_.address(cell)];
     const size_t mask = s_.slots.size() - 1;
     size_t k = hash_cell(cell) & mask;
     while (s_.slots[k] >= 0 && cell_[s_.slots[k]] != cell) k = (k + 1) & mask;
@@ -119,46 +137,34 @@ class Finder {
       s_.line.push_back(s_.distance[i]);
     }
     s_.line.push_back(0);
-    const int top = lower_envelope();
-    for (int u = static_cast<int>(s_.run.size()), q = top; u >= 1; --u) {
-      while (s_.start[q] > u) --q;
-      s_.distance[s_.run[u - 1]] = parabola(s_.source[q], u);
-    }
+    for (size_t u = 1; u <= s_.run.size(); ++u) s_.distance[s_.run[u - 1]] = least_around(u);
   }
 
-  int64_t parabola(int64_t source, int64_t at) const {
-    return (at - source) * (at - source) + s_.line[source];
-  }
-
-  // source[k] is the lowest parabola from place start[k] up to start[k + 1]; returns the last k.
-  int lower_envelope() {
-    const int n = static_cast<int>(s_.line.size());
-    s_.source.assign(1, 0);
-    s_.start.assign(1, 0);
-    for (int u = 1; u < n; ++u) {
-      while (!s_.source.empty() && parabola(s_.source.back(), s_.start.back()) > parabola(u, s_.start.back()))
-        s_.source.pop_back(), s_.start.pop_back();
-      const int64_t begin = s_.source.empty() ? 0 : 1 + last_place_below(s_.source.back(), u);
-      if (begin >= n) continue;
-      s_.source.push_back(u);
-      s_.start.push_back(static_cast<int32_t>(begin));
-    }
-    return static_cast<int>(s_.source.size()) - 1;
-  }
-
-  // The last place at which the parabola of `a` is no higher than that of b > a.
-  int64_t last_place_below(int64_t a, int64_t b) const {
-    return (b * b - a * a + s_.line[b] - s_.line[a]) / (2 * (b - a));
+  // The least of (distance of a place on the line) + (squared way to it). Ends where no farther place can have less: at the latest
+  // at the nearer end of the line, whose distance is 0.
+  int64_t least_around(size_t place) const {
+    int64_t least = s_.line[place];
+    for (size_t way = 1; static_cast<int64_t>(way * way) < least; ++way)
+      least = std::min({least, s_.line[place - way] + static_cast<int64_t>(way * way),
+                        s_.line[place + way] + static_cast<int64_t>(way * way)});
+    return least;
   }
 
   std::span<const glm::ivec3> cell_;
   std::span<const uint8_t> member_;
   GroupScratch& s_;
   Groups& g_;
+  bool dense_ = false;
+  CellBox box_;  // when dense
 };
 
+// Distances are measured when groups of one size leave the choice to them.
 int32_t choose_largest(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
                        std::vector<double>& nearest_m, const Groups& g) {
+  if (g.size_cells.empty()) return kNoGroup;
+  const auto largest = std::max_element(g.size_cells.begin(), g.size_cells.end());
+  if (std::count(g.size_cells.begin(), g.size_cells.end(), *largest) == 1)
+    return static_cast<int32_t>(largest - g.size_cells.begin());
   nearest_m.assign(g.size_cells.size(), std::numeric_limits<double>::infinity());
   for (size_t i = 0; i < position_m.size(); ++i) {
     if (g.group_of[i] == kNoGroup) continue;
@@ -166,10 +172,8 @@ int32_t choose_largest(std::span<const glm::dvec3> position_m, const glm::dvec3&
     nearest = std::min(nearest, glm::distance(position_m[i], desired_m));
   }
   int32_t best = kNoGroup;
-  for (int32_t k = 0; k < static_cast<int32_t>(g.size_cells.size()); ++k) {
-    const bool larger = best == kNoGroup || g.size_cells[k] > g.size_cells[best];
-    if (larger || (g.size_cells[k] == g.size_cells[best] && nearest_m[k] < nearest_m[best])) best = k;
-  }
+  for (int32_t k = 0; k < static_cast<int32_t>(g.size_cells.size()); ++k)
+    if (g.size_cells[k] == *largest && (best == kNoGroup || nearest_m[k] < nearest_m[best])) best = k;
   return best;
 }
 
@@ -178,9 +182,10 @@ int32_t choose_deepest(std::span<const glm::dvec3> position_m, const glm::dvec3&
   double best_distance = 0;
   for (size_t i = 0; i < position_m.size(); ++i) {
     if (g.largest == kNoGroup || g.group_of[i] != g.largest) continue;
-    const double distance = glm::distance(position_m[i], desired_m);
     const bool deeper = best < 0 || g.depth_squared[i] > g.depth_squared[best];
-    if (!deeper && (g.depth_squared[i] < g.depth_squared[best] || distance >= best_distance)) continue;
+    if (!deeper && g.depth_squared[i] < g.depth_squared[best]) continue;
+    const double distance = glm::distance(position_m[i], desired_m);
+    if (!deeper && distance >= best_distance) continue;
     best = static_cast<int32_t>(i);
     best_distance = distance;
   }

@@ -39,12 +39,12 @@ struct Groups {
 
 // Working memory of find_groups, grown as needed and then kept: no allocation in the steady state.
 struct GroupScratch {
-  std::vector<int32_t> slots;                  // hash table from cell to the first candidate in it
+  std::vector<int32_t> slots;                  // table from cell to the first candidate in it
   std::vector<int32_t> first_in_cell;          // per candidate
   std::vector<std::array<int32_t, 6>> beside;  // per candidate: members at -x, +x, -y, +y, -z, +z, or -1
   std::vector<int32_t> queue;
   std::vector<int64_t> line, distance;  // of one run of members along an axis
-  std::vector<int32_t> source, start, run;
+  std::vector<int32_t> run;
   std::vector<double> nearest_m;  // per group
 };
 
@@ -56,7 +56,7 @@ void lattice_cells(std::span<const glm::dvec3> position_m, double spacing_m, std
 // Euclidean distances on the grid to the nearest cell that is no member, a cell without any candidate being
 // one. All spans have one length. `cell` may be the lattice's or the (u, v, w) of a pair volume. A cell
 // belongs to the first candidate in it; later ones (a place off the grid, such as the camera's own) share its
-// group and depth if both are members, and are in no group otherwise. O(candidates); equal inputs give equal
+// group and depth if both are members, and are in no group otherwise. O(candidates * depth); equal inputs give equal
 // results.
 void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> position_m,
                  std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch,

@@ -1,7 +1,7 @@
 #include "server/move/route.h"
 
 #include <algorithm>
-#include <functional>
+#include <array>
 
 namespace sightline {
 namespace {
@@ -23,63 +23,107 @@ bool first_leg_fits(const RouteNodes& nodes, uint32_t start, uint32_t to, double
          nodes.first_leg_is_free(to);
 }
 
+// Of the lattice's spacing: a node that is no farther from its cell's middle along each axis stands on it.
+constexpr double kOnLattice = 1e-6;
+// The least length of a leg between two such nodes, in spacings, by how many axes it runs along.
+constexpr std::array<double, 4> kLeastSteps = {0.0, 1 - 1e-5, 1.4142135623730951 - 1e-5, 1.7320508075688772 - 1e-5};
+
+bool stands_on_lattice(const RouteNodes& nodes, uint32_t node) {
+  const glm::dvec3 off = glm::abs(nodes.position_m[node] - glm::dvec3(nodes.cell[node]) * nodes.spacing_m);
+  return nodes.spacing_m > 0 && std::max({off.x, off.y, off.z}) <= kOnLattice * nodes.spacing_m;
+}
+
 }  // namespace
 
-void RouteFinder::index(std::span<const glm::ivec3> cell) {
-  glm::ivec3 low = cell[0], high = cell[0];
-  for (const glm::ivec3& c : cell) low = glm::min(low, c), high = glm::max(high, c);
-  low_ = low - 1;
-  size_ = high - low + 3;  // a rim of empty cells, so that neighbours need no test
-  first_in_slot_.assign(
-      static_cast<size_t>(size_.x) * static_cast<size_t>(size_.y) * static_cast<size_t>(size_.z), kNone);
-  next_in_cell_.resize(cell.size());
-  for (uint32_t i = 0; i < cell.size(); ++i) {
-    uint32_t& first = first_in_slot_[slot_of(cell[i])];
-    next_in_cell_[i] = first;
-    first = i;
+// Nodes that the body does not fit, and the start, are nobody's next: they are in no cell.
+void RouteFinder::index(const RouteNodes& nodes, uint32_t start, double body_radius_m) {
+  box_ = box_around(nodes.cell, 1);
+  const size_t count = nodes.cell.size();
+  first_in_cell_.assign(box_.count(), kNone);
+  open_below_m_.assign(box_.count(), -kUnreachable);
+  next_in_cell_.assign(count, kNone);
+  on_lattice_.assign(count, 0);
+  for (uint32_t i = 0; i < count; ++i) {
+    on_lattice_[i] = stands_on_lattice(nodes, i);
+    if (i == start || nodes.clearance_m[i] < body_radius_m) continue;
+    const size_t cell = box_.address(nodes.cell[i]);
+    if (first_in_cell_[cell] != kNone) on_lattice_[i] = on_lattice_[first_in_cell_[cell]] = 0;
+    next_in_cell_[i] = first_in_cell_[cell];
+    first_in_cell_[cell] = i;
+    open_below_m_[cell] = kUnreachable;
   }
 }
 
-size_t RouteFinder::slot_of(const glm::ivec3& cell) const {
-  const glm::ivec3 at = cell - low_;
-  return (static_cast<size_t>(at.z) * static_cast<size_t>(size_.y) + static_cast<size_t>(at.y)) *
-             static_cast<size_t>(size_.x) +
-         static_cast<size_t>(at.x);
+void RouteFinder::try_leg(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from, uint32_t to) {
+  if (done_[to]) return;
+  const bool from_start = before_[from] == kNone;
+  const double length = glm::distance(nodes.position_m[from], nodes.position_m[to]);
+  const double cost =
+      cost_m_[from] + length * (1 + settings.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
+  if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings.body_radius_m, from_start)) return;
+  if (from_start && !first_leg_fits(nodes, from, to, length, settings.body_radius_m)) return;
+  cost_m_[to] = cost;
+  before_[to] = from;
+  if (on_lattice_[to]) open_below_m_[box_.address(nodes.cell[to])] = cost;
+  push({cost, to});
 }
 
+// The least that a leg can cost is its length, with what it costs to start it from here. Each operation rounds towards the same
+// side for the lesser operand, so that no leg is passed over that would have been cheaper.
 void RouteFinder::relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from) {
-  const bool from_start = before_[from] == kNone;
+  const double share = 1 + settings.exposure * nodes.hidden[from] / 2;
+  const double spacing_m = on_lattice_[from] ? nodes.spacing_m : 0.0;
+  std::array<double, 4> least_m;  // by how many axes the leg runs along
+  for (size_t axes = 0; axes < least_m.size(); ++axes)
+    least_m[axes] = cost_m_[from] + spacing_m * kLeastSteps[axes] * share;
+  const size_t cell = box_.address(nodes.cell[from]);
+  if (on_lattice_[from] && first_in_cell_[cell] == from) open_below_m_[cell] = -kUnreachable;
   for (int z = -1; z <= 1; ++z)
-    for (int y = -1; y <= 1; ++y)
-      for (int x = -1; x <= 1; ++x)
-        for (uint32_t to = first_in_slot_[slot_of(nodes.cell[from] + glm::ivec3(x, y, z))]; to != kNone;
-             to = next_in_cell_[to]) {
-          if (done_[to] || to == from) continue;
-          const double length = glm::distance(nodes.position_m[from], nodes.position_m[to]);
-          const double cost =
-              cost_m_[from] + length * (1 + settings.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
-          if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings.body_radius_m, from_start))
-            continue;
-          if (from_start && !first_leg_fits(nodes, from, to, length, settings.body_radius_m)) continue;
-          cost_m_[to] = cost;
-          before_[to] = from;
-          heap_.push_back({cost, to});
-          std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
-        }
+    for (int y = -1; y <= 1; ++y) {
+      const size_t row = cell + static_cast<size_t>(z) * box_.slice() + static_cast<size_t>(y) * box_.row();
+      const size_t axes = static_cast<size_t>(z * z + y * y);
+      for (int x = -1; x <= 1; ++x) {
+        const size_t there = row + static_cast<size_t>(x);
+        if (least_m[axes + (x != 0)] >= open_below_m_[there]) continue;
+        for (uint32_t to = first_in_cell_[there]; to != kNone; to = next_in_cell_[to])
+          if (to != from) try_leg(nodes, settings, from, to);
+      }
+    }
+}
+
+// A heap of four children a node: half as deep as one of two, and the children lie in one or two cache lines.
+void RouteFinder::push(const Entry& entry) {
+  size_t at = heap_.size();
+  heap_.push_back(entry);
+  for (; at > 0 && entry < heap_[(at - 1) / 4]; at = (at - 1) / 4) heap_[at] = heap_[(at - 1) / 4];
+  heap_[at] = entry;
+}
+
+RouteFinder::Entry RouteFinder::pop() {
+  const Entry least = heap_.front(), last = heap_.back();
+  heap_.pop_back();
+  size_t at = 0;
+  for (size_t child = 1; child < heap_.size(); child = 4 * at + 1) {
+    const auto first = heap_.begin() + static_cast<std::ptrdiff_t>(child);
+    const auto smallest = std::min_element(first, first + static_cast<std::ptrdiff_t>(std::min<size_t>(4, heap_.size() - child)));
+    if (!(*smallest < last)) break;
+    heap_[at] = *smallest;
+    at = static_cast<size_t>(smallest - heap_.begin());
+  }
+  if (!heap_.empty()) heap_[at] = last;
+  return least;
 }
 
 void RouteFinder::find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
   const size_t count = nodes.position_m.size();
-  index(nodes.cell);
+  index(nodes, start, settings.body_radius_m);
   cost_m_.assign(count, kUnreachable);
   before_.assign(count, kNone);
   done_.assign(count, 0);
   cost_m_[start] = 0;
   heap_.assign(1, {0.0, start});
   while (!heap_.empty()) {
-    std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
-    const uint32_t node = heap_.back().node;
-    heap_.pop_back();
+    const uint32_t node = pop().node;
     if (done_[node]) continue;
     done_[node] = 1;
     relax(nodes, settings, node);

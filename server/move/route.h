@@ -15,6 +15,8 @@
 #include <span>
 #include <vector>
 
+#include "server/move/cell_box.h"
+
 namespace sightline {
 
 inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
@@ -28,6 +30,9 @@ struct RouteNodes {
   // Whether the body can really go straight from the start to a node: asked where the clearances of both do not prove it, so
   // that a camera never heads for a leg that it cannot take. Empty: the clearances decide as on every other leg.
   std::function<bool(uint32_t node)> first_leg_is_free = {};
+  // Of the lattice, whose cell c stands at c * spacing_m; 0: of none. It changes no answer: between nodes that stand there the
+  // least length of a leg is known beforehand, and most legs need no closer look.
+  double spacing_m = 0.0;
 };
 
 struct RouteSettings {
@@ -50,16 +55,20 @@ class RouteFinder {
   struct Entry {
     double cost;
     uint32_t node;
-    bool operator>(const Entry& other) const {
-      return cost != other.cost ? cost > other.cost : node > other.node;
-    }
+    bool operator<(const Entry& other) const { return cost != other.cost ? cost < other.cost : node < other.node; }
   };
-  void index(std::span<const glm::ivec3> cell);
+  void index(const RouteNodes& nodes, uint32_t start, double body_radius_m);
   void relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from);
-  size_t slot_of(const glm::ivec3& cell) const;
+  void try_leg(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from, uint32_t to);
+  void push(const Entry& entry);
+  Entry pop();
 
-  glm::ivec3 low_{0}, size_{0};
-  std::vector<uint32_t> first_in_slot_, next_in_cell_;
+  CellBox box_;
+  std::vector<uint32_t> first_in_cell_, next_in_cell_;  // of the nodes that can be gone to
+  // By cell: what a leg to the cell has to be cheaper than. That is its node's cost; without bound where that takes a closer look,
+  // below every cost where no node is open.
+  std::vector<double> open_below_m_;
+  std::vector<uint8_t> on_lattice_;  // by node: alone in its cell, and where the lattice has it
   std::vector<double> cost_m_;
   std::vector<uint32_t> before_;
   std::vector<uint8_t> done_;

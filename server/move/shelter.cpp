@@ -3,25 +3,12 @@
 #include <algorithm>
 #include <cassert>
 
+#include "server/move/cell_box.h"
+
 namespace sightline {
 namespace {
 
 constexpr int32_t kFar = 1 << 28;  // more than any squared distance, and twice it still is an int
-
-struct Box {
-  glm::ivec3 low{0}, size{0};
-  size_t index(const glm::ivec3& cell) const {
-    const glm::ivec3 at = cell - low;
-    return (static_cast<size_t>(at.z) * size.y + at.y) * size.x + at.x;
-  }
-  size_t count() const { return static_cast<size_t>(size.x) * size.y * size.z; }
-};
-
-Box box_around(std::span<const glm::ivec3> cell) {
-  glm::ivec3 low = cell[0], high = cell[0];
-  for (const glm::ivec3& c : cell) low = glm::min(low, c), high = glm::max(high, c);
-  return {low, high - low + 1};
-}
 
 // Along one line: the least of distance + squared way to it. Lines are short, so every pair is looked at.
 void spread_line(int32_t* first, size_t stride, int count, std::vector<int32_t>& line) {
@@ -35,8 +22,8 @@ void spread_line(int32_t* first, size_t stride, int count, std::vector<int32_t>&
 }
 
 // The squared distance is a sum over the axes: one pass an axis.
-void spread(const Box& box, ShelterScratch& s) {
-  const size_t row = box.size.x, slice = row * box.size.y;
+void spread(const CellBox& box, ShelterScratch& s) {
+  const size_t row = box.row(), slice = box.slice();
   for (int z = 0; z < box.size.z; ++z)
     for (int y = 0; y < box.size.y; ++y) spread_line(&s.distance[z * slice + y * row], 1, box.size.x, s.line);
   for (int z = 0; z < box.size.z; ++z)
@@ -52,13 +39,13 @@ void measure_shelter(std::span<const glm::ivec3> cell, std::span<const uint8_t> 
   assert(cell.size() == member.size());
   shelter_squared.assign(cell.size(), kAllOpen);
   if (std::find(member.begin(), member.end(), 0) == member.end()) return;
-  const Box box = box_around(cell);
+  const CellBox box = box_around(cell, 0);
   scratch.distance.assign(box.count(), kFar);
   for (size_t i = 0; i < cell.size(); ++i)
-    if (!member[i]) scratch.distance[box.index(cell[i])] = 0;
+    if (!member[i]) scratch.distance[box.address(cell[i])] = 0;
   spread(box, scratch);
   for (size_t i = 0; i < cell.size(); ++i)
-    shelter_squared[i] = static_cast<uint32_t>(scratch.distance[box.index(cell[i])]);
+    shelter_squared[i] = static_cast<uint32_t>(scratch.distance[box.address(cell[i])]);
 }
 
 }  // namespace sightline

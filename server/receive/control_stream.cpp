@@ -1,5 +1,6 @@
 #include "server/receive/control_stream.h"
 
+#include <cmath>
 #include <exception>
 #include <new>
 #include <utility>
@@ -61,12 +62,25 @@ void ControlStream::OnReadDone(bool ok) {
   reading_ = false;
   if (ok) {
     heard_ = true;
-    inbox_.push(std::exchange(request_, {}), parts_.clock());
+    take_in(parts_.clock());
     read_if_room();
   } else {
     reads_done_ = true;
   }
   advance();
+}
+
+void ControlStream::take_in(int64_t arrival_ns) {
+  if (request_.has_tick()) pace_.observe(parts_.steppers.now_ns(), told_dt_s(request_.tick()));
+  inbox_.push(std::exchange(request_, {}), arrival_ns);
+}
+
+// Of a tick, as Session::apply takes it.
+std::optional<double> ControlStream::told_dt_s(const v1::Tick& tick) {
+  const double time_s = tick.time_s();
+  const std::optional<double> former_s = std::exchange(told_time_s_, time_s);
+  if (tick.has_dt_s()) return tick.dt_s();
+  return former_s ? std::optional(time_s - *former_s) : std::nullopt;
 }
 
 void ControlStream::OnWriteDone(bool ok) {
@@ -135,25 +149,27 @@ bool ControlStream::has_work() const {
 
 void ControlStream::advance() {
   if (finished_ || busy_ || writing_) return;
-  if (cancelled_) return finish(grpc::Status::CANCELLED);
+  if (cancelled_) return close(grpc::Status::CANCELLED);
   if (!outbox_.empty()) {
     writing_ = true;
     return StartWrite(&outbox_.front());
   }
-  if (end_status_) return finish(*end_status_);
+  if (end_status_) return close(*end_status_);
   if (has_work()) {
     busy_ = true;
-    WorkerPool& pool = opened_ && !needs_loader_ ? parts_.steppers : parts_.loaders;
-    return pool.post([self = self_] { self->run(); });
+    due_ns_ = pace_.deadline_ns();
+    if (opened_ && !needs_loader_) return parts_.steppers.post(self_, due_ns_);
+    return parts_.loaders.post([self = self_] { self->parts_.steppers.run_here(*self); });
   }
-  if (reads_done_) finish(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
+  if (reads_done_) close(opened_ ? grpc::Status::OK : status_from_error(kNotOpened));
 }
 
 // The session goes first and the place in the registry next, so that a client that has seen the end finds
 // both free.
-void ControlStream::finish(const grpc::Status& status) {
+void ControlStream::close(const grpc::Status& status) {
   finished_ = true;
   session_.reset();
+  if (budget_) parts_.shares.leave(share_slot_);
   inbox_.take_all();
   outbox_.clear();
   parts_.streams.remove(this);
@@ -162,6 +178,9 @@ void ControlStream::finish(const grpc::Status& status) {
                                      {"reason", status.error_message()},
                                      {"ticks", std::to_string(tally_.ticks)},
                                      {"steps", std::to_string(tally_.steps)},
+                                     {"degraded", std::to_string(tally_.degraded)},
+                                     {"late", std::to_string(tally_.late)},
+                                     {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
                                      {"rejections", std::to_string(tally_.rejections)}});
   Finish(status);
 }
@@ -169,31 +188,83 @@ void ControlStream::finish(const grpc::Status& status) {
 // --- on a worker
 // -------------------------------------------------------------------------------------------------
 
-void ControlStream::run() {
-  Work work = take_work();
-  Outcome outcome;
-  if (work.drain_reason)
-    *outcome.replies.emplace_back().mutable_drain()->mutable_reason() = *work.drain_reason;
-  work_through(work, outcome);
+TakeJob ControlStream::plan() {
+  work_ = take_work();
+  outcome_ = {};
+  if (work_.drain_reason)
+    *outcome_.replies.emplace_back().mutable_drain()->mutable_reason() = *work_.drain_reason;
+  TakeJob job;
+  guarded([&] { job = work_through(); });
+  return job;
+}
+
+void ControlStream::finish(const TakenMaps& taken) {
+  const int64_t start_ns = parts_.steppers.now_ns();
+  const bool stepped = stepping_.has_value();
+  guarded([&] {
+    if (taken.trouble) std::rethrow_exception(taken.trouble);
+    if (stepping_) answer(*stepping_, taken.status, outcome_);
+  });
+  stepping_.reset();
   const std::lock_guard lock(mutex_);
+  if (stepped) account(taken, start_ns);
   busy_ = false;
   opened_ = session_ != nullptr;
-  needs_loader_ = !work.messages.empty();
-  inbox_.put_back(std::move(work.messages));
-  for (v1::ControlReply& reply : outcome.replies) outbox_.push_back(std::move(reply));
-  if (outcome.end && !end_status_) end_status_ = std::move(outcome.end);
+  needs_loader_ = !work_.messages.empty();
+  inbox_.put_back(std::move(work_.messages));
+  for (v1::ControlReply& reply : outcome_.replies) outbox_.push_back(std::move(reply));
+  if (outcome_.end && !end_status_) end_status_ = std::move(outcome_.end);
   advance();
 }
 
 // What throws is out of memory or wrong in itself. It costs this session, which may be half changed, and no
 // other.
-void ControlStream::work_through(Work& work, Outcome& outcome) try {
-  session_ ? take_ticks(work, outcome) : open(work.messages, outcome);
+template <typename Part>
+void ControlStream::guarded(const Part& part) try {
+  part();
 } catch (const std::bad_alloc&) {
-  outcome.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
+  outcome_.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
 } catch (const std::exception& trouble) {
   parts_.log.error("session failed", {{"session", session_id_}, {"reason", trouble.what()}});
-  outcome.end = grpc::Status(grpc::StatusCode::INTERNAL, "the session failed; the server's log says why");
+  outcome_.end = grpc::Status(grpc::StatusCode::INTERNAL, "the session failed; the server's log says why");
+}
+
+TakeJob ControlStream::work_through() {
+  if (!session_) {
+    open(work_.messages, outcome_);
+    return {};
+  }
+  const std::optional<uint64_t> newest = take_ticks(work_, outcome_);
+  if (!newest) return {};
+  TakeJob job = session_->begin_step(budget_->level());
+  stepping_ = newest;
+  merged_ = false;
+  return job;
+}
+
+// Needs mutex_: whether a tick waits says whether the session keeps up.
+void ControlStream::account(const TakenMaps& taken, int64_t finish_start_ns) {
+  const int64_t end_ns = parts_.steppers.now_ns();
+  const int level = budget_->level();
+  tally_.late += end_ns > due_ns_;
+  parts_.stats.late.fetch_add(end_ns > due_ns_, std::memory_order_relaxed);
+  const double demand = budget_->full_cost_ns() / static_cast<double>(interval_ns_);
+  budget_->stepped({.end_ns = end_ns,
+                    .cost_ns = taken.cost_ns + (end_ns - finish_start_ns),
+                    .interval_ns = interval_ns_,
+                    .behind = merged_ || !inbox_.empty(),
+                    .share = parts_.shares.tell(share_slot_, std::min(demand, 1.0), end_ns)});
+  if (budget_->level() != level) tell_economy(level);
+}
+
+void ControlStream::tell_economy(int former_level) const {
+  if (!session_) return;
+  const int level = budget_->level();
+  const std::string leaves_out = describe_economy(session_->settings(), level);
+  parts_.log.info("session economy", {{"session", session_id_},
+                                      {"level", std::to_string(level)},
+                                      {"former", std::to_string(former_level)},
+                                      {"leaves_out", leaves_out.empty() ? "nothing" : leaves_out}});
 }
 
 // Opening takes one message, so that the ticks behind it are worked through by the steppers. A call
@@ -203,6 +274,7 @@ ControlStream::Work ControlStream::take_work() {
   Work work;
   if (cancelled_ || end_status_) return work;
   work.drain_reason = std::exchange(drain_reason_, std::nullopt);
+  interval_ns_ = pace_.interval_ns();
   if (session_) {
     work.messages = inbox_.take_all();
     work.may_take_long = needs_loader_;
@@ -236,6 +308,10 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
   session_ = std::move(*session);
+  BudgetRules rules = parts_.budget;
+  rules.degrade = rules.degrade && !request.never_degrade();
+  budget_.emplace(rules);
+  share_slot_ = parts_.shares.join();
   opened_to_proto(*session_, opened);
   opened.set_session_id(session_id_);
   opened.set_sampler(parts_.sampler.kind());
@@ -250,7 +326,7 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
 
 // Every tick is applied; one step is taken for the newest that was. A tick for which a file must be read or a
 // sample table built, and those behind it, are left to a loader: the steps of other sessions do not wait for it.
-void ControlStream::take_ticks(Work& work, Outcome& outcome) {
+std::optional<uint64_t> ControlStream::take_ticks(Work& work, Outcome& outcome) {
   std::optional<uint64_t> newest;
   for (Messages& messages = work.messages; !messages.empty(); messages.pop_front()) {
     const Inbox::Message& message = messages.front();
@@ -262,7 +338,7 @@ void ControlStream::take_ticks(Work& work, Outcome& outcome) {
       reject(applied.error(), tick.sequence(), outcome);
     }
   }
-  if (newest) step(*newest, outcome);
+  return newest;
 }
 
 Status ControlStream::apply(const Inbox::Message& message) {
@@ -275,13 +351,20 @@ Status ControlStream::apply(const Inbox::Message& message) {
   return session_->apply(*tick);
 }
 
-void ControlStream::step(uint64_t newest_sequence, Outcome& outcome) {
-  auto answer = session_->step();
+void ControlStream::answer(uint64_t newest_sequence, const Status& taken, Outcome& outcome) {
+  const auto answer = session_->finish_step(taken);
   if (!answer) {
-    answer.error().message.insert(0, "the tick was applied, its step failed: ");
-    return reject(answer.error(), newest_sequence, outcome);
+    Error error = answer.error();
+    error.message.insert(0, "the tick was applied, its step failed: ");
+    return reject(error, newest_sequence, outcome);
   }
+  const bool degraded = answer->economised.has_value();
+  merged_ = answer->merged_ticks > 0;
   ++tally_.steps;
+  tally_.degraded += degraded;
+  parts_.stats.steps.fetch_add(1, std::memory_order_relaxed);
+  parts_.stats.degraded.fetch_add(degraded, std::memory_order_relaxed);
+  parts_.stats.queue.add(answer->queue_ns);
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(),
                         *outcome.replies.emplace_back().mutable_camera());
 }

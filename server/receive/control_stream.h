@@ -5,9 +5,12 @@
 // before all replies to the last one are handed to the transport, so a client that stops reading holds on the
 // server at most the replies to one inbox, a full inbox and the transport's window (64 KiB).
 //
+// A reply is due one tick interval after its tick arrived; the scheduler goes by that. What the steps cost decides what they leave
+// out under overload (step_budget).
+//
 // Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same
-// time, and only move messages. `run` runs on a worker, one at a time for one stream (`busy_`). drain and end
-// come from the thread that stops the server, the alarm of a client that never speaks from one of gRPC's. All
+// time, and only move messages. `plan` and `finish` run on a worker, one after the other for one stream
+// (`busy_`): a thread of the scheduler, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm of a client that never speaks from one of gRPC's. All
 // meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
@@ -25,13 +28,16 @@
 
 #include "server/receive/inbox.h"
 #include "server/receive/parts.h"
+#include "server/receive/step_budget.h"
+#include "server/receive/tick_pace.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
 
 class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>,
-                            public Drainable {
+                            public Drainable,
+                            public Scheduled {
  public:
   using Reactor = grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>;
 
@@ -59,7 +65,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
     std::optional<grpc::Status> end;  // close the call with it once the replies are written
   };
   struct Tally {
-    uint64_t ticks = 0, steps = 0, rejections = 0;
+    uint64_t ticks = 0, steps = 0, degraded = 0, late = 0, rejections = 0;
   };
 
   // Reactions.
@@ -72,29 +78,44 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   void end_if_silent();
 
   // Need mutex_.
+  void take_in(int64_t arrival_ns);
+  std::optional<double> told_dt_s(const v1::Tick& tick);
   void advance();  // starts what can be done next, if anything
   void read_if_room();
   bool has_work() const;
-  void finish(const grpc::Status& status);
+  void close(const grpc::Status& status);
 
   // On a worker, while busy_.
-  void run();
-  void work_through(Work& work, Outcome& outcome);  // leaves the messages that need a loader
+  TakeJob plan() override;
+  void finish(const TakenMaps& taken) override;
+  template <typename Part>
+  void guarded(const Part& part);
+  TakeJob work_through();  // leaves the messages that need a loader
   Work take_work();
   void open(Messages& messages, Outcome& outcome);
   Status open_session(const v1::OpenSession& request, v1::SessionOpened& opened);
-  void take_ticks(Work& work, Outcome& outcome);
+  std::optional<uint64_t> take_ticks(Work& work, Outcome& outcome);
   Status apply(const Inbox::Message& message);
-  void step(uint64_t newest_sequence, Outcome& outcome);
+  void answer(uint64_t newest_sequence, const Status& taken, Outcome& outcome);
+  void account(const TakenMaps& taken, int64_t finish_start_ns);
+  void tell_economy(int former_level) const;
   void reject(const Error& error, uint64_t sequence, Outcome& outcome);
 
   // Constant after construction.
   const ServiceParts& parts_;
   const std::string session_id_;
 
-  // By the worker while busy_; by finish, which is called only when no worker is busy.
+  // By the worker while busy_; by close, which is called only when no worker is busy.
   std::unique_ptr<Session> session_;
   Tally tally_;
+  std::optional<StepBudget> budget_;  // once opened
+  FairShares::Slot share_slot_ = 0;   // once opened
+  // Between `plan` and `finish`:
+  Work work_;
+  Outcome outcome_;
+  std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way
+  bool merged_ = false;      // it answers for others too
+  int64_t interval_ns_ = 0;  // of the ticks
 
   // By gRPC while reading_, else guarded by mutex_.
   v1::ControlRequest request_;
@@ -105,10 +126,13 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
   Inbox inbox_;
   Replies outbox_;
+  TickPace pace_;
+  std::optional<double> told_time_s_;  // of the newest tick, as it says
   bool heard_ = false;         // a message has come
   bool opened_ = false;        // session_ exists
   bool needs_loader_ = false;  // the oldest tick takes long (takes_long)
   bool busy_ = false;          // a worker runs, or is about to
+  int64_t due_ns_ = 0;         // by when it is to be done
   bool reading_ = false;       // a read is under way
   bool writing_ = false;       // a write is under way
   bool reads_done_ = false;    // the client has closed its side, or is gone

@@ -5,7 +5,11 @@
 #include <cstddef>
 #include <string>
 
+#include "server/receive/fair_shares.h"
 #include "server/receive/log.h"
+#include "server/receive/scheduler.h"
+#include "server/receive/step_budget.h"
+#include "server/receive/step_stats.h"
 #include "server/receive/stream_registry.h"
 #include "server/receive/worker_pool.h"
 #include "server/sample/extent.h"
@@ -21,13 +25,16 @@ struct ServiceParts {
   GeometryStore& geometry;
   ExtentCache& extents;
   SamplerDevice& sampler;
-  WorkerPool& steppers;  // apply ticks and take steps
+  Scheduler& steppers;   // apply ticks and take steps
   WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step
   StreamRegistry& streams;
+  FairShares& shares;    // of the steppers' time
+  StepStats& stats;
   Log& log;
-  StageClock clock;                 // nanoseconds, monotonic; for stage and queue times only
+  StageClock clock;                 // nanoseconds, monotonic; for stage and queue times only: the scheduler has its own
   std::string id_prefix;            // of session ids; differs between daemons
   std::string sampler_reason = {};  // why it is this sampler, for people
+  BudgetRules budget = {};
 };
 
 struct ServiceLimits {

@@ -15,6 +15,11 @@ grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, 
   info.set_geometry_count(parts.geometry.live_count());
   info.set_geometry_bytes(parts.geometry.live_bytes());
   info.set_sampler_bytes(parts.sampler.geometry_bytes());
+  info.set_steps(parts.stats.steps);
+  info.set_degraded_steps(parts.stats.degraded);
+  info.set_late_steps(parts.stats.late);
+  info.set_queue_p50_us(parts.stats.queue.quantile_us(0.5));
+  info.set_queue_p99_us(parts.stats.queue.quantile_us(0.99));
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);
   return reactor;

@@ -108,6 +108,16 @@ void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_body_overlap(flags.body_overlap);
 }
 
+void set(int level, const StepSettings& used, v1::Economy& out) {
+  out.set_level(static_cast<uint32_t>(level));
+  out.set_resolution(static_cast<uint32_t>(used.sample.resolution));
+  out.set_points(static_cast<uint32_t>(used.sample.points));
+  out.set_candidates(static_cast<uint32_t>(used.aggregate.candidates));
+  out.set_survey_resolution(static_cast<uint32_t>(used.move.survey.resolution));
+  out.set_turns(used.move.turn_share > 0);
+  out.set_prediction(used.move.prediction_s > 0);
+}
+
 void set_times(const SessionAnswer& answer, v1::StageTimes& out) {
   const auto us = [](int64_t ns) { return static_cast<float>(static_cast<double>(ns) * 1e-3); };
   const auto stage_ns = [&](Stage stage) { return answer.step.stage_ns[static_cast<size_t>(stage)]; };
@@ -218,6 +228,10 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_volume(step.volume == Volume::kPair ? v1::PAIR_VOLUME : v1::LATTICE_VOLUME);
   out.set_pair_fallback(pair_fallback(step));
   set(step.flags, *out.mutable_flags());
+  if (answer.economised) {
+    out.mutable_flags()->set_degraded(true);
+    set(answer.economy_level, *answer.economised, *out.mutable_economy());
+  }
   out.set_merged_ticks(answer.merged_ticks);
   out.set_revision(answer.revision);
   out.set_hash(answer.hash);

@@ -1,15 +1,11 @@
-// What a map cannot show is not drawn: instances by bounding sphere, clusters by the geometry's tree, then single
-// triangles (dropping one here costs far less than having a software renderer drop it). Pure functions on the CPU; nothing here knows OpenGL.
-//
-// A map is a few dozen sample points, not a picture: a cluster between them cannot show however plainly it stands in
-// the frustum. Away from the eye that is most of a scene.
+// What a map cannot show is not drawn: a box that covers none of its sample points is passed over with all that it holds, however
+// plainly it stands in the frustum. A map is a few dozen sample points, not a picture: away from the eye most of a scene lies
+// between them. Pure functions on the CPU; nothing here knows OpenGL.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <span>
-#include <vector>
 
 #include "server/base/transform.h"
 #include "server/sample/depth_map.h"
@@ -17,52 +13,78 @@
 
 namespace sightline {
 
-// Five half-spaces: the near plane and four sides. A point p is inside plane (n, d) when dot(n, p) + d >= 0. There is
-// no far plane. Normals have unit length in the world frame and any length in a local one.
-struct Frustum {
-  std::array<glm::dvec4, 5> planes;
+// Rasterisers round vertices to 1/256 of a pixel (GL_SUBPIXEL_BITS): an edge that passes a sample point this near may turn out
+// to lie on its other side.
+inline constexpr double kSampleMarginTexels = 1.0 / 128;
+
+// clip_from_view with the window shifted so that the centre of pixel (x, y) shows the jittered point of texel (x, y).
+struct ClipMap {
+  glm::dvec3 view_x, view_y, view_z;  // rows of view_from_world
+  double scale_x, skew_x, scale_y, skew_y;
 };
+ClipMap clip_map(const MapView& view);
 
-// World frame. Encloses every texel's sample ray from the near plane on, not the whole window: it ends `margin` texels
-// (of the map's own) outside the outermost sample points.
-inline constexpr double kFrustumMarginTexels = 1.0 / 32;  // llvmpipe rounds vertices to 1/256 of a pixel
-Frustum sample_frustum(const MapView& view);
+// Rows of clip_from_instance: clip = (dot(x, p), dot(y, p), near, dot(w, p)) for a position p = (xyz, 1) of an instance. That is
+// reversed z without a far plane: depth = near / w. Worked out relative to the eye, in double.
+struct ClipRows {
+  glm::dvec4 x, y, w;
+};
+ClipRows clip_rows(const ClipMap& clip, const MapView& view, const Affine& world_from_instance);
 
-// True only when no point of the sphere is inside. `frustum` has unit normals.
-bool sphere_is_outside(const Frustum& frustum, const glm::dvec3& center_m, double radius_m);
-
-// A projection and the sample points behind it. For a position p = (xyz, 1) of the geometry,
-// (dot(x, p), dot(y, p)) / dot(w, p) are sample coordinates: whole numbers in [0, width) x [0, height) are the sample
-// points. dot(w, p) is the depth along the view axis; what lies before near_m is not seen.
+// A projection and the sample points behind it. For a position p = (xyz, 1), (dot(x, p), dot(y, p)) / dot(w, p) are sample
+// coordinates: whole numbers in [0, width) x [0, height) are the sample points. dot(w, p) is the depth along the view axis;
+// what lies before near_m is not seen.
 struct SampleGrid {
   glm::vec4 x, y, w;
   float near_m;
   int width, height;
 };
-// clip_* are rows of clip_from_instance: (dot(clip_x, p), dot(clip_y, p)) / dot(clip_w, p) is [-1, 1] over the map.
-SampleGrid sample_grid(const glm::dvec4& clip_x, const glm::dvec4& clip_y, const glm::dvec4& clip_w,
-                       const MapView& view);
+SampleGrid sample_grid(const ClipRows& rows, const MapView& view);
 
-// One cluster of a geometry, and where in the map it can show: samples [x0, x1] x [y0, y1], nothing nearer than
-// near_depth_m along the view axis.
-struct VisibleCluster {
-  uint32_t first_index = 0, index_count = 0;  // of Geometry::indices
+// What the rounding of positions and rows to single precision can move x, y and w of a SampleGrid by.
+struct GridSlack {
+  float x, y, w;
+};
+// For positions within `bounds`.
+GridSlack grid_slack(const SampleGrid& grid, const Aabb& bounds);
+
+// Where in a map something can show: samples [x0, x1] x [y0, y1], nothing nearer than near_depth_m along the view axis.
+struct Footprint {
   float near_depth_m = 0.0f;
   uint8_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;
 };
 static_assert(kMaxMapSize <= 256);
 
-// Appends every cluster with a triangle that covers a sample point, to within kFrustumMarginTexels, in the order of
-// the tree; others may be among them.
-void append_visible_clusters(const TriangleTree& tree, const SampleGrid& grid, std::vector<VisibleCluster>& clusters);
+// Asks one projection about boxes by interval arithmetic.
+class BoxTest {
+ public:
+  // `bounds` encloses every box that will be asked about.
+  BoxTest(const SampleGrid& grid, const Aabb& bounds);
 
-// Whether every sample that the cluster can show already shows something nearer. `depth_m` holds the depth along the
-// view axis of each sample, row-major, `width` a row, +infinity where nothing is seen yet.
-bool is_hidden(const VisibleCluster& cluster, const float* depth_m, int width);
+  // False when no part of the box covers a sample point, to within kSampleMarginTexels. Else fills in where it can.
+  bool may_show(const Aabb& box, Footprint& where) const;
 
-// Appends to `indices` the three of Geometry::indices' positions i, i + 1, i + 2 for every triangle of the cluster that
-// covers a sample point, to within kFrustumMarginTexels, and is not hidden; others may be among them.
-void append_visible_triangles(const Geometry& geometry, const VisibleCluster& cluster, const SampleGrid& grid,
-                              const float* depth_m, std::vector<uint32_t>& indices);
+  const SampleGrid& grid() const { return grid_; }
+  const GridSlack& slack() const { return slack_; }
+
+ private:
+  // Wholly outside one side of the pyramid of the samples' rays.
+  bool is_beside(const Aabb& box) const;
+
+  SampleGrid grid_;
+  GridSlack slack_;
+  // The rows x, y and w side by side, so that one instruction serves all three: the columns of the projection, their magnitudes,
+  // and the slack.
+  std::array<std::array<float, 4>, 4> column_;
+  std::array<std::array<float, 4>, 3> magnitude_;
+  std::array<float, 4> play_;
+};
+
+// Surfaces are ordered in single precision: one that is so little nearer, relative, does not hide for certain.
+inline constexpr float kHidingMargin = 1e-3f;
+
+// Whether each sample of the footprint surely shows something nearer. `hidden_from_m` holds, row-major and `width` a row, the
+// depth along the view axis from which on nothing can be seen; +infinity where nothing is known.
+bool is_hidden(const Footprint& footprint, const float* hidden_from_m, int width);
 
 }  // namespace sightline

@@ -51,6 +51,9 @@ struct MapRequest {
   // Moving occluders are drawn where their velocities take them in this time, seconds, [0, 2]. The requests of one call
   // have at most one value besides 0.
   double ahead_s = 0.0;
+  // What is farther than this from the eye need not be found: its texels may say that nothing occludes. Nobody may then look up a
+  // place beyond it. A sampler that can end its search there saves most of it.
+  double far_m = std::numeric_limits<double>::infinity();
   std::span<const uint32_t> ignored_slots =
       {};  // ascending mirror slots that are left out; must outlive the call
 };

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/sample/egl_variant.h"
 #include "server/sample/sampler.h"
 
 namespace sightline {
@@ -14,6 +16,10 @@ struct EglOptions {
   int device_index =
       -1;  // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
   bool require_gpu = false;  // fail instead of rendering in software
+  // How maps are taken; nothing: measured when the device is made, and the fastest taken. Changes no bit of a map.
+  std::optional<EglVariant> variant = {};
+  // As on devices that cannot choose layers in the vertex shader: for tests.
+  bool layers_by_geometry_shader = false;
 };
 
 // One line of the `devices` report.
@@ -36,6 +42,8 @@ Result<EglDeviceInfo> choose_egl_device(const EglOptions& options);
 // anew, with everything in it, and the take that met the loss is repeated once.
 class EglSamplerDevice : public SamplerDevice {
  public:
+  // How maps are taken, and why: "triangles+at-once+direct, the fastest of 8: 0.21 ms, next 0.22 ms" or "..., as asked for".
+  virtual std::string variant_reason() const = 0;
   // The next take finds its context lost. For tests and drills.
   virtual void simulate_context_loss() = 0;
   // How often a context was lost since the start.

@@ -1,8 +1,9 @@
 // An Embree scene of a mirror: the one place that talks to Embree. The Embree sampler takes depth maps with it; the
 // truth renderer of the client and the tests use it as an independent reference.
 //
-// Two levels: a bottom scene per geometry, shared by all mirrors of a device; a top scene per mirror, with static and
-// moving instances kept in two top scenes so that a tick rebuilds only the moving one.
+// Two levels: a bottom scene per geometry, shared by all mirrors of a device; above them static and moving instances in
+// two top scenes, so that a tick rebuilds only the moving one. Mirrors whose static instances are equal (slots, geometry,
+// transforms, layers) share one static top scene; a mirror that changes one of them gets another.
 //
 // Embree computes in single precision. Each top scene is therefore anchored at the middle of its instances, and origins
 // are given in double: what counts for rounding is the extent of the scene, not its distance from the world's origin.
@@ -22,24 +23,28 @@
 
 namespace sightline {
 
-// Owns the RTCDevice and the bottom-level scenes. Thread-safe; outlives the scenes made with it. A bottom scene is kept
-// while its Geometry lives (looked at whenever another one is added) or a scene uses it.
+// Owns the RTCDevice, the bottom-level scenes and the static top scenes. Thread-safe. A
+// bottom scene is kept while its Geometry lives (looked at whenever a top scene is added) or a scene uses it, a static top
+// scene while an EmbreeScene or a map taker uses it. Nothing is built under a lock.
 class EmbreeDevice {
  public:
+  struct Impl;  // server/sample/embree_parts.h
+
   EmbreeDevice();
   ~EmbreeDevice();
   EmbreeDevice(const EmbreeDevice&) = delete;
   EmbreeDevice& operator=(const EmbreeDevice&) = delete;
-  // Bytes of the bottom scenes: copies of positions and indices, and their hierarchies at Embree's own estimate for
-  // high build quality (about 80 bytes a triangle).
+  // Bytes that Embree holds now, by its own memory monitor: copies of positions and indices, and the hierarchies of all
+  // scenes. About 85 a triangle of large meshes.
   size_t geometry_bytes() const;
   // "3.13.5"
   static std::string version();
 
+  // Kept alive by what was made with it.
+  const std::shared_ptr<Impl>& impl() const { return impl_; }
+
  private:
-  friend class EmbreeScene;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<Impl> impl_;
 };
 
 struct RayHit {

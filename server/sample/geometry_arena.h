@@ -2,7 +2,7 @@
 // drawn by one call. A geometry is uploaded once for all sessions and freed when it dies.
 //
 // Triangles share no vertices: gl_VertexID / 3 then names the triangle, at no cost in the pipeline. gl_PrimitiveID
-// would count from the start of each draw, and make llvmpipe assemble primitives one by one.
+// would count from the start of each draw, and make llvmpipe assemble primitives one by one. Slices start at whole triangles.
 #pragma once
 
 #include <cstdint>

@@ -206,6 +206,13 @@ bool SceneMirror::will_exist(uint64_t id, const Pending& pending) const {
 }
 
 void SceneMirror::apply_structure(const SceneDelta& delta) {
+  // A whole scene at once: as much memory as it takes, not the next power of two.
+  if (delta.add.size() > 2 * slots_.size()) {
+    slots_.reserve(slots_.size() + delta.add.size());
+    record_hashes_.reserve(slots_.size() + delta.add.size());
+    named_in_.reserve(slots_.size() + delta.add.size());
+    slot_by_id_.reserve(slot_by_id_.size() + delta.add.size());
+  }
   for (const uint64_t id : delta.remove) remove(id);
   for (const NewInstance& instance : delta.add) add(instance);
   for (const AttributeChange& attributes : delta.change) change(attributes);

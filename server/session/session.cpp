@@ -6,6 +6,8 @@
 #include <tuple>
 #include <utility>
 
+#include "server/economy.h"
+
 namespace sightline {
 namespace {
 
@@ -282,14 +284,17 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
   pending_dt_s_ = dt_s;
 }
 
-Result<SessionAnswer> Session::step() {
-  const TakeJob job = begin_step();
+Result<SessionAnswer> Session::step(int economy_level) {
+  const TakeJob job = begin_step(economy_level);
   return finish_step(job.requests.empty() ? Status{} : sampler_->take(mirror_, job.requests, *job.maps));
 }
 
-TakeJob Session::begin_step() {
+TakeJob Session::begin_step(int economy_level) {
   step_start_ns_ = clock_();
-  const StepInput input{mirror_,       options_.targets, options_.limits, options_.settings, options_.lens,
+  economy_level_ = economy_level;
+  if (economy_level_ > 0) economised_ = economise(options_.settings, economy_level_);
+  const StepSettings& settings = economy_level_ > 0 ? economised_ : options_.settings;
+  const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
                         options_.seed, steps_,           pending_dt_s_,   extent_views_};
   work_.emplace(sightline::begin_step(memory_, input, clock_));
   if (memory_.requests.empty()) memory_.maps.clear();
@@ -314,6 +319,8 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.cut = std::exchange(pending_cut_, false);
   if (answer.cut) answer.step.reason = MoveReason::kObservedCut;
   answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
+  answer.economy_level = economy_level_;
+  if (economises(options_.settings, economy_level_)) answer.economised = economised_;
   answer.revision = mirror_.revision();
   answer.hash = mirror_.hash();
   answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, step_start_ns_ - newest_arrival_ns_) : 0;

@@ -94,6 +94,9 @@ struct SessionAnswer {
   Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
+  // At which level of economy the step was taken (server/economy.h), and with which settings, if that changed any of them.
+  int economy_level = 0;
+  std::optional<StepSettings> economised;
   uint64_t revision = 0;
   uint64_t hash = 0;
   int64_t queue_ns = 0, scene_ns = 0;
@@ -125,12 +128,13 @@ class Session {
   Status apply(const TickInput& tick);
 
   // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does:
-  // what was applied is then part of the next step.
-  Result<SessionAnswer> step();
+  // what was applied is then part of the next step. `economy_level`, [0, kMaxEconomyLevel], says what this one step leaves out; it
+  // is an input as the ticks are, so that the same levels give the same answers.
+  Result<SessionAnswer> step(int economy_level = 0);
 
   // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job refers into the
   // session; `taken` is what became of it. Nothing else may be called between the halves.
-  TakeJob begin_step();
+  TakeJob begin_step(int economy_level = 0);
   Result<SessionAnswer> finish_step(const Status& taken);
 
   const SceneMirror& mirror() const { return mirror_; }
@@ -173,6 +177,8 @@ class Session {
   std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
   SceneMirror mirror_;
   StepMemory memory_;
+  StepSettings economised_;       // of the present step, which refers to them
+  int economy_level_ = 0;         // of it; 0: those told
   std::optional<StepWork> work_;  // between the halves of a step
   int64_t step_start_ns_ = 0, take_start_ns_ = 0;
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <memory>
 #include <vector>
 
 #include "server/base/random.h"
@@ -45,27 +46,36 @@ MeshData subdivided_box(const glm::vec3& half, int n) {
   return mesh;
 }
 
+struct CityOptions {
+  int blocks_a_side = kBlocksASide;
+  int cells = 8;  // a block's face is cut into about cells x cells
+  int movers = kMovers;
+  uint64_t seed = 1;
+};
+
 struct City {
   SceneMirror mirror;
   std::vector<uint64_t> movers;
   std::vector<uint32_t> target_slots;
 
-  explicit City(uint64_t seed = 1) {
+  explicit City(const CityOptions& options = {}) {
+    const uint64_t seed = options.seed;
     CounterRandom random(seed, 0, RandomPurpose::kTest);
     SceneDelta delta;
     uint64_t id = 1;
     // Blocks of 12 * 7^2 or 12 * 8^2 triangles: 283 K together.
-    for (int z = 0; z < kBlocksASide; ++z)
-      for (int x = 0; x < kBlocksASide; ++x, ++id) {
+    const double middle = 0.5 * (options.blocks_a_side - 1);
+    for (int z = 0; z < options.blocks_a_side; ++z)
+      for (int x = 0; x < options.blocks_a_side; ++x, ++id) {
         const glm::vec3 half(random.next_in(6, 11), random.next_in(5, 30), random.next_in(6, 11));
-        const int cells = id % 3 == 0 ? 7 : 8;
+        const int cells = options.cells - (id % 3 == 0 ? 1 : 0);
         delta.add.push_back({.id = id,
                              .geometry = build_geometry(subdivided_box(half, cells)).value(),
-                             .pose = {{(x - 9.5) * kBlockSpacingM, half.y, (z - 9.5) * kBlockSpacingM}},
+                             .pose = {{(x - middle) * kBlockSpacingM, half.y, (z - middle) * kBlockSpacingM}},
                              .attributes = {}});
       }
     const auto mover = build_geometry(subdivided_box({0.4f, 0.9f, 0.4f}, 3)).value();
-    for (int i = 0; i < kMovers; ++i, ++id) {
+    for (int i = 0; i < options.movers; ++i, ++id) {
       movers.push_back(id);
       delta.add.push_back({.id = id, .geometry = mover, .pose = pose_of(i, 0), .attributes = {}, .moving = true});
     }
@@ -81,7 +91,7 @@ struct City {
   void walk(int tick) {
     TransformUpdate update;
     update.ids = movers;
-    for (int i = 0; i < kMovers; ++i) update.poses.push_back(pose_of(i, tick));
+    for (size_t i = 0; i < movers.size(); ++i) update.poses.push_back(pose_of(static_cast<int>(i), tick));
     if (!mirror.apply({}, update)) std::abort();
   }
 };
@@ -91,7 +101,7 @@ std::vector<MapRequest> requests_for(const City& city, int maps, int resolution,
   std::vector<MapRequest> requests;
   CounterRandom random(7, static_cast<uint64_t>(tick), RandomPurpose::kTexelJitter);
   for (int i = 0; i < maps; ++i) {
-    const size_t target = static_cast<size_t>(i) % city.movers.size();
+    const size_t target = static_cast<size_t>(i) % std::min<size_t>(kMovers, city.movers.size());
     MapView view;
     view.eye_m = city.mirror.find(city.movers[target])->pose.position_m;
     const glm::dvec3 forward = glm::normalize(glm::dvec3(0.6 + 0.1 * i, 0.5, 5.5));
@@ -105,11 +115,11 @@ std::vector<MapRequest> requests_for(const City& city, int maps, int resolution,
   return requests;
 }
 
-void take_city(benchmark::State& state, SamplerDevice& device) {
-  City city;
+void take_city(benchmark::State& state, SamplerDevice& device, const CityOptions& options, int map_count,
+               int resolution) {
+  City city(options);
   const auto sampler = device.make_sampler();
   std::vector<DepthMap> maps;
-  const int map_count = static_cast<int>(state.range(0)), resolution = static_cast<int>(state.range(1));
   // Shaders are compiled and geometry is uploaded by the first takes.
   std::vector<double> takes_us;
   int tick = 0;
@@ -133,11 +143,104 @@ void egl_city(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});
   if (!device) return state.SkipWithError("no EGL context");
-  take_city(state, **device);
+  take_city(state, **device, {}, static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+}
+
+// One way to take maps after the other, whatever would be chosen here.
+void egl_variant(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({.variant = all_egl_variants()[static_cast<size_t>(state.range(0))]});
+  if (!device) return state.SkipWithError("no EGL context");
+  take_city(state, **device, {}, static_cast<int>(state.range(1)), 7);
+}
+
+// How a take grows with the triangles of the scene: 28 K, 280 K and 2.8 M, by finer meshes and by more blocks.
+void egl_growth(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({});
+  if (!device) return state.SkipWithError("no EGL context");
+  take_city(state, **device,
+            {.blocks_a_side = static_cast<int>(state.range(0)), .cells = static_cast<int>(state.range(1))}, 2, 7);
+}
+
+// How it grows with moving occluders, of 10,000 instances.
+void egl_movers(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({});
+  if (!device) return state.SkipWithError("no EGL context");
+  take_city(state, **device, {.blocks_a_side = 100, .cells = 2, .movers = static_cast<int>(state.range(0))}, 2, 7);
+}
+
+// Two maps of each of some sessions, one session after the other or all in one round.
+void egl_sessions(benchmark::State& state) {
+  prepare_software_rendering();
+  auto device = make_egl_sampler_device({});
+  if (!device) return state.SkipWithError("no EGL context");
+  const auto count = static_cast<size_t>(state.range(0));
+  const bool together = state.range(1) != 0;
+  std::vector<std::unique_ptr<City>> cities;
+  std::vector<std::unique_ptr<Sampler>> samplers;
+  std::vector<std::vector<DepthMap>> maps(count);
+  for (size_t i = 0; i < count; ++i) {
+    cities.push_back(std::make_unique<City>(CityOptions{.seed = 1 + i}));
+    samplers.push_back((*device)->make_sampler());
+  }
+  int tick = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    std::vector<std::vector<MapRequest>> requests;
+    std::vector<TakeJob> jobs;
+    ++tick;
+    for (size_t i = 0; i < count; ++i) {
+      cities[i]->walk(tick);
+      requests.push_back(requests_for(*cities[i], 2, 7, tick));
+    }
+    for (size_t i = 0; i < count; ++i)
+      jobs.push_back({samplers[i].get(), &cities[i]->mirror, requests[i], &maps[i], {}});
+    state.ResumeTiming();
+    if (together)
+      (*device)->take_all(jobs);
+    else
+      for (TakeJob& job : jobs) job.taken = job.sampler->take(*job.mirror, job.requests, *job.maps);
+    for (const TakeJob& job : jobs)
+      if (!job.taken) return state.SkipWithError("take failed");
+  }
+  state.counters["a_session_us"] = benchmark::Counter(
+      1e-6 * static_cast<double>(count),
+      benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.SetLabel("best batch " + std::to_string((*device)->best_batch()));
 }
 
 void embree_city(benchmark::State& state) {
-  take_city(state, *make_embree_sampler_device());
+  take_city(state, *make_embree_sampler_device(), {}, static_cast<int>(state.range(0)),
+            static_cast<int>(state.range(1)));
+}
+
+// The same texels, each a query of its own over the same scene, as embree_city takes in packets.
+void embree_single_rays(benchmark::State& state) {
+  City city;
+  EmbreeDevice device;
+  EmbreeScene scene(device, EmbreeScene::Content::kOccluders);
+  const int map_count = static_cast<int>(state.range(0)), resolution = static_cast<int>(state.range(1));
+  std::vector<double> takes_us;
+  int tick = 0;
+  for (auto _ : state) {
+    city.walk(++tick);
+    const auto requests = requests_for(city, map_count, resolution, tick);
+    const auto start = std::chrono::steady_clock::now();
+    scene.take_in(city.mirror);
+    for (const MapRequest& request : requests)
+      for (int y = 0; y < resolution; ++y)
+        for (int x = 0; x < resolution; ++x)
+          benchmark::DoNotOptimize(scene.trace(request.view.eye_m, glm::vec3(texel_direction(request.view, x, y)),
+                                               static_cast<float>(request.view.near_m),
+                                               std::numeric_limits<float>::infinity(),
+                                               {.ignored_slots = request.ignored_slots}));
+    takes_us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+  }
+  std::sort(takes_us.begin(), takes_us.end());
+  state.counters["p50_us"] = takes_us[takes_us.size() / 2];
+  state.counters["p99_us"] = takes_us[takes_us.size() * 99 / 100];
 }
 
 // The least that any render costs: nothing to draw, cleared and read back.
@@ -185,8 +288,25 @@ void maps_and_sizes(benchmark::internal::Benchmark* bench) {
 }
 
 BENCHMARK(egl_city)->Apply(maps_and_sizes);
+BENCHMARK(egl_variant)
+    ->ArgNames({"variant", "maps"})
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5, 6, 7}, {2, 16, 64}})
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
+BENCHMARK(egl_growth)
+    ->ArgNames({"blocks", "cells"})
+    ->Args({20, 3})->Args({20, 8})->Args({20, 25})->Args({6, 8})->Args({63, 8})
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
+BENCHMARK(egl_movers)->ArgName("movers")->Arg(10)->Arg(100)->Arg(1000)->Unit(benchmark::kMicrosecond)->UseRealTime();
+BENCHMARK(egl_sessions)
+    ->ArgNames({"sessions", "together"})
+    ->ArgsProduct({{8, 20}, {0, 1}})
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
 BENCHMARK(egl_nothing)->Unit(benchmark::kMicrosecond)->UseRealTime();
-BENCHMARK(embree_city)->Apply(maps_and_sizes);
+BENCHMARK(embree_city)->Apply(maps_and_sizes)->Args({64, 16});
+BENCHMARK(embree_single_rays)->Apply(maps_and_sizes)->Args({64, 16});
 BENCHMARK(embree_take_in_moved)->Unit(benchmark::kMicrosecond)->UseRealTime();
 BENCHMARK(embree_take_in_static)->Unit(benchmark::kMicrosecond)->UseRealTime();
 

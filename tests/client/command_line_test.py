@@ -18,7 +18,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertRegex(result.stdout, r"^sightline \d+\.\d+\.\d+$")
 
     def test_every_sub_command_has_a_help_text(self):
-        for command in ("drive", "evaluate", "scene"):
+        for command in ("drive", "evaluate", "bench", "echo", "scene"):
             self.assertIn(command, run("--help").stdout)
             result = run(command, "--help")
             self.assertEqual(result.returncode, 0)
@@ -28,7 +28,9 @@ class CommandLineTest(unittest.TestCase):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for arguments in ((), ("fly",), ("--fast",), ("drive",), ("drive", file.name, "--warp"),
                               ("drive", file.name, "--rate", "0"), ("drive", file.name, "--preset", "magic"),
-                              ("drive", "/nowhere.glb"), ("scene",)):
+                              ("drive", "/nowhere.glb"), ("scene",),
+                              ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "1"),
+                              ("bench", "--address", "unix:/nowhere", "--tcp"), ("echo",)):
                 result = run(*arguments)
                 self.assertNotEqual(result.returncode, 0, arguments)
                 self.assertTrue(result.stderr, arguments)

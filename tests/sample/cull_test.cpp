@@ -1,4 +1,4 @@
-// Culling against brute force: no triangle that covers a sample point may be left out.
+// Culling and the search of samples against brute force: no triangle that a sample shows may be left out.
 #include "server/sample/cull.h"
 
 #include <gtest/gtest.h>
@@ -8,18 +8,15 @@
 #include <cmath>
 #include <set>
 
-#include "server/sample/draw_list.h"
+#include "server/sample/occluder_tree.h"
+#include "server/sample/sample_search.h"
+#include "server/sample/triangle_block.h"
 #include "tests/sample/scene_maker.h"
 
 namespace sightline {
 namespace {
 
 using test::SceneMaker;
-
-bool inside(const Frustum& frustum, const glm::dvec3& p) {
-  return std::ranges::all_of(frustum.planes,
-                             [&](const glm::dvec4& plane) { return glm::dot(glm::dvec3(plane), p) + plane.w >= 0; });
-}
 
 // The depth along the view axis at which the ray of a sample meets a triangle; infinity when it does not, or before
 // the near plane.
@@ -30,56 +27,105 @@ double depth_of(const MapView& view, int x, int y, const std::array<glm::dvec3, 
   return u >= 0 && v >= 0 && u + v <= 1 && t >= view.near_m ? t : std::numeric_limits<double>::infinity();
 }
 
-TEST(CullTest, EverySampleRayLiesInsideTheFrustumFromTheNearPlaneOn) {
+TEST(CullTest, ABoxThatHoldsAPointOfASampleRayMayShowThere) {
   SceneMaker maker(1);
-  for (int i = 0; i < 200; ++i) {
+  size_t beside = 0;
+  for (int i = 0; i < 2000; ++i) {
     const MapView view = maker.view();
-    const Frustum frustum = sample_frustum(view);
-    for (const double depth : {view.near_m * 1.0001, 1.0, 1e4})
-      for (const auto& [x, y] : {std::pair(0, 0), {view.width - 1, 0}, {0, view.height - 1}, {view.width / 2, 1}})
-        EXPECT_TRUE(inside(frustum, view.eye_m + depth * texel_direction(view, x, y)));
-    EXPECT_FALSE(inside(frustum, view.eye_m + 0.5 * view.near_m * texel_direction(view, 0, 0)));
-    EXPECT_FALSE(inside(frustum, view.eye_m + texel_direction(view, -1, 0)));
-    EXPECT_FALSE(inside(frustum, view.eye_m + texel_direction(view, 0, view.height)));
+    const SampleGrid grid = sample_grid(clip_rows(clip_map(view), view, identity_affine()), view);
+    const int x = static_cast<int>(maker.random().next_below(static_cast<uint32_t>(view.width))),
+              y = static_cast<int>(maker.random().next_below(static_cast<uint32_t>(view.height)));
+    const double depth = view.near_m + maker.random().next_in(0.001, 10.0);
+    const glm::vec3 on_ray(view.eye_m + depth * texel_direction(view, x, y));
+    Aabb box, other;
+    box.grow(on_ray - glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    box.grow(on_ray + glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    other.grow(glm::vec3(maker.pose().position_m) - 0.1f), other.grow(other.min + 0.2f);
+    const BoxTest test(grid, {glm::vec3(-30.0f), glm::vec3(30.0f)});
+    Footprint where;
+    ASSERT_TRUE(test.may_show(box, where));
+    EXPECT_TRUE(x >= where.x0 && x <= where.x1 && y >= where.y0 && y <= where.y1);
+    EXPECT_LE(where.near_depth_m, depth * (1 + 1e-5));
+    beside += !test.may_show(other, where);
   }
+  EXPECT_GT(beside, 500u);
 }
 
-TEST(CullTest, ASphereThatHoldsAPointOfTheFrustumIsNeverOutside) {
-  SceneMaker maker(2);
-  int outside = 0;
-  for (int i = 0; i < 300; ++i) {
+// Random triangles against Moeller & Trumbore in double, many of them reaching behind the eye.
+TEST(CullTest, WhatSurelyCoversASampleDoesAndWhatCannotDoesNot) {
+  SceneMaker maker(5);
+  size_t certain = 0, impossible = 0, behind = 0;
+  for (int i = 0; i < 3000; ++i) {
     const MapView view = maker.view();
-    const Frustum frustum = sample_frustum(view);
-    const glm::dvec3 center = maker.pose().position_m;
-    const double radius = maker.random().next_in(0.1, 2.0);
-    if (!sphere_is_outside(frustum, center, radius)) continue;
-    ++outside;
-    for (int k = 0; k < 200; ++k) {
-      const glm::dvec3 p = center + maker.random().next_in(0, radius) * (maker.pose().rotation * glm::dvec3(1, 0, 0));
-      EXPECT_FALSE(inside(frustum, p));
-    }
+    const SampleGrid grid = sample_grid(clip_rows(clip_map(view), view, identity_affine()), view);
+    MeshData mesh;
+    for (int k = 0; k < 3; ++k)
+      mesh.positions.push_back(glm::vec3(maker.pose().position_m * maker.random().next_in(0.1, 3.0)));
+    mesh.indices = {0, 1, 2};
+    const auto geometry = build_geometry(mesh).value();
+    const GridSlack slack = grid_slack(grid, geometry->bounds);
+    TriangleBlock block;
+    read_triangles(*geometry, 0, 3, block);
+    project_triangles(grid, slack, block);
+    const std::array<glm::dvec3, 3> corner{mesh.positions[0], mesh.positions[1], mesh.positions[2]};
+    behind += block.w[0][0] < 0 || block.w[1][0] < 0 || block.w[2][0] < 0;
+    for (int y = 0; y < view.height; ++y)
+      for (int x = 0; x < view.width; ++x) {
+        const double depth = depth_of(view, x, y, corner);
+        const bool in_range = x >= block.x0[0] && x <= block.x1[0] && y >= block.y0[0] && y <= block.y1[0];
+        const Cover cover = cover_of(block, 0, x, y, slack, grid.near_m);
+        if (std::isfinite(depth)) {
+          ASSERT_TRUE(in_range) << i;
+          ASSERT_TRUE(cover.possible) << i;
+          ASSERT_GE(depth, cover.low_m * (1 - 1e-5)) << i;
+          ASSERT_LE(depth, cover.high_m * (1 + 1e-5)) << i;
+        } else {
+          ASSERT_FALSE(cover.certain) << i;
+        }
+        certain += cover.certain, impossible += !cover.possible;
+      }
   }
-  EXPECT_GT(outside, 100);
+  EXPECT_GT(certain, 5000u);
+  EXPECT_GT(impossible, 50000u);
+  EXPECT_GT(behind, 500u);
 }
 
+TEST(CullTest, HiddenMeansNearerInEverySampleOfTheFootprint) {
+  std::vector<float> depth(25, 1.0f);
+  const Footprint where{.near_depth_m = 2.0f, .x0 = 1, .x1 = 3, .y0 = 2, .y1 = 4};
+  EXPECT_TRUE(is_hidden(where, depth.data(), 5));
+  depth[0] = std::numeric_limits<float>::infinity();  // outside the footprint
+  EXPECT_TRUE(is_hidden(where, depth.data(), 5));
+  depth[2 * 5 + 1] = 1.9999f;  // nearer, but not for certain
+  EXPECT_FALSE(is_hidden(where, depth.data(), 5));
+  depth[2 * 5 + 1] = 1.0f;
+  depth[4 * 5 + 3] = std::numeric_limits<float>::infinity();
+  EXPECT_FALSE(is_hidden(where, depth.data(), 5));
+}
+
+// A scene, one look at it, and what is found to draw.
 struct Case {
   SceneMirror mirror;
   MapView view;
   DrawList list;
-};
 
-// One instance in one map, seen through the whole path from mirror to draw list.
-void make_case(uint64_t seed, Case& out) {
-  SceneMaker maker(seed);
-  SceneDelta delta;
-  delta.add.push_back(maker.instance(1));
-  delta.add[0].attributes = {};
-  ASSERT_TRUE(out.mirror.apply(delta, {}));
-  out.view = maker.view();
-  OccluderTable table;
-  table.take_in(out.mirror);
-  table.append_map(out.mirror, {.view = out.view}, out.list);
-}
+  Case(uint64_t seed, Detail detail) {
+    SceneMaker maker(seed);
+    const uint32_t count = 1 + maker.random().next_below(20);
+    EXPECT_TRUE(mirror.apply(maker.scene(count), {}));
+    EXPECT_TRUE(mirror.apply({}, maker.moves(mirror, count)));
+    view = maker.view();
+    OccluderTable table;
+    table.take_in(mirror, 0.0);
+    SampleSearch().append_map(table, mirror, {.view = view}, detail, list);
+  }
+  bool draws(uint32_t slot, uint32_t first_index) const {
+    return std::ranges::any_of(list.parts, [&](const DrawPart& part) {
+      return list.instances[part.instance].slot == slot && first_index >= part.first_index &&
+             first_index < part.first_index + part.index_count;
+    });
+  }
+};
 
 std::array<glm::dvec3, 3> world_triangle(const Instance& instance, uint32_t first_index) {
   std::array<glm::dvec3, 3> corner;
@@ -89,106 +135,156 @@ std::array<glm::dvec3, 3> world_triangle(const Instance& instance, uint32_t firs
   return corner;
 }
 
-TEST(CullTest, ACulledClusterCoversNoSampleAndNoneIsDrawnTwice) {
-  size_t culled = 0, kept = 0;
-  for (uint64_t seed = 0; seed < 400; ++seed) {
-    Case one;
-    make_case(seed, one);
-    const Instance& instance = one.mirror.instances()[0];
-    std::set<uint32_t> drawn;
-    for (const ClusterDraw& draw : one.list.clusters) EXPECT_TRUE(drawn.insert(draw.cluster.first_index).second);
-    for (const TreeNode& node : instance.geometry->occluding) {
-      if (!node.is_leaf()) continue;
-      if (drawn.contains(node.first_index)) {
-        ++kept;
-        continue;
+// What one sample shows, by trying every triangle of the scene.
+struct Nearest {
+  double depth = std::numeric_limits<double>::infinity();
+  uint32_t slot = 0, first_index = 0;
+};
+template <typename Visit>
+void for_each_occluding_triangle(const SceneMirror& mirror, const Visit& visit) {
+  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
+    const Instance& instance = mirror.instances()[slot];
+    if (!instance.geometry || !instance.occludes()) continue;
+    for (uint32_t i = 0; i < instance.geometry->occluding_index_count; i += 3)
+      visit(slot, i, world_triangle(instance, i));
+  }
+}
+
+TEST(SampleSearchTest, TheNearestTriangleOfEverySampleIsDrawnAndLittleElse) {
+  size_t seen = 0, drawn = 0, all = 0, samples = 0;
+  for (uint64_t seed = 0; seed < 150; ++seed) {
+    const Case one(seed, Detail::kTriangles);
+    std::vector<Nearest> nearest(static_cast<size_t>(one.view.width) * one.view.height);
+    for_each_occluding_triangle(one.mirror, [&](uint32_t slot, uint32_t first_index, const auto& corner) {
+      ++all;
+      for (size_t i = 0; i < nearest.size(); ++i) {
+        const int x = static_cast<int>(i) % one.view.width, y = static_cast<int>(i) / one.view.width;
+        const double depth = depth_of(one.view, x, y, corner);
+        if (depth < nearest[i].depth) nearest[i] = {depth, slot, first_index};
       }
-      ++culled;
-      for (uint32_t i = node.first_index; i < node.first_index + node.index_count; i += 3)
-        for (int y = 0; y < one.view.height; ++y)
-          for (int x = 0; x < one.view.width; ++x)
-            ASSERT_TRUE(std::isinf(depth_of(one.view, x, y, world_triangle(instance, i)))) << seed;
+    });
+    for (const Nearest& n : nearest) {
+      if (std::isinf(n.depth)) continue;
+      ++seen;
+      ASSERT_TRUE(one.draws(n.slot, n.first_index)) << seed;
     }
+    drawn += one.list.triangle_count;
+    samples += nearest.size();
   }
-  EXPECT_GT(culled, 500u);
-  EXPECT_GT(kept, 200u);
+  EXPECT_GT(seen, samples / 10);
+  EXPECT_LT(drawn, samples);
+  EXPECT_LT(drawn, all / 3);
 }
 
-TEST(CullTest, AClusterShowsOnlyWithinItsRectangleAndBehindItsNearDepth) {
-  size_t shown = 0;
-  for (uint64_t seed = 1000; seed < 1100; ++seed) {
-    Case one;
-    make_case(seed, one);
-    for (const ClusterDraw& draw : one.list.clusters) {
-      const VisibleCluster& cluster = draw.cluster;
-      for (uint32_t i = cluster.first_index; i < cluster.first_index + cluster.index_count; i += 3)
-        for (int y = 0; y < one.view.height; ++y)
-          for (int x = 0; x < one.view.width; ++x) {
-            const double depth = depth_of(one.view, x, y, world_triangle(one.mirror.instances()[0], i));
-            if (std::isinf(depth)) continue;
-            ++shown;
-            ASSERT_TRUE(x >= cluster.x0 && x <= cluster.x1 && y >= cluster.y0 && y <= cluster.y1) << seed;
-            ASSERT_GE(depth, cluster.near_depth_m * (1 - 1e-5)) << seed;
-          }
-    }
-  }
-  EXPECT_GT(shown, 1000u);
-}
-
-TEST(CullTest, ATriangleThatIsDroppedCoversNoSampleOrIsHidden) {
-  size_t dropped = 0, kept = 0;
-  for (uint64_t seed = 2000; seed < 2100; ++seed) {
-    Case one;
-    make_case(seed, one);
-    // In every other case a curtain hangs in front of the left half.
-    std::vector<float> depth(static_cast<size_t>(one.view.width) * one.view.height,
-                             std::numeric_limits<float>::infinity());
-    for (size_t texel = 0; seed % 2 && texel < depth.size(); ++texel)
-      if (static_cast<int>(texel) % one.view.width < one.view.width / 2) depth[texel] = 3.0f;
-    for (const ClusterDraw& draw : one.list.clusters) {
-      std::vector<uint32_t> indices;
-      append_visible_triangles(*one.mirror.instances()[0].geometry, draw.cluster,
-                               one.list.instances[draw.instance].grid, depth.data(), indices);
-      kept += indices.size() / 3;
-      for (uint32_t i = draw.cluster.first_index; i < draw.cluster.first_index + draw.cluster.index_count; i += 3) {
-        if (std::ranges::count(indices, i) > 0) continue;
-        ++dropped;
-        for (int y = 0; y < one.view.height; ++y)
-          for (int x = 0; x < one.view.width; ++x)
-            ASSERT_GE(depth_of(one.view, x, y, world_triangle(one.mirror.instances()[0], i)),
-                      depth[static_cast<size_t>(y) * one.view.width + x]) << seed;
+TEST(SampleSearchTest, ALeftOutClusterCoversNoSample) {
+  size_t left_out = 0, drawn = 0;
+  for (uint64_t seed = 500; seed < 600; ++seed) {
+    const Case one(seed, Detail::kClusters);
+    for_each_occluding_triangle(one.mirror, [&](uint32_t slot, uint32_t first_index, const auto& corner) {
+      if (one.draws(slot, first_index)) {
+        ++drawn;
+        return;
       }
-    }
+      ++left_out;
+      for (int y = 0; y < one.view.height; ++y)
+        for (int x = 0; x < one.view.width; ++x) ASSERT_TRUE(std::isinf(depth_of(one.view, x, y, corner))) << seed;
+    });
   }
-  EXPECT_GT(dropped, 1000u);
-  EXPECT_GT(kept, 500u);
+  EXPECT_GT(left_out, 20000u);
+  EXPECT_GT(drawn, 5000u);
 }
 
-TEST(CullTest, ClustersComeNearestFirst) {
+TEST(SampleSearchTest, PartsStandMapByMapInTheOrderOfSlotsAndCountTheirTriangles) {
   SceneMaker maker(3);
   SceneMirror mirror;
   ASSERT_TRUE(mirror.apply(maker.scene(30), {}));
   OccluderTable table;
-  table.take_in(mirror);
-  DrawList list;
-  for (int i = 0; i < 5; ++i) table.append_map(mirror, {.view = maker.view()}, list);
-  ASSERT_EQ(list.maps.size(), 5u);
-  for (const MapDraw& map : list.maps)
-    for (uint32_t i = map.first_cluster + 1; i < map.end_cluster; ++i)
-      EXPECT_LE(list.clusters[i - 1].cluster.near_depth_m, list.clusters[i].cluster.near_depth_m);
+  table.take_in(mirror, 0.0);
+  for (const Detail detail : {Detail::kTriangles, Detail::kClusters}) {
+    DrawList list;
+    SampleSearch search;
+    for (int i = 0; i < 5; ++i) search.append_map(table, mirror, {.view = maker.view()}, detail, list);
+    ASSERT_EQ(list.end_part_of_map.size(), 5u);
+    uint32_t triangles = 0;
+    for (uint32_t map = 0; map < 5; ++map)
+      for (uint32_t p = list.first_part(map); p < list.end_part_of_map[map]; ++p) {
+        const DrawPart& part = list.parts[p];
+        EXPECT_EQ(part.first_triangle, triangles);
+        for (uint32_t t = 0; t < part.index_count / 3; ++t) {
+          const DrawnTriangle found = find_triangle(list, triangles + t);
+          EXPECT_EQ(found.instance, &list.instances[part.instance]);
+          EXPECT_EQ(found.first_index, part.first_index + 3 * t);
+        }
+        triangles += part.index_count / 3;
+        EXPECT_EQ(list.instances[part.instance].map, map);
+        if (p == list.first_part(map)) continue;
+        const DrawPart& before = list.parts[p - 1];
+        const uint32_t slot = list.instances[part.instance].slot, slot_before = list.instances[before.instance].slot;
+        EXPECT_TRUE(slot_before < slot || (slot_before == slot && before.first_index < part.first_index));
+      }
+    EXPECT_EQ(list.triangle_count, triangles);
+    EXPECT_GT(triangles, 100u);
+  }
 }
 
-TEST(CullTest, HiddenMeansNearerInEverySampleOfTheRectangle) {
-  std::vector<float> depth(25, 1.0f);
-  const VisibleCluster cluster{.index_count = 3, .near_depth_m = 2.0f, .x0 = 1, .x1 = 3, .y0 = 2, .y1 = 4};
-  EXPECT_TRUE(is_hidden(cluster, depth.data(), 5));
-  depth[0] = std::numeric_limits<float>::infinity();  // outside the rectangle
-  EXPECT_TRUE(is_hidden(cluster, depth.data(), 5));
-  depth[2 * 5 + 1] = 1.9999f;  // nearer, but not for certain
-  EXPECT_FALSE(is_hidden(cluster, depth.data(), 5));
-  depth[2 * 5 + 1] = 1.0f;
-  depth[4 * 5 + 3] = std::numeric_limits<float>::infinity();
-  EXPECT_FALSE(is_hidden(cluster, depth.data(), 5));
+// Walls behind walls: what stands behind the first is not even opened, however much it is.
+TEST(SampleSearchTest, WhatIsHiddenCostsNothingToDraw) {
+  const auto wall = build_geometry(tessellate(BoxShape{{20.0f, 20.0f, 0.1f}}).value()).value();
+  SceneMirror mirror;
+  SceneDelta delta;
+  for (uint64_t id = 1; id <= 100; ++id)
+    delta.add.push_back({.id = id, .geometry = wall, .pose = {{0, 0, -3.0 * static_cast<double>(id)}}, .attributes = {}});
+  ASSERT_TRUE(mirror.apply(delta, {}));
+  MapView view;
+  view.left = view.bottom = -0.3, view.right = view.top = 0.3;
+  OccluderTable table;
+  table.take_in(mirror, 0.0);
+  DrawList list;
+  SampleSearch().append_map(table, mirror, {.view = view}, Detail::kTriangles, list);
+  for (const InstanceDraw& draw : list.instances) EXPECT_EQ(draw.slot, *mirror.slot_of(1));
+  EXPECT_LE(list.triangle_count, 2u);
+}
+
+void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, const SceneMirror& mirror, double ahead_s) {
+  std::set<uint32_t> found;
+  for (const TreeNode& node : tree.nodes) {
+    if (!node.is_leaf()) continue;
+    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; ++i) {
+      const Instance& instance = mirror.instances()[tree.occluders[i].slot];
+      EXPECT_TRUE(found.insert(tree.occluders[i].slot).second);
+      for (const double at_s : {0.0, ahead_s})
+        for (int axis = 0; axis < 3; ++axis) {
+          const double center = (instance.center_m + travel_m(instance, at_s))[axis];
+          EXPECT_LE(node.bounds.min[axis], center - instance.radius_m);
+          EXPECT_GE(node.bounds.max[axis], center + instance.radius_m);
+        }
+    }
+  }
+  EXPECT_EQ(found, slots);
+}
+
+TEST(OccluderTreeTest, HoldsEveryOccluderOnceWithinItsBoxesNowAndAhead) {
+  constexpr double kAheadS = 0.5;
+  for (uint64_t seed = 0; seed < 40; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(40), {}));
+    OccluderTable table;
+    for (int round = 0; round < 3; ++round) {
+      TransformUpdate moves = maker.moves(mirror, 40);
+      for (size_t i = 0; i < moves.ids.size(); ++i) moves.velocities_mps.emplace_back(3.0, -1.0, 2.0);
+      ASSERT_TRUE(mirror.apply({}, moves));
+      table.take_in(mirror, kAheadS);
+      std::set<uint32_t> fixed, moving;
+      for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
+        const Instance& instance = mirror.instances()[slot];
+        if (instance.geometry && instance.occludes() && instance.geometry->occluding_index_count > 0)
+          (instance.moving ? moving : fixed).insert(slot);
+      }
+      expect_tree_of(table.fixed(), fixed, mirror, kAheadS);
+      expect_tree_of(table.moving(), moving, mirror, kAheadS);
+    }
+  }
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "server/sample/egl_measure.h"
 #include "server/sample/geometry_arena.h"
 #include "server/sample/map_renderer.h"
 #include "tests/sample/egl_device.h"
@@ -74,7 +75,7 @@ TEST(EglSamplerTest, SamplersOnTwoThreadsTakeWhatTheyTakeAlone) {
 }
 
 TEST(EglSamplerTest, TenMirrorsOfOneGeometryKeepOneCopyUntilItDies) {
-  SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(device, {.variant = EglVariant{.detail = Detail::kClusters}});
   SceneMaker maker(4);
   auto geometry = maker.shape();
   MapView view;
@@ -115,7 +116,7 @@ TEST(EglSamplerTest, NothingInViewIsInfinitelyFar) {
   EXPECT_EQ(sampler->maps_taken(), 3u);
 }
 
-TEST(EglSamplerTest, MoreMapsThanOneAtlasHoldsAreTakenInParts) {
+TEST(EglSamplerTest, MoreMapsThanOneSubmissionHoldsAreTakenInParts) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
   SceneMaker maker(9);
   SceneMirror mirror;
@@ -156,23 +157,109 @@ TEST(EglDeviceTest, TheListNamesEveryDeviceAndExactlyOneChoice) {
   }
 }
 
-TEST(AtlasTest, TilesLieInsideTheAtlasAndNeverOverlap) {
-  SceneMaker maker(13);
-  for (const int count : {1, 2, 9, 70, 1024}) {
-    const auto requests = some_requests(maker, count);
-    AtlasLayout layout;
-    lay_out(requests, layout);
-    ASSERT_EQ(layout.tiles.size(), requests.size());
-    std::vector<char> used(static_cast<size_t>(layout.width) * layout.height);
-    for (size_t i = 0; i < requests.size(); ++i)
-      for (int y = 0; y < requests[i].view.height; ++y)
-        for (int x = 0; x < requests[i].view.width; ++x) {
-          const int ax = layout.tiles[i].x + x, ay = layout.tiles[i].y + y;
-          ASSERT_TRUE(ax < layout.width && ay < layout.height);
-          ASSERT_FALSE(std::exchange(used[static_cast<size_t>(ay) * layout.width + ax], 1));
-        }
-    EXPECT_LE(layout.height, 4096);
+// Maps of many sizes at now and ahead, some of them sights.
+std::vector<MapRequest> mixed_requests(SceneMaker& maker, int count) {
+  std::vector<MapRequest> requests = some_requests(maker, count);
+  for (size_t i = 0; i < requests.size(); ++i) {
+    if (i % 4 == 0) requests[i].view.width = requests[i].view.height = 1;
+    if (i % 5 == 0) requests[i].ahead_s = 0.4;
   }
+  return requests;
+}
+
+// One session of a round: a scene that moves, and what it asks for.
+struct Session {
+  SceneMirror mirror;
+  std::vector<MapRequest> requests;
+  explicit Session(uint64_t seed, int maps) {
+    SceneMaker maker(seed);
+    EXPECT_TRUE(mirror.apply(maker.scene(25), {}));
+    EXPECT_TRUE(mirror.apply({}, maker.moves(mirror, 25)));
+    requests = mixed_requests(maker, maps);
+  }
+};
+
+TEST(EglVariantTest, EveryWayTakesTheSameMaps) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(reference);
+  constexpr uint64_t kScenes = 60;
+  std::vector<std::vector<DepthMap>> expected(kScenes);
+  size_t hits = 0;
+  for (uint64_t seed = 0; seed < kScenes; ++seed) {
+    const Session session(seed, 40);
+    ASSERT_TRUE(reference.make_sampler()->take(session.mirror, session.requests, expected[seed]));
+    for (const DepthMap& map : expected[seed])
+      hits += map.occluder.size() - static_cast<size_t>(std::ranges::count(map.occluder, kNoOccluder));
+  }
+  EXPECT_GT(hits, 50000u);
+  for (const bool geometry_shader : {false, true})
+    for (const EglVariant& variant : all_egl_variants()) {
+      SCOPED_TRACE(to_string(variant));
+      auto other = test::make_egl_for_tests({.variant = variant, .layers_by_geometry_shader = geometry_shader});
+      ASSERT_TRUE(other.device) << other.why_not;
+      const auto sampler = other.device->make_sampler();
+      std::vector<DepthMap> maps;
+      for (uint64_t seed = 0; seed < (geometry_shader ? 5 : kScenes); ++seed) {
+        const Session session(seed, 40);
+        ASSERT_TRUE(other.device->make_sampler()->take(session.mirror, session.requests, maps));
+        expect_equal(maps, expected[seed]);
+      }
+    }
+}
+
+TEST(EglVariantTest, MapsTakenTogetherAreThoseTakenAlone) {
+  for (const EglVariant& variant : all_egl_variants()) {
+    SCOPED_TRACE(to_string(variant));
+    SIGHTLINE_EGL_DEVICE_OR_SKIP(device, {.variant = variant});
+    std::vector<std::unique_ptr<Session>> sessions;
+    std::vector<std::unique_ptr<Sampler>> samplers;
+    std::vector<std::vector<DepthMap>> alone, together(12);
+    std::vector<TakeJob> jobs;
+    for (uint64_t i = 0; i < 12; ++i) {
+      // The sixth asks for nothing.
+      sessions.push_back(std::make_unique<Session>(900 + i, i == 5 ? 0 : 3 + 4 * static_cast<int>(i)));
+      samplers.push_back(device.make_sampler());
+      ASSERT_TRUE(device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));
+      jobs.push_back({samplers[i].get(), &sessions[i]->mirror, sessions[i]->requests, &together[i], {}});
+    }
+    for (int again = 0; again < 2; ++again) {
+      if (again) device.simulate_context_loss();
+      device.take_all(jobs);
+      for (size_t i = 0; i < jobs.size(); ++i) {
+        ASSERT_TRUE(jobs[i].taken);
+        expect_equal(together[i], alone[i]);
+      }
+    }
+    EXPECT_EQ(samplers[3]->maps_taken(), 2 * sessions[3]->requests.size());
+  }
+}
+
+TEST(EglVariantTest, IsMeasuredUnlessOneIsAskedFor) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(measured, {});
+  EXPECT_NE(measured.variant_reason().find("the fastest of 8: "), std::string::npos);
+  EXPECT_NE(measured.description().find(measured.variant_reason()), std::string::npos);
+  EXPECT_GE(measured.best_batch(), 1u);
+  const EglVariant asked{Detail::kClusters, true, true};
+  const auto forced = test::make_egl_for_tests({.variant = asked});
+  ASSERT_TRUE(forced.device);
+  EXPECT_EQ(forced.device->variant_reason(), "clusters+per-map+ring, as asked for");
+}
+
+TEST(EglVariantTest, NamesAreReadAsTheyAreWritten) {
+  const auto all = all_egl_variants();
+  EXPECT_EQ(all.size(), 8u);
+  for (const EglVariant& variant : all) EXPECT_EQ(parse_egl_variant(to_string(variant)), variant);
+  for (const char* wrong : {"", "auto", "triangles", "triangles+at-once", "clusters+at-once+ring "})
+    EXPECT_FALSE(parse_egl_variant(wrong)) << wrong;
+}
+
+TEST(EglMeasureTest, TheFirstOfTheFastIsTakenAndTheBatchFollowsWhatASubmissionCosts) {
+  const EglVariant a{Detail::kTriangles, false, false}, b{Detail::kTriangles, true, false},
+      c{Detail::kClusters, false, false};
+  const std::vector<EglTiming> timings{{c, 5.0, 9.0}, {b, 1.05, 8.0}, {a, 1.0, 8.0}};
+  EXPECT_EQ(fastest(timings).variant, b);
+  EXPECT_EQ(best_batch({a, 1.0, 8.0}), 1u);   // eight sessions cost eight times one
+  EXPECT_EQ(best_batch({a, 1.0, 4.5}), 10u);  // half of what one costs is the submission
+  EXPECT_EQ(best_batch({a, 1.0, 1.0}), 64u);  // nothing else costs
 }
 
 TEST(RunAllocatorTest, RunsNeverOverlapAndJoinWhenGivenBack) {

@@ -1,4 +1,4 @@
-// Embree against brute force: every triangle of every instance, in double, by Moeller & Trumbore (1997).
+// Embree against brute force.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,67 +6,19 @@
 
 #include "server/sample/embree_sampler.h"
 #include "server/sample/embree_scene.h"
+#include "tests/sample/brute_force.h"
 #include "tests/sample/scene_maker.h"
 
 namespace sightline {
 namespace {
 
 using test::SceneMaker;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-struct Triangle {
-  glm::dvec3 a, b, c;
-};
-
-double hit_distance(const Triangle& triangle, const glm::dvec3& origin, const glm::dvec3& direction) {
-  const glm::dvec3 ab = triangle.b - triangle.a, ac = triangle.c - triangle.a;
-  const glm::dvec3 p = glm::cross(direction, ac);
-  const double det = glm::dot(ab, p);
-  if (det == 0.0) return kInfinity;
-  const glm::dvec3 s = origin - triangle.a;
-  const double u = glm::dot(s, p) / det;
-  const glm::dvec3 q = glm::cross(s, ab);
-  const double v = glm::dot(direction, q) / det;
-  if (u < 0 || v < 0 || u + v > 1) return kInfinity;
-  return glm::dot(ac, q) / det;
-}
-
-template <typename Visit>
-void for_each_triangle(const Instance& instance, bool occluding_only, const Visit& visit) {
-  const Geometry& geometry = *instance.geometry;
-  const size_t count = occluding_only ? geometry.occluding_index_count : geometry.indices.size();
-  const auto corner = [&](size_t i) {
-    return transform_point(instance.world_from_instance, glm::dvec3(geometry.positions[geometry.indices[i]]));
-  };
-  for (size_t i = 0; i < count; i += 3) visit(Triangle{corner(i), corner(i + 1), corner(i + 2)});
-}
-
-struct BruteHit {
-  double distance = kInfinity, second = kInfinity;  // `second`: nearest of any other instance
-  uint32_t slot = UINT32_MAX;
-};
-
-BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin, const glm::dvec3& direction,
-                     double near, const RayFilter& filter) {
-  BruteHit best;
-  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
-    const Instance& instance = mirror.instances()[slot];
-    if (!instance.geometry || !(occluders ? instance.occludes() : instance.collides())) continue;
-    if ((instance.attributes.layers & filter.layer_mask) == 0) continue;
-    if (std::ranges::count(filter.ignored_slots, slot) > 0) continue;
-    if (filter.only_slot != UINT32_MAX && filter.only_slot != slot) continue;
-    double nearest = kInfinity;
-    for_each_triangle(instance, occluders, [&](const Triangle& triangle) {
-      const double distance = hit_distance(triangle, origin, direction);
-      if (distance > near && distance < nearest) nearest = distance;
-    });
-    if (nearest < best.distance)
-      best = {nearest, best.distance, slot};
-    else
-      best.second = std::min(best.second, nearest);
-  }
-  return best;
-}
+using test::brute_trace;
+using test::BruteHit;
+using test::for_each_triangle;
+using test::hit_distance;
+using test::kInfinity;
+using test::Triangle;
 
 // Counts rays whose answer differs; rays within 1e-6 of an edge may fall on either side.
 int count_differences(const SceneMirror& mirror, const EmbreeScene& scene, bool occluders, SceneMaker& maker,

@@ -31,6 +31,7 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--max-sessions", "0"},         {"--unix-mode", "abc"},
       {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
       {"--log-level", "chatty"},       {"--egl-device", "-2"},
+      {"--egl-variant", "fastest"},    {"--egl-variant", ""},
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
       {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')}};
@@ -45,7 +46,7 @@ TEST(DaemonFlags, EveryOneIsExplained) {
         "--egl-device",     "--require-gpu",  "--threads",      "--max-sessions", "--max-message-mib",
         "--max-upload-mib", "--log-format",   "--log-level",    "--ready-file",   "--drain-s",
         "--version",        "--print-config", "--check-config", "--config",       "devices",
-        "--open-timeout-s"}) {
+        "--open-timeout-s", "--egl-variant"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
@@ -54,7 +55,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   const RunResult first =
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
-                      "--log-format", "json", "--print-config"});
+                      "--log-format", "json", "--egl-variant", "clusters+per-map+ring", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
   const ScratchFolder folder;

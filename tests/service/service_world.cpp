@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <thread>
 
 #include "sightline/v1/errors.pb.h"
 
@@ -19,6 +20,7 @@ class GatedSampler final : public Sampler {
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
               std::vector<DepthMap>& maps) override {
     if (const Status passed = device_.pass(); !passed) return passed;
+    std::this_thread::sleep_for(std::chrono::microseconds(device_.map_cost_us_) * requests.size());
     return inner_->take(mirror, requests, maps);
   }
 
@@ -74,11 +76,13 @@ Status GatedDevice::pass() {
 // -------------------------------------------------------------------------------------------------
 
 ServiceWorld::ServiceWorld(const WorldOptions& options)
-    : scenes_(options.scene_dir, GltfLimits{}, geometry_),
+    : real_time_(options.real_time),
+      scenes_(options.scene_dir, GltfLimits{}, geometry_),
       streams(options.max_sessions),
-      steppers_(options.threads),
-      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, log_,
-                            [this] { return static_cast<int64_t>(++clock_calls_); }, "test"},
+      steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
+      shares_(options.threads * options.budget.largest_share),
+      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_, log_,
+                            [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
                options.limits) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
@@ -88,6 +92,11 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
   auto started = Listener::start(listen, service_);
   EXPECT_TRUE(started) << to_string(started.error());
   listener = std::move(*started);
+}
+
+int64_t ServiceWorld::real_or(uint64_t fake) const {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return real_time_ ? std::chrono::nanoseconds(now).count() : static_cast<int64_t>(fake);
 }
 
 ServiceWorld::~ServiceWorld() {

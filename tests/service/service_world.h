@@ -32,6 +32,8 @@ class GatedDevice final : public SamplerDevice {
   void close_gate();
   void open_gate();
   void wait_until_held(size_t steps);
+  // Every map takes this long from now on, asleep: the cost of a step without the machine's.
+  void make_maps_cost(std::chrono::microseconds each) { map_cost_us_ = each.count(); }
   // The next maps fail with this, once.
   void fail_next(const Error& error);
   // The next maps throw, once: what no sampler should do.
@@ -50,6 +52,7 @@ class GatedDevice final : public SamplerDevice {
   std::optional<Error> failure_;
   bool throws_ = false;
   std::atomic<size_t> samplers_made_{0};
+  std::atomic<int64_t> map_cost_us_{0};
 };
 
 struct WorldOptions {
@@ -58,6 +61,8 @@ struct WorldOptions {
   ServiceLimits limits{};
   std::string scene_dir{};
   unsigned threads = 2;
+  bool real_time = false;  // the scheduler's clock and the stage clock are the machine's
+  BudgetRules budget{};
   std::chrono::milliseconds keepalive_time{10'000};
   std::chrono::milliseconds keepalive_timeout{5'000};
 };
@@ -79,6 +84,9 @@ class ServiceWorld {
   GatedDevice device;
 
  private:
+  int64_t real_or(uint64_t fake) const;
+
+  const bool real_time_;
   std::atomic<uint64_t> clock_calls_{0};
   GeometryStore geometry_;
   ExtentCache extents_;
@@ -87,10 +95,16 @@ class ServiceWorld {
 
  public:
   StreamRegistry streams;
+
+ private:
+  Scheduler steppers_;
+  FairShares shares_;
+  StepStats stats_;
+
+ public:
   WorkerPool loaders{2};
 
  private:
-  WorkerPool steppers_;
   CameraControlService service_;
 
  public:

@@ -20,7 +20,8 @@ namespace sightline::test {
 
 class World {
  public:
-  World() : device_(make_embree_sampler_device()), sampler_(device_->make_sampler()) {}
+  explicit World(std::unique_ptr<SamplerDevice> device = make_embree_sampler_device())
+      : device_(std::move(device)), sampler_(device_->make_sampler()) {}
 
   void add(uint64_t id, const Shape& shape, const glm::dvec3& at, InstanceAttributes attributes = {}) {
     auto geometry = store_.intern(*tessellate(shape));

@@ -34,6 +34,7 @@ struct Bench {
 // One point a target, the nearest visible place: what the peers' rays answer.
 StepSettings plain(int resolution, int candidates, int points = 0) {
   StepSettings settings = paper_row(Strategy::kBasic, 0.0);
+  settings.aggregate.volume = Volume::kLattice;
   settings.sample.resolution = resolution;
   settings.sample.points = points;
   settings.aggregate.candidates = candidates;

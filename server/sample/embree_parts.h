@@ -1,0 +1,116 @@
+// What the Embree device, scenes and maps share. Internal to sample/embree_*, and the one header that includes Embree.
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <atomic>
+#include <glm/glm.hpp>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "server/sample/embree_scene.h"
+
+namespace sightline {
+
+template <typename Handle, void (*release)(Handle)>
+struct EmbreeReleaser {
+  using pointer = Handle;
+  void operator()(Handle handle) const { release(handle); }
+};
+using DeviceHandle = std::unique_ptr<RTCDevice, EmbreeReleaser<RTCDevice, rtcReleaseDevice>>;
+using SceneHandle = std::unique_ptr<RTCScene, EmbreeReleaser<RTCScene, rtcReleaseScene>>;
+using GeometryHandle = std::unique_ptr<RTCGeometry, EmbreeReleaser<RTCGeometry, rtcReleaseGeometry>>;
+
+// A committed scene of one geometry's triangles. `vertices` and `indices` point into Embree's own buffers.
+struct BottomScene {
+  SceneHandle scene;
+  const float* vertices = nullptr;
+  const uint32_t* indices = nullptr;
+};
+
+// One instance as a top scene holds it. Without padding: it is hashed and compared as bytes.
+struct Placement {
+  uint32_t slot = 0;
+  uint32_t layers = 0;
+  const BottomScene* bottom = nullptr;
+  Affine world_from_instance = identity_affine();
+};
+static_assert(sizeof(Placement) == 2 * sizeof(uint32_t) + sizeof(void*) + sizeof(Affine));
+
+// One committed scene of instances. The instance id that Embree reports indexes `entries`, which ascend by slot.
+struct TopScene {
+  struct Entry {
+    uint32_t slot;
+    std::shared_ptr<const BottomScene> bottom;
+    glm::mat3 linear;
+  };
+  SceneHandle scene;  // null when there is no instance
+  glm::dvec3 anchor_m{0.0};
+  std::vector<Entry> entries;
+
+  bool holds(uint32_t slot) const;
+};
+
+// A top scene of instances that stay, immutable: sessions whose static instances are equal share it.
+struct StaticTop {
+  TopScene top;
+  std::vector<Placement> placements;  // what it was made from; by them it is found again
+};
+
+// How many of an instance's indices a content counts; 0: the instance is not part of it.
+size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
+
+// Sets an entry's transform, relative to the anchor, and commits its geometry (not the scene).
+void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle, const Affine& world_from_instance);
+
+// Passed to Embree as its own context with our tail. Without `filter` nothing is rejected and Embree calls nobody.
+struct FilterContext {
+  RTCIntersectContext embree;  // must stay first
+  const TopScene* top = nullptr;
+  const RayFilter* filter = nullptr;
+
+  FilterContext() { rtcInitIntersectContext(&embree); }
+  FilterContext(const TopScene& top, const RayFilter& filter);
+};
+
+struct EmbreeDevice::Impl {
+  Impl();
+
+  // Finds or builds. Building is outside the lock: when two threads meet over one thing, the later result is dropped.
+  std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry, size_t index_count);
+  // Of the mirror's instances that are not moving and count.
+  std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
+  void forget_dead();
+
+  // A geometry and how many of its indices count: all of them, or the occluding ones. The two are one bottom scene
+  // where nothing is see-through.
+  struct BottomKey {
+    const Geometry* geometry;
+    size_t index_count;
+    bool operator==(const BottomKey&) const = default;
+  };
+  struct BottomKeyHash {
+    size_t operator()(const BottomKey& key) const {
+      return std::hash<const void*>()(key.geometry) ^ key.index_count;
+    }
+  };
+  struct Bottom {
+    std::weak_ptr<const Geometry> geometry;
+    std::shared_ptr<const BottomScene> scene;
+  };
+
+  std::atomic<ssize_t> bytes{0};  // kept by Embree's memory monitor; outlives the device
+  DeviceHandle device;
+  std::mutex mutex;
+  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;                     // guarded by mutex
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;        // guarded by mutex; by content
+
+ private:
+  std::shared_ptr<const BottomScene> find(const BottomKey& key);
+  std::shared_ptr<const StaticTop> find(uint64_t hash, std::span<const Placement> placements);
+};
+
+}  // namespace sightline

@@ -1,0 +1,44 @@
+// The occluding instances of a mirror under trees of boxes, so that a map finds what lies in its window at a cost that grows with
+// their logarithm.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/scene/mirror.h"
+
+namespace sightline {
+
+struct Occluder {
+  Aabb bounds;  // world, rounded outwards
+  uint32_t slot;
+  uint32_t layers;
+};
+
+// A leaf covers occluders [first_index, first_index + index_count).
+struct OccluderTree {
+  TriangleTree nodes;  // in the order of a TriangleTree; empty without occluders
+  std::vector<Occluder> occluders;
+};
+
+// Orders tree.occluders and builds tree.nodes over them, by medians. No allocation once the memory of `tree` suffices.
+void build_occluder_tree(OccluderTree& tree);
+
+// Static instances and moving ones apart: a tick rebuilds what it moved. Single-threaded.
+class OccluderTable {
+ public:
+  // Makes ready for requests up to `ahead_s`. Does nothing when neither the mirror nor `ahead_s` has changed.
+  void take_in(const SceneMirror& mirror, double ahead_s);
+
+  const OccluderTree& fixed() const { return fixed_; }
+  const OccluderTree& moving() const { return moving_; }
+
+ private:
+  uint64_t identity_ = 0, version_ = 0, static_version_ = 0;
+  double ahead_s_ = 0.0;
+  bool taken_in_ = false;
+  OccluderTree fixed_, moving_;
+};
+
+}  // namespace sightline

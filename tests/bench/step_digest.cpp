@@ -1,0 +1,132 @@
+// One line a scene and set of settings: a hash over every step's answer and what led to it. Two builds whose lines are equal give
+// the same bits; `diff` tells which scene to look at. Embree's maps; the first seconds of every scene.
+//
+//   step_digest [scene ...]        all scenes of the catalogue but the city without
+#include <cstdio>
+#include <string>
+
+#include "client/scenario_world.h"
+#include "scenes/catalog.h"
+#include "server/base/hash.h"
+#include "server/presets.h"
+#include "server/sample/embree_sampler.h"
+#include "server/sample/extent.h"
+#include "server/scene/gltf.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kTickS = 1.0 / 60;
+constexpr int kSteps = 240;
+
+struct Case {
+  std::string name;
+  StepSettings settings;
+};
+
+std::vector<Case> cases() {
+  std::vector<Case> all = {{"sightline", preset_settings(Preset::kSightline)},
+                           {"paper", preset_settings(Preset::kPaper)},
+                           {"paper-basic", paper_row(Strategy::kBasic, 0.0)},
+                           {"paper-robust", paper_row(Strategy::kRobust, 0.3)}};
+  StepSettings s = preset_settings(Preset::kSightline);
+  s.sample.resolution = 16, s.aggregate.candidates = 4096;
+  all.push_back({"sightline-wide", s});
+  s = preset_settings(Preset::kSightline);
+  s.aggregate.filter.mode = FilterMode::kJoint, s.aggregate.needed_share = 1.0, s.sample.jitter_texels = false;
+  all.push_back({"sightline-joint", s});
+  s = preset_settings(Preset::kSightline);
+  s.aggregate.volume = Volume::kPair, s.aggregate.filter.mode = FilterMode::kNone, s.sample.points = 2;
+  all.push_back({"sightline-pair", s});
+  s = StepSettings{};
+  s.sample.points = 8, s.bound.horizon_s = 1.0;
+  all.push_back({"basic-8", s});
+  s.move.strategy = Strategy::kRobust, s.move.prediction_s = 0.3, s.aggregate.filter.mode = FilterMode::kPerTarget;
+  all.push_back({"robust-8", s});
+  return all;
+}
+
+class Digest {
+ public:
+  template <typename T>
+  void add(std::span<const T> values) {
+    hash_ = hash64_bytes(std::as_bytes(values), hash_);
+  }
+  template <typename T>
+  void add_one(const T& value) {
+    add(std::span(&value, 1));
+  }
+  void add(const StepResult& r) {
+    add_one(r.camera.pose.position_m), add_one(r.camera.pose.rotation), add_one(r.camera.velocity_mps);
+    add_one(r.camera.angular_velocity_radps), add_one(r.vertical_fov_rad), add_one(r.status), add_one(r.reason);
+    add_one(r.volume), add_one(r.pair_gap), add_one(r.chosen_candidate), add_one(r.flags.resampled_faces);
+    add_one(r.flags.body_overlap);
+    for (const TargetSight& t : r.targets) {
+      add_one(t.id), add_one(t.visible_share), add_one(t.filtered_share), add_one(t.filtered_visible);
+      add_one(t.in_picture), add_one(t.distance_m), add_one(t.occluder_id);
+    }
+  }
+  void add(const StepMemory& m) {
+    add(std::span<const glm::dvec3>(m.candidates.position_m));
+    for (const auto* masks : {&m.candidates.visible_targets, &m.candidates.filtered_targets, &m.candidates.ahead_targets})
+      add(std::span<const uint32_t>(*masks));
+    add(std::span<const double>(m.goal.hidden)), add(std::span<const double>(m.cost));
+    add(std::span<const double>(m.goal.routes.cost_m()));
+    add_one(m.desired_offset_m);
+  }
+  uint64_t value() const { return hash_; }
+
+ private:
+  uint64_t hash_ = 0;
+};
+
+Status digest(const scenes::CatalogEntry& entry) {
+  GeometryStore store;
+  EmbreeDevice device;
+  ExtentCache extents;
+  const auto sampler_device = make_embree_sampler_device();
+  const auto asset = read_gltf(entry.make({}), nullptr, store);
+  if (!asset) return tl::unexpected(asset.error());
+  auto scenario = Scenario::from_asset(*asset);
+  if (!scenario) return tl::unexpected(scenario.error());
+  for (const Case& c : cases()) {
+    const auto world = ScenarioWorld::make(*scenario, store, device);
+    if (!world) return tl::unexpected(world.error());
+    std::vector<std::shared_ptr<const ExtentTable>> tables;
+    std::vector<const ExtentTable*> views;
+    for (const Target& target : (*world)->targets()) {
+      tables.push_back(extents.get((*world)->mirror().find(target.instance_id)->geometry));
+      views.push_back(tables.back().get());
+    }
+    StepMemory memory;
+    place_camera(memory, scenario->camera(), glm::dvec3(0.0));
+    const auto sampler = sampler_device->make_sampler();
+    const CameraLimits limits;
+    Digest digest;
+    for (int i = 0; i < kSteps; ++i) {
+      (*world)->set_time(i * kTickS);
+      const StepInput input{(*world)->mirror(), (*world)->targets(), limits, c.settings, scenario->lens(), 1,
+                            static_cast<uint64_t>(i), kTickS, views};
+      const auto result = take_step(memory, input, *sampler, [] { return int64_t{0}; });
+      if (!result) return tl::unexpected(result.error());
+      digest.add(*result), digest.add(memory);
+    }
+    std::printf("%-12s %-16s %016llx\n", std::string(entry.name).c_str(), c.name.c_str(),
+                static_cast<unsigned long long>(digest.value()));
+    std::fflush(stdout);
+  }
+  return {};
+}
+
+}  // namespace
+}  // namespace sightline
+
+int main(int argc, char** argv) {
+  using namespace sightline;
+  for (const scenes::CatalogEntry& entry : scenes::catalog()) {
+    bool wanted = argc == 1 && entry.name != "city";
+    for (int i = 1; i < argc; ++i) wanted |= entry.name == argv[i];
+    if (!wanted) continue;
+    if (const auto ok = digest(entry); !ok) return std::fprintf(stderr, "%s\n", to_string(ok.error()).c_str()), 1;
+  }
+}

@@ -1,0 +1,236 @@
+#!/usr/bin/env python3
+"""Writes the page on speed, README.md, from the tables that lie beside it: rows.csv, ratios.csv, load.csv, service/*.json, how.json.
+
+    make_page.py [FOLDER]    # FOLDER: of the page; default: that of this script
+"""
+import json
+import pathlib
+import sys
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from figures import distinct, find, markdown, number, read_table, select  # noqa: E402
+from line_plot import line_plot  # noqa: E402
+from service import read_service, service_claims, service_part  # noqa: E402
+
+# Names in the tables, and what a reader calls them.
+NAMES = {"egl": "Sightline, EGL", "embree": "Sightline, Embree", "egl default": "default, EGL", "embree default": "default, Embree",
+         "embree 8 points": "8 points a target", "embree rays": "(b) an Embree ray each", "bullet rays": "(c) a Bullet ray each",
+         "draw all": "(a) all drawn, read back"}
+GROWTH = {"detail": ("triangles of the same blocks, cut ever finer", "triangles"),
+          "blocks": ("triangles, by ever more blocks", "triangles"), "targets": ("targets", "targets"),
+          "movers": ("moving occluders of 10,000 instances", "moving occluders")}
+
+
+class Claim:
+    """One line of the page: what is to hold, whether it does (None: not measured), and the figure."""
+
+    def __init__(self, text, holds, figure):
+        self.text, self.holds, self.figure = text, holds, figure
+
+    def row(self):
+        verdict = "not measured" if self.holds is None else "**holds**" if self.holds else "**does not hold**"
+        return [self.text, verdict, self.figure]
+
+
+def at_most(text, value, limit, unit, digits=2):
+    if value is None:
+        return Claim(text, None, "")
+    return Claim(text, value <= limit, f"{number(value, digits)} {unit}")
+
+
+def ratio_at_least(text, row, limit):
+    if row is None:
+        return Claim(text, None, "")
+    spread = f"{number(row['ratio'], 1)} times ({number(row['least'], 1)} to {number(row['greatest'], 1)})"
+    return Claim(text, row["ratio"] >= limit, spread)
+
+
+def p50(rows, section, x, row):
+    found = find(rows, section=section, x=float(x), row=row)
+    return found["p50_ms"] if found else None
+
+
+# ---- steps ----
+
+def step_claims(rows, ratios):
+    against = lambda r, other: find(ratios, section="peers", x=float(r), other=other)
+    claims = [at_most("EGL, r = 7: a step takes at most 0.35 ms", p50(rows, "peers", 7, "egl"), 0.35, "ms", 3),
+              ratio_at_least("EGL, r = 7: at least 12 times as fast as (a)", against(7, "draw all"), 12),
+              at_most("Embree, r = 7: a step takes at most 0.05 ms", p50(rows, "peers", 7, "embree"), 0.05, "ms", 3)]
+    for name, other in (("(b)", "embree rays"), ("(c)", "bullet rays")):
+        found = [row for row in select(ratios, section="peers", other=other)]
+        figure = ", ".join(f"r = {int(row['x'])}: {number(row['ratio'], 2)}" for row in found)
+        claims.append(Claim(f"Embree: faster than {name} at every r", all(row["ratio"] > 1 for row in found) if found else None, figure))
+    claims.append(ratio_at_least("Embree, r = 15: at least 5 times as fast as (b)", against(15, "embree rays"), 5))
+    claims.append(ratio_at_least("Embree, r = 32: at least 15 times as fast as (b)", against(32, "embree rays"), 15))
+    claims.append(at_most("4,096 candidates, 8 targets, 8 points each, 16 x 16 maps, Embree: at most 2.0 ms",
+                          p50(rows, "wide", 4096, "embree 8 points"), 2.0, "ms"))
+    return claims
+
+
+def peers_part(rows, ratios):
+    text = """## A step, and what one would write instead
+
+On the city (280 K triangles, two targets), one point a target, maps of r x r texels, about r³ candidates: the lattice's count, which (b) and (c)
+look at as well. A step of ours is the whole of it, bound to move; the peers only find what is seen and decide nothing. (a) draws the whole
+scene into one map a target and reads each back by glReadPixels, as the paper did; (b) and (c) send one ray for each candidate and target,
+(b) by Embree's rtcOccluded1 through one flat scene of high quality, (c) by Bullet's rayTest through the collision world that a game has at hand. *Default* is our default
+strategy, which looks ahead, surveys and samples eight points a target. Milliseconds, medians, in brackets the 95th percentile.
+
+"""
+    radii = distinct(select(rows, section="peers"), "x")
+    table = []
+    for section, names in (("peers", ("egl", "embree")), ("default", ("egl default", "embree default")),
+                           ("peers", ("draw all", "embree rays", "bullet rays"))):
+        for name in names:
+            cells = [find(rows, section=section, x=r, row=name) for r in radii]
+            table.append([NAMES[name]] + [f"{number(c['p50_ms'], 3)} ({number(c['p95_ms'], 3)})" if c else "" for c in cells])
+    text += markdown(["<"] + [f"r = {int(r)}" for r in radii], table)
+    text += "\nHow many times as long the peers take, median of ten runs of frames and (least to greatest):\n\n"
+    table = []
+    for other in distinct(select(ratios, section="peers"), "other"):
+        cells = [find(ratios, section="peers", x=r, other=other) for r in radii]
+        ours = next(c["ours"] for c in cells if c)
+        table.append([f"{NAMES[other]} / {NAMES[ours]}"] +
+                     [f"{number(c['ratio'], 1)} ({number(c['least'], 1)} to {number(c['greatest'], 1)})" if c else "" for c in cells])
+    text += markdown(["<"] + [f"r = {int(r)}" for r in radii], table)
+    text += "\nWhere it goes, medians:\n\n" + stages_table(select(rows, section="peers") + select(rows, section="default"))
+    agree = [row["agreement"] for row in rows if row["agreement"] is not None]
+    if agree:
+        text += f"\nThe peers' rays and our maps agree on at least {100 * min(agree):.2f} % of all candidates and targets.\n"
+    return text
+
+
+def stages_table(rows):
+    ours = [row for row in rows if row["sample_p50_ms"]]
+    return markdown(["<", "r", "candidates", "sample", "aggregate", "move", "whole step"],
+                    [[NAMES[row["row"]], int(row["x"]), int(row["candidates"])] +
+                     [number(row[f"{stage}p50_ms"], 3) for stage in ("sample_", "aggregate_", "move_", "")] for row in ours])
+
+
+def wide_part(rows):
+    return """## A wide step
+
+About 4,096 candidates, eight targets, eight points each, maps of 16 x 16 texels, Embree, on a grid of 400 blocks (315 K triangles). Milliseconds, medians.
+
+""" + markdown(["<", "candidates", "sample", "aggregate", "move", "whole step", "p95"],
+               [[NAMES[row["row"]], int(row["candidates"])] +
+                [number(row[name], 2) for name in ("sample_p50_ms", "aggregate_p50_ms", "move_p50_ms", "p50_ms", "p95_ms")]
+                for row in select(rows, section="wide")])
+
+
+# ---- growth ----
+
+def growth_claims(rows):
+    claims = []
+    for name in ("embree", "egl", "embree default", "egl default"):
+        for section, what in (("detail", "cut finer"), ("blocks", "more blocks")):
+            line = select(rows, section=section, row=name)
+            if len(line) < 2:
+                continue
+            times = max(row["p50_ms"] for row in line) / line[0]["p50_ms"]
+            claims.append(Claim(f"{NAMES[name]}: {line[0]['x']:,.0f} to {line[-1]['x']:,.0f} triangles ({what}): at most 3 times",
+                                times <= 3, f"{number(times, 2)} times"))
+    for name in ("embree", "egl", "embree default", "egl default"):
+        line = select(rows, section="targets", row=name)
+        if len(line) >= 2:
+            times, grown = line[-1]["p50_ms"] / line[0]["p50_ms"], line[-1]["x"] / line[0]["x"]
+            claims.append(Claim(f"{NAMES[name]}: 1 to {int(line[-1]['x'])} targets: at most linearly", times <= grown, f"{number(times, 1)} times"))
+    for name in ("embree", "egl", "embree default", "egl default"):
+        line = select(rows, section="movers", row=name)
+        if len(line) >= 2:
+            more = with_scene(line[-1]) - with_scene(line[0])
+            claims.append(Claim(f"{NAMES[name]}: {int(line[-1]['x']):,} moving occluders of 10,000 instances: under 1 ms more",
+                                more < 1, f"{number(more, 2)} ms more"))
+    return claims
+
+
+def with_scene(row):
+    """The step, and what the mirror took for the transforms of its tick."""
+    return row["p50_ms"] + row["scene_p50_ms"]
+
+
+def growth_part(rows, folder):
+    text = """## Growth
+
+r = 7, 343 candidates, two targets where not said otherwise; on a grid of blocks with streets between them. Medians of the whole step; with
+moving occluders the mirror's part is in it. Both axes of the plots are logarithmic.
+
+"""
+    for section, (title, x_name) in GROWTH.items():
+        lines = {}
+        for row in select(rows, section=section):
+            lines.setdefault(NAMES[row["row"]], []).append((row["x"], with_scene(row) if section == "movers" else row["p50_ms"]))
+        if not lines:
+            continue
+        (folder / "plots").mkdir(exist_ok=True)
+        (folder / "plots" / f"{section}.svg").write_text(line_plot(f"A step by {title}", x_name, "ms", lines), encoding="utf-8")
+        text += f"![A step by {title}](plots/{section}.svg)\n\n"
+        xs = distinct(select(rows, section=section), "x")
+        text += markdown(["<ms"] + [f"{x:,.0f}" for x in xs],
+                         [[name] + [number(dict(line).get(x), 3) for x in xs] for name, line in lines.items()]) + "\n"
+    return text
+
+
+# ---- loading ----
+
+def load_claims(load):
+    if not load:
+        return [Claim("Loading", None, "")]
+    small, large = load[0], load[-1]
+    total = lambda row, sampler: row["source_bytes"] + row["cluster_bytes"] + row[f"{sampler}_bytes"]
+    return [at_most(f"A .glb of {small['triangles']:,.0f} triangles is ready in under 0.5 s", small["ready_s"], 0.5, "s"),
+            at_most(f"A .glb of {large['triangles']:,.0f} triangles is ready in under 20 s", large["ready_s"], 20, "s", 1),
+            at_most("Bytes a triangle in all with Embree under 160", max(total(row, "embree") for row in load), 160, "B", 0),
+            at_most("Bytes a triangle in all with EGL under 160", max(total(row, "egl") for row in load), 160, "B", 0)]
+
+
+def load_part(load):
+    if not load:
+        return ""
+    return """## Loading
+
+A binary glTF file of distinct meshes, from its bytes until the first map is taken. Each sampler's part is there only when that sampler is used.
+
+""" + markdown(["triangles", "MB", "read, checked", "geometry", "Embree", "ready with Embree", "source B/triangle", "clusters", "Embree", "EGL"],
+               [[f"{row['triangles']:,.0f}", number(row["file_mb"], 1)] + [f"{number(row[name], 2)} s" for name in ("read_s", "build_s", "embree_s", "ready_s")] +
+                [number(row[name], 1) for name in ("source_bytes", "cluster_bytes", "embree_bytes", "egl_bytes")] for row in load])
+
+
+# ---- the page ----
+
+def introduction(how):
+    return f"""# Speed
+
+Made by `tests/results/speed/make.sh` and never edited by hand; `make_page.py` makes this page again from the tables in this folder. Measured on
+{how['cores']} cores ({how['cpu']}) without a GPU, samplers {how['samplers']}, in {how['minutes']} minutes, commit {how['commit']}.
+All contenders of a table are measured in one run, frame by frame in turn, over the same scene at the same time, so that ratios hold better than
+figures. On a GPU: not measured.
+"""
+
+
+def claims_part(claims):
+    return "## Claims\n\nComputed from the tables in this folder.\n\n" + markdown(["<claim", "<verdict", "<figure"], [claim.row() for claim in claims])
+
+
+def make_page(folder):
+    how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
+    rows, ratios = read_table(folder / "rows.csv"), read_table(folder / "ratios.csv")
+    load = read_table(folder / "load.csv") if (folder / "load.csv").exists() else []
+    service = read_service(folder / "service")
+    claims = step_claims(rows, ratios) + service_claims(service, Claim) + growth_claims(rows) + load_claims(load)
+    notes = folder / "notes.md"
+    parts = [introduction(how), claims_part(claims), notes.read_text(encoding="utf-8") if notes.exists() else "",
+             peers_part(rows, ratios), wide_part(rows), service_part(service), growth_part(rows, folder), load_part(load)]
+    return "\n".join(part for part in parts if part)
+
+
+def main():
+    folder = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
+    (folder / "README.md").write_text(make_page(folder), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,271 @@
+// The Embree sampler's maps: those of brute force, the same bits in any company, and taken without an allocation.
+#include "server/sample/embree_maps.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include "server/sample/embree_sampler.h"
+#include "server/sample/plan.h"
+#include "tests/sample/brute_force.h"
+#include "tests/sample/scene_maker.h"
+
+// Counts the allocations of this program. Never inlined: the compiler would see a mismatched pair.
+static std::atomic<size_t> allocations{0};
+[[gnu::noinline]] void* operator new(size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size ? size : 1)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
+  std::free(memory);
+}
+
+namespace sightline {
+namespace {
+
+using test::brute_trace;
+using test::BruteHit;
+using test::SceneMaker;
+
+// Requests whose ignored slots live as long as they do: maps of many shapes, and sights.
+struct Requests {
+  std::vector<std::vector<uint32_t>> ignored;
+  std::vector<MapRequest> all;
+
+  Requests(SceneMaker& maker, size_t slots, int count, double ahead_s = 0.0) {
+    for (int i = 0; i < count; ++i) {
+      ignored.push_back(maker.ignored(slots));
+      MapRequest request{.view = maker.view(), .layer_mask = i % 3 == 0 ? 5u : 0xFFFFFFFFu};
+      if (i % 4 == 1) request.view = plan_sight(request.view.eye_m, maker.pose().position_m);
+      if (i % 4 == 2) request.view.width = 7, request.view.height = 7;
+      if (i % 4 == 3) request.ahead_s = ahead_s;
+      all.push_back(request);
+    }
+    for (size_t i = 0; i < all.size(); ++i) all[i].ignored_slots = ignored[i];
+  }
+};
+
+// Texels in which a map is not what brute force finds; texels that an edge passes within rounding may go either way.
+size_t count_differences(const SceneMirror& mirror, const MapRequest& request, const DepthMap& map) {
+  size_t different = 0;
+  const RayFilter filter{.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots};
+  for (int y = 0; y < map.view.height; ++y)
+    for (int x = 0; x < map.view.width; ++x) {
+      const glm::dvec3 direction = texel_direction(map.view, x, y);
+      const BruteHit want = brute_trace(mirror, true, map.view.eye_m, direction, map.view.near_m, filter);
+      const double distance_m = want.distance * glm::length(direction);
+      const bool tie = want.second - want.distance < 1e-5 * want.distance;
+      const bool same_slot = map.occluder_at(x, y) == want.slot || tie;
+      const bool same_distance = want.slot == kNoOccluder ? std::isinf(map.distance_at(x, y))
+                                                          : std::abs(map.distance_at(x, y) - distance_m) < 1e-5 * distance_m + 1e-5;
+      different += !(same_slot && same_distance);
+    }
+  return different;
+}
+
+size_t count_texels(std::span<const DepthMap> maps) {
+  size_t texels = 0;
+  for (const DepthMap& map : maps) texels += map.distance_m.size();
+  return texels;
+}
+
+bool same_bits(const DepthMap& a, const DepthMap& b) {
+  return a.distance_m.size() == b.distance_m.size() && a.occluder == b.occluder &&
+         std::memcmp(a.distance_m.data(), b.distance_m.data(), a.distance_m.size() * sizeof(float)) == 0;
+}
+
+class EmbreeMapsTest : public ::testing::Test {
+ protected:
+  std::vector<DepthMap> take(const SceneMirror& mirror, std::span<const MapRequest> requests) {
+    std::vector<DepthMap> maps;
+    EXPECT_TRUE(device_->make_sampler()->take(mirror, requests, maps));
+    return maps;
+  }
+  std::unique_ptr<SamplerDevice> device_ = make_embree_sampler_device();
+};
+
+TEST_F(EmbreeMapsTest, AreThoseOfBruteForceWhileTheSceneChanges) {
+  size_t different = 0, texels = 0;
+  for (uint64_t seed = 300; seed < 312; ++seed) {
+    SceneMaker maker(seed, seed % 2 ? glm::dvec3(0.0) : glm::dvec3(-7000.0, 300.0, 7100.0));
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+    const auto sampler = device_->make_sampler();
+    std::vector<DepthMap> maps;
+    for (int round = 0; round < 4; ++round) {
+      const Requests requests(maker, mirror.instances().size(), 4);
+      ASSERT_TRUE(sampler->take(mirror, requests.all, maps));
+      for (size_t i = 0; i < maps.size(); ++i) different += count_differences(mirror, requests.all[i], maps[i]);
+      texels += count_texels(maps);
+      SceneDelta delta;
+      const uint64_t victim = 1 + maker.random().next_below(12);
+      if (round == 0) delta.change.push_back({victim, maker.attributes()});
+      if (round == 1) delta.remove.push_back(victim), delta.add.push_back(maker.instance(victim));
+      ASSERT_TRUE(mirror.apply(delta, maker.moves(mirror, 12)));
+    }
+  }
+  EXPECT_GT(texels, 20'000u);
+  EXPECT_LE(different, texels / 2000) << "of " << texels;
+}
+
+TEST_F(EmbreeMapsTest, ShowManyMoversAsBruteForceDoes) {
+  SceneMaker maker(17);
+  SceneMirror mirror;
+  SceneDelta delta;
+  const auto shape = maker.shape();
+  for (uint64_t id = 1; id <= 200; ++id) {
+    delta.add.push_back(maker.instance(id));
+    delta.add.back().geometry = shape;
+    delta.add.back().pose.position_m *= 4.0;
+    delta.add.back().moving = true;
+  }
+  ASSERT_TRUE(mirror.apply(delta, {}));
+  const Requests requests(maker, 200, 8);
+  const std::vector<DepthMap> maps = take(mirror, requests.all);
+  size_t different = 0;
+  for (size_t i = 0; i < maps.size(); ++i) different += count_differences(mirror, requests.all[i], maps[i]);
+  EXPECT_LE(different, count_texels(maps) / 2000);
+}
+
+TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
+  constexpr double kAheadS = 0.4;
+  size_t different = 0, texels = 0;
+  for (uint64_t seed = 400; seed < 410; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror, later;
+    const SceneDelta scene = maker.scene(12);
+    ASSERT_TRUE(mirror.apply(scene, {}));
+    ASSERT_TRUE(later.apply(scene, {}));
+    TransformUpdate moves = maker.moves(mirror, 12);
+    moves.velocities_mps.resize(moves.ids.size(), {1.5, -0.5, 2.0});
+    ASSERT_TRUE(mirror.apply({}, moves));
+    for (size_t i = 0; i < moves.ids.size(); ++i) moves.poses[i].position_m += kAheadS * moves.velocities_mps[i];
+    ASSERT_TRUE(later.apply({}, moves));
+    const Requests requests(maker, 12, 8, kAheadS);
+    const std::vector<DepthMap> maps = take(mirror, requests.all);
+    for (size_t i = 0; i < maps.size(); ++i)
+      different += count_differences(requests.all[i].ahead_s > 0 ? later : mirror, requests.all[i], maps[i]);
+    texels += count_texels(maps);
+  }
+  EXPECT_LE(different, texels / 2000) << "of " << texels;
+}
+
+TEST_F(EmbreeMapsTest, AreTheSameBitsInAnyCompanyAndOrder) {
+  for (uint64_t seed = 500; seed < 520; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(14), {}));
+    const Requests requests(maker, 14, 12, 0.3);
+    const std::vector<DepthMap> together = take(mirror, requests.all);
+    std::vector<MapRequest> reversed(requests.all.rbegin(), requests.all.rend());
+    const std::vector<DepthMap> backwards = take(mirror, reversed);
+    const auto used = device_->make_sampler();
+    for (size_t i = 0; i < together.size(); ++i) {
+      EXPECT_TRUE(same_bits(together[i], backwards[together.size() - 1 - i]));
+      EXPECT_TRUE(same_bits(together[i], take(mirror, {&requests.all[i], 1})[0]));
+      std::vector<DepthMap> maps;
+      ASSERT_TRUE(used->take(mirror, {&requests.all[i], 1}, maps));
+      EXPECT_TRUE(same_bits(together[i], maps[0]));
+    }
+  }
+}
+
+TEST_F(EmbreeMapsTest, EndAtTheFarDistanceAndAreTheSameBeforeIt) {
+  size_t cut = 0, kept = 0;
+  for (uint64_t seed = 600; seed < 610; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+    Requests requests(maker, 12, 8);
+    const std::vector<DepthMap> whole = take(mirror, requests.all);
+    for (MapRequest& request : requests.all) request.far_m = 4.0;
+    const std::vector<DepthMap> near = take(mirror, requests.all);
+    for (size_t i = 0; i < near.size(); ++i)
+      for (size_t texel = 0; texel < near[i].occluder.size(); ++texel) {
+        const bool beyond = whole[i].distance_m[texel] > 4.0f;
+        (beyond ? cut : kept) += whole[i].occluder[texel] != kNoOccluder;
+        EXPECT_EQ(near[i].occluder[texel], beyond ? kNoOccluder : whole[i].occluder[texel]);
+        EXPECT_FLOAT_EQ(near[i].distance_m[texel],
+                        beyond ? std::numeric_limits<float>::infinity() : whole[i].distance_m[texel]);
+      }
+  }
+  EXPECT_GT(cut, 1000u);
+  EXPECT_GT(kept, 1000u);
+}
+
+TEST_F(EmbreeMapsTest, AreTakenWithoutAnAllocationOnceTheirMemoryIsThere) {
+  SceneMaker maker(42);
+  SceneMirror mirror;
+  ASSERT_TRUE(mirror.apply(maker.scene(30), {}));
+  const Requests requests(maker, 30, 12, 0.3);
+  std::vector<TransformUpdate> ticks;
+  for (int tick = 0; tick < 100; ++tick) ticks.push_back(maker.moves(mirror, 30));
+  // The first to name an instance makes it a mover.
+  for (const TransformUpdate& tick : ticks) ASSERT_TRUE(mirror.apply({}, tick));
+  const auto sampler = device_->make_sampler();
+  std::vector<DepthMap> maps;
+  const auto run = [&] {
+    for (const TransformUpdate& tick : ticks)
+      if (!mirror.apply({}, tick) || !sampler->take(mirror, requests.all, maps)) return false;
+    return true;
+  };
+  ASSERT_TRUE(run());
+  const size_t before = allocations;
+  ASSERT_TRUE(run());
+  EXPECT_EQ(allocations - before, 0u);
+}
+
+TEST(PacketShape, CoversEveryMapWithAsFewPacketsAsAnyRectangle) {
+  for (int width = 1; width <= kMaxMapSize; ++width)
+    for (int height = 1; height <= kMaxMapSize; ++height) {
+      const auto packets = [&](int w, int h) { return ((width + w - 1) / w) * ((height + h - 1) / h); };
+      int fewest = width * height;
+      for (int w = 1; w <= 16; ++w)
+        for (int h = 1; w * h <= 16; ++h) fewest = std::min(fewest, packets(w, h));
+      const PacketShape shape = packet_shape(width, height);
+      ASSERT_LE(shape.width * shape.height, 16);
+      ASSERT_EQ(packets(shape.width, shape.height), fewest) << width << " x " << height;
+    }
+  EXPECT_EQ(packet_shape(16, 16).width, 4);
+  EXPECT_EQ(packet_shape(7, 7).width, 4);
+}
+
+// A ball that any ray of the cone meets may never be left out; most that none meets should be.
+TEST(RayCone, LeavesOutNoBallThatARayMeets) {
+  SceneMaker maker(8);
+  int met = 0, left_out = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const MapView view = maker.view();
+    const std::array<glm::vec3, 4> corners{
+        glm::vec3(texel_direction(view, 0, 0)), glm::vec3(texel_direction(view, view.width - 1, 0)),
+        glm::vec3(texel_direction(view, 0, view.height - 1)),
+        glm::vec3(texel_direction(view, view.width - 1, view.height - 1))};
+    const RayCone cone = RayCone::around(corners);
+    const glm::dvec3 center = maker.pose().position_m;
+    const double radius = maker.random().next_in(0.05, 1.0);
+    bool meets = false;
+    for (int y = 0; y < view.height; ++y)
+      for (int x = 0; x < view.width; ++x) {
+        const glm::dvec3 ray = glm::normalize(texel_direction(view, x, y));
+        const glm::dvec3 nearest = ray * std::max(0.0, glm::dot(ray, center)) - center;
+        meets |= glm::length(nearest) <= radius;
+      }
+    const bool kept = cone.may_meet(glm::vec3(center), static_cast<float>(radius * (1 + 1e-6)));
+    met += meets;
+    left_out += !kept;
+    EXPECT_TRUE(kept || !meets);
+  }
+  EXPECT_GT(met, 100);
+  EXPECT_GT(left_out, 500);
+}
+
+}  // namespace
+}  // namespace sightline
