@@ -5,9 +5,11 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <sstream>
 #include <thread>
 
 #include "client/contact_sheet.h"
+#include "client/drive_page.h"
 #include "client/file_bytes.h"
 #include "client/follow.h"
 #include "client/metrics.h"
@@ -58,6 +60,8 @@ class Drive {
     std::error_code trouble;
     std::filesystem::create_directories(options_.out, trouble);
     if (trouble) return fail(ErrorCode::kUnavailable, options_.out, trouble.message());
+    if (!options_.page.empty() && !std::ofstream(options_.page, std::ios::app))
+      return fail(ErrorCode::kUnavailable, options_.page, "cannot be written");
     return {};
   }
 
@@ -70,11 +74,13 @@ class Drive {
     if (!scene) return tl::unexpected(scene.error());
     const auto preset = preset_named(options_.preset);
     if (!preset) return tl::unexpected(preset.error());
-    v1::OpenSession open = open_request(*scenario_, scene->hash(), options_.seed);
-    open.mutable_settings()->set_preset(*preset);
-    auto session = client->open_session(open, 30s);
+    open_ = open_request(*scenario_, scene->hash(), options_.seed);
+    open_.mutable_settings()->set_preset(*preset);
+    open_.mutable_diagnostics()->set_candidates(!options_.page.empty());
+    auto session = client->open_session(open_, 30s);
     if (!session) return tl::unexpected(session.error());
-    say_opened((*session)->opened());
+    opened_ = (*session)->opened();
+    say_opened(opened_);
     auto frames = play(*scenario_, **session, play_);
     bar_.clear();
     if (!frames) return tl::unexpected(frames.error());
@@ -140,7 +146,26 @@ class Drive {
     bar_.clear();
     if (!written) return written;
     out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    return options_.page.empty() ? Status() : write_page();
+  }
+
+  Status write_page() {
+    DrivePictures pictures;
+    pictures.progress = [&](size_t done) { bar_.show("page", done, pictures.count); };
+    SessionPage page = drive_page({*scenario_, frames_, run_.truths, run_.metrics, follow_, open_, opened_},
+                                  *world_, pictures);
+    bar_.clear();
+    page.title = std::filesystem::path(options_.scenario).stem();
+    page.facts.emplace_back("ticks", rate_text());
+    if (auto written = write_session_page(page, options_.page); !written) return written;
+    out_ << "page    " << options_.page << '\n';
     return {};
+  }
+
+  std::string rate_text() const {
+    std::ostringstream text;
+    text << options_.rate_hz << " Hz" << (options_.lockstep ? ", as fast as replies come" : ", in real time");
+    return text.str();
   }
 
   const DriveOptions& options_;
@@ -152,6 +177,8 @@ class Drive {
   std::unique_ptr<ScenarioWorld> world_;
   PlayOptions play_;
   double said_second_ = -1.0;
+  v1::OpenSession open_;
+  v1::SessionOpened opened_;
   std::vector<PlayedFrame> frames_;
   std::vector<CameraFrame> path_;
   Judged run_;

@@ -38,6 +38,8 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
       ->capture_default_str();
   drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")
       ->capture_default_str();
+  drive->add_option("--page", options.page,
+                    "Also write the session as one HTML page: 3D view, time line, what the camera saw");
   drive->add_flag("--fast", options.lockstep,
                   "As fast as replies come, one tick at a time: the same outcome each time");
   drive->add_flag("!--no-truth", options.truth, "Judge no pictures: no visible shares, no baseline");

@@ -59,4 +59,15 @@ Status write_png(const Picture& picture, const std::string& path) {
   return {};
 }
 
+std::vector<uint8_t> encode_jpeg(const Picture& picture, int quality) {
+  std::vector<uint8_t> bytes;
+  const auto append = [](void* to, void* data, int size) {
+    const auto* first = static_cast<const uint8_t*>(data);
+    static_cast<std::vector<uint8_t>*>(to)->insert(static_cast<std::vector<uint8_t>*>(to)->end(), first,
+                                                   first + size);
+  };
+  stbi_write_jpg_to_func(append, &bytes, picture.width, picture.height, 3, picture.pixels.data(), quality);
+  return bytes;
+}
+
 }  // namespace sightline

@@ -31,4 +31,7 @@ void paste(Picture& picture, const Picture& part, int x, int y);
 // kUnavailable with the path when the file cannot be written.
 Status write_png(const Picture& picture, const std::string& path);
 
+// As a JPEG file's bytes; `quality` in [1, 100].
+std::vector<uint8_t> encode_jpeg(const Picture& picture, int quality);
+
 }  // namespace sightline

@@ -20,71 +20,52 @@ std::string percent(double share) {
   return formatted("%.1f %%", 100 * share);
 }
 
-class Table {
+class Rows {
  public:
-  Table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow)
-      : out_(out), run_(run), follow_(follow) {}
+  Rows(const RunMetrics& run, const std::optional<RunMetrics>& follow) : run_(run), follow_(follow) {}
 
   // `cell` gives the text of one column from its metrics.
   template <typename Cell>
   void row(const std::string& label, Cell cell) {
-    out_ << "  " << std::left << std::setw(kLabelWidth) << label << std::right << std::setw(kCellWidth)
-         << cell(run_);
-    if (follow_) out_ << std::setw(kCellWidth) << cell(*follow_);
-    out_ << '\n';
+    rows_.push_back({label, {cell(run_)}});
+    if (follow_) rows_.back().values.push_back(cell(*follow_));
   }
-  void header() {
-    out_ << "  " << std::left << std::setw(kLabelWidth) << "" << std::right << std::setw(kCellWidth)
-         << "sightline";
-    if (follow_) out_ << std::setw(kCellWidth) << "follow";
-    out_ << '\n';
-  }
+  std::vector<FigureRow> take() { return std::move(rows_); }
 
  private:
-  static constexpr int kLabelWidth = 44, kCellWidth = 14;
-  std::ostream& out_;
   const RunMetrics& run_;
   const std::optional<RunMetrics>& follow_;
+  std::vector<FigureRow> rows_;
 };
 
-void print_sight(Table& table, const RunMetrics& run) {
+void add_sight(Rows& rows, const RunMetrics& run) {
   for (size_t k = 0; k < run.targets.size(); ++k) {
     const std::string& name = run.targets[k].name;
-    table.row("mean visible share: " + name,
-              [k](const RunMetrics& m) { return percent(m.targets[k].mean_visible_share); });
-    table.row("in frame: " + name, [k](const RunMetrics& m) { return percent(m.targets[k].in_frame_share); });
+    rows.row("mean visible share: " + name,
+             [k](const RunMetrics& m) { return percent(m.targets[k].mean_visible_share); });
+    rows.row("in frame: " + name, [k](const RunMetrics& m) { return percent(m.targets[k].in_frame_share); });
   }
-  table.row("r_N (no target visible)", [](const RunMetrics& m) { return percent(m.r_n); });
-  table.row("r_P (partly hidden)", [](const RunMetrics& m) { return percent(m.r_p); });
-  table.row("r_P with 5 % tolerance", [](const RunMetrics& m) { return percent(m.r_p_tolerant); });
-  table.row("all targets seen (a pixel of each)", [](const RunMetrics& m) { return percent(m.all_seen); });
-  table.row("all targets clear (95 % of each)", [](const RunMetrics& m) { return percent(m.all_clear()); });
+  rows.row("r_N (no target visible)", [](const RunMetrics& m) { return percent(m.r_n); });
+  rows.row("r_P (partly hidden)", [](const RunMetrics& m) { return percent(m.r_p); });
+  rows.row("r_P with 5 % tolerance", [](const RunMetrics& m) { return percent(m.r_p_tolerant); });
+  rows.row("all targets seen (a pixel of each)", [](const RunMetrics& m) { return percent(m.all_seen); });
+  rows.row("all targets clear (95 % of each)", [](const RunMetrics& m) { return percent(m.all_clear()); });
 }
 
-void print_body(Table& table) {
-  table.row("body collisions (frames)",
-            [](const RunMetrics& m) { return std::to_string(m.body_collisions); });
-  table.row("least clearance", [](const RunMetrics& m) { return formatted("%.2f m", m.least_clearance_m); });
-  table.row("motion limit violations (frames)",
-            [](const RunMetrics& m) { return std::to_string(m.limit_violations); });
-  table.row("path length d_c", [](const RunMetrics& m) { return formatted("%.1f m", m.d_c_m); });
+void add_body(Rows& rows) {
+  rows.row("body collisions (frames)", [](const RunMetrics& m) { return std::to_string(m.body_collisions); });
+  rows.row("least clearance", [](const RunMetrics& m) { return formatted("%.2f m", m.least_clearance_m); });
+  rows.row("motion limit violations (frames)",
+           [](const RunMetrics& m) { return std::to_string(m.limit_violations); });
+  rows.row("path length d_c", [](const RunMetrics& m) { return formatted("%.1f m", m.d_c_m); });
 }
 
-void print_latency(std::ostream& out, std::span<const PlayedFrame> frames) {
-  std::vector<double> latencies, steps;
-  size_t merged = 0;
-  for (const PlayedFrame& frame : frames) {
-    latencies.push_back(frame.latency_ms);
-    steps.push_back(frame.reply.stage_times().total_us() / 1000.0);
-    merged += frame.reply.merged_ticks();
-  }
-  const auto line = [&](const char* what, const std::vector<double>& values) {
-    out << formatted("  %-44sp50 %.2f  p95 %.2f  p99 %.2f ms\n", what, percentile(values, 0.50),
-                     percentile(values, 0.95), percentile(values, 0.99));
-  };
-  line("latency (tick sent to reply received)", latencies);
-  line("of which the step itself", steps);
-  out << formatted("  %-44s%zu\n", "ticks merged into a later answer", merged);
+constexpr int kLabelWidth = 44, kCellWidth = 14;
+
+void print_row(std::ostream& out, const std::string& label, std::span<const std::string> values) {
+  out << "  " << std::left << std::setw(kLabelWidth) << label << std::right;
+  for (const std::string& value : values) out << std::setw(kCellWidth) << value;
+  out << '\n';
 }
 
 }  // namespace
@@ -107,15 +88,41 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame) {
          formatted("  %.2f ms", frame.latency_ms);
 }
 
+std::vector<FigureRow> figure_rows(const RunMetrics& run, const std::optional<RunMetrics>& follow) {
+  Rows rows(run, follow);
+  if (run.pictures > 0) add_sight(rows, run);
+  add_body(rows);
+  return rows.take();
+}
+
+std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames) {
+  std::vector<double> latencies, steps;
+  size_t merged = 0;
+  for (const PlayedFrame& frame : frames) {
+    latencies.push_back(frame.latency_ms);
+    steps.push_back(frame.reply.stage_times().total_us() / 1000.0);
+    merged += frame.reply.merged_ticks();
+  }
+  const auto spread = [](const std::vector<double>& values) {
+    return formatted("p50 %.2f  p95 %.2f  p99 %.2f ms", percentile(values, 0.50), percentile(values, 0.95),
+                     percentile(values, 0.99));
+  };
+  return {{"latency (tick sent to reply received)", {spread(latencies)}},
+          {"of which the step itself", {spread(steps)}},
+          {"ticks merged into a later answer", {std::to_string(merged)}}};
+}
+
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames) {
-  Table table(out, run, follow);
   out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures,
                    kTruthSize, kTruthSize);
-  table.header();
-  if (run.pictures > 0) print_sight(table, run);
-  print_body(table);
-  print_latency(out, frames);
+  std::vector<std::string> columns{"sightline"};
+  if (follow) columns.emplace_back("follow");
+  print_row(out, "", columns);
+  for (const FigureRow& row : figure_rows(run, follow)) print_row(out, row.label, row.values);
+  for (const FigureRow& row : latency_rows(frames))
+    out << "  " << std::left << std::setw(kLabelWidth) << row.label << std::right << row.values.front()
+        << '\n';
 }
 
 }  // namespace sightline

@@ -5,6 +5,7 @@
 #include <ostream>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "client/metrics.h"
 #include "client/player.h"
@@ -13,6 +14,16 @@ namespace sightline {
 
 // "   3.0 s  (1.20, 2.00, 5.31)  guard 1.00  thief 0.87  S_N 10  S_P 40  S_V 293  TRACKING ...  0.52 ms"
 std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
+
+struct FigureRow {
+  std::string label;
+  std::vector<std::string> values;  // of the run and, where it was judged, of `follow`
+};
+
+// What was seen and touched, as far as it was judged.
+std::vector<FigureRow> figure_rows(const RunMetrics& run, const std::optional<RunMetrics>& follow);
+// How long answers took; of the run alone.
+std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
 
 // One column for the run and, where it was judged, one for `follow`; then latencies.
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,

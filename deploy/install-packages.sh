@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what is missing to build, run and test Sightline on Debian 12, from Debian's own packages. Works as root and
 # with sudo; does nothing, quickly, when all is there.
-#   deploy/install-packages.sh build   what building and testing needs (the default)
+#   deploy/install-packages.sh build   what building needs, tests too (the default)
+#   deploy/install-packages.sh test    the same, and the browser that some tests drive
 #   deploy/install-packages.sh run     what the built programs need
 #   deploy/install-packages.sh fuzz    what the fuzzers need beside that of build (tests/record/fuzz.sh)
 set -euo pipefail
@@ -17,6 +18,9 @@ build_packages=(
   libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
   python3 python3-grpcio python3-protobuf python3-venv
 )
+# An npm from elsewhere, which Debian's would not stand beside, does as well.
+command -v npm >/dev/null || build_packages+=(nodejs npm)
+test_packages=(chromium chromium-driver python3-selenium fonts-dejavu-core)
 run_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
   libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 zlib1g
@@ -27,9 +31,10 @@ fuzz_packages=(
 
 case "${1:-build}" in
   build) wanted=("${build_packages[@]}") ;;
+  test) wanted=("${build_packages[@]}" "${test_packages[@]}") ;;
   run) wanted=("${run_packages[@]}") ;;
   fuzz) wanted=("${fuzz_packages[@]}") ;;
-  *) echo "usage: $0 [build|run|fuzz]" >&2; exit 2 ;;
+  *) echo "usage: $0 [build|test|run|fuzz]" >&2; exit 2 ;;
 esac
 
 missing=()

@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${PRESET:-release}
 
-deploy/install-packages.sh build
+deploy/install-packages.sh test
 cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
 cmake --build --preset "$preset" --parallel "$(nproc)"
 ctest --test-dir "build/$preset" --output-on-failure --parallel "$(nproc)" "$@"

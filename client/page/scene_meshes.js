@@ -1,0 +1,173 @@
+// The scene's own things: what stands still as instanced meshes, what moves and the targets as meshes of their own.
+import * as THREE from 'three';
+import { colour, targetColour } from './dom.js';
+import { meshOf, sightAt } from './session.js';
+
+const ROOF_M = 8; // higher than that it is no roof in the way
+
+export class SceneMeshes {
+  constructor(session) {
+    this.session = session;
+    this.group = new THREE.Group();
+    this.cutPlane = new THREE.Plane(new THREE.Vector3(0, -1, 0), 0);
+    this.geometries = session.meshes.map((_, i) => this.geometry(i));
+    this.still = new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide });
+    this.moving = new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide });
+    this.addStill();
+    this.addMovers();
+    this.blockers = this.addBlockers();
+    this.recolour();
+  }
+
+  geometry(index) {
+    const { positions, indices } = meshOf(this.session, index);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(positions, 3));
+    geometry.setIndex(new THREE.BufferAttribute(indices, 1));
+    return geometry;
+  }
+
+  // The matrix of an instance as it stands, columns x, y, z and origin.
+  matrixOf(index) {
+    const t = this.session.instance_transforms.subarray(12 * index, 12 * index + 12);
+    return new THREE.Matrix4().set(
+      t[0],
+      t[3],
+      t[6],
+      t[9],
+      t[1],
+      t[4],
+      t[7],
+      t[10],
+      t[2],
+      t[5],
+      t[8],
+      t[11],
+      0,
+      0,
+      0,
+      1,
+    );
+  }
+
+  addStill() {
+    const moving = new Set(this.session.movers);
+    const byMesh = new Map();
+    this.session.instances.forEach((instance, index) => {
+      if (moving.has(index)) return;
+      if (!byMesh.has(instance.mesh)) byMesh.set(instance.mesh, []);
+      byMesh.get(instance.mesh).push(index);
+    });
+    this.stillMeshes = [...byMesh].map(([mesh, indices]) => {
+      const drawn = new THREE.InstancedMesh(this.geometries[mesh], this.still, indices.length);
+      indices.forEach((index, i) => drawn.setMatrixAt(i, this.matrixOf(index)));
+      this.group.add(drawn);
+      return drawn;
+    });
+  }
+
+  addMovers() {
+    this.targetMaterials = this.session.targets.map(
+      (_, k) => new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide, color: targetColour(k) }),
+    );
+    const targetOf = new Map(this.session.targets.map((target, k) => [target.instance, k]));
+    this.linear = this.session.movers.map((index) => this.matrixOf(index));
+    this.movers = this.session.movers.map((index) => {
+      const k = targetOf.get(index);
+      const drawn = new THREE.Mesh(
+        this.geometries[this.session.instances[index].mesh],
+        k === undefined ? this.moving : this.targetMaterials[k],
+      );
+      drawn.matrixAutoUpdate = false;
+      this.group.add(drawn);
+      return drawn;
+    });
+    this.moverOf = new Map(this.session.movers.map((index, i) => [index, i]));
+  }
+
+  // One highlight a target: what hides it is drawn again, through everything.
+  addBlockers() {
+    this.blockerMaterial = new THREE.MeshBasicMaterial({
+      transparent: true,
+      opacity: 0.38,
+      depthTest: false,
+      side: THREE.DoubleSide,
+    });
+    return this.session.targets.map(() => {
+      const drawn = new THREE.Mesh(new THREE.BufferGeometry(), this.blockerMaterial);
+      drawn.matrixAutoUpdate = false;
+      drawn.visible = false;
+      drawn.renderOrder = 5;
+      this.group.add(drawn);
+      return drawn;
+    });
+  }
+
+  recolour() {
+    this.still.color.set(colour('stone'));
+    this.moving.color.set(colour('mover'));
+    this.blockerMaterial.color.set(colour('hidden'));
+  }
+
+  setXray(on) {
+    Object.assign(this.still, { transparent: on, opacity: on ? 0.22 : 1, depthWrite: !on });
+  }
+
+  // Cuts away what is above a height; null: nothing.
+  setCut(height_m) {
+    this.still.clippingPlanes = height_m === null ? null : [this.cutPlane];
+    if (height_m !== null) this.cutPlane.constant = height_m;
+  }
+
+  // How far apart any two things of the scene may be at the start, metres.
+  size() {
+    const box = new THREE.Box3().setFromObject(this.group),
+      camera = this.session.camera;
+    for (let frame = 0; frame < this.session.frames; frame++)
+      box.expandByPoint(new THREE.Vector3().fromArray(camera, 7 * frame));
+    return Math.max(100, 1.5 * box.getSize(new THREE.Vector3()).length());
+  }
+
+  // Whether nothing that stands still lies between two points.
+  isOpen(a, b) {
+    this.group.updateMatrixWorld(true);
+    const way = b.clone().sub(a),
+      ray = new THREE.Raycaster(a, way.clone().normalize(), 0, way.length());
+    return ray.intersectObjects(this.stillMeshes, false).length === 0;
+  }
+
+  // Whether the first target starts under a roof.
+  hasRoof() {
+    if (!this.session.targets.length) return false;
+    const from = new THREE.Vector3(...sightAt(this.session, 0, 0).aim);
+    return !this.isOpen(from, from.clone().add(new THREE.Vector3(0, ROOF_M, 0)));
+  }
+
+  show(frame) {
+    const { session } = this,
+      count = session.movers.length;
+    const position = new THREE.Vector3(),
+      rotation = new THREE.Quaternion(),
+      one = new THREE.Vector3(1, 1, 1);
+    this.movers.forEach((drawn, i) => {
+      const p = session.mover_poses.subarray(7 * (frame * count + i), 7 * (frame * count + i) + 7);
+      drawn.matrix
+        .compose(position.set(p[0], p[1], p[2]), rotation.set(p[3], p[4], p[5], p[6]), one)
+        .multiply(this.linear[i]);
+      drawn.matrixWorldNeedsUpdate = true;
+    });
+  }
+
+  // Highlights the instance that hides target `k`, or nothing. Returns its mesh to be met by a ray, or null.
+  showBlocker(k, id) {
+    const drawn = this.blockers[k];
+    const index = id === null ? undefined : this.session.instanceOf.get(id);
+    drawn.visible = index !== undefined;
+    if (index === undefined) return null;
+    drawn.geometry = this.geometries[this.session.instances[index].mesh];
+    const mover = this.moverOf.get(index);
+    drawn.matrix.copy(mover === undefined ? this.matrixOf(index) : this.movers[mover].matrix);
+    drawn.updateMatrixWorld(true);
+    return drawn;
+  }
+}

@@ -1,0 +1,557 @@
+"""The page of a driven session in a real browser: page_test.py SIGHTLINED SIGHTLINE MAKE_SCENES OUT.
+
+Plays a scene against a daemon, opens the page that `sightline drive --page` writes in headless Chromium, uses it as a
+person would and compares what it shows with the trace of the same drive. OUT keeps the page and screenshots. Leaves with
+77 where there is no Chromium."""
+import base64
+import csv
+import json
+import math
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+SIGHTLINED, SIGHTLINE, MAKE_SCENES, OUT = sys.argv[1:5]
+OUT = pathlib.Path(OUT)
+PATIENCE_S = 60  # software WebGL on a machine that does other things as well
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.options import Options
+    from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+except ImportError:
+    webdriver = None
+if not (CHROMIUM and DRIVER and webdriver):
+    print("skipped: needs the packages chromium, chromium-driver and python3-selenium")
+    sys.exit(77)
+
+
+def wait_for(what, patience_s=PATIENCE_S):
+    """The first true value of `what()`."""
+    end = time.monotonic() + patience_s
+    while True:
+        value = what()
+        if value:
+            return value
+        if time.monotonic() > end:
+            raise AssertionError("waited in vain")
+        time.sleep(0.05)
+
+
+class Session:
+    """A drive of four targets among obstacles: its page and its trace."""
+
+    def __init__(self):
+        OUT.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            subprocess.run([MAKE_SCENES, "--out", folder, "arena"], check=True, capture_output=True, timeout=60)
+            address = f"unix:{folder}/sock"
+            daemon = subprocess.Popen([SIGHTLINED, "--listen", "none", "--listen-unix", f"{folder}/sock",
+                                       "--sampler", "embree", "--ready-file", folder / "ready"],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            try:
+                wait_for((folder / "ready").exists)
+                self.page = OUT / "arena.html"
+                drive = [SIGHTLINE, "drive", folder / "arena.glb", "--server", address, "--fast"]
+                self.said = self.run(*drive, "--duration", "5", "--truth-every", "10", "--out", folder / "out",
+                                     "--page", self.page)
+                self.run(*drive, "--duration", "1", "--no-truth", "--out", folder / "plain")
+                self.refused = subprocess.run(
+                    [*drive, "--out", folder / "none", "--page", folder / "none" / "no" / "page.html"],
+                    capture_output=True, text=True, timeout=60)
+            finally:
+                daemon.terminate()
+                daemon.wait(timeout=30)
+            self.rows, self.plain_rows = self.trace(folder / "out"), self.trace(folder / "plain")
+            self.metrics = json.loads((folder / "out" / "metrics.json").read_text())
+
+    @staticmethod
+    def run(*command):
+        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=300).stdout
+
+    @staticmethod
+    def trace(folder):
+        with open(folder / "trace.csv", newline="") as file:
+            return list(csv.DictReader(file))
+
+
+def browser(width, height, light=False, flags=()):
+    options = Options()
+    options.binary_location = CHROMIUM
+    for flag in ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
+                 "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
+                 "--disable-dev-shm-usage", *flags):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(service=Service(DRIVER), options=options)
+    driver.set_script_timeout(PATIENCE_S)
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                           {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False})
+    prefer(driver, light)
+    return driver
+
+
+def prefer(driver, light):
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+        "features": [{"name": "prefers-color-scheme", "value": "light" if light else "dark"}]})
+
+
+class PageTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.session = Session()
+        cls.rows = cls.session.rows
+        cls.driver = browser(1280, 800)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.driver.quit()
+
+    def setUp(self):
+        self.open()
+
+    def tearDown(self):
+        self.assert_quiet()
+
+    # ---- what a person does ----
+
+    def open(self, address=""):
+        self.driver.get("about:blank")
+        self.driver.get_log("browser"), self.driver.get_log("performance")
+        self.driver.get(f"file://{self.session.page}{address}")
+        wait_for(lambda: self.driver.execute_script("return document.body.dataset.ready"))
+        self.rest()
+
+    def go(self, frame):
+        self.driver.execute_script("window.location.hash = `frame=${arguments[0]}`", frame)
+        wait_for(lambda: self.frame() == frame)
+        self.rest()
+
+    def rest(self):
+        """Until all that was asked for is drawn."""
+        self.driver.execute_async_script(
+            "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))")
+
+    def find(self, selector):
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def press(self, *keys):
+        ActionChains(self.driver).send_keys(*keys).perform()
+        self.rest()
+
+    def press_with_shift(self, key):
+        ActionChains(self.driver).key_down(Keys.SHIFT).send_keys(key).key_up(Keys.SHIFT).perform()
+        self.rest()
+
+    def click_at(self, element, x, y):
+        """Pixels from the element's upper left corner."""
+        box = element.rect
+        ActionChains(self.driver).move_to_element_with_offset(
+            element, round(x - box["width"] / 2), round(y - box["height"] / 2)).click().perform()
+        self.rest()
+
+    # ---- what the page shows ----
+
+    def text(self, field):
+        return self.find(f'[data-field="{field}"]').get_attribute("textContent")
+
+    def frame(self):
+        return int(self.text("frame").split(" of ")[0])
+
+    def view(self):
+        return self.driver.execute_script("return window.sightline.view.state()")
+
+    def picture(self, selector="#view"):
+        return self.find(selector).screenshot_as_base64
+
+    def colours_at(self, picture, points):
+        """Red, green, blue at pixels of a screenshot, decoded by the browser."""
+        return self.driver.execute_async_script("""
+            const [url, points, done] = arguments, image = new Image();
+            image.onload = () => {
+              const canvas = document.createElement('canvas');
+              [canvas.width, canvas.height] = [image.width, image.height];
+              const context = canvas.getContext('2d', { willReadFrequently: true });
+              context.drawImage(image, 0, 0);
+              done(points.map(([x, y]) => [...context.getImageData(x, y, 1, 1).data].slice(0, 3)));
+            };
+            image.src = url;""", f"data:image/png;base64,{picture}", points)
+
+    def assert_quiet(self):
+        """No message of the console, and no request but for the file itself and what it holds."""
+        wrong = [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")
+                 and "GPU stall" not in entry["message"]]  # software rendering says so of a screenshot
+        self.assertEqual(wrong, [])
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                url = message["params"]["request"]["url"]
+                self.assertTrue(url.startswith(("data:", "about:", f"file://{self.session.page}")), url[:200])
+
+    def assert_frame(self, frame):
+        self.assertEqual(self.frame(), frame)
+        self.assert_lens(frame)
+
+    def assert_lens(self, frame):
+        """The 3D camera is where the trace has it."""
+        row, lens = self.rows[frame], self.view()["lens"]
+        for value, column in zip(lens["position"] + lens["rotation"], ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")):
+            self.assertAlmostEqual(value, float(row[column]), places=9)
+
+    # ---- tests ----
+
+    def test_the_drive_says_where_the_page_is(self):
+        self.assertIn(f"page    {self.session.page}", self.session.said)
+        self.assertLess(self.session.page.stat().st_size, 20e6)
+
+    def test_a_page_changes_nothing_of_the_drive(self):
+        decided = [column for column in self.rows[0] if not column.endswith(("_us", "_ms")) and "true_" not in column
+                   and column not in ("r_n", "r_p", "r_p_tolerant")]
+        self.assertGreater(len(decided), 40)
+        self.assertEqual(len(self.session.plain_rows), 61)
+        for with_page, without in zip(self.rows, self.session.plain_rows):
+            self.assertEqual([with_page[column] for column in decided], [without[column] for column in decided])
+
+    def test_a_page_that_cannot_be_written_is_refused_before_the_drive(self):
+        self.assertEqual(self.session.refused.returncode, 1)
+        self.assertIn("page.html", self.session.refused.stderr)
+        self.assertNotIn("session", self.session.refused.stdout)
+
+    def test_it_opens_at_the_first_frame_with_the_names_of_the_session(self):
+        self.assert_frame(0)
+        self.assertEqual(self.find("#title").text, "arena")
+        self.assertIn("embree", self.find("#facts").text)
+        self.assertEqual(self.find("#timeline").get_attribute("aria-valuemax"), str(len(self.rows) - 1))
+        self.assertGreater(self.view()["cells"], 0)
+
+    def test_an_address_opens_it_at_a_frame_and_follows_what_is_shown(self):
+        self.open("#frame=42")
+        self.assert_frame(42)
+        self.press(Keys.ARROW_RIGHT)
+        wait_for(lambda: self.driver.current_url.endswith("#frame=43"))
+
+    def test_the_numbers_are_those_of_the_trace(self):
+        hidden = [i for i, row in enumerate(self.rows) if row["target-4.occluder"]]
+        self.assertTrue(hidden, "the drive should lose sight once")
+        for frame in sorted({0, 1, 10, hidden[0], len(self.rows) // 2, len(self.rows) - 1}):
+            with self.subTest(frame=frame):
+                self.go(frame)
+                self.assert_frame(frame)
+                self.check_numbers(self.rows[frame])
+
+    def check_numbers(self, row):
+        number = lambda field: float(self.text(field).split()[0].rstrip("°"))  # noqa: E731
+        self.assertEqual(self.text("sequence"), row["sequence"])
+        self.assertEqual(self.text("time"), f"{float(row['pose_time_s']):.4f} s")
+        for value, column in zip(self.text("position").split(), ("x_m", "y_m", "z_m")):
+            self.assertAlmostEqual(float(value), float(row[column]), delta=0.00051)
+        self.assertAlmostEqual(number("fov"), math.degrees(float(row["vertical_fov_rad"])), delta=0.0051)
+        speed = math.hypot(*(float(row[column]) for column in ("vx_mps", "vy_mps", "vz_mps")))
+        self.assertAlmostEqual(number("speed"), speed, delta=0.0051)
+        self.assertAlmostEqual(number("clearance"), float(row["clearance_m"]), delta=0.0051)
+        self.assertEqual(self.text("status"), row["status"].lower().replace("_", " "))
+        self.assertEqual(self.text("reason"), row["reason"].lower().replace("_", " "))
+        for field, column in (("all_visible", "s_v"), ("some_visible", "s_p"), ("none_visible", "s_n"),
+                              ("merged", "merged_ticks")):
+            self.assertEqual(self.text(field), row[column])
+        for i, stage in enumerate(("scene", "bound", "sample", "aggregate", "move")):
+            self.assertAlmostEqual(number(f"stage-{i}"), float(row[f"{stage}_us"]), delta=0.06)
+        self.assertAlmostEqual(number("total"), float(row["total_us"]), delta=0.2)
+        self.assertAlmostEqual(number("queue"), float(row["queue_us"]), delta=0.06)
+        self.assertAlmostEqual(number("latency"), float(row["latency_ms"]), delta=0.0051)
+        for k in range(4):
+            self.check_target(k, {column.split(".", 1)[1]: value for column, value in row.items()
+                                  if column.startswith(f"target-{k + 1}.")})
+
+    def check_target(self, k, row):
+        percent = lambda field: float(self.text(f"{field}-{k}").rstrip(" %"))  # noqa: E731
+        self.assertAlmostEqual(percent("visible"), 100 * float(row["visible_share"]), delta=0.051)
+        self.assertEqual(self.text(f"state-{k}"), row["state"].lower().replace("_", " "))
+        self.assertAlmostEqual(float(self.text(f"distance-{k}").rstrip(" m")), float(row["distance_m"]), delta=0.0051)
+        if row["true_visible_share"]:
+            self.assertAlmostEqual(percent("true"), 100 * float(row["true_visible_share"]), delta=0.051)
+        else:
+            self.assertEqual(self.text(f"true-{k}"), "–")
+        said = self.text(f"blocker-{k}")
+        if row["occluder"]:
+            share = re.fullmatch(r"behind .+ \((\d+) % hidden\)", said).group(1)
+            self.assertAlmostEqual(float(share), 100 * float(row["occluder_share"]), delta=0.51)
+        else:
+            self.assertEqual(said, "")
+
+    def test_the_figures_are_those_of_the_drive(self):
+        self.find("#tab-run").click()
+        run = self.find("#panel-run").text
+        for name, key, digits in (("path length d_c", "d_c_m", 1), ("least clearance", "least_clearance_m", 2)):
+            line = next(line for line in run.splitlines() if line.startswith(name))
+            wanted = [f"{self.session.metrics[column][key]:.{digits}f} m" for column in ("sightline", "follow")]
+            self.assertEqual(line, " ".join([name, *wanted]))
+
+    def test_scrubbing_moves_the_camera_of_the_3d_view(self):
+        line = self.find("#timeline")
+        seen = []
+        for part in (0.2, 0.5, 0.8):
+            self.click_at(line, 124 + part * (line.rect["width"] - 132), 60)
+            frame = self.frame()
+            self.assertAlmostEqual(frame / (len(self.rows) - 1), part, delta=0.01)
+            self.assert_lens(frame)
+            seen.append(self.picture())
+        self.assertEqual(len(set(seen)), 3)
+
+    def test_dragging_scrubs(self):
+        line = self.find("#timeline")
+        middle = -line.rect["width"] / 2 + 124
+        ActionChains(self.driver).move_to_element_with_offset(line, round(middle + 100), 0).click_and_hold() \
+            .move_by_offset(300, 0).move_by_offset(200, 0).release().perform()
+        self.rest()
+        frame = self.frame()
+        self.assertAlmostEqual(frame / (len(self.rows) - 1), 600 / (line.rect["width"] - 132), delta=0.01)
+        self.assert_lens(frame)
+
+    def test_a_click_on_the_cameras_path_jumps_there(self):
+        wanted = len(self.rows) // 2
+        place = self.driver.execute_script("""
+            const { view, session } = window.sightline, box = document.querySelector('#scene').getBoundingClientRect();
+            const point = view.outside.position.clone().fromArray(session.camera, 7 * arguments[0]).project(view.outside);
+            return [(point.x + 1) / 2 * box.width, (1 - point.y) / 2 * box.height];""", wanted)
+        self.click_at(self.find("#scene"), *place)
+        frame = self.frame()
+        distance = math.dist(*([float(self.rows[i][c]) for c in ("x_m", "y_m", "z_m")] for i in (frame, wanted)))
+        self.assertLess(distance, 0.3)
+        self.assertNotEqual(frame, 0)
+        self.assert_lens(frame)
+
+    def test_the_keyboard_steps_and_jumps(self):
+        last = len(self.rows) - 1
+        self.press(Keys.ARROW_RIGHT)
+        self.assert_frame(1)
+        self.press_with_shift(Keys.ARROW_RIGHT)
+        self.assert_frame(61)
+        self.press_with_shift(Keys.ARROW_LEFT)
+        self.press(Keys.ARROW_LEFT)
+        self.assert_frame(0)
+        self.press(Keys.ARROW_LEFT)
+        self.assert_frame(0)
+        self.press(Keys.END)
+        self.assert_frame(last)
+        self.press(Keys.ARROW_RIGHT)
+        self.assert_frame(last)
+        self.press(Keys.HOME)
+        self.assert_frame(0)
+
+    def test_brackets_go_to_the_next_change(self):
+        events = [i for i in range(1, len(self.rows))
+                  if self.rows[i]["cut"] == "1" or any(self.rows[i][c] != self.rows[i - 1][c] for c in ("status", "reason"))]
+        self.press("]")
+        self.assert_frame(events[0])
+        self.press("]")
+        self.assert_frame(events[1])
+        self.press("[")
+        self.assert_frame(events[0])
+
+    def test_space_plays_and_pauses(self):
+        self.press(",")
+        self.assertEqual(self.find("#speed").get_attribute("value"), "0.5")
+        self.press(".")
+        self.press(" ")
+        self.assertEqual(self.find("#play").get_attribute("aria-label"), "Pause")
+        wait_for(lambda: self.frame() > 5)
+        self.press(" ")
+        self.assertEqual(self.find("#play").get_attribute("aria-label"), "Play")
+        frame = self.frame()
+        time.sleep(0.5)
+        self.assert_frame(frame)
+
+    def test_playing_ends_at_the_last_frame(self):
+        self.press(Keys.END)
+        self.press_with_shift(Keys.ARROW_LEFT)
+        for _ in range(3):
+            self.press(".")
+        self.find("#play").click()
+        wait_for(lambda: self.find("#play").get_attribute("aria-label") == "Play")
+        self.assert_frame(len(self.rows) - 1)
+
+    def test_the_focus_can_be_seen_and_the_slider_says_what_it_shows(self):
+        for _ in range(60):
+            self.press(Keys.TAB)
+            focus = self.driver.switch_to.active_element
+            self.assertNotEqual(focus.value_of_css_property("outline-style"), "none", focus.get_attribute("outerHTML")[:200])
+            if focus.get_attribute("id") == "timeline":
+                break
+        self.assertEqual(focus.get_attribute("id"), "timeline")
+        self.press(Keys.ARROW_RIGHT)
+        self.assertEqual(focus.get_attribute("aria-valuenow"), "1")
+        status = self.rows[1]["status"].lower().replace("_", " ")
+        self.assertEqual(focus.get_attribute("aria-valuetext"), f"{float(self.rows[1]['pose_time_s']):.3f} seconds, {status}")
+
+    def test_every_control_has_a_name(self):
+        nameless = self.driver.execute_script("""
+            return [...document.querySelectorAll('button, select, [role="slider"], img, dialog, [role="tab"], canvas#scene')]
+              .filter((node) => !(node.getAttribute('aria-label') || node.getAttribute('alt') || node.textContent.trim()))
+              .map((node) => node.outerHTML.slice(0, 100))""")
+        self.assertEqual(nameless, [])
+
+    def test_help_opens_and_closes(self):
+        self.press("?")
+        self.assertTrue(self.find("#help").is_displayed())
+        self.assertIn("Play or pause", self.find("#help").text)
+        self.press(Keys.ARROW_RIGHT)
+        self.assertEqual(self.frame(), 0)  # the keys rest meanwhile
+        self.press(Keys.ESCAPE)
+        self.assertFalse(self.find("#help").is_displayed())
+        self.press(Keys.ARROW_RIGHT)
+        self.assert_frame(1)
+
+    def test_through_the_camera_targets_are_where_the_pose_puts_them(self):
+        frame = next(i for i, row in enumerate(self.rows)
+                     if all(row[f"target-{k}.{column}"] == "1" for k in (1, 2) for column in ("true_visible_share", "in_picture")))
+        self.go(frame)
+        self.press("c")
+        self.assertTrue(self.view()["through"])
+        box = self.find("#scene").rect
+        points = [self.project(frame, k, box) for k in (0, 1)]
+        orange, blue = self.colours_at(self.picture(), points)
+        self.assertGreater(orange[0], 2 * orange[2] + 20, (orange, points))  # target-1 is orange
+        self.assertGreater(blue[2], blue[0] + 40, (blue, points))            # target-2 is blue
+
+    def project(self, frame, k, box):
+        """Where target `k` is in the largest picture of the session's shape within `box`, by the trace's pose and plain arithmetic."""
+        row = self.rows[frame]
+        aim, aspect = self.driver.execute_script(
+            """const { aim_m, aspect } = window.sightline.session, at = 3 * (arguments[0] * 4 + arguments[1]);
+               return [[...aim_m.subarray(at, at + 3)], aspect]""", frame, k)
+        x, y, z, w = (float(row[c]) for c in ("qx", "qy", "qz", "qw"))
+        d = [aim[i] - float(row[c]) for i, c in enumerate(("x_m", "y_m", "z_m"))]
+        axes = [(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+                (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+                (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))]
+        right, up, back = (sum(a * b for a, b in zip(axis, d)) for axis in axes)
+        high = min(box["width"] / aspect, box["height"])
+        scale = high / (2 * math.tan(float(row["vertical_fov_rad"]) / 2))
+        return [box["width"] / 2 + scale * right / -back, box["height"] / 2 - scale * up / -back]
+
+    def test_what_blocks_a_target_is_highlighted(self):
+        blocked = next(i for i, row in enumerate(self.rows) if row["target-4.occluder"])
+        count = sum(bool(self.rows[blocked][f"target-{k}.occluder"]) for k in (1, 2, 3, 4))
+        self.go(blocked)
+        self.assertEqual(self.view()["blockers"], count)
+        before = self.picture()
+        self.press("2")
+        self.assertEqual(self.view()["blockers"], 0)
+        self.assertNotEqual(self.picture(), before)
+
+    def test_each_switch_changes_the_3d_view(self):
+        for key in ("x", "1", "2", "3", "c"):
+            with self.subTest(key=key):
+                before = self.picture()
+                self.press(key)
+                self.assertNotEqual(self.picture(), before)
+
+    def test_the_cells_drawn_are_those_that_the_step_looked_at(self):
+        for frame in (5, 100):
+            self.go(frame)
+            self.assertEqual(self.text("cells_of"), str(frame))
+            self.assertEqual(self.view()["cells"], int(self.rows[frame]["candidates"]))
+
+    def test_the_picture_is_the_last_one_taken(self):
+        self.go(150)
+        of = int(self.text("picture_of").split(",")[0].removeprefix("frame "))
+        taken = self.driver.execute_script("return window.sightline.session.pictures.map((picture) => picture.frame)")
+        self.assertEqual(of, max(frame for frame in taken if frame <= 150))
+        wait_for(lambda: self.driver.execute_script("return document.querySelector('#picture').naturalWidth") == 480)
+
+    def test_the_time_line_zooms_about_what_is_shown(self):
+        self.go(150)
+        whole = self.picture("#timeline")
+        for _ in range(3):
+            self.press("+")
+        self.assertNotEqual(self.picture("#timeline"), whole)
+        line = self.find("#timeline")
+        self.click_at(line, 124 + (line.rect["width"] - 132) / 2, 60)
+        self.assertAlmostEqual(self.frame(), 150, delta=2)
+        self.press("0")
+        self.click_at(line, 124 + (line.rect["width"] - 132), 60)
+        self.assertEqual(self.frame(), len(self.rows) - 1)
+
+    def test_light_and_dark_follow_the_system_until_chosen(self):
+        theme = lambda: self.driver.execute_script("return document.documentElement.dataset.theme")  # noqa: E731
+        try:
+            self.assertEqual(theme(), "dark")
+            prefer(self.driver, light=True)
+            wait_for(lambda: theme() == "light")
+            self.press("l")
+            self.assertEqual(theme(), "dark")
+            self.find("#theme").click()
+            self.assertEqual(theme(), "light")
+        finally:
+            prefer(self.driver, light=False)
+
+
+class LayoutTest(unittest.TestCase):
+    """Everything within the window, nothing over anything else; a screenshot of each is kept."""
+
+    def test_layouts(self):
+        for width, height in ((1280, 800), (1920, 1080)):
+            for light in (False, True):
+                with self.subTest(width=width, light=light):
+                    driver = browser(width, height, light)
+                    try:
+                        self.check(driver, width, height, f"{width}-{'light' if light else 'dark'}")
+                    finally:
+                        driver.quit()
+
+    def check(self, driver, width, height, name):
+        driver.get(f"file://{PageTest.session.page}#frame=40")
+        wait_for(lambda: driver.execute_script("return document.body.dataset.ready"))
+        time.sleep(1)
+        (OUT / f"{name}.png").write_bytes(base64.b64decode(driver.get_screenshot_as_base64()))
+        boxes = driver.execute_script("""
+            return Object.fromEntries(['header', '#view', 'aside', 'footer', '#timeline'].map((name) => {
+              const { left, top, right, bottom } = document.querySelector(name).getBoundingClientRect();
+              return [name, { left, top, right, bottom }];
+            }));""")
+        size = driver.execute_script("const { scrollWidth, scrollHeight } = document.documentElement; return [scrollWidth, scrollHeight]")
+        self.assertEqual(size, [width, height])
+        self.assertLessEqual(boxes["header"]["bottom"], boxes["#view"]["top"])
+        self.assertLessEqual(boxes["#view"]["right"], boxes["aside"]["left"])
+        self.assertLessEqual(boxes["#view"]["bottom"], boxes["footer"]["top"])
+        self.assertLessEqual(boxes["#timeline"]["bottom"], height)
+        self.assertGreater(boxes["#view"]["bottom"] - boxes["#view"]["top"], 0.4 * height)
+        cut = driver.execute_script("""
+            return [...document.querySelectorAll('aside [data-field]')]
+              .filter((node) => node.offsetParent && getComputedStyle(node).display !== 'inline')
+              .filter((node) => node.scrollWidth > node.clientWidth + 1).map((node) => node.dataset.field)""")
+        self.assertEqual(cut, [])
+
+
+class NoWebglTest(unittest.TestCase):
+    def test_numbers_and_time_line_work_without_webgl(self):
+        driver = browser(1280, 800, flags=("--disable-3d-apis",))
+        try:
+            driver.get(f"file://{PageTest.session.page}")
+            wait_for(lambda: driver.execute_script("return document.body.dataset.ready"))
+            self.assertTrue(driver.find_element(By.CSS_SELECTOR, "#no-webgl").is_displayed())
+            ActionChains(driver).send_keys(Keys.END).perform()
+            shown = driver.find_element(By.CSS_SELECTOR, '[data-field="sequence"]').text
+            self.assertEqual(shown, PageTest.session.rows[-1]["sequence"])
+        finally:
+            driver.quit()
+
+
+if __name__ == "__main__":
+    os.environ["SE_OFFLINE"] = "true"
+    suite = unittest.TestSuite()
+    for case in (PageTest, LayoutTest, NoWebglTest):
+        suite.addTests(unittest.defaultTestLoader.loadTestsFromTestCase(case))
+    sys.exit(not unittest.TextTestRunner(verbosity=2).run(suite).wasSuccessful())
