@@ -15,6 +15,8 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kRetryDelay{5};
+// Reading waits for no longer than this.
+constexpr int64_t kShortStepNs = 1'000'000;
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
 // The reactor of a call that is not taken.
@@ -60,16 +62,38 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
 // ---------------------------------------------------------------------------------------------------
 
 void ControlStream::OnReadDone(bool ok) {
-  const std::lock_guard lock(mutex_);
-  reading_ = false;
-  if (ok) {
-    heard_ = true;
-    take_in(parts_.clock());
-    read_if_room();
-  } else {
-    reads_done_ = true;
+  std::shared_ptr<ControlStream> here;
+  {
+    const std::lock_guard lock(mutex_);
+    reading_ = false;
+    if (ok) {
+      heard_ = true;
+      take_in(parts_.clock());
+      read_if_room();
+    } else {
+      reads_done_ = true;
+    }
+    if (may_step_here()) {
+      ask_for_turn();
+      here = self_;
+    } else {
+      advance();
+    }
   }
-  advance();
+  if (here) step_here(here);
+}
+
+// A short step is taken where its tick was read, when a thread would be free for it: another one need not be woken.
+bool ControlStream::may_step_here() const {
+  const bool free = !finished_ && !busy_ && !writing_ && !cancelled_ && !end_status_ && outbox_.empty();
+  if (!free || !opened_ || needs_loader_ || drain_reason_ || inbox_.empty()) return false;
+  return last_cost_ns_ > 0 && last_cost_ns_ <= kShortStepNs;
+}
+
+void ControlStream::step_here(const std::shared_ptr<ControlStream>& self) {
+  if (parts_.steppers.try_here(*self)) return;
+  const std::lock_guard lock(mutex_);
+  parts_.steppers.post(self, due_ns_);
 }
 
 void ControlStream::take_in(int64_t arrival_ns) {
@@ -149,6 +173,12 @@ bool ControlStream::has_work() const {
   return !inbox_.empty() || drain_reason_.has_value();
 }
 
+void ControlStream::ask_for_turn() {
+  busy_ = true;
+  // Who asks late, since its client reads slowly or a file was read first, has not been kept waiting by the others.
+  due_ns_ = std::max(pace_.deadline_ns(), parts_.steppers.now_ns() + kLeastNoticeNs);
+}
+
 void ControlStream::advance() {
   if (finished_ || busy_ || writing_) return;
   if (cancelled_) return close(grpc::Status::CANCELLED);
@@ -158,9 +188,7 @@ void ControlStream::advance() {
   }
   if (end_status_) return close(*end_status_);
   if (has_work()) {
-    busy_ = true;
-    // Who asks late, since its client reads slowly or a file was read first, has not been kept waiting by the others.
-    due_ns_ = std::max(pace_.deadline_ns(), parts_.steppers.now_ns() + kLeastNoticeNs);
+    ask_for_turn();
     if (opened_ && !needs_loader_) return parts_.steppers.post(self_, due_ns_);
     return parts_.loaders.post([self = self_] { self->parts_.steppers.run_here(*self); });
   }
@@ -250,11 +278,12 @@ TakeJob ControlStream::work_through() {
 void ControlStream::account(const TakenMaps& taken, int64_t finish_start_ns) {
   const int64_t end_ns = parts_.steppers.now_ns();
   const int level = budget_->level();
+  last_cost_ns_ = taken.cost_ns + (end_ns - finish_start_ns);
   tally_.late += end_ns > due_ns_;
   parts_.stats.late.fetch_add(end_ns > due_ns_, std::memory_order_relaxed);
   const double demand = budget_->full_cost_ns() / static_cast<double>(interval_ns_);
   budget_->stepped({.end_ns = end_ns,
-                    .cost_ns = taken.cost_ns + (end_ns - finish_start_ns),
+                    .cost_ns = last_cost_ns_,
                     .interval_ns = interval_ns_,
                     .behind = merged_ || !inbox_.empty(),
                     .share = parts_.shares.tell(share_slot_, std::min(demand, 1.0), end_ns)});

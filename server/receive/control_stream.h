@@ -10,7 +10,7 @@
 //
 // Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and
 // only move messages. `plan` and `finish` run on a worker, one after the other for one stream (`busy_`): a thread of
-// the scheduler, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm
+// the scheduler, the thread that read the tick when the steps are short and a turn is free, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm
 // of a client that never speaks from one of gRPC's. All meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
@@ -82,8 +82,12 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   std::optional<double> told_dt_s(const v1::Tick& tick);
   void advance();  // starts what can be done next, if anything
   void read_if_room();
+  void ask_for_turn();
+  bool may_step_here() const;
   bool has_work() const;
   void close(const grpc::Status& status);
+
+  void step_here(const std::shared_ptr<ControlStream>& self);  // needs busy_, not mutex_
 
   // On a worker, while busy_.
   TakeJob plan() override;
@@ -132,6 +136,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   bool opened_ = false;        // session_ exists
   bool needs_loader_ = false;  // the oldest tick takes long (takes_long)
   bool busy_ = false;          // a worker runs, or is about to
+  int64_t last_cost_ns_ = 0;   // of the last step, of a thread's time; 0 before the first
   int64_t due_ns_ = 0;         // by when it is to be done
   bool reading_ = false;       // a read is under way
   bool writing_ = false;       // a write is under way

@@ -28,7 +28,7 @@ void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
     Scheduled& scheduled = *task;
     scheduled.self_ = std::move(task);
     queue_.push(scheduled, deadline_ns);
-    wakes = idle_ > 0;
+    wakes = idle_ > 0 && running_ < threads_.size();
   }
   if (wakes) wake_.notify_one();
 }
@@ -39,22 +39,53 @@ void Scheduler::run_here(Scheduled& task) {
   run(round);
 }
 
+bool Scheduler::try_here(Scheduled& task) {
+  Round round;
+  {
+    const std::lock_guard lock(mutex_);
+    if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
+    ++running_;
+    if (!spare_rounds_.empty()) {
+      round = std::move(spare_rounds_.back());
+      spare_rounds_.pop_back();
+    }
+  }
+  round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
+  run(round);
+  bool wakes = false;
+  {
+    const std::lock_guard lock(mutex_);
+    charge(round);
+    round.tasks.clear();
+    spare_rounds_.push_back(std::move(round));
+    --running_;
+    wakes = idle_ > 0 && may_run();
+  }
+  if (wakes) wake_.notify_one();
+  return true;
+}
+
+void Scheduler::charge(const Round& round) {
+  for (size_t i = 0; i < round.tasks.size(); ++i) queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
+}
+
 void Scheduler::work() {
   Round round;
   for (;;) {
     std::unique_lock lock(mutex_);
-    for (size_t i = 0; i < round.tasks.size(); ++i)
-      queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
+    charge(round);
     if (!round.tasks.empty()) {
+      --running_;
       // The last hold on a task may be this one, and its end is no business of those who wait for the lock.
       lock.unlock();
       round.tasks.clear();
       lock.lock();
     }
     ++idle_;
-    wake_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
+    wake_.wait(lock, [this] { return (stopping_ && queue_.empty()) || may_run(); });
     --idle_;
     if (queue_.empty()) return;
+    ++running_;
     choose(round);
     lock.unlock();
     run(round);

@@ -193,6 +193,7 @@ void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_
   moving_.clear();
   for (const uint32_t slot : mirror.moving_slots())
     add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0, moving_);
+  list_near(center_m, reach_m);
 }
 
 void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -202,12 +203,17 @@ void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& 
   moving_.clear();
   for (const uint32_t slot : mirror.moving_slots())
     add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s, moving_);
+  list_near(center_m, reach_m);
 }
 
-template <typename Visit>
-void ClearanceField::for_each_collider(Visit visit) const {
+void ClearanceField::list_near(const glm::dvec3& center_m, double reach_m) {
+  near_.clear();
   for (const auto* colliders : {&standing_, &moving_})
-    for (const Collider& collider : *colliders) visit(collider);
+    for (const Collider& collider : *colliders) {
+      const glm::dvec3 away = collider.center_m - center_m;
+      const double reach = reach_m + collider.radius_m;
+      if (glm::dot(away, away) <= reach * reach) near_.push_back(&collider);
+    }
 }
 
 double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
@@ -218,8 +224,9 @@ double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) co
 bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const {
   double best = reach_m;
   bool found = false;
-  for_each_collider([&](const Collider& collider) {
-    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) return;
+  for (const Collider* near : near_) {
+    const Collider& collider = *near;
+    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) continue;
     const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
@@ -232,7 +239,7 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
     for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
       search(
           *collider.geometry, *tree, bound, [&] { return best; }, visit);
-  });
+  }
   return found;
 }
 
@@ -243,9 +250,10 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
   // A path too short to have a direction is free or not as its start is.
   if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
   double free = length;
-  for_each_collider([&](const Collider& collider) {
+  for (const Collider* near : near_) {
+    const Collider& collider = *near;
     const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, from_m, to_m);
-    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) return;
+    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) continue;
     const Affine& map = collider.world_from_instance;
     const Path path{transform_point(collider.instance_from_world, from_m),
                     transform_vector(collider.instance_from_world, to_m - from_m),
@@ -259,7 +267,7 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
       search(
           *collider.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
           [&] { return free; }, visit);
-  });
+  }
   return free / length;
 }
 

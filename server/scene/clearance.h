@@ -40,8 +40,7 @@ class ClearanceField {
   // that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
-  // Those that stand may lie a little farther than was asked for.
-  size_t collider_count() const { return standing_.size() + moving_.size(); }
+  size_t collider_count() const { return near_.size(); }
 
  private:
   struct Collider {
@@ -62,11 +61,11 @@ class ClearanceField {
                        std::span<const uint32_t> ignored_slots);
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
-  template <typename Visit>
-  void for_each_collider(Visit visit) const;
+  void list_near(const glm::dvec3& center_m, double reach_m);
 
   Gathered gathered_;
   std::vector<Collider> standing_, moving_;
+  std::vector<const Collider*> near_;  // of both, what comes within the reach that was asked for
 };
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision

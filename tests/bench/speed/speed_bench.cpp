@@ -3,7 +3,7 @@
 //
 //   speed_bench --out FOLDER [--quick] [--section NAME]...
 //
-// Writes FOLDER/rows.csv (percentiles of milliseconds) and FOLDER/ratios.csv. Sections: peers, default, wide, detail, blocks, targets,
+// Writes FOLDER/rows.csv (percentiles of milliseconds) and FOLDER/ratios.csv. Sections: peers (with default), alone, wide, detail, blocks, targets,
 // movers. tests/results/speed/make.sh makes the page of it.
 #include <algorithm>
 #include <cmath>
@@ -35,6 +35,7 @@ struct Bench {
 StepSettings plain(int resolution, int candidates, int points = 0) {
   StepSettings settings = paper_row(Strategy::kBasic, 0.0);
   settings.aggregate.volume = Volume::kLattice;
+  settings.bound = {};  // the horizon, not n dt^2 a, which explodes with a late tick
   settings.sample.resolution = resolution;
   settings.sample.points = points;
   settings.aggregate.candidates = candidates;
@@ -122,7 +123,7 @@ void run_peers(Bench& bench) {
     if (bench.devices.size() > 1)
       if (auto peer = make_draw_all_peer(mirror)) drawing = std::make_unique<TimedDrawing>(std::move(*peer));
 
-    const int frames = bench.frames(r > 15 ? 200 : 1200), lap = static_cast<int>(scenario.duration_s() * 60);
+    const int frames = bench.frames(r > 15 ? 150 : 600), lap = static_cast<int>(scenario.duration_s() * 60);
     for (int frame = 0; frame < frames; ++frame) {
       (*world)->set_time(frame % lap / 60.0);
       for (auto* group : {&steps, &defaults})
@@ -171,8 +172,30 @@ void run_grid(Bench& bench, const std::string& section, double x, const GridCity
   for (const auto& contender : steps) bench.tables.row(section, x, contender->track());
 }
 
+// The same steps without anybody beside them: what the caches hold then is the step's own.
+void run_alone(Bench& bench) {
+  const auto city = TimedCity::load();
+  if (!city) std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), std::exit(1);
+  const Scenario& scenario = *(*city)->scenario;
+  std::vector<const ExtentTable*> tables;
+  for (const auto& table : (*city)->tables) tables.push_back(table.get());
+  for (const int r : {5, 7, 10, 15})
+    for (const auto& device : bench.devices) {
+      const auto world = ScenarioWorld::make(scenario, (*city)->store, (*city)->device);
+      if (!world) std::fprintf(stderr, "%s\n", to_string(world.error()).c_str()), std::exit(1);
+      TimedSteps steps(device->kind(), {(*world)->mirror(), (*world)->targets(), tables, scenario.lens()}, plain(r, r * r * r), *device);
+      steps.place(scenario.camera());
+      const int frames = std::min(bench.frames(1100), static_cast<int>(scenario.duration_s() * 60));
+      for (int frame = 0; frame < frames; ++frame) {
+        (*world)->set_time(frame / 60.0);
+        steps.step();
+      }
+      bench.tables.row("alone", r, steps.track());
+    }
+}
+
 void run_wide(Bench& bench) {
-  run_grid(bench, "wide", 4096, {.targets = 8}, 400,
+  run_grid(bench, "wide", 4096, {.targets = 8}, 300,
            {{"8 points", plain(16, 4096, 8)}, {"default", with_defaults(16, 4096)}}, false);
 }
 
@@ -180,7 +203,7 @@ void run_wide(Bench& bench) {
 void run_detail(Bench& bench) {
   for (const int cells : {2, 7, 22, 70}) {
     if (bench.quick && cells == 70) continue;
-    run_grid(bench, "detail", 12.0 * 22 * 22 * cells * cells, {.blocks_a_side = 22, .cells = cells}, 600,
+    run_grid(bench, "detail", 12.0 * 22 * 22 * cells * cells, {.blocks_a_side = 22, .cells = cells}, 300,
              {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
   }
 }
@@ -189,20 +212,20 @@ void run_detail(Bench& bench) {
 void run_blocks(Bench& bench) {
   for (const int side : {6, 20, 60, 192}) {
     if (bench.quick && side == 192) continue;
-    run_grid(bench, "blocks", 12.0 * 64 * side * side, {.blocks_a_side = side, .own_geometry = false}, 600,
+    run_grid(bench, "blocks", 12.0 * 64 * side * side, {.blocks_a_side = side, .own_geometry = false}, 300,
              {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
   }
 }
 
 void run_targets(Bench& bench) {
   for (const int targets : {1, 2, 4, 8, 16, 32})
-    run_grid(bench, "targets", targets, {.targets = targets}, 600, {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+    run_grid(bench, "targets", targets, {.targets = targets}, 300, {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
 }
 
 // 10,000 instances, of which ever more move.
 void run_movers(Bench& bench) {
   for (const int movers : {0, 10, 100, 1000})
-    run_grid(bench, "movers", movers, {.movers = movers, .props = 10'000 - 400 - 2 - movers}, 600,
+    run_grid(bench, "movers", movers, {.movers = movers, .props = 10'000 - 400 - 2 - movers}, 300,
              {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
 }
 
@@ -210,7 +233,7 @@ struct Section {
   const char* name;
   void (*run)(Bench&);
 };
-constexpr Section kSections[] = {{"peers", run_peers},   {"wide", run_wide},       {"detail", run_detail},
+constexpr Section kSections[] = {{"peers", run_peers},   {"alone", run_alone},     {"wide", run_wide}, {"detail", run_detail},
                                  {"blocks", run_blocks}, {"targets", run_targets}, {"movers", run_movers}};
 
 int run(int argc, char** argv) {

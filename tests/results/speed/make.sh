@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Makes the page on speed again: builds, measures, and writes README.md, tables and plots here. Nothing else should run meanwhile.
-#   tests/results/speed/make.sh            # half an hour on two cores, 12 GiB of memory for 28 million triangles
+#   tests/results/speed/make.sh            # a quarter of an hour on two cores, 12 GiB of memory for 28 million triangles
 #   tests/results/speed/make.sh --quick    # fewer frames and smaller scenes, into out/speed instead of here; for trying
 #   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # with these programs, without building
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 
-page=tests/results/speed quick=() seconds=60 sizes=(280000 2800000 10000000)
+page=tests/results/speed quick=() seconds=40 sizes=(280000 2800000 10000000)
 case "${1:-}" in
   "") ;;
   --quick) page=out/speed quick=(--quick) seconds=12 sizes=(280000) ;;
@@ -33,7 +33,7 @@ load() {
   "$bin/sightline" bench --rate 60 --targets 2 --resolution 7 --candidates 343 --max-duration "$seconds" --json "$raw/service/$name.json" "$@" ||
     echo "$name: not measured" >&2
 }
-plain=(--preset paper --settings '{"aggregate":{"volume":"LATTICE","filter":{"mode":"NONE"}},"move":{"strategy":"BASIC","prediction_s":0}}')
+plain=(--preset paper --settings '{"bound":{"mode":"HORIZON"},"aggregate":{"volume":"LATTICE","filter":{"mode":"NONE"}},"move":{"strategy":"BASIC","prediction_s":0}}')
 load one-plain --sessions 1 --window 5 "${plain[@]}" --points 0 --echo
 load one-default --sessions 1 --window 5 --echo
 load hundred-plain --sessions 100 "${plain[@]}" --points 8
