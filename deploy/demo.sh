@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The main job, end to end: installs what is missing, builds, starts the daemon, lets it steer a camera through the hall,
-# prints how well it did and where the picture is, and stops the daemon.
+# prints how well it did and where the picture and the page of the session are, and stops the daemon.
 #   deploy/demo.sh [--sampler auto|egl|embree] [--scene hall|rooms|arena|fence|city] [--out FOLDER] [more flags of sightline drive]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -37,4 +37,4 @@ for _ in $(seq 100); do
   kill -0 "$daemon" 2>/dev/null || { echo "The daemon did not start." >&2; daemon=; exit 1; }
   sleep 0.1
 done
-"$bin/sightline" drive "$run/scenes/$scene.glb" --server "unix:$run/sightline.sock" --out "$out" "${drive[@]}"
+"$bin/sightline" drive "$run/scenes/$scene.glb" --server "unix:$run/sightline.sock" --out "$out" --page "$out/session.html" "${drive[@]}"

@@ -24,7 +24,7 @@ struct Flags {
   unsigned threads = 0;  // 0: as many as there are CPUs to use
   double step_budget_ms = 0.0;  // 0: by the load
   bool no_degrade = false;
-  size_t max_sessions = 64;
+  size_t max_sessions = 256;
   size_t max_message_mib = 4;
   size_t max_upload_mib = 256;
   double open_timeout_s = 10.0;

@@ -13,6 +13,7 @@ grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, 
   info.set_open_sessions(static_cast<uint32_t>(parts.streams.size()));
   info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
   info.set_geometry_count(parts.geometry.live_count());
+  info.set_cluster_bytes(parts.geometry.live_bytes_by_part().clusters);
   info.set_geometry_bytes(parts.geometry.live_bytes());
   info.set_sampler_bytes(parts.sampler.geometry_bytes());
   info.set_steps(parts.stats.steps);

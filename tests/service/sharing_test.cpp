@@ -45,6 +45,8 @@ TEST(Sharing, TenSessionsOfTheCityUseTheGeometryMemoryOfOne) {
   open_one_more();
   const v1::ServerInfo one = world.info();
   EXPECT_GT(one.geometry_bytes(), size_t{100} << 10);
+  EXPECT_GT(one.cluster_bytes(), 0u);
+  EXPECT_LT(one.cluster_bytes(), one.geometry_bytes() / 4);
   EXPECT_GT(one.sampler_bytes(), size_t{100} << 10);
   while (streams.size() < 10) open_one_more();
   const v1::ServerInfo ten = world.info();

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the page on speed again: builds, measures, and writes README.md, tables and plots here. Nothing else should run meanwhile.
-#   tests/results/speed/make.sh            # a quarter of an hour on two cores, 12 GiB of memory for 28 million triangles
+#   tests/results/speed/make.sh            # 7 minutes on two cores, 12 GiB of memory for 28 million triangles
 #   tests/results/speed/make.sh --quick    # fewer frames and smaller scenes, into out/speed instead of here; for trying
 #   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # with these programs, without building
 set -euo pipefail
@@ -41,7 +41,7 @@ load hundred-default --sessions 100
 load twenty-egl --sessions 20 "${plain[@]}" --points 0 --daemon-flags "--sampler egl"
 
 cp -r "$raw/rows.csv" "$raw/ratios.csv" "$raw/load.csv" "$raw/service" "$page/"
-samplers=$(grep -E '^(egl|embree): ' "$raw/log.txt" | sed 's/^[a-z]*: //' | paste -sd ';' | sed 's/;/; /')
+samplers=$(grep -E '^(egl|embree): ' "$raw/log.txt" | sed 's/^[a-z]*: //' | paste -sd '|' | sed 's/|/ and /')
 python3 - "$page/how.json" <<EOF
 import json, sys
 json.dump({"minutes": $(((SECONDS + 59) / 60)), "cores": $(nproc), "cpu": "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -1)",
