@@ -243,7 +243,8 @@ struct StepWork {
 StepWork begin_step(StepMemory& memory, const StepInput& input, const StageClock& clock);
 StepResult finish_step(StepWork work, const StageClock& clock);
 
-// Both halves, and the maps taken by `sampler` between them. Fails only when the sampler does (kUnavailable); the memory's camera is then where it was.
+// Both halves, and the maps taken by `sampler` between them. Fails only when the sampler does (kUnavailable); the memory's camera
+// is then where it was.
 Result<StepResult> take_step(StepMemory& memory, const StepInput& input, Sampler& sampler,
                              const StageClock& clock);
 

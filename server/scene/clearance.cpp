@@ -208,12 +208,11 @@ void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& 
 
 void ClearanceField::list_near(const glm::dvec3& center_m, double reach_m) {
   near_.clear();
-  for (const auto* colliders : {&standing_, &moving_})
-    for (const Collider& collider : *colliders) {
-      const glm::dvec3 away = collider.center_m - center_m;
-      const double reach = reach_m + collider.radius_m;
-      if (glm::dot(away, away) <= reach * reach) near_.push_back(&collider);
-    }
+  for (uint32_t index = 0; index < standing_.size() + moving_.size(); ++index) {
+    const glm::dvec3 away = at(index).center_m - center_m;
+    const double reach = reach_m + at(index).radius_m;
+    if (glm::dot(away, away) <= reach * reach) near_.push_back(index);
+  }
 }
 
 double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
@@ -224,8 +223,8 @@ double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) co
 bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const {
   double best = reach_m;
   bool found = false;
-  for (const Collider* near : near_) {
-    const Collider& collider = *near;
+  for (const uint32_t index : near_) {
+    const Collider& collider = at(index);
     if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) continue;
     const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
@@ -250,8 +249,8 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
   // A path too short to have a direction is free or not as its start is.
   if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
   double free = length;
-  for (const Collider* near : near_) {
-    const Collider& collider = *near;
+  for (const uint32_t index : near_) {
+    const Collider& collider = at(index);
     const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, from_m, to_m);
     if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) continue;
     const Affine& map = collider.world_from_instance;

@@ -62,10 +62,13 @@ class ClearanceField {
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
   void list_near(const glm::dvec3& center_m, double reach_m);
+  const Collider& at(uint32_t index) const {
+    return index < standing_.size() ? standing_[index] : moving_[index - standing_.size()];
+  }
 
   Gathered gathered_;
   std::vector<Collider> standing_, moving_;
-  std::vector<const Collider*> near_;  // of both, what comes within the reach that was asked for
+  std::vector<uint32_t> near_;  // what comes within the reach that was asked for: into standing_, then moving_
 };
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision

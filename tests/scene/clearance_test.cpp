@@ -136,6 +136,45 @@ TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   EXPECT_EQ(field.collider_count(), 1u);
 }
 
+// What stands is kept from gather to gather: a field that goes along is what a fresh one is, whatever changes on the way.
+TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
+  const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
+  for (uint64_t seed = 0; seed < 10; ++seed) {
+    Draw draw(seed);
+    SceneMirror mirror;
+    for (uint64_t id = 1; id <= 60; ++id) {
+      NewInstance made = placed(id, box, {draw.vec(25), draw.rotation()});
+      made.moving = id % 5 == 0;
+      add(mirror, std::move(made));
+    }
+    ClearanceField along;
+    glm::dvec3 at(0.0);
+    for (int step = 0; step < 60; ++step) {
+      at += step % 20 == 19 ? draw.vec(20) : draw.vec(0.4);
+      SceneDelta delta;
+      if (step % 15 == 7) delta.change.push_back({static_cast<uint64_t>(1 + step), {.collides = false}});
+      if (step % 15 == 11) delta.remove.push_back(static_cast<uint64_t>(1 + step));
+      TransformUpdate update;
+      update.ids = {5, step == 30 ? uint64_t{2} : uint64_t{10}};  // one that stood begins to move
+      update.poses = {{draw.vec(10), draw.rotation()}, {draw.vec(10), draw.rotation()}};
+      ASSERT_TRUE(mirror.apply(delta, update));
+      std::vector<uint32_t> ignored;
+      if (step % 7 == 3) ignored = {*mirror.slot_of(1)};
+      if (step % 7 == 5) ignored.assign(mirror.moving_slots().begin(), mirror.moving_slots().end());
+      ClearanceField fresh;
+      along.gather(mirror, at, 8, ignored);
+      fresh.gather(mirror, at, 8, ignored);
+      ASSERT_EQ(along.collider_count(), fresh.collider_count()) << "seed " << seed << " step " << step;
+      const ClearanceField copy = along;
+      for (int k = 0; k < 10; ++k) {
+        const glm::dvec3 p = at + draw.vec(3), q = at + draw.vec(3);
+        ASSERT_EQ(copy.clearance_m(p, 2), fresh.clearance_m(p, 2));
+        ASSERT_EQ(copy.free_fraction(p, q, 0.3), fresh.free_fraction(p, q, 0.3));
+      }
+    }
+  }
+}
+
 TEST(Clearance, FarFromTheOriginItStaysExact) {
   SceneMirror mirror;
   add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(),

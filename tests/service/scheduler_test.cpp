@@ -197,6 +197,49 @@ TEST(Scheduler, RunsWhatWaitsBeforeItEnds) {
   EXPECT_EQ(diary.after(0).size(), 100u);
 }
 
+int64_t no_time() {
+  return 0;
+}
+
+TEST(Scheduler, StepsHereOnlyWhereAThreadWouldBeFree) {
+  CountingDevice device(1);
+  Scheduler scheduler(1, device, no_time);
+  Diary diary;
+  Task free(diary, "free", 1), late(diary, "late", 1);
+  EXPECT_TRUE(scheduler.try_here(free));
+  EXPECT_EQ(diary.after(2), (std::vector<std::string>{"free planned", "free ok"}));
+  const auto plug = std::make_shared<Plug>();
+  scheduler.post(plug, 0);
+  plug->wait_until_it_holds();
+  EXPECT_FALSE(scheduler.try_here(late));  // the one thread is taken
+  EXPECT_EQ(diary.after(2).size(), 2u);
+  plug->pull();
+}
+
+TEST(Scheduler, WhatStepsHereTakesTheTurnOfAThread) {
+  CountingDevice device(1);
+  Scheduler scheduler(1, device, no_time);
+  Diary diary;
+  Plug here;
+  std::thread caller([&] { EXPECT_TRUE(scheduler.try_here(here)); });
+  here.wait_until_it_holds();
+  scheduler.post(std::make_shared<Task>(diary, "waiting", 1), 0);
+  Task other(diary, "other", 1);
+  EXPECT_FALSE(scheduler.try_here(other));  // somebody waits, and the turn is taken
+  EXPECT_TRUE(diary.after(0).empty());
+  here.pull();
+  caller.join();
+  EXPECT_EQ(diary.after(2), (std::vector<std::string>{"waiting planned", "waiting ok"}));
+}
+
+TEST(Scheduler, NothingStepsHereWhereBatchesGain) {
+  CountingDevice device(4);
+  Scheduler scheduler(2, device, no_time);
+  Diary diary;
+  Task task(diary, "task", 1);
+  EXPECT_FALSE(scheduler.try_here(task));
+}
+
 TEST(Scheduler, RunsATaskOnTheCallersThreadToo) {
   Diary diary;
   CountingDevice device(4);
