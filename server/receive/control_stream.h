@@ -9,9 +9,10 @@
 // they leave out under overload (step_budget).
 //
 // Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and
-// only move messages. `plan` and `finish` run on a worker, one after the other for one stream (`busy_`): a thread of
-// the scheduler, the thread that read the tick when the steps are short and a turn is free, or a loader when it may take long. drain and end come from the thread that stops the server, the alarm
-// of a client that never speaks from one of gRPC's. All meet in `advance`, which decides what comes next.
+// only move messages, but for a short step (below). `plan` and `finish` run on a worker, one after the other for one
+// stream (`busy_`): a thread of the scheduler; the thread that read the tick, when the last step was short and a turn is
+// free (`may_step_here`); or a loader, when it may take long. drain and end come from the thread that stops the server,
+// the alarm of a client that never speaks from one of gRPC's. All meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
 // called once, when no worker is busy and no write is under way; nothing is started after it.

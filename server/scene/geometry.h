@@ -88,8 +88,8 @@ class Geometry {
 // The name of a mesh's content: equal for equal positions, indices and see-through split.
 ContentHash hash_mesh(const MeshData& mesh);
 
-// Builds clusters and trees (tree_builder.h), on every core when there is much to do. Triangles of zero area are dropped; equal positions become one (weld.h), unused ones are
-// kept. A mesh without triangles gives empty
+// Builds clusters and trees (tree_builder.h), on every core when there is much to do. Triangles of zero area
+// are dropped; equal positions become one (weld.h), unused ones are kept. A mesh without triangles gives empty
 // trees and an empty `bounds`. Fails with kInvalidArgument (field "indices", "positions" or
 // "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
 // position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input gives equal output.

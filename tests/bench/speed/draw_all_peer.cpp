@@ -25,8 +25,10 @@ struct Mesh {
   GLsizei index_count = 0;
 
   explicit Mesh(const FlatTriangles& flat) : index_count(static_cast<GLsizei>(flat.indices.size())) {
-    glNamedBufferStorage(vertices.name(), static_cast<GLsizeiptr>(flat.positions.size() * sizeof(glm::vec3)), flat.positions.data(), 0);
-    glNamedBufferStorage(indices.name(), static_cast<GLsizeiptr>(flat.indices.size() * sizeof(uint32_t)), flat.indices.data(), 0);
+    glNamedBufferStorage(vertices.name(), static_cast<GLsizeiptr>(flat.positions.size() * sizeof(glm::vec3)),
+                         flat.positions.data(), 0);
+    glNamedBufferStorage(indices.name(), static_cast<GLsizeiptr>(flat.indices.size() * sizeof(uint32_t)),
+                         flat.indices.data(), 0);
     glVertexArrayVertexBuffer(array.name(), 0, vertices.name(), 0, sizeof(glm::vec3));
     glVertexArrayElementBuffer(array.name(), indices.name());
     glEnableVertexArrayAttrib(array.name(), 0);
@@ -42,7 +44,8 @@ struct Mesh {
 
 glm::dmat4 clip_from_world(const MapView& view) {
   const double near = view.near_m;
-  const glm::dmat4 clip_from_view = glm::frustumRH_ZO(view.left * near, view.right * near, view.bottom * near, view.top * near, near, double{kFarM});
+  const glm::dmat4 clip_from_view = glm::frustumRH_ZO(view.left * near, view.right * near, view.bottom * near,
+                                                      view.top * near, near, double{kFarM});
   const glm::dmat3 turn = glm::transpose(view.world_from_view);
   glm::dmat4 view_from_world(turn);
   view_from_world[3] = glm::dvec4(-(turn * view.eye_m), 1.0);
@@ -51,7 +54,8 @@ glm::dmat4 clip_from_world(const MapView& view) {
 
 class DrawAll final : public DrawAllPeer {
  public:
-  DrawAll(const SceneMirror& mirror, std::unique_ptr<EglContext> context) : mirror_(mirror), context_(std::move(context)) {}
+  DrawAll(const SceneMirror& mirror, std::unique_ptr<EglContext> context)
+      : mirror_(mirror), context_(std::move(context)) {}
   ~DrawAll() override {
     const CurrentContext current(*context_);
     standing_.reset();

@@ -104,7 +104,10 @@ void GridCity::add_props(SceneDelta& delta) {
   for (int i = 0; i < options_.props; ++i) {
     const double street = kBlockSpacingM * std::floor(random.next_in(-reach_m, reach_m) / kBlockSpacingM);
     const double side = random.next_unit() < 0.5 ? -3.5 : 3.5, along = random.next_in(-reach_m, reach_m);
-    delta.add.push_back({.id = 100'000 + static_cast<uint64_t>(i), .geometry = geometry, .pose = {{street + side, 0.6, along}}, .attributes = {}});
+    delta.add.push_back({.id = 100'000 + static_cast<uint64_t>(i),
+                         .geometry = geometry,
+                         .pose = {{street + side, 0.6, along}},
+                         .attributes = {}});
   }
 }
 

@@ -12,12 +12,12 @@
 namespace sightline::bench {
 
 struct GridCityOptions {
-  int blocks_a_side = 20;  // even
-  int cells = 8;           // every face of a block is cut into cells x cells: 12 cells^2 triangles
+  int blocks_a_side = 20;    // even
+  int cells = 8;             // every face of a block is cut into cells x cells: 12 cells^2 triangles
   bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
-  int targets = 2;         // [1, kMaxTargets]
-  int movers = 0;          // moving occluders besides the targets
-  int props = 0;           // small instances that stand; all of one geometry
+  int targets = 2;           // [1, kMaxTargets]
+  int movers = 0;            // moving occluders besides the targets
+  int props = 0;             // small instances that stand; all of one geometry
 };
 
 // Deterministic. Single-threaded.

@@ -3,8 +3,8 @@
 //
 //   speed_bench --out FOLDER [--quick] [--section NAME]...
 //
-// Writes FOLDER/rows.csv (percentiles of milliseconds) and FOLDER/ratios.csv. Sections: peers (with default), alone, wide, detail, blocks, targets,
-// movers. tests/results/speed/make.sh makes the page of it.
+// Writes FOLDER/rows.csv (percentiles of milliseconds) and FOLDER/ratios.csv. Sections: peers (with default), alone,
+// wide, detail, blocks, targets, movers. tests/results/speed/make.sh makes the page of it.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -53,16 +53,20 @@ StepSettings with_defaults(int resolution, int candidates) {
 double agreement(const std::vector<uint32_t>& seen, const StepMemory& memory, size_t targets) {
   size_t same = 0;
   for (size_t k = 0; k < seen.size(); ++k)
-    for (size_t t = 0; t < targets; ++t) same += ((seen[k] ^ memory.candidates.visible_targets[k]) >> t & 1u) == 0;
+    for (size_t t = 0; t < targets; ++t)
+      same += ((seen[k] ^ memory.candidates.visible_targets[k]) >> t & 1u) == 0;
   return static_cast<double>(same) / static_cast<double>(std::max<size_t>(1, seen.size() * targets));
 }
 
 // The candidates of the step that was just taken, looked at by rays from the targets' aim points.
 class TimedRays {
  public:
-  TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)) { track.name = std::move(name); }
+  TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)) {
+    track.name = std::move(name);
+  }
 
-  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepMemory& memory, bool keep) {
+  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepMemory& memory,
+            bool keep) {
     from_.clear();
     for (size_t i = 0; i < targets.size(); ++i)
       from_.push_back({memory.target_views[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
@@ -87,7 +91,9 @@ class TimedRays {
 
 class TimedDrawing {
  public:
-  explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) { track.name = "draw all"; }
+  explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) {
+    track.name = "draw all";
+  }
   // The maps over the bound of the step that was just taken: one a target.
   void take(const StepMemory& memory, bool keep) {
     const double begin_ms = now_ms();
@@ -101,31 +107,49 @@ class TimedDrawing {
   std::vector<std::vector<float>> depths_;
 };
 
+template <typename T>
+T must(Result<T> result) {
+  if (!result) std::fprintf(stderr, "%s\n", to_string(result.error()).c_str()), std::exit(1);
+  return std::move(*result);
+}
+
 // The scenario `city` (280 K triangles, two targets).
-void run_peers(Bench& bench) {
-  const auto city = TimedCity::load();
-  if (!city) std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), std::exit(1);
-  const Scenario& scenario = *(*city)->scenario;
+struct City {
+  std::unique_ptr<TimedCity> loaded = must(TimedCity::load());
+  const Scenario& scenario = *loaded->scenario;
   std::vector<const ExtentTable*> tables;
-  for (const auto& table : (*city)->tables) tables.push_back(table.get());
+
+  City() {
+    for (const auto& table : loaded->tables) tables.push_back(table.get());
+  }
+  std::unique_ptr<ScenarioWorld> make_world() {
+    return must(ScenarioWorld::make(scenario, loaded->store, loaded->device));
+  }
+};
+
+void run_peers(Bench& bench) {
+  City city;
+  const Scenario& scenario = city.scenario;
   for (const int r : {5, 7, 10, 15, 32}) {
-    const auto world = ScenarioWorld::make(scenario, (*city)->store, (*city)->device);
-    if (!world) std::fprintf(stderr, "%s\n", to_string(world.error()).c_str()), std::exit(1);
-    const SceneMirror& mirror = (*world)->mirror();
-    const TimedScene scene{mirror, (*world)->targets(), tables, scenario.lens()};
+    const auto world = city.make_world();
+    const SceneMirror& mirror = world->mirror();
+    const TimedScene scene{mirror, world->targets(), city.tables, scenario.lens()};
     std::vector<std::unique_ptr<TimedSteps>> steps, defaults;
     for (const auto& device : bench.devices) {
       steps.push_back(std::make_unique<TimedSteps>(device->kind(), scene, plain(r, r * r * r), *device));
-      if (r <= 15) defaults.push_back(std::make_unique<TimedSteps>(device->kind() + " default", scene, with_defaults(r, r * r * r), *device));
+      if (r <= 15)
+        defaults.push_back(std::make_unique<TimedSteps>(device->kind() + " default", scene,
+                                                        with_defaults(r, r * r * r), *device));
     }
-    TimedRays embree("embree rays", make_embree_peer(mirror)), bullet("bullet rays", make_bullet_peer(mirror));
+    TimedRays embree("embree rays", make_embree_peer(mirror)),
+        bullet("bullet rays", make_bullet_peer(mirror));
     std::unique_ptr<TimedDrawing> drawing;
     if (bench.devices.size() > 1)
       if (auto peer = make_draw_all_peer(mirror)) drawing = std::make_unique<TimedDrawing>(std::move(*peer));
 
     const int frames = bench.frames(r > 15 ? 150 : 600), lap = static_cast<int>(scenario.duration_s() * 60);
     for (int frame = 0; frame < frames; ++frame) {
-      (*world)->set_time(frame % lap / 60.0);
+      world->set_time(frame % lap / 60.0);
       for (auto* group : {&steps, &defaults})
         for (auto& contender : *group) {
           if (frame % lap == 0) contender->place(scenario.camera());
@@ -133,8 +157,8 @@ void run_peers(Bench& bench) {
         }
       const StepMemory& memory = steps.back()->memory();  // Embree's, which comes last
       const bool keep = frame >= TimedSteps::kWarmUpFrames;
-      embree.look(mirror, (*world)->targets(), memory, keep);
-      bullet.look(mirror, (*world)->targets(), memory, keep);
+      embree.look(mirror, world->targets(), memory, keep);
+      bullet.look(mirror, world->targets(), memory, keep);
       if (drawing) drawing->take(memory, keep);
     }
     for (const auto& contender : steps) bench.tables.row("peers", r, contender->track());
@@ -150,8 +174,9 @@ void run_peers(Bench& bench) {
 }
 
 // Contenders over one grid city: every setting with every device.
-void run_grid(Bench& bench, const std::string& section, double x, const GridCityOptions& options, int full_frames,
-              const std::vector<std::pair<std::string, StepSettings>>& settings, bool with_egl = true) {
+void run_grid(Bench& bench, const std::string& section, double x, const GridCityOptions& options,
+              int full_frames, const std::vector<std::pair<std::string, StepSettings>>& settings,
+              bool with_egl = true) {
   const double begin_ms = now_ms();
   GridCity city(options);
   const TimedScene scene{city.mirror(), city.targets(), city.tables(), {}};
@@ -159,10 +184,12 @@ void run_grid(Bench& bench, const std::string& section, double x, const GridCity
   for (const auto& device : bench.devices) {
     if (device->kind() == "egl" && !with_egl) continue;
     for (const auto& [name, each] : settings)
-      steps.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name), scene, each, *device));
+      steps.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name), scene,
+                                                   each, *device));
   }
   for (auto& contender : steps) contender->place(city.camera());
-  std::printf("%s %.0f: %zu triangles, %zu instances\n", section.c_str(), x, city.triangles(), city.mirror().size());
+  std::printf("%s %.0f: %zu triangles, %zu instances\n", section.c_str(), x, city.triangles(),
+              city.mirror().size());
   const int frames = bench.frames(full_frames);
   for (int frame = 0; frame < frames; ++frame) {
     const double scene_ms = city.advance(frame);
@@ -174,20 +201,17 @@ void run_grid(Bench& bench, const std::string& section, double x, const GridCity
 
 // The same steps without anybody beside them: what the caches hold then is the step's own.
 void run_alone(Bench& bench) {
-  const auto city = TimedCity::load();
-  if (!city) std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), std::exit(1);
-  const Scenario& scenario = *(*city)->scenario;
-  std::vector<const ExtentTable*> tables;
-  for (const auto& table : (*city)->tables) tables.push_back(table.get());
+  City city;
+  const Scenario& scenario = city.scenario;
   for (const int r : {5, 7, 10, 15})
     for (const auto& device : bench.devices) {
-      const auto world = ScenarioWorld::make(scenario, (*city)->store, (*city)->device);
-      if (!world) std::fprintf(stderr, "%s\n", to_string(world.error()).c_str()), std::exit(1);
-      TimedSteps steps(device->kind(), {(*world)->mirror(), (*world)->targets(), tables, scenario.lens()}, plain(r, r * r * r), *device);
+      const auto world = city.make_world();
+      TimedSteps steps(device->kind(), {world->mirror(), world->targets(), city.tables, scenario.lens()},
+                       plain(r, r * r * r), *device);
       steps.place(scenario.camera());
       const int frames = std::min(bench.frames(1100), static_cast<int>(scenario.duration_s() * 60));
       for (int frame = 0; frame < frames; ++frame) {
-        (*world)->set_time(frame / 60.0);
+        world->set_time(frame / 60.0);
         steps.step();
       }
       bench.tables.row("alone", r, steps.track());
@@ -219,7 +243,8 @@ void run_blocks(Bench& bench) {
 
 void run_targets(Bench& bench) {
   for (const int targets : {1, 2, 4, 8, 16, 32})
-    run_grid(bench, "targets", targets, {.targets = targets}, 300, {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+    run_grid(bench, "targets", targets, {.targets = targets}, 300,
+             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
 }
 
 // 10,000 instances, of which ever more move.
@@ -233,8 +258,9 @@ struct Section {
   const char* name;
   void (*run)(Bench&);
 };
-constexpr Section kSections[] = {{"peers", run_peers},   {"alone", run_alone},     {"wide", run_wide}, {"detail", run_detail},
-                                 {"blocks", run_blocks}, {"targets", run_targets}, {"movers", run_movers}};
+constexpr Section kSections[] = {{"peers", run_peers},   {"alone", run_alone},   {"wide", run_wide},
+                                 {"detail", run_detail}, {"blocks", run_blocks}, {"targets", run_targets},
+                                 {"movers", run_movers}};
 
 int run(int argc, char** argv) {
   Bench bench;
@@ -242,21 +268,28 @@ int run(int argc, char** argv) {
   std::vector<std::string> wanted;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
-    if (word == "--quick") bench.quick = true;
-    else if (word == "--out" && i + 1 < argc) folder = argv[++i];
-    else if (word == "--section" && i + 1 < argc) wanted.push_back(argv[++i]);
-    else return std::fprintf(stderr, "usage: speed_bench --out FOLDER [--quick] [--section NAME]...\n"), 2;
+    if (word == "--quick")
+      bench.quick = true;
+    else if (word == "--out" && i + 1 < argc)
+      folder = argv[++i];
+    else if (word == "--section" && i + 1 < argc)
+      wanted.push_back(argv[++i]);
+    else
+      return std::fprintf(stderr, "usage: speed_bench --out FOLDER [--quick] [--section NAME]...\n"), 2;
   }
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (folder.empty() || !bench.tables.open(folder)) return std::fprintf(stderr, "cannot write into '%s'\n", folder.c_str()), 1;
+  if (folder.empty() || !bench.tables.open(folder))
+    return std::fprintf(stderr, "cannot write into '%s'\n", folder.c_str()), 1;
   prepare_software_rendering();
   std::string no_egl;
   bench.devices = timed_samplers(&no_egl);
   if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
-  for (const auto& device : bench.devices) std::printf("%s: %s\n", device->kind().c_str(), device->description().c_str());
+  for (const auto& device : bench.devices)
+    std::printf("%s: %s\n", device->kind().c_str(), device->description().c_str());
   for (const Section& section : kSections)
-    if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end()) section.run(bench);
+    if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end())
+      section.run(bench);
   return 0;
 }
 

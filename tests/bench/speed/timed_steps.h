@@ -16,7 +16,8 @@ struct Track {
   std::string name;
   std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
   size_t candidates = 0;
-  double agreement = -1;  // share of candidates x targets on which a peer and the step beside it agree; -1: not asked
+  double agreement =
+      -1;  // share of candidates x targets on which a peer and the step beside it agree; -1: not asked
 };
 
 // What is stepped over. References must outlive the steps.
