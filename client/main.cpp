@@ -11,6 +11,7 @@
 #include "client/evaluate_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
+#include "client/verb.h"
 #include "client/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
@@ -126,7 +127,11 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingFile);
 
+  const std::vector<sightline::Verb> verbs = {};
+
   CLI11_PARSE(app, argc, argv);
+  for (const sightline::Verb& verb : verbs)
+    if (verb.command->parsed()) return verb.run();
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
   if (app.got_subcommand("evaluate")) return sightline::run_evaluate_command(evaluate, std::cout, std::cerr);
   if (app.got_subcommand("bench")) return sightline::run_bench_command(bench, std::cout, std::cerr);

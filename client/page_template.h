@@ -1,8 +1,8 @@
 // The page without a session: HTML with its style and its program inside, made from client/page/ when the project is
 // built.
-# pragma once
+#pragma once
 
-# include <string_view>
+#include <string_view>
 
 namespace sightline {
 

@@ -10,20 +10,20 @@
 // deflated (zlib) and in base64, which the page inflates by itself (page_data.h has the layout). Mesh positions take 16
 // bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame; poses, times, shares and
 // stage times are kept as they are.
-# pragma once
+#pragma once
 
-# include <cstdint>
-# include <glm/glm.hpp>
-# include <limits>
-# include <memory>
-# include <string>
-# include <utility>
-# include <vector>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
-# include "server/base/camera.h"
-# include "server/base/error.h"
-# include "server/base/transform.h"
-# include "server/scene/geometry.h"
+#include "server/base/camera.h"
+#include "server/base/error.h"
+#include "server/base/transform.h"
+#include "server/scene/geometry.h"
 
 namespace sightline {
 

@@ -1,0 +1,202 @@
+#include "client/recording.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "server/base/hash.h"
+
+namespace sightline {
+namespace {
+
+constexpr uint32_t kKnownVersion = 1;
+
+std::optional<RecordTopic> topic_of(const std::string& name) {
+  const auto& topics = all_record_topics();
+  for (size_t i = 0; i < topics.size(); ++i)
+    if (name == topics[i].topic) return static_cast<RecordTopic>(i);
+  return std::nullopt;
+}
+
+std::string name_of(RecordTopic topic) {
+  return all_record_topics()[static_cast<size_t>(topic)].topic;
+}
+
+template <typename Message>
+bool parse_into(std::string_view bytes, RecordedMessage& out) {
+  Message message;
+  if (!message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return false;
+  out = std::move(message);
+  return true;
+}
+
+bool parse(RecordTopic topic, std::string_view bytes, RecordedMessage& out) {
+  switch (topic) {
+    case RecordTopic::kTick:
+      return parse_into<v1::Tick>(bytes, out);
+    case RecordTopic::kReply:
+      return parse_into<v1::CameraReply>(bytes, out);
+    case RecordTopic::kRejection:
+      return parse_into<v1::Rejection>(bytes, out);
+    case RecordTopic::kFault:
+      return parse_into<v1::Fault>(bytes, out);
+    case RecordTopic::kGap:
+      return parse_into<v1::Gap>(bytes, out);
+    default:
+      return false;
+  }
+}
+
+// Saturates, so that an endless range is one.
+uint64_t after(uint64_t start_ns, double seconds) {
+  constexpr uint64_t kEver = std::numeric_limits<uint64_t>::max();
+  if (!(seconds > 0)) return start_ns;
+  const double ns = std::ceil(seconds * 1e9);
+  return ns >= static_cast<double>(kEver - start_ns) ? kEver : start_ns + static_cast<uint64_t>(ns);
+}
+
+Error not_ours(const std::string& name, std::string why) {
+  return {ErrorCode::kInvalidArgument, "recording", name + ": " + std::move(why)};
+}
+
+}  // namespace
+
+Result<Recording> Recording::open(const std::string& path, McapLimits limits) {
+  auto source = open_file_source(path);
+  if (!source) return tl::unexpected(std::move(source.error()));
+  return open(std::shared_ptr<const ByteSource>(std::move(*source)), path, limits);
+}
+
+Result<Recording> Recording::open(std::shared_ptr<const ByteSource> source, std::string name,
+                                  McapLimits limits) {
+  auto reader = McapReader::open(*source, limits);
+  if (!reader) {
+    Error error = std::move(reader.error());
+    error.message.insert(0, name + ": ");
+    return tl::unexpected(std::move(error));
+  }
+  Recording recording(std::move(source), std::move(name), std::move(*reader));
+  if (auto head = recording.read_head(); !head) return tl::unexpected(std::move(head.error()));
+  return recording;
+}
+
+// The opening stands in the first chunk, or the first few when the scene is large.
+Status Recording::read_head() {
+  bool has_info = false, has_open = false, has_opened = false;
+  start_ns_ = container().statistics.start_time_ns;
+  McapQuery query;
+  for (const RecordTopic topic :
+       {RecordTopic::kInfo, RecordTopic::kOpen, RecordTopic::kOpened, RecordTopic::kTick})
+    query.topics.push_back(name_of(topic));
+  const auto take = [](auto& message, bool& has, std::string_view bytes) {
+    if (!has) has = message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  };
+  reader_.read(query, [&](const McapMessage& m) {
+    const auto topic = topic_of(m.channel.topic);
+    if (topic == RecordTopic::kInfo) take(info_, has_info, m.message.data);
+    if (topic == RecordTopic::kOpen) take(open_, has_open, m.message.data);
+    if (topic == RecordTopic::kOpened) take(opened_, has_opened, m.message.data);
+    return !(has_info && has_open && has_opened) && topic != RecordTopic::kTick;
+  });
+  if (!has_info)
+    return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
+  if (info_.version() > kKnownVersion)
+    return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.version()) +
+                                              ", this program knows up to " + std::to_string(kKnownVersion)));
+  if (!has_open) return tl::unexpected(not_ours(name_, "the session's opening is missing (/sightline/open)"));
+  return {};
+}
+
+double Recording::duration_s() const {
+  const mcap::Statistics& statistics = container().statistics;
+  const uint64_t end_ns = statistics.end_time_ns;
+  return end_ns > start_ns_ ? static_cast<double>(end_ns - start_ns_) * 1e-9 : 0.0;
+}
+
+RecordedReport Recording::read(const RecordedRange& range,
+                               const std::function<bool(RecordedEvent&)>& visit) const {
+  McapQuery query{.start_ns = range.start_s > 0 ? after(start_ns_, range.start_s) : 0,
+                  .end_ns = after(start_ns_, range.end_s)};
+  for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kRejection,
+                                  RecordTopic::kFault, RecordTopic::kGap})
+    query.topics.push_back(name_of(topic));
+  RecordedReport report;
+  RecordedEvent event;
+  McapReadReport done = reader_.read(query, [&](const McapMessage& m) {
+    const auto topic = topic_of(m.channel.topic);
+    if (!topic || !parse(*topic, m.message.data, event.message)) {
+      ++report.undecodable;
+      return true;
+    }
+    event.topic = *topic;
+    event.log_ns = m.message.log_time_ns;
+    event.publish_ns = m.message.publish_time_ns;
+    ++report.events;
+    return visit(event);
+  });
+  report.loss = std::move(done.loss);
+  return report;
+}
+
+Result<std::vector<RecordedFile>> Recording::files() const {
+  std::vector<RecordedFile> files;
+  for (const mcap::AttachmentIndex& index : container().attachments) {
+    auto bytes = reader_.attachment(index);
+    if (!bytes) return tl::unexpected(std::move(bytes.error()));
+    files.push_back({index.name, std::move(*bytes)});
+  }
+  return files;
+}
+
+// --- steps
+
+bool StepAssembler::add(RecordedEvent& event) {
+  switch (event.topic) {
+    case RecordTopic::kTick:
+      step_.ticks.push_back(std::move(std::get<v1::Tick>(event.message)));
+      return false;
+    case RecordTopic::kRejection:
+      step_.rejections.push_back(std::move(std::get<v1::Rejection>(event.message)));
+      return false;
+    case RecordTopic::kGap:
+      step_.missing += std::get<v1::Gap>(event.message).messages();
+      return false;
+    case RecordTopic::kReply:
+      step_.reply = std::move(std::get<v1::CameraReply>(event.message));
+      step_.log_ns = event.log_ns;
+      return true;
+    default:
+      return false;
+  }
+}
+
+RecordedStep StepAssembler::take() {
+  return std::exchange(step_, {});
+}
+
+bool StepAssembler::take_rest(RecordedStep& rest) {
+  if (step_.ticks.empty() && step_.rejections.empty() && step_.missing == 0) return false;
+  rest = take();
+  rest.has_reply = false;
+  return true;
+}
+
+uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed) {
+  v1::CameraReply plain = reply;
+  plain.clear_stage_times();
+  if (plain.has_flags()) plain.mutable_flags()->clear_recording_degraded();
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);
+    plain.SerializeToCodedStream(&coded);
+  }
+  return hash64_bytes(std::as_bytes(std::span(bytes)), seed);
+}
+
+}  // namespace sightline

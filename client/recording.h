@@ -1,0 +1,125 @@
+// A recording as a session: how it was opened, and then everything that happened, in order. What is in such a file is
+// in server/record/FORMAT.md; the container by itself in server/record/mcap_reader.h.
+//
+//   auto recording = Recording::open("hall.mcap");
+//   recording->read({}, [](const RecordedEvent& event) { ...; return true; });
+//
+// Files may come from anywhere: what cannot be decoded is counted and passed over, never believed.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/record/byte_io.h"
+#include "server/record/mcap_reader.h"
+#include "server/record/record_topics.h"
+#include "sightline/v1/camera_control.pb.h"
+#include "sightline/v1/recording.pb.h"
+
+namespace sightline {
+
+// What is made of other messages, or stands at the head of the file, is not among them.
+using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::Rejection, v1::Fault, v1::Gap>;
+
+struct RecordedEvent {
+  RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kRejection, kFault or kGap, as `message` holds
+  uint64_t log_ns = 0;                     // when the server had it, since 1970 (UTC)
+  uint64_t publish_ns = 0;                 // when its sender sent it, or log_ns
+  RecordedMessage message;
+};
+
+// Seconds of log time since the first message of the file: start <= t < end.
+struct RecordedRange {
+  double start_s = 0.0;
+  double end_s = std::numeric_limits<double>::infinity();
+};
+
+struct RecordedReport {
+  uint64_t events = 0;
+  uint64_t undecodable = 0;  // messages of a topic of ours that are not what its schema says
+  McapLoss loss;             // as McapReader::read counts it
+};
+
+// A scene file that travels in the recording.
+struct RecordedFile {
+  std::string name;  // "scene/levels/one.gltf": below the scene folder; "upload/<hash>": uploaded bytes
+  std::string bytes;
+};
+
+// Reading changes nothing in it; one thread at a time.
+class Recording {
+ public:
+  // kNotFound, kUnavailable or kDataLoss when the file is none; kInvalidArgument (field "recording") when it is an MCAP
+  // file without a session of ours, or of a later version than this program knows. Reads the tail of the file and the
+  // chunk with the opening.
+  static Result<Recording> open(const std::string& path, McapLimits limits = {});
+  // The same of any bytes; `name` is for errors.
+  static Result<Recording> open(std::shared_ptr<const ByteSource> source, std::string name,
+                                McapLimits limits = {});
+
+  const std::string& name() const { return name_; }
+  const v1::RecordingInfo& info() const { return info_; }
+  const v1::OpenSession& open_session() const { return open_; }
+  const v1::SessionOpened& opened() const { return opened_; }  // empty when the file ends before it
+  const McapInfo& container() const { return reader_.info(); }
+  const McapReader& reader() const { return reader_; }
+  uint64_t start_ns() const { return start_ns_; }  // of the first message, log time
+  double duration_s() const;                       // from the first to the last message
+
+  // Hands every event of the range to `visit`, in the order in which they happened, until it answers false. The event
+  // may be moved from. Only the chunks that the range touches are read.
+  RecordedReport read(const RecordedRange& range, const std::function<bool(RecordedEvent&)>& visit) const;
+
+  // The scene files that were attached; empty: none were. Fails on damage.
+  Result<std::vector<RecordedFile>> files() const;
+
+ private:
+  Recording(std::shared_ptr<const ByteSource> source, std::string name, McapReader reader)
+      : source_(std::move(source)), name_(std::move(name)), reader_(std::move(reader)) {}
+  Status read_head();
+
+  std::shared_ptr<const ByteSource> source_;
+  std::string name_;
+  McapReader reader_;
+  v1::RecordingInfo info_;
+  v1::OpenSession open_;
+  v1::SessionOpened opened_;
+  uint64_t start_ns_ = 0;
+};
+
+// One step as it was taken: the ticks that were applied for it, oldest first, then its reply.
+struct RecordedStep {
+  // Refused ticks among them, with their refusals: a replay refuses them again.
+  std::vector<v1::Tick> ticks;
+  std::vector<v1::Rejection> rejections;
+  v1::CameraReply reply;
+  uint64_t log_ns = 0;    // of the reply
+  uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
+  bool has_reply = true;  // false: the file ends with ticks that nothing answers
+  int economy_level() const { return static_cast<int>(reply.economy().level()); }
+};
+
+// Puts events together to steps. Feed it every event of a recording in order.
+class StepAssembler {
+ public:
+  // Whether `step` is whole now; it is then to be taken with take().
+  bool add(RecordedEvent& event);
+  RecordedStep take();
+  // What is left at the end: ticks without a reply; false when there is nothing.
+  bool take_rest(RecordedStep& rest);
+
+ private:
+  RecordedStep step_;
+};
+
+// 64 bits of all that a reply says but the times that its stages took and what it says of the recording: equal inputs
+// give equal hashes on one sampler. Chained: pass the hash of the reply before as `seed` to cover a session.
+uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed = 0);
+
+}  // namespace sightline

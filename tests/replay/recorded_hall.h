@@ -1,0 +1,32 @@
+// A recording of a camera in the hall, made in this process without a daemon.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "client/local_session.h"
+#include "client/recording_writer.h"
+
+namespace sightline::test {
+
+inline constexpr uint64_t kRecordedStartNs = 1'700'000'000'000'000'000;
+
+struct RecordedHallOptions {
+  int ticks = 60;  // at 60 Hz
+  uint64_t seed = 1;
+  int merge_every = 0;    // 2: every second tick is merged into the next; 0: none
+  int economy_level = 0;  // of every step
+  bool attach_scene = true;
+  v1::Settings settings = {};
+};
+
+struct RecordedHall {
+  std::string bytes;  // of the file
+  uint64_t hash = 0;  // of all replies, chained
+  size_t replies = 0;
+};
+
+// Fails the test when anything fails.
+RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& options = {});
+
+}  // namespace sightline::test
