@@ -95,7 +95,8 @@ void SessionTape::fault(uint64_t sequence, std::string_view stage, std::string_v
 bool SessionTape::lacks_scenes(const v1::Tick& tick) const {
   if (!attaches_ || tick.delta().add().empty()) return false;
   bool lacks = false;
-  for_each_mesh(tick.delta().add(), [&](const std::string& scene) { lacks |= !tried_scenes_.contains(scene); });
+  for_each_mesh(tick.delta().add(),
+                [&](const std::string& scene) { lacks |= !tried_scenes_.contains(scene); });
   return lacks;
 }
 
