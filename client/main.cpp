@@ -7,11 +7,16 @@
 
 #include "client/bench_command.h"
 #include "client/bench_echo.h"
+#include "client/cut_command.h"
 #include "client/drive_command.h"
+#include "client/dump_command.h"
 #include "client/evaluate_command.h"
+#include "client/info_command.h"
+#include "client/recover_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
+#include "client/verify_command.h"
 #include "client/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
@@ -127,7 +132,13 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingFile);
 
-  const std::vector<sightline::Verb> verbs = {};
+  const std::vector<sightline::Verb> verbs = {
+      sightline::add_info_verb(app),
+      sightline::add_verify_verb(app),
+      sightline::add_recover_verb(app),
+      sightline::add_dump_verb(app),
+      sightline::add_cut_verb(app),
+  };
 
   CLI11_PARSE(app, argc, argv);
   for (const sightline::Verb& verb : verbs)

@@ -15,13 +15,6 @@ namespace {
 
 constexpr uint32_t kKnownVersion = 1;
 
-std::optional<RecordTopic> topic_of(const std::string& name) {
-  const auto& topics = all_record_topics();
-  for (size_t i = 0; i < topics.size(); ++i)
-    if (name == topics[i].topic) return static_cast<RecordTopic>(i);
-  return std::nullopt;
-}
-
 std::string name_of(RecordTopic topic) {
   return all_record_topics()[static_cast<size_t>(topic)].topic;
 }
@@ -51,19 +44,18 @@ bool parse(RecordTopic topic, std::string_view bytes, RecordedMessage& out) {
   }
 }
 
-// Saturates, so that an endless range is one.
-uint64_t after(uint64_t start_ns, double seconds) {
-  constexpr uint64_t kEver = std::numeric_limits<uint64_t>::max();
-  if (!(seconds > 0)) return start_ns;
-  const double ns = std::ceil(seconds * 1e9);
-  return ns >= static_cast<double>(kEver - start_ns) ? kEver : start_ns + static_cast<uint64_t>(ns);
-}
-
 Error not_ours(const std::string& name, std::string why) {
   return {ErrorCode::kInvalidArgument, "recording", name + ": " + std::move(why)};
 }
 
 }  // namespace
+
+uint64_t log_time_after(uint64_t start_ns, double seconds) {
+  constexpr uint64_t kEver = std::numeric_limits<uint64_t>::max();
+  if (!(seconds > 0)) return start_ns;
+  const double ns = std::ceil(seconds * 1e9);
+  return ns >= static_cast<double>(kEver - start_ns) ? kEver : start_ns + static_cast<uint64_t>(ns);
+}
 
 Result<Recording> Recording::open(const std::string& path, McapLimits limits) {
   auto source = open_file_source(path);
@@ -96,7 +88,7 @@ Status Recording::read_head() {
     if (!has) has = message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
   };
   reader_.read(query, [&](const McapMessage& m) {
-    const auto topic = topic_of(m.channel.topic);
+    const auto topic = record_topic_of(m.channel.topic);
     if (topic == RecordTopic::kInfo) take(info_, has_info, m.message.data);
     if (topic == RecordTopic::kOpen) take(open_, has_open, m.message.data);
     if (topic == RecordTopic::kOpened) take(opened_, has_opened, m.message.data);
@@ -119,15 +111,15 @@ double Recording::duration_s() const {
 
 RecordedReport Recording::read(const RecordedRange& range,
                                const std::function<bool(RecordedEvent&)>& visit) const {
-  McapQuery query{.start_ns = range.start_s > 0 ? after(start_ns_, range.start_s) : 0,
-                  .end_ns = after(start_ns_, range.end_s)};
+  McapQuery query{.start_ns = range.start_s > 0 ? log_time_after(start_ns_, range.start_s) : 0,
+                  .end_ns = log_time_after(start_ns_, range.end_s)};
   for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kRejection,
                                   RecordTopic::kFault, RecordTopic::kGap})
     query.topics.push_back(name_of(topic));
   RecordedReport report;
   RecordedEvent event;
   McapReadReport done = reader_.read(query, [&](const McapMessage& m) {
-    const auto topic = topic_of(m.channel.topic);
+    const auto topic = record_topic_of(m.channel.topic);
     if (!topic || !parse(*topic, m.message.data, event.message)) {
       ++report.undecodable;
       return true;

@@ -40,6 +40,9 @@ struct RecordedRange {
   double end_s = std::numeric_limits<double>::infinity();
 };
 
+// The log time so many seconds after `start_ns`; nothing is later than the end of time.
+uint64_t log_time_after(uint64_t start_ns, double seconds);
+
 struct RecordedReport {
   uint64_t events = 0;
   uint64_t undecodable = 0;  // messages of a topic of ours that are not what its schema says

@@ -1,79 +1,18 @@
 #include "client/scene_command.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <vector>
 
+#include "client/text_table.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
 namespace {
 
 constexpr size_t kMaxRows = 50;
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
-
-// 1234567 -> "1,234,567"
-std::string grouped(size_t value) {
-  std::string text = std::to_string(value);
-  for (size_t i = text.size(); i > 3; i -= 3) text.insert(i - 3, 1, ',');
-  return text;
-}
-
-std::string bytes_text(size_t bytes) {
-  if (bytes < size_t{1} << 20) return formatted("%.1f KiB", static_cast<double>(bytes) / 1024.0);
-  return formatted("%.1f MiB", static_cast<double>(bytes) / (1024.0 * 1024.0));
-}
-
-// Names come from a file: what would move the cursor is shown as '?'.
-std::string printable(const std::string& name, size_t longest = 40) {
-  std::string text = name.empty() ? "-" : name.substr(0, longest);
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
-  return text;
-}
-
-// Columns as wide as their widest cell; numbers stand on the right.
-class Table {
- public:
-  struct Column {
-    const char* title;
-    bool number = false;
-  };
-  explicit Table(std::vector<Column> columns) : columns_(std::move(columns)) {
-    std::vector<std::string> titles;
-    for (const Column& column : columns_) titles.emplace_back(column.title);
-    rows_.push_back(std::move(titles));
-  }
-  void row(std::vector<std::string> cells) { rows_.push_back(std::move(cells)); }
-
-  void print(std::ostream& out) const {
-    std::vector<size_t> widths(columns_.size(), 0);
-    for (const auto& row : rows_)
-      for (size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
-    for (const auto& row : rows_) {
-      std::string line;
-      for (size_t c = 0; c < row.size(); ++c) {
-        const std::string gap(widths[c] - row[c].size(), ' ');
-        line.append("  ").append(columns_[c].number ? gap + row[c] : row[c] + gap);
-      }
-      line.erase(line.find_last_not_of(' ') + 1);
-      out << line << '\n';
-    }
-  }
-
- private:
-  std::vector<Column> columns_;
-  std::vector<std::vector<std::string>> rows_;
-};
 
 size_t placements(const AssetNode& node) {
   return node.mesh < 0 ? 0 : std::max<size_t>(1, node.gpu_instances.size());

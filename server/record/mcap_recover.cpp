@@ -35,6 +35,7 @@ class Copy {
     }
   }
   bool empty() const { return !writer_; }
+  Status add(const mcap::Metadata& metadata) { return writer().add_metadata(metadata); }
   Status finish() { return writer().finish(); }
 
  private:
@@ -155,7 +156,7 @@ class Copy {
 }  // namespace
 
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
-                                  McapWriterOptions options) {
+                                  McapWriterOptions options, const RecoveryNote& note) {
   McapRecovery done;
   Copy copy(sink, std::move(options), limits.max_definition_bytes, done);
   McapScanner scanner(source, limits, true);
@@ -172,12 +173,14 @@ Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, Mcap
       if (Status ok = copy.take(part, record.offset); !ok) return tl::unexpected(ok.error());
   }
   if (copy.empty()) return fail(ErrorCode::kDataLoss, "", "holds no sound record of MCAP");
-  if (Status ok = copy.finish(); !ok) return tl::unexpected(ok.error());
   McapLoss loss = scanner.loss();
   for (McapTrouble& trouble : done.loss.first_troubles) loss.note(trouble.offset, std::move(trouble.error));
   loss.messages += done.loss.messages;
   done.loss = std::move(loss);
   done.was_finished = scanner.finished();
+  if (const auto metadata = note ? note(done) : std::nullopt)
+    if (Status ok = copy.add(*metadata); !ok) return tl::unexpected(ok.error());
+  if (Status ok = copy.finish(); !ok) return tl::unexpected(ok.error());
   return done;
 }
 

@@ -1,6 +1,9 @@
 // Makes a sound file of a damaged or unfinished one.
 #pragma once
 
+#include <functional>
+#include <optional>
+
 #include "server/record/byte_io.h"
 #include "server/record/mcap_loss.h"
 #include "server/record/mcap_writer.h"
@@ -16,12 +19,14 @@ struct McapRecovery {
   McapLoss loss;
 };
 
+using RecoveryNote = std::function<std::optional<mcap::Metadata>(const McapRecovery&)>;
+
 // Copies to `sink` every message, attachment and metadata of `source` that stands in a whole chunk or record, in the
 // order of the file, with its own times and sequence; then the summary, so that the copy is a finished file. A chunk
 // is whole when its CRC is right; of a chunk that is not, nothing is taken. `options.profile` and `.library` are
-// replaced by those of the source. Fails with kDataLoss when not even one record of the source is sound, and as the
-// sink fails.
+// replaced by those of the source. `note`, when there is one, is asked at the end for metadata that the copy is to carry.
+// Fails with kDataLoss when not even one record of the source is sound, and as the sink fails.
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
-                                  McapWriterOptions options);
+                                  McapWriterOptions options, const RecoveryNote& note = {});
 
 }  // namespace sightline

@@ -47,6 +47,13 @@ const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics() {
   return topics;
 }
 
+std::optional<RecordTopic> record_topic_of(std::string_view name) {
+  const auto& topics = all_record_topics();
+  for (size_t i = 0; i < topics.size(); ++i)
+    if (name == topics[i].topic) return static_cast<RecordTopic>(i);
+  return std::nullopt;
+}
+
 std::string descriptor_set_of(const google::protobuf::Descriptor& message) {
   google::protobuf::FileDescriptorSet set;
   std::set<const FileDescriptor*> done;

@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace google::protobuf {
 class Descriptor;
@@ -40,6 +42,8 @@ struct RecordTopicInfo {
 };
 
 const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics();
+// None: not one of ours.
+std::optional<RecordTopic> record_topic_of(std::string_view name);
 
 // A serialised google.protobuf.FileDescriptorSet of the message's file and all that it imports, imports first: what
 // MCAP asks of a schema with the encoding "protobuf".

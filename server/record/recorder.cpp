@@ -236,7 +236,9 @@ struct RecordWriter::Book {
   uint64_t seen_drops = 0;                  // of the recorder's, that are in the counts
   bool dropping = false;                    // its queue was full since the last time but one
   std::optional<std::string> open, opened;  // for the head of the next part
+  TickFold fold;                            // for it too
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
+  uint64_t head_size = 0;                   // of the messages at its head, not packed
   ViewerChannels viewers;
   std::array<uint32_t, kRecordTopics> sequences{};  // of what is made here
 };
@@ -337,26 +339,29 @@ void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
   const RecordHead& head = entry.head;
   const RecordMessage message{static_cast<RecordTopic>(head.topic), head.sequence, head.log_time_ns,
                               head.publish_time_ns, entry.message};
+  // A file that begins here has all that came before at its head.
+  const bool has_file = ensure_file(book);
   if (message.topic == RecordTopic::kOpen) book.open = entry.message;
   if (message.topic == RecordTopic::kOpened) book.opened = entry.message;
-  if (!ensure_file(book)) return lose_message(book, head);
-  if (Status ok = book.file->write(message, now_ns_()); !ok) {
-    // One message may be refused for its size; then the file goes on.
-    if (!book.file->status()) lose_file(book, ok.error());
-    return lose_message(book, head);
-  }
+  const Status written = has_file ? book.file->write(message, now_ns_()) : Status{};
+  // One message may be refused for its size; then the file goes on.
+  if (!written && !book.file->status()) lose_file(book, written.error());
+  take_in(book, message, has_file && written);
+  if (!has_file || !written) return lose_message(book, head);
   {
     const std::lock_guard lock(mutex_);
     ++counts_.messages;
   }
-  if (settings_.for_viewers) write_for_viewers(book, message);
   if (book.file) check(book, book.file->status());
-  if (!book.file || book.file->bytes() - book.session->attachment_bytes < part_limit()) return;
+  // Never so soon that parts would be heads alone.
+  const uint64_t limit = std::max(part_limit(), 2 * book.head_size);
+  if (!book.file || book.file->bytes() - book.session->attachment_bytes < limit) return;
   write_attachments(book);
   close_file(book);
 }
 
-void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
+// Once it is parsed: for the head of the next part, lost or not, and when it is in the file for viewers.
+void RecordWriter::take_in(Book& book, const RecordMessage& message, bool written) {
   const uint64_t time_ns = message.log_time_ns;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
     const std::string bytes = made.SerializeAsString();
@@ -364,23 +369,30 @@ void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
     // What cannot be written here cannot be written at the next message either, which tells.
     (void)book.file->write({topic, sequence, time_ns, time_ns, bytes}, now_ns_());
   };
-  const auto parsed = [&](auto wire, auto take) {
-    const bool whole = wire.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()));
-    if (whole) (book.viewers.*take)(wire, time_ns, emit);
+  const auto parsed = [&](auto wire, auto take, auto remember) {
+    if (!wire.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()))) return;
+    if (written && settings_.for_viewers) (book.viewers.*take)(wire, time_ns, emit);
+    remember(wire);
   };
+  const auto forget = [](const auto&) {};
+  const TickStamp stamp{message.sequence, message.log_time_ns, message.publish_time_ns};
   switch (message.topic) {
     case RecordTopic::kOpen:
-      return parsed(v1::OpenSession(), &ViewerChannels::take_open);
+      return parsed(v1::OpenSession(), &ViewerChannels::take_open,
+                    [&](const v1::OpenSession& open) { book.fold.take_open(open); });
     case RecordTopic::kTick:
-      return parsed(v1::Tick(), &ViewerChannels::take_tick);
+      return parsed(v1::Tick(), &ViewerChannels::take_tick,
+                    [&](v1::Tick& tick) { book.fold.take_tick(std::move(tick), stamp); });
     case RecordTopic::kReply:
-      return parsed(v1::CameraReply(), &ViewerChannels::take_reply);
+      return parsed(v1::CameraReply(), &ViewerChannels::take_reply,
+                    [&](const v1::CameraReply& reply) { book.fold.take_reply(reply); });
     case RecordTopic::kRejection:
-      return parsed(v1::Rejection(), &ViewerChannels::take_rejection);
+      return parsed(v1::Rejection(), &ViewerChannels::take_rejection,
+                    [&](const v1::Rejection& rejection) { book.fold.take_rejection(rejection); });
     case RecordTopic::kFault:
-      return parsed(v1::Fault(), &ViewerChannels::take_fault);
+      return parsed(v1::Fault(), &ViewerChannels::take_fault, forget);
     case RecordTopic::kGap:
-      return parsed(v1::Gap(), &ViewerChannels::take_gap);
+      return parsed(v1::Gap(), &ViewerChannels::take_gap, forget);
     default:
       return;
   }
@@ -420,6 +432,7 @@ bool RecordWriter::ensure_file(Book& book) {
   for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
        ++tries) {
     info.set_part(++book.part);
+    info.set_folded_ticks(book.fold.ticks());
     book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
     sink = folder_.create(book.file_name);
   }
@@ -437,7 +450,7 @@ bool RecordWriter::ensure_file(Book& book) {
   being_written_.insert(book.file_name);
   book.counted_bytes = 0;
   begin_attachments(book);
-  write_head(book, info.part() > 1, now_ns);
+  write_head(book, now_ns);
   book.head_bytes = book.file->bytes();
   {
     const std::lock_guard lock(mutex_);
@@ -447,18 +460,28 @@ bool RecordWriter::ensure_file(Book& book) {
   return book.file != nullptr;
 }
 
-// So that a later part can be read by itself, and says what is missing before it.
-void RecordWriter::write_head(Book& book, bool later_part, uint64_t now_ns) {
-  const auto write = [&](RecordTopic topic, uint32_t sequence, const std::string& bytes) {
-    return book.file->write({topic, sequence, now_ns, now_ns, bytes}, now_ns);
+// So that a part which begins within a session can be read by itself, and says what is missing before it: the opening,
+// what all ticks since then have changed, and those that are not answered yet.
+void RecordWriter::write_head(Book& book, uint64_t now_ns) {
+  book.head_size = 0;
+  const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
+    book.head_size += bytes.size();
+    return book.file->write({topic, stamp.sequence, stamp.log_ns, stamp.publish_ns, bytes}, now_ns);
   };
-  if (later_part && book.open) (void)write(RecordTopic::kOpen, 1, *book.open);
-  if (later_part && book.opened) (void)write(RecordTopic::kOpened, 1, *book.opened);
-  if (later_part && settings_.for_viewers)
+  const TickStamp again{1, now_ns, now_ns};
+  if (book.open) (void)write(RecordTopic::kOpen, again, *book.open);
+  if (book.opened) (void)write(RecordTopic::kOpened, again, *book.opened);
+  if (book.open && settings_.for_viewers)
     book.viewers.emit_still(now_ns, [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
-      (void)write(topic, ++book.sequences[static_cast<size_t>(topic)], made.SerializeAsString());
+      (void)write(topic, {++book.sequences[static_cast<size_t>(topic)], now_ns, now_ns},
+                  made.SerializeAsString());
     });
-  if (book.gap.messages() > 0) (void)write(RecordTopic::kGap, 1, book.gap.SerializeAsString());
+  if (book.fold.ticks() > 0)
+    (void)write(RecordTopic::kTick, book.fold.stamp(), book.fold.tick().SerializeAsString());
+  for (const WaitingTick& waiting : book.fold.waiting())
+    (void)write(RecordTopic::kTick, waiting.stamp, waiting.tick.SerializeAsString());
+  if (book.gap.messages() > 0) (void)write(RecordTopic::kGap, again, book.gap.SerializeAsString());
+  book.file->forget_waiting();
 }
 
 // Looks after what a write said, and keeps count of bytes.

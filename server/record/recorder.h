@@ -29,6 +29,7 @@
 #include "server/record/record_folder.h"
 #include "server/record/record_ring.h"
 #include "server/record/session_file.h"
+#include "server/record/tick_fold.h"
 #include "server/record/viewer_channels.h"
 
 namespace google::protobuf {
@@ -133,7 +134,7 @@ class RecordWriter {
   // Writes what is queued and finishes every file. Recorders may outlive it; what they take then goes nowhere.
   ~RecordWriter();
 
-  // The info's `version`, `part` and `start_time_ns` are filled here. May be called from any thread.
+  // The info's `version`, `part`, `start_time_ns` and `folded_ticks` are filled here. May be called from any thread.
   std::unique_ptr<SessionRecorder> open_session(v1::RecordingInfo info);
 
   // Takes what stands in the queues, writes it, closes chunks whose time has come, finishes the files of sessions
@@ -153,11 +154,11 @@ class RecordWriter {
   void adopt_new_sessions();
   void serve(Book& book);
   void write_entry(Book& book, const RecordEntry& entry);
-  void write_for_viewers(Book& book, const RecordMessage& message);
+  void take_in(Book& book, const RecordMessage& message, bool written);
   void write_attachments(Book& book);
   void begin_attachments(Book& book);
   bool ensure_file(Book& book);
-  void write_head(Book& book, bool later_part, uint64_t now_ns);
+  void write_head(Book& book, uint64_t now_ns);
   void close_file(Book& book);
   void lose_file(Book& book, const Error& error);
   void lose_message(Book& book, const RecordHead& head);

@@ -28,7 +28,7 @@ SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo
   (void)writer_.add_metadata(metadata_of(info));
   const std::string bytes = info.SerializeAsString();
   (void)write({RecordTopic::kInfo, 1, now_ns, now_ns, bytes}, now_ns);
-  waiting_ = {};  // of the file's own, nobody misses anything
+  forget_waiting();
 }
 
 Result<uint16_t> SessionFile::channel_of(RecordTopic topic) {

@@ -42,6 +42,8 @@ class SessionFile {
     uint64_t last_time_ns = 0;
   };
   const Waiting& waiting() const { return waiting_; }
+  // What was taken so far stands elsewhere too: nobody misses it.
+  void forget_waiting() { waiting_ = {}; }
   uint64_t bytes() const { return writer_.bytes_written(); }
   const Status& status() const { return writer_.status(); }
 

@@ -178,6 +178,50 @@ void open_and_seek(const std::string& path) {
               static_cast<unsigned long long>(of_chunks));
 }
 
+// What it costs the writer to know how a next part would begin, and to begin one in a session with many movers.
+void measure_fold() {
+  constexpr uint64_t kTicks = 60 * 600;
+  constexpr int kMovers = 10'000;
+  TickFold fold;
+  v1::OpenSession open;
+  for (uint64_t n = 1; n <= kMovers; ++n) open.add_instances()->set_id(n);
+  fold.take_open(open);
+  v1::Tick tick;
+  v1::CameraReply reply;
+  std::vector<double> batches_us;
+  constexpr uint64_t kBatch = 60;
+  std::vector<v1::Tick> ticks(kBatch);
+  std::vector<v1::CameraReply> replies(kBatch);
+  for (uint64_t i = 0; i < kTicks; i += kBatch) {
+    for (uint64_t k = 0; k < kBatch; ++k) fill(ticks[k], i + k + 1), fill(replies[k], i + k + 1);
+    const double start = thread_s();
+    for (uint64_t k = 0; k < kBatch; ++k) {
+      fold.take_tick(std::move(ticks[k]), {});
+      fold.take_reply(replies[k]);
+    }
+    batches_us.push_back(1e6 * (thread_s() - start) / kBatch);
+  }
+  fill(tick, kTicks + 1);
+  tick.clear_transforms();
+  for (uint64_t n = 1; n <= kMovers; ++n) {
+    tick.mutable_transforms()->add_id(n);
+    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_position(static_cast<double>(n));
+  }
+  fold.take_tick(tick, {});
+  fill(reply, kTicks + 1);
+  fold.take_reply(reply);
+  std::vector<double> heads_ms;
+  size_t bytes = 0;
+  for (int i = 0; i < 9; ++i) {
+    const double start = thread_s();
+    bytes = fold.tick().SerializeAsString().size();
+    heads_ms.push_back(1e3 * (thread_s() - start));
+  }
+  std::printf("fold\n  a tick and its reply          %8.2f us (thread CPU, median of seconds)\n",
+              median(batches_us));
+  std::printf("  head of a part, %d movers %8.2f ms, %zu bytes\n", kMovers, median(heads_ms), bytes);
+}
+
 void report(const char* name, const Hour& hour) {
   std::printf("%s\n  caller, a tick and its reply  %8.0f ns (thread CPU, median of seconds)\n", name,
               hour.caller_ns);
@@ -194,6 +238,7 @@ int run(const std::filesystem::path& parent) {
   report("wire messages alone", record_hour(folder.string(), false, kHourTicks));
   const Hour hour = record_hour(folder.string(), true, kHourTicks);
   report("with what viewers understand", hour);
+  measure_fold();
   open_and_seek(hour.path);
   std::filesystem::remove_all(folder);
   return 0;

@@ -50,6 +50,12 @@ struct Studio {
     files.now_ns += kSecondNs / 60;
     return recorder.record(RecordTopic::kTick, {files.now_ns, files.now_ns}, tick);
   }
+  // To the newest tick.
+  void answer(SessionRecorder& recorder) {
+    v1::CameraReply reply;
+    reply.set_sequence(ticks);
+    recorder.record(RecordTopic::kReply, {files.now_ns, files.now_ns}, reply);
+  }
   void later(uint64_t seconds) {
     files.now_ns += seconds * kSecondNs;
     writer->run_once();
@@ -63,7 +69,9 @@ struct Studio {
 };
 
 struct Contents {
-  std::vector<uint64_t> ticks;  // their own sequence
+  std::vector<uint64_t> ticks;  // their own sequence; without one that stands for others
+  uint64_t folded_ticks = 0;
+  uint64_t replies = 0;
   uint64_t gap_messages = 0;
   std::vector<std::string> topics;  // of every message
   uint64_t missing = 0;             // by the sequence numbers of the tick's topic
@@ -74,12 +82,19 @@ Contents contents_of(const std::string& bytes, bool sound = true) {
   const McapReader reader = McapReader::open(source, {}).value();
   EXPECT_TRUE(!sound || verify_mcap(source, {}).value().sound());
   Contents found;
+  bool first_tick = true;
   reader.read({}, [&](const McapMessage& m) {
     found.topics.push_back(m.channel.topic);
+    if (m.channel.topic == "/sightline/info") {
+      v1::RecordingInfo info;
+      EXPECT_TRUE(info.ParseFromString(std::string(m.message.data)));
+      found.folded_ticks = info.folded_ticks();
+    }
+    found.replies += m.channel.topic == "/sightline/reply";
     if (m.channel.topic == "/sightline/tick") {
       v1::Tick tick;
       EXPECT_TRUE(tick.ParseFromString(std::string(m.message.data)));
-      found.ticks.push_back(tick.sequence());
+      if (found.folded_ticks == 0 || !std::exchange(first_tick, false)) found.ticks.push_back(tick.sequence());
     }
     if (m.channel.topic == "/sightline/gap") {
       v1::Gap gap;
@@ -227,14 +242,18 @@ TEST(Recorder, AMessageLargerThanARecordingHoldsIsDroppedAndTheRestGoesOn) {
 }
 
 TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
-  Studio studio;
+  Studio studio({.for_viewers = false});
   auto recorder = studio.open();
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
-  for (int i = 0; i < 60; ++i) studio.tick(*recorder);
+  const auto tick = [&] {
+    studio.tick(*recorder);
+    studio.answer(*recorder);
+  };
+  for (int i = 0; i < 60; ++i) tick();
   studio.later(1);
   studio.files.disk_full = true;
   for (int i = 0; i < 120; ++i) {
-    studio.tick(*recorder);
+    tick();
     studio.writer->run_once();
   }
   studio.later(1);
@@ -247,7 +266,7 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
 
   studio.files.disk_full = false;
   studio.later(2);
-  for (int i = 0; i < 60; ++i) studio.tick(*recorder);
+  for (int i = 0; i < 60; ++i) tick();
   studio.writer->run_once();
   studio.later(1);
   EXPECT_FALSE(recorder->degraded());
@@ -262,12 +281,13 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
     if (file.bytes->empty()) continue;
     const bool first = name.ends_with("-p001.mcap");
     const Contents found = contents_of(*file.bytes, !first);
-    written += found.ticks.size();
+    written += found.ticks.size() + found.replies;
     missing += found.gap_messages;
     all.insert(all.end(), found.ticks.begin(), found.ticks.end());
     EXPECT_EQ(found.topics.at(1), "/sightline/open") << "so that each can be read by itself";
+    EXPECT_EQ(found.folded_ticks, first ? 0u : found.ticks.front() - 1) << "the lost ones among them";
   }
-  EXPECT_EQ(written + missing, 240u) << "what is not there is told";
+  EXPECT_EQ(written + missing, 2 * 240u) << "what is not there is told";
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
 }
 
@@ -385,6 +405,7 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
   for (int i = 0; i < 300; ++i) {
     studio.tick(*recorder);
+    studio.answer(*recorder);
     studio.writer->run_once();
   }
   recorder.reset();
@@ -393,11 +414,60 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
   std::vector<uint64_t> all;
   for (const auto& [name, file] : studio.files.files) {  // in the order of their names
     const Contents found = contents_of(*file.bytes);
-    all.insert(all.end(), found.ticks.begin(), found.ticks.end());
     EXPECT_EQ(found.topics.at(1), "/sightline/open");
     EXPECT_EQ(found.missing, 0u);
+    if (found.ticks.empty()) continue;
+    // Whoever has only this part has all ticks: those before it in one, the rest as they were.
+    EXPECT_EQ(found.ticks, numbers(found.folded_ticks + 1, found.ticks.back()));
+    // A tick that was not answered yet stands in both.
+    const bool again = !all.empty() && found.ticks.front() == all.back();
+    all.insert(all.end(), found.ticks.begin() + (again ? 1 : 0), found.ticks.end());
   }
   EXPECT_EQ(all, numbers(1, 300));
+}
+
+TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
+  Studio studio({.limits = {.free_reserve_bytes = 0}});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  for (int i = 0; i < 5; ++i) studio.tick(*recorder), studio.answer(*recorder);
+  for (int i = 0; i < 3; ++i) studio.tick(*recorder);
+  v1::Rejection refused;
+  refused.set_sequence(7);
+  refused.add_field_violations()->set_field("tick.dt_s");
+  recorder->record(RecordTopic::kRejection, {studio.files.now_ns, studio.files.now_ns}, refused);
+  studio.later(1);
+  studio.files.files.clear();  // so that the next part begins
+  studio.later(2);
+  studio.later(2);
+  studio.answer(*recorder);
+  recorder.reset();
+  studio.writer.reset();
+  ASSERT_THAT(studio.files.files, SizeIs(1));
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
+  EXPECT_EQ(found.folded_ticks, 5u);
+  EXPECT_EQ(found.ticks, (std::vector<uint64_t>{6, 8}));
+  EXPECT_EQ(found.replies, 1u);
+}
+
+TEST(Recorder, AFirstFileThatComesLateHasTheOpeningAllTheSame) {
+  Studio studio;
+  studio.files.folder_forbidden = true;
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  studio.tick(*recorder), studio.answer(*recorder);
+  studio.writer->run_once();
+  studio.files.folder_forbidden = false;
+  studio.later(2);
+  studio.tick(*recorder);
+  recorder.reset();
+  studio.writer.reset();
+  ASSERT_THAT(studio.files.files, SizeIs(1));
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
+  EXPECT_EQ(found.topics.at(1), "/sightline/open");
+  EXPECT_EQ(found.folded_ticks, 1u);
+  EXPECT_EQ(found.ticks, numbers(2, 2));
+  EXPECT_EQ(found.gap_messages, 3u);
 }
 
 TEST(Recorder, EverySessionHasItsOwnFile) {
