@@ -55,7 +55,7 @@ void look_now(StepWork& w) {
   const double bias = w.input.settings.aggregate.relative_bias;
   const SampledPoints sampled = as_input(w, w.memory.now);
   std::vector<uint32_t>& visible = w.on_lattice ? candidates.visible_targets : w.memory.off_grid_visible;
-  composer.set_positions(std::span(candidates.position_m).subspan(w.on_lattice ? 0 : w.own_candidate));
+  composer.set_positions(std::span<const glm::dvec3>(candidates.position_m).subspan(w.on_lattice ? 0 : w.own_candidate));
   if (expects_hidden(w) && w.on_lattice)
     composer.visibility_and_hidden(sampled, bias, hidden_weights(w, 1 - weight_ahead(w)), visible,
                                    w.memory.goal.hidden_by);
