@@ -41,6 +41,8 @@ uint32_t count_masked(const uint32_t* visible, size_t count, uint32_t mask, uint
   return found;
 }
 
+constexpr size_t kCountedTogether = 4096;
+
 // The least number of seen points that is enough; more than there are when none is.
 uint8_t least_enough(uint32_t points, double needed_share) {
   uint32_t seen = 0;
@@ -145,15 +147,20 @@ void Composer::count_points(const SampledPoints& sampled, const Asked& asked, Ti
 void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count,
                   SightCounts& counts) {
   counts.total = static_cast<uint32_t>(candidates.size());
-  const uint32_t* visible = candidates.filtered_targets.data();
-  counts.all_visible = count_masked(visible, candidates.size(), steered, steered);
-  counts.none_visible = count_masked(visible, candidates.size(), steered, 0);
+  // A part at a time, which stays in the nearest cache while all is counted.
+  const std::span<const uint32_t> visible = candidates.filtered();
+  counts.all_visible = counts.none_visible = 0;
+  counts.visible_by_target.assign(target_count, 0);
+  for (size_t first = 0; first < visible.size(); first += kCountedTogether) {
+    const std::span<const uint32_t> part = visible.subspan(first, std::min(kCountedTogether, visible.size() - first));
+    counts.all_visible += count_masked(part.data(), part.size(), steered, steered);
+    counts.none_visible += count_masked(part.data(), part.size(), steered, 0);
+    for (size_t target = 0; target < target_count; ++target)
+      counts.visible_by_target[target] += count_masked(part.data(), part.size(), 1u << target, 1u << target);
+  }
   // Without a target to steer for nothing is seen, rather than all.
   if (steered == 0) counts.all_visible = 0;
   counts.some_visible = counts.total - counts.all_visible - counts.none_visible;
-  counts.visible_by_target.clear();
-  for (size_t target = 0; target < target_count; ++target)
-    counts.visible_by_target.push_back(count_masked(visible, candidates.size(), 1u << target, 1u << target));
 }
 
 Status validate(const AggregateSettings& s) {
