@@ -7,8 +7,10 @@
 
 #include "client/bench_command.h"
 #include "client/bench_echo.h"
+#include "client/compare_command.h"
 #include "client/drive_command.h"
 #include "client/evaluate_command.h"
+#include "client/replay_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
@@ -127,7 +129,10 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingFile);
 
-  const std::vector<sightline::Verb> verbs = {};
+  const std::vector<sightline::Verb> verbs = {
+      sightline::add_replay_verb(app),
+      sightline::add_compare_verb(app),
+  };
 
   CLI11_PARSE(app, argc, argv);
   for (const sightline::Verb& verb : verbs)
