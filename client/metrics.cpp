@@ -64,6 +64,7 @@ void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth>
     if (frames[i].jump) continue;
     metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
     metrics.pops += pops(frames[i - 1], frames[i]);
+    if (truths.empty()) continue;
     const auto &before = truths[i - 1].centers, &now = truths[i].centers;
     for (size_t k = 0; k < std::min(before.size(), now.size()); ++k)
       if (before[k] && now[k]) metrics.d_s_heights += glm::distance(*before[k], *now[k]);

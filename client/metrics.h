@@ -111,7 +111,7 @@ WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std:
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits);
 
-// The same of any session: `targets` are all that were targets at any time, by id and name; the pictures say which of them
+// The same of any session, `truths` as long as `frames` or empty: `targets` are all that were targets at any time, by id and name; the pictures say which of them
 // were at theirs.
 RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits);
