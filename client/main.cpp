@@ -7,12 +7,14 @@
 
 #include "client/bench_command.h"
 #include "client/bench_echo.h"
+#include "client/compare_command.h"
 #include "client/cut_command.h"
 #include "client/drive_command.h"
 #include "client/dump_command.h"
 #include "client/evaluate_command.h"
 #include "client/info_command.h"
 #include "client/recover_command.h"
+#include "client/replay_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
@@ -138,6 +140,8 @@ int main(int argc, char** argv) {
       sightline::add_recover_verb(app),
       sightline::add_dump_verb(app),
       sightline::add_cut_verb(app),
+      sightline::add_replay_verb(app),
+      sightline::add_compare_verb(app),
   };
 
   CLI11_PARSE(app, argc, argv);
