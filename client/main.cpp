@@ -9,6 +9,7 @@
 #include "client/bench_echo.h"
 #include "client/drive_command.h"
 #include "client/evaluate_command.h"
+#include "client/report_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
@@ -127,7 +128,9 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingFile);
 
-  const std::vector<sightline::Verb> verbs = {};
+  const std::vector<sightline::Verb> verbs = {
+      sightline::add_report_verb(app),
+  };
 
   CLI11_PARSE(app, argc, argv);
   for (const sightline::Verb& verb : verbs)
