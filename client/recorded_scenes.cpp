@@ -102,7 +102,7 @@ Result<std::shared_ptr<const SceneAsset>> RecordedScenes::load(bool by_hash, con
     held_.push_back(*asset);
     return asset;
   }
-  return fail(ErrorCode::kNotFound, "scene.hash", "no file at hand holds " + key);
+  return fail(ErrorCode::kNotFound, "scene.hash", "no file at hand holds just these bytes");
 }
 
 Status RecordedScenes::look_up(const v1::SceneRef& scene) {

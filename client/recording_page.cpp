@@ -112,8 +112,8 @@ class Maker {
     if (!session) return tl::unexpected(session.error());
     session_ = std::move(*session);
     const auto told = recording_.opened();
-    if (whole_scene_ && stand_ins_->missed().empty() && told.hash() != 0 &&
-        told.hash() != session_->opened().hash()) {
+    whole_scene_ = whole_scene_ && stand_ins_->missed().empty();
+    if (whole_scene_ && told.hash() != 0 && told.hash() != session_->opened().hash()) {
       notice(
           "The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
       whole_scene_ = false;
@@ -154,7 +154,7 @@ class Maker {
       why = "they were not recorded";
     else if (recording_.info().folded_ticks() > 0)
       why = "they were not recorded, and this file does not begin with its session";
-    else if (!whole_scene_ || !stand_ins_->missed().empty())
+    else if (!whole_scene_)
       why = "they were not recorded, and without the scene no step can be taken again";
     else if (recording_.info().sampler() != sampler_.kind())
       why =
@@ -168,7 +168,7 @@ class Maker {
 
   void play() {
     recording_.read({0.0, options_.range.end_s}, [this](RecordedEvent& event) {
-      if (auto* tick = std::get_if<v1::Tick>(&event.message)) apply(*tick);
+      if (auto* tick = std::get_if<v1::Tick>(&event.message)) apply(*tick, event.log_ns);
       if (auto* rejection = std::get_if<v1::Rejection>(&event.message))
         refused_.insert(rejection->sequence());
       if (auto* reply = std::get_if<v1::CameraReply>(&event.message)) take(*reply, event.log_ns);
@@ -177,7 +177,8 @@ class Maker {
   }
 
   // What was refused then is refused now; its refusal stands behind it in the file.
-  void apply(v1::Tick& tick) {
+  void apply(v1::Tick& tick, uint64_t log_ns) {
+    newest_tick_ = {tick.sequence(), log_ns};
     stand_ins_->replace(tick);
     v1::Rejection rejection;
     if (session_->apply(tick, rejection)) return;
@@ -190,7 +191,7 @@ class Maker {
     v1::CameraReply again;
     if (steps_again_) step_again(reply, again);
     if (!in_range) return progress("play", reply_, digest_.kept.size());
-    if (digest_.kept[reply_++]) add_frame(reply, again);
+    if (digest_.kept[reply_++]) add_frame(reply, again, log_ns);
     progress(steps_again_ ? "step again" : "play", reply_, digest_.kept.size());
   }
 
@@ -211,12 +212,14 @@ class Maker {
 
   // ---- a frame ----
 
-  void add_frame(const v1::CameraReply& reply, const v1::CameraReply& again) {
+  void add_frame(const v1::CameraReply& reply, const v1::CameraReply& again, uint64_t log_ns) {
     const Session& session = session_->session();
     meet_targets(reply);
     PageFrame frame = page_frame(reply, convention_, session.lens().aspect, page_.targets);
     if (!is_drawable(frame)) return static_cast<void>(++without_pose_);
     if (!page_.frames.empty()) frame.time_s = std::max(frame.time_s, page_.frames.back().time_s);
+    if (newest_tick_.first == reply.sequence() && log_ns >= newest_tick_.second)
+      frame.latency_ms = static_cast<double>(log_ns - newest_tick_.second) * 1e-6;
     aim(frame);
     if (options_.cells != PageCells::kNone)
       add_page_cells(digest_.has_candidates ? reply : again, convention_, page_.targets, frame);
@@ -301,7 +304,7 @@ class Maker {
     CameraFrame camera{frame.time_s, frame.camera, session.lens()};
     camera.lens.vertical_fov_rad = frame.vertical_fov_rad;
     const PictureTruth truth = look(occluders_, session.mirror(), targets, camera.camera, camera.lens);
-    for (size_t i = 0; i < targets.size(); ++i)
+    for (size_t i = 0; whole_scene_ && i < targets.size(); ++i)
       if (truth.targets[i].alone_pixels > 0)
         frame.sights[colours[i]].true_share = truth.targets[i].visible_share();
     const Picture picture =
@@ -385,11 +388,12 @@ class Maker {
   std::optional<StandIns> stand_ins_;
   std::unique_ptr<LocalSession> session_;
   std::optional<RecordingCast> cast_;
-  bool whole_scene_ = true;
+  bool whole_scene_ = true;  // false: what hides what is not as it was
 
   RecordingDigest digest_;
   std::set<size_t> picture_frames_;
   bool steps_again_ = false;
+  std::pair<uint64_t, uint64_t> newest_tick_;  // its sequence, and when it came: log time
   size_t reply_ = 0;  // of the range, to come next
   std::set<uint64_t> refused_, refused_now_, left_out_targets_;
   std::string first_refusal_;

@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
   const auto sampler = sightline::make_embree_sampler_device();
   write(folder / "yard.mcap", sightline::test::record_yard(*sampler).bytes);
   write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300}).bytes);
-  write(folder / "lost.mcap", sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
+  write(folder / "lost.mcap",
+        sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
   return testing::Test::HasFailure() ? 1 : 0;
 }

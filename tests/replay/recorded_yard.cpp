@@ -69,7 +69,8 @@ class Yard {
   void happen(int i, v1::Tick& tick) const {
     const double t = i / 60.0;
     if (i == kYardRefused) tick.mutable_transforms()->set_id(0, 999);
-    if (i == kYardCrateComes) *tick.mutable_delta()->add_add() = box(kYardCrate, {0.4, 0.4, 0.4}, {0, 0.4, 2});
+    if (i == kYardCrateComes)
+      *tick.mutable_delta()->add_add() = box(kYardCrate, {0.4, 0.4, 0.4}, {0, 0.4, 2});
     if (i > kYardCrateComes && i < kYardCrateGoes) move(kYardCrate, {t, 0.4, 2}, 0, tick);
     if (i == kYardCrateGoes) tick.mutable_delta()->add_remove(kYardCrate);
     if (i == kYardTargetsChange) {
@@ -92,7 +93,8 @@ class Yard {
   v1::NewInstance box(uint64_t id, const glm::dvec3& half_extent_m, const glm::dvec3& place_m) const {
     v1::NewInstance instance;
     instance.set_id(id);
-    set(glm::abs(vector_to_client(c_, half_extent_m)), *instance.mutable_shape()->mutable_box()->mutable_half_extent());
+    set(glm::abs(vector_to_client(c_, half_extent_m)),
+        *instance.mutable_shape()->mutable_box()->mutable_half_extent());
     set_pose(client_pose(place_m, 0), instance.mutable_pose());
     return instance;
   }
@@ -108,14 +110,16 @@ class Yard {
   }
 
   Pose client_pose(const glm::dvec3& place_m, double yaw) const {
-    return {position_to_client(c_, place_m), rotation_to_client(c_, glm::angleAxis(yaw, glm::dvec3(0, 1, 0)))};
+    return {position_to_client(c_, place_m),
+            rotation_to_client(c_, glm::angleAxis(yaw, glm::dvec3(0, 1, 0)))};
   }
 
   void move(uint64_t id, const glm::dvec3& place_m, double yaw, v1::Tick& tick) const {
     v1::Transforms& transforms = *tick.mutable_transforms();
     const Pose pose = client_pose(place_m, yaw);
     transforms.add_id(id);
-    for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z}) transforms.add_position(value);
+    for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z})
+      transforms.add_position(value);
     for (const double value : {pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w})
       transforms.add_rotation(static_cast<float>(value));
   }
@@ -135,6 +139,15 @@ v1::RecordingInfo info_of(const SamplerDevice& sampler, const RecordedYardOption
   info.set_start_time_ns(kStartNs);
   info.set_folded_ticks(options.folded_ticks);
   return info;
+}
+
+// A session without a clock has none.
+void set_times(int i, v1::StageTimes& times) {
+  const auto k = static_cast<float>(i);
+  times.set_queue_us(10 + k);
+  times.set_scene_us(1 + k), times.set_bound_us(2), times.set_sample_us(100 + k);
+  times.set_aggregate_us(40), times.set_move_us(20 + 2 * k);
+  times.set_total_us(163 + 4 * k);
 }
 
 template <typename Message>
@@ -181,7 +194,7 @@ RecordedYard record_yard(SamplerDevice& sampler, const RecordedYardOptions& opti
     if (!applied || (options.eventful && i % 25 == 3)) continue;  // refused, or merged into the next
     v1::CameraReply reply;
     EXPECT_TRUE((*session)->step(options.eventful && i % 40 == 5 ? 3 : 0, reply).has_value());
-    reply.mutable_stage_times()->set_queue_us(static_cast<float>(10 + i));
+    set_times(i, *reply.mutable_stage_times());
     put(writer, reply, log_ns + 1'500'000);
     recorded.replies.push_back(std::move(reply));
   }

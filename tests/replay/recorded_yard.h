@@ -13,18 +13,20 @@ namespace sightline::test {
 
 struct RecordedYardOptions {
   v1::Convention::Preset convention = v1::Convention::GLTF;
-  int ticks = 150;          // at 60 Hz
-  bool eventful = true;     // false: things only move
-  bool candidates = false;  // asked for in every reply
-  bool finished = true;     // false: the file ends as after a kill
+  int ticks = 150;            // at 60 Hz
+  bool eventful = true;       // false: things only move
+  bool candidates = false;    // asked for in every reply
+  bool finished = true;       // false: the file ends as after a kill
   uint64_t folded_ticks = 0;  // only said, in the file's info
   int points = 8;             // surface points of a target
 };
 
 // What of the eventful yard happens at which tick.
-inline constexpr int kYardRefused = 20, kYardCrateComes = 30, kYardFault = 40, kYardTargetsChange = 60, kYardGap = 70,
-                     kYardPillarHides = 80, kYardCrateGoes = 90, kYardSettings = 95, kYardPillarShows = 110;
-inline constexpr uint64_t kYardFirst = 10, kYardSecond = 11, kYardThird = 12, kYardPillar = 3, kYardCrate = 20;
+inline constexpr int kYardRefused = 20, kYardCrateComes = 30, kYardFault = 40, kYardTargetsChange = 60,
+                     kYardGap = 70, kYardPillarHides = 80, kYardCrateGoes = 90, kYardSettings = 95,
+                     kYardPillarShows = 110;
+inline constexpr uint64_t kYardFirst = 10, kYardSecond = 11, kYardThird = 12, kYardPillar = 3,
+                          kYardCrate = 20;
 
 struct RecordedYard {
   std::string bytes;  // of the file
