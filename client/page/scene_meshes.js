@@ -192,6 +192,18 @@ export class SceneMeshes {
     }
   }
 
+  // Ids of what is drawn now, as the drawing has it.
+  drawnIds() {
+    const id = (index) => this.session.instances[index].id;
+    const still = this.session.instances.map((_, index) => index).filter((index) => !this.moverOf.has(index));
+    const gone = new Set(this.passing.filter((each) => !each.shown).map((each) => each.index));
+    for (const { drawn, index } of this.stillTargets) if (!drawn.visible) gone.add(index);
+    return [
+      ...still.filter((index) => !gone.has(index)).map(id),
+      ...this.session.movers.filter((_, i) => this.movers[i].visible).map(({ instance }) => id(instance)),
+    ];
+  }
+
   // Highlights the instance that hides target `k`, or nothing. Returns its mesh to be met by a ray, or null.
   showBlocker(k, id, frame) {
     const drawn = this.blockers[k];

@@ -272,6 +272,7 @@ export class SceneView {
       lens: pose(this.lens),
       outside: pose(this.outside),
       cells: this.marks.cells.count,
+      drawn: this.meshes.drawnIds(),
       blockers: this.meshes.blockers.filter((drawn) => drawn.visible).length,
     };
   }

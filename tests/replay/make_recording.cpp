@@ -1,4 +1,4 @@
-// make_recording FOLDER: the recordings that the page's test in a browser opens. yard.mcap: see recorded_yard.h; hall.mcap:
+// make_recording FOLDER: the recordings that the page's test in a browser opens. yard.mcap: see recorded_yard.h, as Unreal has it; hall.mcap:
 // the hall with its scene attached; lost.mcap: the same without it.
 #include <gtest/gtest.h>
 
@@ -25,7 +25,8 @@ int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const std::filesystem::path folder(argv[1]);
   const auto sampler = sightline::make_embree_sampler_device();
-  write(folder / "yard.mcap", sightline::test::record_yard(*sampler).bytes);
+  write(folder / "yard.mcap",
+        sightline::test::record_yard(*sampler, {.convention = sightline::v1::Convention::UNREAL}).bytes);
   write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300}).bytes);
   write(folder / "lost.mcap",
         sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
