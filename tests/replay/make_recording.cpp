@@ -1,5 +1,6 @@
-// make_recording FOLDER: the recordings that the page's test in a browser opens. yard.mcap: see recorded_yard.h, as Unreal has it; hall.mcap:
-// the hall with its scene attached; lost.mcap: the same without it.
+// make_recording FOLDER: the recordings that the page's test in a browser opens. yard.mcap: see recorded_yard.h, as Unreal
+// has it; hall.mcap: the hall with its scene attached; lost.mcap: the same without it.
+// make_recording FOLDER MINUTES: long.mcap, so long in the yard, to find out what a long report costs.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -22,9 +23,14 @@ void write(const std::filesystem::path& path, const std::string& bytes) {
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
-  if (argc != 2) return 2;
+  if (argc != 2 && argc != 3) return 2;
   const std::filesystem::path folder(argv[1]);
   const auto sampler = sightline::make_embree_sampler_device();
+  if (argc == 3) {
+    const int ticks = 3600 * std::stoi(argv[2]);
+    write(folder / "long.mcap", sightline::test::record_yard(*sampler, {.ticks = ticks}).bytes);
+    return testing::Test::HasFailure() ? 1 : 0;
+  }
   write(folder / "yard.mcap",
         sightline::test::record_yard(*sampler, {.convention = sightline::v1::Convention::UNREAL}).bytes);
   write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300}).bytes);

@@ -60,7 +60,7 @@ class Yard {
     tick.set_time_s(3.0 + i / 60.0);
     const double t = i / 60.0;
     move(kYardFirst, {3 * std::sin(t), 1, 3 * std::cos(t)}, t, tick);
-    move(kYardSecond, {-2 + t, 1, 0}, 0, tick);
+    move(kYardSecond, {-2 * std::cos(0.5 * t), 1, 0}, 0, tick);
     if (options_.eventful) happen(i, tick);
     return tick;
   }
