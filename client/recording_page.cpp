@@ -70,6 +70,7 @@ class Maker {
       return fail(ErrorCode::kNotFound, "recording", recording_.name() + ": no reply in this range");
     decide_on_cells();
     describe_terms(" at the start");
+    page_.aspect = session_->session().lens().aspect;
     play();
     finish();
     if (page_.frames.empty())
@@ -332,7 +333,10 @@ class Maker {
     describe_terms(" at the end");
     page_.title =
         recording_.info().label().empty() ? recording_.info().session_id() : recording_.info().label();
-    page_.aspect = session.lens().aspect;
+    if (session.lens().aspect != page_.aspect)
+      notice(
+          "The shape of the picture changes in the session; all frames are shown in the one that it began "
+          "with.");
     page_.body_radius_m = session.limits().body_radius_m;
     page_.stages = page_stages();
     page_.flags = page_flags();
@@ -394,7 +398,7 @@ class Maker {
   std::set<size_t> picture_frames_;
   bool steps_again_ = false;
   std::pair<uint64_t, uint64_t> newest_tick_;  // its sequence, and when it came: log time
-  size_t reply_ = 0;  // of the range, to come next
+  size_t reply_ = 0;                           // of the range, to come next
   std::set<uint64_t> refused_, refused_now_, left_out_targets_;
   std::string first_refusal_;
   size_t without_pose_ = 0, cells_ = 0, cell_step_ = 1;

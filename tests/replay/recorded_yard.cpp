@@ -13,18 +13,6 @@ namespace {
 constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
 const glm::dvec3 kOriginM(1000, 20, -500);
 
-class StringSink final : public ByteSink {
- public:
-  explicit StringSink(std::string& out) : out_(out) {}
-  Status write(std::string_view bytes) override {
-    out_.append(bytes);
-    return {};
-  }
-
- private:
-  std::string& out_;
-};
-
 // The yard is thought of in the canonical frame and told in the client's.
 class Yard {
  public:

@@ -11,6 +11,19 @@
 
 namespace sightline::test {
 
+// Bytes that outlive the writer that owns the sink.
+class StringSink final : public ByteSink {
+ public:
+  explicit StringSink(std::string& out) : out_(out) {}
+  Status write(std::string_view bytes) override {
+    out_.append(bytes);
+    return {};
+  }
+
+ private:
+  std::string& out_;
+};
+
 struct RecordedYardOptions {
   v1::Convention::Preset convention = v1::Convention::GLTF;
   int ticks = 150;            // at 60 Hz

@@ -34,6 +34,27 @@ class ReportPage : public testing::Test {
     return std::move(*recording);
   }
 
+  // The same file with other replies.
+  static std::string rewritten(const std::string& bytes,
+                               const std::function<void(v1::CameraReply&)>& change) {
+    const Recording recording = read(bytes);
+    std::string out;
+    RecordingWriter writer(std::make_unique<StringSink>(out), recording.info());
+    EXPECT_TRUE(writer.write(recording.open_session(), recording.start_ns()));
+    EXPECT_TRUE(writer.write(recording.opened(), recording.start_ns()));
+    recording.read({}, [&](RecordedEvent& event) {
+      if (auto* reply = std::get_if<v1::CameraReply>(&event.message)) {
+        change(*reply);
+        EXPECT_TRUE(writer.write(*reply, event.log_ns));
+      } else {
+        EXPECT_TRUE(writer.write(std::get<v1::Tick>(event.message), event.log_ns));
+      }
+      return true;
+    });
+    EXPECT_TRUE(writer.finish());
+    return out;
+  }
+
   static RecordingPageOptions plain() {
     RecordingPageOptions options;
     options.pictures = 0;
@@ -223,33 +244,63 @@ TEST_F(ReportPage, StepsTakenAgainGiveTheCellsThatWereNotRecorded) {
   }
 }
 
-// A reply that nobody gave, from the middle on.
+// A reply that nobody gave, in the middle.
 TEST_F(ReportPage, CellsEndWhereTheRecordingDiffersFromTheStepsTakenAgain) {
   const RecordedYard yard = record_yard(*sampler_, {.eventful = false});
-  const Recording recording = read(yard.bytes);
-  const std::string path = std::filesystem::path(testing::TempDir()) / "differs.mcap";
-  std::filesystem::remove(path);
-  auto writer = RecordingWriter::create(path, recording.info());
-  ASSERT_TRUE(writer.has_value());
-  ASSERT_TRUE((*writer)->write(recording.open_session(), recording.start_ns()));
-  ASSERT_TRUE((*writer)->write(recording.opened(), recording.start_ns()));
-  recording.read({}, [&](RecordedEvent& event) {
-    if (auto* reply = std::get_if<v1::CameraReply>(&event.message)) {
-      if (reply->sequence() == 100)
-        reply->mutable_pose()->mutable_position()->set_x(reply->pose().position().x() + 1e-9);
-      EXPECT_TRUE((*writer)->write(*reply, event.log_ns));
-    } else {
-      EXPECT_TRUE((*writer)->write(std::get<v1::Tick>(event.message), event.log_ns));
+  const SessionPage page = page_of(rewritten(yard.bytes, [](v1::CameraReply& reply) {
+    if (reply.sequence() == 100)
+      reply.mutable_pose()->mutable_position()->set_x(reply.pose().position().x() + 1e-9);
+  }));
+  EXPECT_EQ(frames_with_cells(page), 99u);
+  EXPECT_THAT(page.notices, ElementsAre(HasSubstr("differ from the recording from tick 100 on")));
+}
+
+TEST_F(ReportPage, RepliesThatMakeNoSenseAreLeftOutOrShownAsFarAsTheyDo) {
+  const RecordedYard yard = record_yard(*sampler_, {.ticks = 60, .eventful = false, .candidates = true});
+  const SessionPage page = page_of(rewritten(yard.bytes, [](v1::CameraReply& reply) {
+    const uint64_t i = reply.sequence();
+    if (i == 10) reply.mutable_pose()->mutable_position()->set_y(NAN);
+    if (i == 11) reply.clear_pose();  // the identity at the origin is a pose
+    if (i == 12) reply.mutable_pose()->mutable_rotation()->set_w(7);
+    if (i == 13) reply.set_field_of_view(INFINITY);
+    if (i == 14) reply.set_pose_time_s(-1e300);
+    if (i == 15) reply.set_status(static_cast<v1::Status>(77));
+    if (i == 16) reply.mutable_candidates()->set_chosen(1'000'000);
+    if (i == 17) reply.mutable_candidates()->mutable_position()->Truncate(4);
+    if (i == 18) reply.mutable_candidates()->set_chosen(-7);
+    if (i == 19) reply.mutable_targets(0)->set_visible_share(NAN);
+    if (i == 20)
+      for (uint64_t id = 100; id < 140; ++id) reply.add_targets()->set_id(id);
+  }));
+  EXPECT_THAT(page.notices, Contains(HasSubstr("replies have no pose that could be shown")));
+  EXPECT_THAT(page.notices, Contains(HasSubstr("Only the first 32 targets are shown; 10 more")));
+  EXPECT_GE(page.frames.size(), 56u);
+  EXPECT_EQ(page.targets.size(), 32u);
+  for (size_t i = 1; i < page.frames.size(); ++i) EXPECT_GE(page.frames[i].time_s, page.frames[i - 1].time_s);
+  // Where nobody knows an instance of that id, there is no place to aim at.
+  EXPECT_TRUE(std::isnan(page.frames.back().sights[31].aim_m.x) || !page.frames.back().sights[31].present);
+}
+
+TEST_F(ReportPage, AnyTruncationIsAPageOrAnError) {
+  const std::string bytes = record_yard(*sampler_, {.ticks = 12, .eventful = false}).bytes;
+  RecordingPageOptions options = plain();
+  options.cells = PageCells::kNone;
+  size_t pages = 0, errors = 0;
+  for (size_t size = 0; size < bytes.size(); size += 1 + bytes.size() / 150) {
+    const auto recording = Recording::open(std::make_shared<MemorySource>(bytes.substr(0, size)), "cut");
+    if (!recording) {
+      EXPECT_FALSE(recording.error().message.empty());
+      ++errors;
+      continue;
     }
-    return true;
-  });
-  ASSERT_TRUE((*writer)->finish());
-  const auto changed = Recording::open(path);
-  ASSERT_TRUE(changed.has_value());
-  const auto page = recording_page(*changed, plain(), *sampler_);
-  ASSERT_TRUE(page.has_value());
-  EXPECT_EQ(frames_with_cells(*page), 99u);
-  EXPECT_THAT(page->notices, ElementsAre(HasSubstr("differ from the recording from tick 100 on")));
+    const auto page = recording_page(*recording, options, *sampler_);
+    if (page) {
+      EXPECT_TRUE(session_page(*page).has_value());
+    }
+    ++(page ? pages : errors);
+  }
+  EXPECT_GT(pages, 0u);
+  EXPECT_GT(errors, 0u);
 }
 
 TEST_F(ReportPage, WhatHappenedStandsOnTheTimeLine) {
