@@ -15,6 +15,7 @@
 #include "client/info_command.h"
 #include "client/recover_command.h"
 #include "client/replay_command.h"
+#include "client/report_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
@@ -142,6 +143,7 @@ int main(int argc, char** argv) {
       sightline::add_cut_verb(app),
       sightline::add_replay_verb(app),
       sightline::add_compare_verb(app),
+      sightline::add_report_verb(app),
   };
 
   CLI11_PARSE(app, argc, argv);
