@@ -29,6 +29,11 @@ def run(*words, status=0):
     return done
 
 
+def number(text):
+    """-0 is a number of its own, and no int."""
+    return -0.0 if text == "-0" else int(text)
+
+
 def plain(path, **options):
     with open(path, "rb") as stream:
         return [(c.topic, m.sequence, m.log_time, m.publish_time, m.data)
@@ -91,7 +96,7 @@ class Files(unittest.TestCase):
         return path
 
     def check_dump(self, path):
-        lines = [json.loads(line) for line in run("dump", path).stdout.splitlines()]
+        lines = [json.loads(line, parse_int=number) for line in run("dump", path).stdout.splitlines()]
         expected = decoded(path)
         self.assertEqual(len(lines), len(expected))
         for line, (topic, sequence, log_time, publish_time, message) in zip(lines, expected):
@@ -129,15 +134,22 @@ class Files(unittest.TestCase):
         self.assertGreaterEqual(whole[len(got)][2], START + 4 * SECOND)
 
     def test_a_cut_from_within_has_a_head_and_the_same_messages(self):
+        # From between a tick and its reply on, the tick stands in the head too.
+        for start_ms, again in ((4010, 0), (4000, 1)):
+            with self.subTest(start_ms=start_ms):
+                self.check_cut(start_ms, again)
+
+    def check_cut(self, start_ms, again):
         out = self.path("part.mcap")
-        run("cut", self.session, "--out", out, "--start", "4", "--end", "6")
+        run("cut", self.session, "--out", out, "--start", str(start_ms / 1000), "--end", "6")
         self.assertEqual(json.loads(run("verify", "--json", out).stdout)["sound"], True)
-        inside = [m for m in straight(self.session) if START + 4 * SECOND <= m[2] < START + 6 * SECOND]
+        inside = [m for m in straight(self.session) if START + start_ms * 1_000_000 <= m[2] < START + 6 * SECOND]
         got = plain(out)
         self.assertEqual(got[-len(inside):], inside)
         head = got[:-len(inside)]
-        self.assertEqual([m[0] for m in head], ["/sightline/info", "/sightline/open", "/tf_static", "/scene/shapes",
-                                                "/sightline/tick"])
+        self.assertEqual([m[0] for m in head], ["/sightline/info", "/sightline/open", "/tf_static", "/scene/shapes"]
+                         + ["/sightline/tick"] * (1 + again))
+        self.assertTrue(set(head[5:]) <= set(straight(self.session)))
         self.assertEqual(self.check_dump(out), len(got))
         messages = [m[4] for m in decoded(out)]
         self.assertEqual(messages[0].folded_ticks, messages[4].sequence)
