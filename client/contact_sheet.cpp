@@ -28,12 +28,11 @@ Rgb to_rgb(const glm::vec3& colour) {
 
 class PanelPainter {
  public:
-  PanelPainter(const ScenarioWorld& world, const CameraFrame& frame, int width)
-      : world_(world),
+  PanelPainter(const DrawnScene& scene, const CameraFrame& frame, int width)
+      : scene_(scene),
         frame_(frame),
         picture_(width, std::max(1, static_cast<int>(std::lround(width / frame.lens.aspect)))) {
-    for (const Target& target : world.targets())
-      slots_.push_back(*world.mirror().slot_of(target.instance_id));
+    for (const Target& target : scene.targets) slots_.push_back(*scene.mirror.slot_of(target.instance_id));
   }
 
   Picture paint() {
@@ -45,6 +44,10 @@ class PanelPainter {
   }
 
  private:
+  Rgb colour_of(size_t k) const {
+    return kTargetColours[(scene_.colours.empty() ? k : scene_.colours[k]) % kTargetColours.size()];
+  }
+
   glm::vec3 direction(double x, double y) const {
     return sample_direction(frame_.camera, frame_.lens, x, picture_.height - y, picture_.width,
                             picture_.height);
@@ -60,7 +63,7 @@ class PanelPainter {
 
   glm::vec3 colour(const glm::vec3& ray) const {
     const RayHit hit =
-        world_.occluders().trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
+        scene_.occluders.trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
                                  std::numeric_limits<float>::infinity());
     if (hit.slot == UINT32_MAX) return kSky;
     const glm::vec3 normal = glm::normalize(hit.normal), view = glm::normalize(ray);
@@ -74,15 +77,15 @@ class PanelPainter {
 
   glm::vec3 surface_colour(uint32_t slot, const glm::vec3& normal) const {
     for (size_t k = 0; k < slots_.size(); ++k)
-      if (slots_[k] == slot) return 1.25f * to_vec(kTargetColours[k % kTargetColours.size()]);
-    if (world_.mirror().instances()[slot].moving) return kMover;
+      if (slots_[k] == slot) return 1.25f * to_vec(colour_of(k));
+    if (scene_.mirror.instances()[slot].moving) return kMover;
     return normal.y > 0.9f ? kFloor : kStone;
   }
 
   enum class Cover : uint8_t { kNone, kHidden, kSeen };
 
   void outline(size_t k) {
-    const Instance& target = world_.mirror().instances()[slots_[k]];
+    const Instance& target = scene_.mirror.instances()[slots_[k]];
     const PixelBox box = sphere_pixels(frame_.camera, frame_.lens, target.center_m, target.radius_m,
                                        picture_.width, picture_.height);
     const int width = box.x1 - box.x0, height = box.y1 - box.y0;
@@ -96,7 +99,7 @@ class PanelPainter {
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x)
         cover[static_cast<size_t>(y) * width + x] = cover_of(slots_[k], box.x0 + x, top + y);
-    const Rgb colour = kTargetColours[k % kTargetColours.size()];
+    const Rgb colour = colour_of(k);
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
         if (cover_at(x, y) == Cover::kNone) continue;
@@ -113,14 +116,14 @@ class PanelPainter {
     const float infinity = std::numeric_limits<float>::infinity();
     RayFilter alone;
     alone.only_slot = slot;
-    if (world_.occluders().trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot)
+    if (scene_.occluders.trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot)
       return Cover::kNone;
-    const RayHit first = world_.occluders().trace(frame_.camera.position_m, ray, near, infinity);
+    const RayHit first = scene_.occluders.trace(frame_.camera.position_m, ray, near, infinity);
     return first.slot == slot ? Cover::kSeen : Cover::kHidden;
   }
 
   void caption() {
-    const PictureTruth truth = look(world_.occluders(), world_.mirror(), world_.targets(), frame_.camera,
+    const PictureTruth truth = look(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
                                     frame_.lens, kTruthSize / 4);
     char text[64];
     std::snprintf(text, sizeof text, "%.1f s", frame_.time_s);
@@ -130,7 +133,7 @@ class PanelPainter {
         std::snprintf(text, sizeof text, "out");
       else
         std::snprintf(text, sizeof text, "%.0f %%", 100 * truth.targets[k].visible_share());
-      x = write(x + 14, text, kTargetColours[k % kTargetColours.size()]);
+      x = write(x + 14, text, colour_of(k));
     }
   }
 
@@ -145,7 +148,7 @@ class PanelPainter {
     return end;
   }
 
-  const ScenarioWorld& world_;
+  const DrawnScene& scene_;
   const CameraFrame& frame_;
   Picture picture_;
   std::vector<uint32_t> slots_;  // of the targets
@@ -155,7 +158,11 @@ class PanelPainter {
 
 Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width) {
   world.set_time(frame.time_s);
-  return PanelPainter(world, frame, width).paint();
+  return draw_frame({world.mirror(), world.occluders(), world.targets()}, frame, width);
+}
+
+Picture draw_frame(const DrawnScene& scene, const CameraFrame& frame, int width) {
+  return PanelPainter(scene, frame, width).paint();
 }
 
 Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,

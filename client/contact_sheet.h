@@ -23,4 +23,14 @@ Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
 // One panel of it.
 Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width);
 
+// A scene as it is now, whoever keeps it.
+struct DrawnScene {
+  const SceneMirror& mirror;
+  const EmbreeScene& occluders;           // of Content::kOccluders; has taken in the mirror
+  std::span<const Target> targets;        // each an instance of the mirror
+  std::span<const size_t> colours = {};   // by target: which colour it has; empty: their order
+};
+// The same of it; the frame's time is only written.
+Picture draw_frame(const DrawnScene& scene, const CameraFrame& frame, int width);
+
 }  // namespace sightline

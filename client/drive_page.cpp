@@ -5,28 +5,13 @@
 #include <algorithm>
 #include <unordered_map>
 
+#include "client/asset_names.h"
 #include "client/contact_sheet.h"
+#include "client/page_reply.h"
 #include "client/report.h"
-#include "client/scenario_session.h"
-#include "client/trace.h"
 
 namespace sightline {
 namespace {
-
-// Names of the drawables that no actor is, by the id that `instantiate` gives them.
-std::unordered_map<uint64_t, std::string> asset_names(const SceneAsset& asset) {
-  std::unordered_map<uint64_t, std::string> names;
-  uint64_t k = 0;
-  for (const AssetNode& node : asset.nodes) {
-    if (node.mesh < 0 || !asset.meshes[static_cast<size_t>(node.mesh)]) continue;
-    const size_t count = std::max<size_t>(1, node.gpu_instances.size());
-    for (size_t i = 0; i < count; ++i) {
-      std::string& name = names[kAssetIdBit | k++] = node.name;
-      if (count > 1) name.append(" #").append(std::to_string(i + 1));
-    }
-  }
-  return names;
-}
 
 class Builder {
  public:
@@ -35,8 +20,7 @@ class Builder {
   SessionPage build(const DrivePictures& pictures) {
     add_words();
     add_scene();
-    for (size_t i = 0; i < input_.frames.size(); ++i)
-      page_.frames.push_back(frame_of(input_.frames[i], input_.truths[i]));
+    for (size_t i = 0; i < input_.frames.size(); ++i) add_frame(input_.frames[i], input_.truths[i]);
     add_pictures(pictures);
     return std::move(page_);
   }
@@ -54,10 +38,10 @@ class Builder {
     for (const std::string& warning : opened.warnings()) page_.facts.emplace_back("warning", warning);
     page_.aspect = input_.scenario.lens().aspect;
     page_.body_radius_m = input_.limits.body_radius_m;
-    page_.stages = {"scene", "bound", "sample", "aggregate", "move"};
-    page_.flags = {"dt capped", "faces resampled", "body overlap"};
-    if (!google::protobuf::util::MessageToJsonString(input_.open.settings(), &page_.settings_json).ok())
-      page_.settings_json.clear();
+    page_.stages = page_stages();
+    page_.flags = page_flags();
+    std::string& settings = page_.settings.emplace_back(PageSettings{"Settings as asked for", {}}).json;
+    if (!google::protobuf::util::MessageToJsonString(input_.open.settings(), &settings).ok()) settings.clear();
     page_.columns = {"sightline"};
     if (input_.follow) page_.columns.emplace_back("follow");
     for (auto& rows : {figure_rows(input_.run, input_.follow), latency_rows(input_.frames)})
@@ -81,83 +65,42 @@ class Builder {
     for (size_t i = 0; i < actors.size(); ++i) {
       const auto found = index.find(actors[i].id);
       if (actors[i].is_target)
-        page_.targets.push_back({actors[i].id, actors[i].name, actors[i].weight, actors[i].required,
-                                 found == index.end() ? -1 : static_cast<int>(found->second)});
+        page_.targets.push_back({actors[i].id, actors[i].name, actors[i].weight, actors[i].required});
       if (found == index.end()) continue;
       page_.instances[found->second].name = actors[i].name;
       const glm::dmat3& linear = world_.mirror().find(actors[i].id)->linear;
       page_.instances[found->second].world_from_instance =
           Affine(linear[0], linear[1], linear[2], glm::dvec3(0.0));
-      page_.movers.push_back(found->second);
+      page_.movers.push_back({found->second, {}});
       mover_actors_.push_back(i);
     }
   }
 
-  PageFrame frame_of(const PlayedFrame& played, const FrameTruth& truth) const {
-    const v1::CameraReply& reply = played.reply;
-    PageFrame frame;
-    frame.sequence = reply.sequence();
-    frame.time_s = played.frame.time_s;
-    frame.camera = played.frame.camera;
-    frame.vertical_fov_rad = played.frame.lens.vertical_fov_rad;
-    frame.velocity_mps = {reply.velocity().x(), reply.velocity().y(), reply.velocity().z()};
-    frame.counts = {reply.counts().all_visible(), reply.counts().some_visible(),
-                    reply.counts().none_visible()};
-    frame.status = name_of(reply.status());
-    frame.reason = name_of(reply.reason());
-    frame.text = reply.reason_text();
-    frame.cut = reply.cut();
-    frame.flags = (reply.flags().dt_capped() ? 1u : 0u) | (reply.flags().resampled_faces() ? 2u : 0u) |
-                  (reply.flags().body_overlap() ? 4u : 0u);
-    frame.merged_ticks = reply.merged_ticks();
-    const v1::StageTimes& times = reply.stage_times();
-    frame.queue_us = times.queue_us();
-    frame.stage_us = {times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(),
-                      times.move_us()};
+  // The drive's own convention is the canonical one.
+  void add_frame(const PlayedFrame& played, const FrameTruth& truth) {
+    PageFrame frame = page_frame(played.reply, gltf_convention(), page_.aspect, page_.targets);
     frame.latency_ms = played.latency_ms;
     frame.clearance_m = truth.body.clearance_m;
     const std::vector<Pose> poses = input_.scenario.poses_at(frame.time_s);
-    for (const size_t actor : mover_actors_) frame.movers.push_back(poses[actor]);
-    add_sights(reply, truth, poses, frame);
-    add_cells(reply.candidates(), frame);
-    return frame;
+    for (size_t i = 0; i < mover_actors_.size(); ++i) page_.movers[i].poses.push_back(poses[mover_actors_[i]]);
+    add_truth(truth, poses, frame);
+    add_page_cells(played.reply, gltf_convention(), page_.targets, frame);
+    page_.frames.push_back(std::move(frame));
   }
 
-  void add_sights(const v1::CameraReply& reply, const FrameTruth& truth, const std::vector<Pose>& poses,
-                  PageFrame& frame) const {
+  void add_truth(const FrameTruth& truth, const std::vector<Pose>& poses, PageFrame& frame) const {
     const std::vector<ScenarioActor>& actors = input_.scenario.actors();
+    auto sight = frame.sights.begin();
     for (size_t i = 0; i < actors.size(); ++i) {
       if (!actors[i].is_target) continue;
-      PageSight& sight = frame.sights.emplace_back();
       const Instance* instance = world_.mirror().find(actors[i].id);
       const glm::dvec3 center(instance->geometry->bounds.center());
-      sight.aim_m = transform_point(poses[i], instance->linear * center);
-      for (const v1::TargetVisibility& seen : reply.targets())
-        if (seen.id() == actors[i].id) say(seen, sight);
-      if (!truth.picture) continue;
-      for (const TargetTruth& target : truth.picture->targets)
-        if (target.id == actors[i].id) sight.true_share = target.visible_share();
+      sight->aim_m = transform_point(poses[i], instance->linear * center);
+      if (truth.picture)
+        for (const TargetTruth& target : truth.picture->targets)
+          if (target.id == actors[i].id) sight->true_share = target.visible_share();
+      ++sight;
     }
-  }
-
-  static void say(const v1::TargetVisibility& seen, PageSight& sight) {
-    sight.visible_share = seen.visible_share();
-    sight.filtered_share = seen.filtered_share();
-    sight.state = v1::TargetState_Name(seen.state());
-    sight.distance_m = seen.distance();
-    if (seen.occluders().empty()) return;
-    sight.occluder_id = seen.occluders(0).id();
-    sight.occluder_share = seen.occluders(0).share();
-  }
-
-  // Nothing when they were not asked for: `chosen` would be 0.
-  static void add_cells(const v1::Candidates& candidates, PageFrame& frame) {
-    const int count = std::min(candidates.visible_mask_size(), candidates.position_size() / 3);
-    for (int i = 0; i < count; ++i)
-      frame.cells.push_back(
-          {{candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)},
-           candidates.visible_mask(i)});
-    frame.chosen_cell = candidates.chosen() < count ? candidates.chosen() : -1;
   }
 
   void add_pictures(const DrivePictures& pictures) {

@@ -18,22 +18,29 @@ std::optional<glm::dvec2> place_in_picture(const CameraFrame& frame, const glm::
   return at;
 }
 
-FrameTruth judge_frame(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i,
-                       const JudgeOptions& options) {
+FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i,
+                    const JudgeOptions& options) {
   const CameraFrame& frame = frames[i];
   const CameraFrame& before = i == 0 || frame.jump ? frame : frames[i - 1];
   world.set_time(frame.time_s);
-  FrameTruth truth;
-  truth.body = feel(world.colliders(), before.camera.position_m, frame.camera.position_m);
-  for (const Target& target : world.targets())
-    truth.centers.push_back(place_in_picture(frame, world.mirror().find(target.instance_id)->center_m));
-  if (options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0)
-    truth.picture = look(world.occluders(), world.mirror(), world.targets(), frame.camera, frame.lens,
-                         options.picture_size);
-  return truth;
+  const bool picture = options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0;
+  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()}, before.camera.position_m,
+                     frame, picture ? options.picture_size : 0);
 }
 
 }  // namespace
+
+FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, const CameraFrame& frame,
+                       int picture_size) {
+  FrameTruth truth;
+  truth.body = feel(scene.colliders, before_m, frame.camera.position_m);
+  for (const Target& target : scene.targets)
+    truth.centers.push_back(place_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
+  if (picture_size > 0)
+    truth.picture =
+        look(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
+  return truth;
+}
 
 Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
                                       std::span<const CameraFrame> frames, const JudgeOptions& options) {
@@ -51,7 +58,7 @@ Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& s
   // Interleaved, so that hard and easy passages are shared evenly.
   const auto work = [&](size_t k) {
     for (size_t i = k; i < frames.size(); i += thread_count) {
-      truths[i] = judge_frame(*worlds[k], frames, i, options);
+      truths[i] = judge_at(*worlds[k], frames, i, options);
       const std::lock_guard lock(mutex);
       ++done;
       if (options.progress) options.progress(done);

@@ -29,6 +29,16 @@ struct FrameTruth {
   std::optional<PictureTruth> picture;  // of every picture_every-th frame
 };
 
+// What there is at one frame, whoever moves it. Refers to what is handed over.
+struct JudgedScene {
+  const SceneMirror& mirror;
+  std::span<const Target> targets;  // instances of the mirror
+  const EmbreeScene& occluders;     // both have taken in the mirror
+  const EmbreeScene& colliders;
+};
+// `before_m`: where the camera was at the frame before. `picture_size` 0: no picture. Thread-safe.
+FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, const CameraFrame& frame, int picture_size);
+
 struct JudgeOptions {
   int picture_every = 1;  // >= 1; 0: no pictures, bodies only
   int picture_size = kTruthSize;

@@ -7,12 +7,15 @@
 
 #include "client/bench_command.h"
 #include "client/bench_echo.h"
+#include "client/compare_command.h"
 #include "client/cut_command.h"
 #include "client/drive_command.h"
 #include "client/dump_command.h"
 #include "client/evaluate_command.h"
 #include "client/info_command.h"
 #include "client/recover_command.h"
+#include "client/replay_command.h"
+#include "client/report_command.h"
 #include "client/scene_command.h"
 #include "client/sightline_client.h"
 #include "client/verb.h"
@@ -138,6 +141,9 @@ int main(int argc, char** argv) {
       sightline::add_recover_verb(app),
       sightline::add_dump_verb(app),
       sightline::add_cut_verb(app),
+      sightline::add_replay_verb(app),
+      sightline::add_compare_verb(app),
+      sightline::add_report_verb(app),
   };
 
   CLI11_PARSE(app, argc, argv);

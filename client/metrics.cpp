@@ -64,6 +64,7 @@ void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth>
     if (frames[i].jump) continue;
     metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
     metrics.pops += pops(frames[i - 1], frames[i]);
+    if (truths.empty()) continue;
     const auto &before = truths[i - 1].centers, &now = truths[i].centers;
     for (size_t k = 0; k < std::min(before.size(), now.size()); ++k)
       if (before[k] && now[k]) metrics.d_s_heights += glm::distance(*before[k], *now[k]);
@@ -100,15 +101,26 @@ void add_bodies(std::span<const FrameTruth> truths, double body_radius_m, RunMet
   }
 }
 
+// The number of targets when it is none.
+size_t index_of(uint64_t target_id, const RunMetrics& metrics) {
+  const auto is_it = [target_id](const TargetMetrics& target) { return target.id == target_id; };
+  return static_cast<size_t>(std::find_if(metrics.targets.begin(), metrics.targets.end(), is_it) -
+                             metrics.targets.begin());
+}
+
 void add_picture(const PictureTruth& picture, RunMetrics& metrics) {
   ++metrics.pictures;
   metrics.r_n += picture.fully_hidden();
   metrics.r_p += picture.partly_hidden();
   metrics.r_p_tolerant += picture.partly_hidden(kPartialTolerance);
   metrics.all_seen += picture.all_seen();
-  for (size_t k = 0; k < picture.targets.size(); ++k) {
-    metrics.targets[k].mean_visible_share += picture.targets[k].visible_share();
-    metrics.targets[k].in_frame_share += picture.targets[k].in_frame;
+  for (const TargetTruth& target : picture.targets) {
+    const size_t k = index_of(target.id, metrics);
+    if (k == metrics.targets.size()) continue;
+    TargetMetrics& sums = metrics.targets[k];
+    ++sums.pictures;
+    sums.mean_visible_share += target.visible_share();
+    sums.in_frame_share += target.in_frame;
   }
 }
 
@@ -118,8 +130,9 @@ void divide_by_pictures(RunMetrics& metrics) {
   const double n = static_cast<double>(metrics.pictures);
   for (double* sum : {&metrics.r_n, &metrics.r_p, &metrics.r_p_tolerant, &metrics.all_seen}) *sum /= n;
   for (TargetMetrics& target : metrics.targets) {
-    target.mean_visible_share /= n;
-    target.in_frame_share /= n;
+    const double own = static_cast<double>(std::max<size_t>(target.pictures, 1));
+    target.mean_visible_share /= own;
+    target.in_frame_share /= own;
     metrics.mean_visible_share += target.mean_visible_share / static_cast<double>(metrics.targets.size());
     metrics.in_frame_share += target.in_frame_share / static_cast<double>(metrics.targets.size());
   }
@@ -132,8 +145,9 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;
     add_picture(*truths[i].picture, metrics);
-    for (size_t k = 0; k < sights.size(); ++k) {
-      const TargetTruth& target = truths[i].picture->targets[k];
+    for (const TargetTruth& target : truths[i].picture->targets) {
+      const size_t k = index_of(target.id, metrics);
+      if (k == sights.size()) continue;
       sights[k].push_back({frames[i].time_s, target.visible_share()});
       if (target.alone_pixels == 0) continue;
       hidden += 1.0 - target.visible_share();
@@ -241,10 +255,17 @@ WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std:
 
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits) {
+  std::vector<TargetMetrics> targets;
+  for (const ScenarioActor& target : scenario.targets())
+    if (target.weight > 0.0) targets.push_back({.id = target.id, .name = target.name});
+  return summarize(std::move(targets), frames, truths, limits);
+}
+
+RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits) {
   RunMetrics metrics;
   metrics.frames = frames.size();
-  for (const ScenarioActor& target : scenario.targets())
-    if (target.weight > 0.0) metrics.targets.push_back({target.id, target.name, 0.0, 0.0});
+  metrics.targets = std::move(targets);
   add_sight(frames, truths, metrics);
   add_bodies(truths, limits.body_radius_m, metrics);
   add_travel(frames, truths, metrics);

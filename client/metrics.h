@@ -17,6 +17,7 @@ struct TargetMetrics {
   std::string name;
   double mean_visible_share = 0.0;  // over pictures; 0 where it is off screen
   double in_frame_share = 0.0;      // of pictures in which its centre is inside
+  size_t pictures = 0;              // while it was a target
 };
 
 // Losing sight. An episode is a longest row of judged pictures in which no pixel of one target is visible,
@@ -108,6 +109,11 @@ WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std:
 
 // `truths` as long as `frames`.
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits);
+
+// The same of any session, `truths` as long as `frames` or empty: `targets` are all that were targets at any time, by id and name; the pictures say which of them
+// were at theirs.
+RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits);
 
 // One JSON object, keys as the fields above.

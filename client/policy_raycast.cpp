@@ -75,7 +75,7 @@ Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
   const Reachable reachable = [&](const glm::dvec3& place) {
     return path_is_free(colliders_, from, place, body);
   };
-  return choose_basic(candidates_, views_, desired_m, settings_.move, reachable, scratch_);
+  return choose_basic(candidates_, views_, desired_m, 0.0, settings_.move, reachable, scratch_);
 }
 
 void RaycastPolicy::travel(const Choice& choice, double dt_s) {

@@ -131,6 +131,7 @@ RecordedReport Recording::read(const RecordedRange& range,
     return visit(event);
   });
   report.loss = std::move(done.loss);
+  report.chunks_read = done.chunks_read;
   return report;
 }
 
@@ -150,9 +151,13 @@ bool StepAssembler::add(RecordedEvent& event) {
   switch (event.topic) {
     case RecordTopic::kTick:
       step_.ticks.push_back(std::move(std::get<v1::Tick>(event.message)));
+      step_.tick_log_ns.push_back(event.log_ns);
       return false;
     case RecordTopic::kRejection:
       step_.rejections.push_back(std::move(std::get<v1::Rejection>(event.message)));
+      return false;
+    case RecordTopic::kFault:
+      step_.faults.push_back(std::move(std::get<v1::Fault>(event.message)));
       return false;
     case RecordTopic::kGap:
       step_.missing += std::get<v1::Gap>(event.message).messages();
@@ -171,24 +176,28 @@ RecordedStep StepAssembler::take() {
 }
 
 bool StepAssembler::take_rest(RecordedStep& rest) {
-  if (step_.ticks.empty() && step_.rejections.empty() && step_.missing == 0) return false;
+  if (step_.ticks.empty() && step_.rejections.empty() && step_.faults.empty() && step_.missing == 0) return false;
   rest = take();
   rest.has_reply = false;
   return true;
 }
 
+const std::string& PlainReply::bytes_of(const v1::CameraReply& reply) {
+  plain_.CopyFrom(reply);
+  plain_.clear_stage_times();
+  if (plain_.has_flags()) plain_.mutable_flags()->clear_recording_degraded();
+  bytes_.clear();
+  google::protobuf::io::StringOutputStream stream(&bytes_);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  plain_.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes_;
+}
+
 uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed) {
-  v1::CameraReply plain = reply;
-  plain.clear_stage_times();
-  if (plain.has_flags()) plain.mutable_flags()->clear_recording_degraded();
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream coded(&stream);
-    coded.SetSerializationDeterministic(true);
-    plain.SerializeToCodedStream(&coded);
-  }
-  return hash64_bytes(std::as_bytes(std::span(bytes)), seed);
+  PlainReply plain;
+  return hash64_bytes(std::as_bytes(std::span(plain.bytes_of(reply))), seed);
 }
 
 }  // namespace sightline

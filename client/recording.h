@@ -46,6 +46,7 @@ uint64_t log_time_after(uint64_t start_ns, double seconds);
 struct RecordedReport {
   uint64_t events = 0;
   uint64_t undecodable = 0;  // messages of a topic of ours that are not what its schema says
+  uint64_t chunks_read = 0;
   McapLoss loss;             // as McapReader::read counts it
 };
 
@@ -100,7 +101,9 @@ class Recording {
 struct RecordedStep {
   // Refused ticks among them, with their refusals: a replay refuses them again.
   std::vector<v1::Tick> ticks;
+  std::vector<uint64_t> tick_log_ns;  // of each
   std::vector<v1::Rejection> rejections;
+  std::vector<v1::Fault> faults;
   v1::CameraReply reply;
   uint64_t log_ns = 0;    // of the reply
   uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
@@ -124,5 +127,16 @@ class StepAssembler {
 // 64 bits of all that a reply says but the times that its stages took and what it says of the recording: equal inputs
 // give equal hashes on one sampler. Chained: pass the hash of the reply before as `seed` to cover a session.
 uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed = 0);
+
+// The bytes that reply_hash is of, for who needs them more than once. Keeps its memory from reply to reply.
+class PlainReply {
+ public:
+  // Valid until the next call.
+  const std::string& bytes_of(const v1::CameraReply& reply);
+
+ private:
+  v1::CameraReply plain_;
+  std::string bytes_;
+};
 
 }  // namespace sightline

@@ -112,14 +112,18 @@ std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames) {
           {"ticks merged into a later answer", {std::to_string(merged)}}};
 }
 
+void print_rows(std::ostream& out, std::span<const std::string> columns, std::span<const FigureRow> rows) {
+  print_row(out, "", columns);
+  for (const FigureRow& row : rows) print_row(out, row.label, row.values);
+}
+
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames) {
   out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures,
                    kTruthSize, kTruthSize);
   std::vector<std::string> columns{"sightline"};
   if (follow) columns.emplace_back("follow");
-  print_row(out, "", columns);
-  for (const FigureRow& row : figure_rows(run, follow)) print_row(out, row.label, row.values);
+  print_rows(out, columns, figure_rows(run, follow));
   for (const FigureRow& row : latency_rows(frames))
     out << "  " << std::left << std::setw(kLabelWidth) << row.label << std::right << row.values.front()
         << '\n';

@@ -25,6 +25,9 @@ std::vector<FigureRow> figure_rows(const RunMetrics& run, const std::optional<Ru
 // How long answers took; of the run alone.
 std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
 
+// Aligned, under the columns' names.
+void print_rows(std::ostream& out, std::span<const std::string> columns, std::span<const FigureRow> rows);
+
 // One column for the run and, where it was judged, one for `follow`; then latencies.
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames);

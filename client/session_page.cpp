@@ -5,6 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "client/page_data.h"
 #include "client/page_template.h"
@@ -29,8 +30,6 @@ std::string at(const char* list, size_t i, const char* member = "") {
 
 Status check_frame(const SessionPage& session, size_t i) {
   const PageFrame& frame = session.frames[i];
-  if (frame.movers.size() != session.movers.size())
-    return invalid(at("frames", i, ".movers"), "must be as long as movers");
   if (frame.sights.size() != session.targets.size())
     return invalid(at("frames", i, ".sights"), "must be as long as targets");
   if (frame.stage_us.size() != session.stages.size())
@@ -45,6 +44,22 @@ Status check_frame(const SessionPage& session, size_t i) {
   return {};
 }
 
+// The frames of an instance's life that the session has.
+std::pair<size_t, size_t> life_of(const PageInstance& instance, const SessionPage& session) {
+  const size_t end = std::min(instance.end_frame, session.frames.size());
+  return {std::min(instance.first_frame, end), end};
+}
+
+Status check_mover(const SessionPage& session, size_t i, std::unordered_set<size_t>& moving) {
+  const PageMover& mover = session.movers[i];
+  if (mover.instance >= session.instances.size()) return invalid(at("movers", i), "is no instance");
+  if (!moving.insert(mover.instance).second) return invalid(at("movers", i), "moves twice");
+  const auto [first, end] = life_of(session.instances[mover.instance], session);
+  if (mover.poses.size() != end - first)
+    return invalid(at("movers", i, ".poses"), "must be as long as its instance's life");
+  return {};
+}
+
 Status check(const SessionPage& session) {
   if (session.frames.empty()) return invalid("frames", "a page needs one at least");
   if (!(session.aspect > 0.0) || !std::isfinite(session.aspect)) return invalid("aspect", "must be above 0");
@@ -52,11 +67,12 @@ Status check(const SessionPage& session) {
   if (session.flags.size() > kMaxFlags) return invalid("flags", "more than 32");
   for (size_t i = 0; i < session.instances.size(); ++i)
     if (!session.instances[i].geometry) return invalid(at("instances", i, ".geometry"), "is missing");
+  std::unordered_set<size_t> moving;
   for (size_t i = 0; i < session.movers.size(); ++i)
-    if (session.movers[i] >= session.instances.size()) return invalid(at("movers", i), "is no instance");
-  for (size_t i = 0; i < session.targets.size(); ++i)
-    if (session.targets[i].instance >= static_cast<int>(session.instances.size()))
-      return invalid(at("targets", i, ".instance"), "is no instance");
+    if (Status ok = check_mover(session, i, moving); !ok) return ok;
+  for (size_t i = 0; i < session.marks.size(); ++i)
+    if (session.marks[i].frame >= session.frames.size())
+      return invalid(at("marks", i, ".frame"), "is no frame");
   for (size_t i = 0; i < session.pictures.size(); ++i)
     if (session.pictures[i].frame >= session.frames.size())
       return invalid(at("pictures", i, ".frame"), "is no frame");
@@ -125,12 +141,13 @@ void write_scene(const SessionPage& session, Json& page, PageData& data) {
                          {"name", instance.name},
                          {"mesh", meshes.index_of(*instance.geometry)},
                          {"occludes", instance.occludes}});
+    const auto [first, end] = life_of(instance, session);
+    if (first > 0 || end < session.frames.size()) instances.back()["life"] = {first, end};
     for (int column = 0; column < 4; ++column)
       for (int row = 0; row < 3; ++row)
         transforms.push_back(static_cast<float>(instance.world_from_instance[column][row]));
   }
   page["instances"] = std::move(instances);
-  page["movers"] = session.movers;
   data.add("instance_transforms", transforms);
   meshes.write(page, data);
 }
@@ -163,6 +180,18 @@ void append(std::vector<T>& row, const Pose& pose) {
     row.push_back(static_cast<T>(value));
 }
 
+// Mover after mover: where one stands from frame to frame differs least.
+void write_movers(const SessionPage& session, Json& page, PageData& data) {
+  std::vector<float> poses;
+  Json movers = Json::array();
+  for (const PageMover& mover : session.movers) {
+    movers.push_back({{"instance", mover.instance}, {"first_pose", poses.size() / 7}});
+    for (const Pose& pose : mover.poses) append(poses, pose);
+  }
+  page["movers"] = std::move(movers);
+  data.add("mover_poses", poses);
+}
+
 class Frames {
  public:
   void add(const PageFrame& frame) {
@@ -171,7 +200,6 @@ class Frames {
     append(camera_, frame.camera);
     fov_rad_.push_back(frame.vertical_fov_rad);
     append(velocity_mps_, frame.velocity_mps);
-    for (const Pose& pose : frame.movers) append(mover_poses_, pose);
     counts_.insert(counts_.end(),
                    {frame.counts.all_visible, frame.counts.some_visible, frame.counts.none_visible});
     status_.push_back(words_.index_of(frame.status));
@@ -184,7 +212,14 @@ class Frames {
     queue_us_.push_back(static_cast<float>(frame.queue_us));
     latency_ms_.push_back(static_cast<float>(frame.latency_ms));
     clearance_m_.push_back(static_cast<float>(frame.clearance_m));
-    for (const PageSight& sight : frame.sights) add(sight);
+    uint32_t present = 0, steered = 0;
+    for (size_t k = 0; k < frame.sights.size(); ++k) {
+      add(frame.sights[k]);
+      if (!frame.sights[k].present) continue;
+      present |= 1u << k;
+      if (frame.sights[k].steered) steered |= 1u << k;
+    }
+    present_.push_back(present), steered_.push_back(steered);
   }
 
   void write(Json& page, PageData& data) const {
@@ -192,7 +227,7 @@ class Frames {
     page["occluders"] = occluders_.list();
     data.add("time_s", time_s_), data.add("sequence", sequence_);
     data.add("camera", camera_), data.add("fov_rad", fov_rad_), data.add("velocity_mps", velocity_mps_);
-    data.add("mover_poses", mover_poses_), data.add("counts", counts_);
+    data.add("counts", counts_), data.add("present", present_), data.add("steered", steered_);
     data.add("status", status_), data.add("reason", reason_), data.add("text", text_);
     data.add("cut", cut_), data.add("flags", flags_), data.add("merged", merged_);
     data.add("stage_us", stage_us_), data.add("queue_us", queue_us_);
@@ -217,9 +252,9 @@ class Frames {
 
   Words words_, occluders_;
   std::vector<double> time_s_, sequence_, camera_, fov_rad_;
-  std::vector<float> velocity_mps_, mover_poses_, stage_us_, queue_us_, latency_ms_, clearance_m_, aim_m_;
+  std::vector<float> velocity_mps_, stage_us_, queue_us_, latency_ms_, clearance_m_, aim_m_;
   std::vector<double> visible_, filtered_, true_, distance_m_, occluder_share_;
-  std::vector<uint32_t> counts_, status_, reason_, text_, flags_, merged_, state_;
+  std::vector<uint32_t> counts_, status_, reason_, text_, flags_, merged_, state_, present_, steered_;
   std::vector<int32_t> occluder_;
   std::vector<uint8_t> cut_;
 };
@@ -273,6 +308,7 @@ void write_cells(const SessionPage& session, PageData& data) {
 
 void write_words(const SessionPage& session, Json& page) {
   page["title"] = session.title;
+  page["notices"] = session.notices;
   page["facts"] = session.facts;
   page["aspect"] = session.aspect;
   page["body_radius_m"] = session.body_radius_m;
@@ -288,9 +324,24 @@ void write_words(const SessionPage& session, Json& page) {
     targets.push_back({{"id", id_text(target.id)},
                        {"name", target.name},
                        {"weight", target.weight},
-                       {"required", target.required},
-                       {"instance", target.instance}});
+                       {"required", target.required}});
   page["targets"] = std::move(targets);
+  Json marks = Json::array();
+  for (const PageMark& mark : session.marks)
+    marks.push_back({{"frame", mark.frame}, {"kind", mark.kind}, {"text", mark.text}});
+  page["marks"] = std::move(marks);
+}
+
+Status write_settings(const SessionPage& session, Json& page) {
+  Json list = Json::array();
+  for (size_t i = 0; i < session.settings.size(); ++i) {
+    const auto& [title, json] = session.settings[i];
+    Json value = json.empty() ? Json() : Json::parse(json, nullptr, false);
+    if (value.is_discarded()) return invalid(at("settings", i, ".json"), "is no JSON");
+    list.push_back({{"title", title}, {"value", std::move(value)}});
+  }
+  page["settings"] = std::move(list);
+  return {};
 }
 
 void write_pictures(const SessionPage& session, Json& page) {
@@ -354,10 +405,9 @@ Result<std::string> session_page(const SessionPage& session) {
   Json page;
   PageData data;
   write_words(session, page);
-  const std::string& settings = session.settings_json;
-  page["settings"] = settings.empty() ? Json() : Json::parse(settings, nullptr, false);
-  if (page["settings"].is_discarded()) return invalid("settings_json", "is no JSON");
+  if (Status ok = write_settings(session, page); !ok) return tl::unexpected(ok.error());
   write_scene(session, page, data);
+  write_movers(session, page, data);
   Frames frames;
   for (const PageFrame& frame : session.frames) frames.add(frame);
   frames.write(page, data);

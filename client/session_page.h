@@ -8,8 +8,8 @@
 //
 // How the page carries it: names and texts as JSON; every row of numbers as one typed array, all arrays together
 // deflated (zlib) and in base64, which the page inflates by itself (page_data.h has the layout). Mesh positions take 16
-// bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame; poses, times, shares and
-// stage times are kept as they are.
+// bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame, what moves single precision;
+// the camera, times, shares and stage times are kept as they are.
 #pragma once
 
 #include <cstdint>
@@ -38,19 +38,30 @@ struct PageInstance {
   // before its pose.
   Affine world_from_instance = identity_affine();
   bool occludes = true;
+  // The frames in which it is there: [first_frame, end_frame). What is hidden or changed for a while stands in the list
+  // several times, under one id and in frames of its own each time.
+  size_t first_frame = 0, end_frame = std::numeric_limits<size_t>::max();
 };
 
+// What moves: where it stood in each frame of its instance's life.
+struct PageMover {
+  size_t instance = 0;      // index into SessionPage::instances; moves once only
+  std::vector<Pose> poses;  // world_from_instance without its linear part
+};
+
+// All that were targets at any time of the session.
 struct PageTarget {
-  uint64_t id = 0;
+  uint64_t id = 0;  // of the instances that are it, if any are there to be drawn
   std::string name;
   double weight = 1.0;
   bool required = true;
-  int instance = -1;  // index into SessionPage::instances; -1: it has no shape to draw
 };
 
 // What one frame knew of one target.
 struct PageSight {
-  glm::dvec3 aim_m{0.0};             // what the camera aims at, world
+  bool present = true;    // false: no target in this frame, and nothing below is shown
+  bool steered = true;    // it has a weight: the camera wants to see it
+  glm::dvec3 aim_m{0.0};  // what the camera aims at, world; not finite: not known
   double visible_share = 0.0;        // of the sampled points, in this step, [0, 1]
   double filtered_share = 0.0;       // over the last steps, [0, 1]
   double true_share = kPageUnknown;  // of the target's pixels, by a re-render, [0, 1]; most frames have none
@@ -77,7 +88,6 @@ struct PageFrame {
   Pose camera;          // world_from_camera
   double vertical_fov_rad = 0.0;
   glm::dvec3 velocity_mps{0.0};
-  std::vector<Pose> movers;  // world_from_instance without its linear part; as long as SessionPage::movers
   std::vector<PageSight> sights;  // as long as SessionPage::targets
   PageCounts counts;
   std::string status, reason;  // one word each
@@ -87,7 +97,7 @@ struct PageFrame {
   uint32_t merged_ticks = 0;
   double queue_us = kPageUnknown;     // how long the newest tick waited for the step
   std::vector<float> stage_us;        // as long as SessionPage::stages
-  double latency_ms = kPageUnknown;   // tick sent to reply received
+  double latency_ms = kPageUnknown;   // from the tick to its reply, as whoever tells the session saw them
   double clearance_m = kPageUnknown;  // from the camera to the nearest collider
   std::vector<PageCell> cells;        // may be empty; the page keeps at most kMaxPageCells in all
   int chosen_cell = -1;               // index into `cells`; -1: none
@@ -100,6 +110,19 @@ struct PagePicture {
   std::vector<uint8_t> bytes;
 };
 
+// Something that happened at a frame, on the time line and in a list.
+struct PageMark {
+  size_t frame = 0;  // index into SessionPage::frames
+  std::string kind;  // one word: "fault", "rejection" and "gap" are shown as trouble, others as notes
+  std::string text;
+};
+
+// Settings, or whatever else is best read as they are.
+struct PageSettings {
+  std::string title;
+  std::string json;  // one JSON value; empty: not known
+};
+
 // A figure of the run, ready to be read: one text for each of SessionPage::columns.
 struct PageFigure {
   std::string name;
@@ -108,20 +131,22 @@ struct PageFigure {
 
 struct SessionPage {
   std::string title;
+  std::vector<std::string> notices;  // what one has to know before one believes the page; one sentence each
   std::vector<std::pair<std::string, std::string>>
       facts;                   // name, value: sampler, seed, scene, rate and so on
   double aspect = 16.0 / 9.0;  // of the picture, width / height, above 0
   double body_radius_m = 0.0;  // [0, 10]
   std::vector<PageInstance> instances;
   std::vector<PageTarget> targets;    // at most 32
-  std::vector<size_t> movers;         // indices into instances
+  std::vector<PageMover> movers;
   std::vector<std::string> stages;    // names, in the order in which they run
   std::vector<std::string> flags;     // names; at most 32
   std::vector<PageFrame> frames;      // at least one
   std::vector<PagePicture> pictures;  // by frame, ascending
+  std::vector<PageMark> marks;        // by frame, ascending
   std::vector<std::string> columns;   // of the figures
   std::vector<PageFigure> figures;
-  std::string settings_json;  // one JSON value; empty: not known
+  std::vector<PageSettings> settings;
 };
 
 // Cells of every n-th frame are kept, n being the least that stays within this many; the page says which frame they are

@@ -32,9 +32,18 @@ Client::~Client() = default;
 Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 
-Result<Client> Client::connect(const std::string& address, std::chrono::nanoseconds timeout) {
+Result<Client> Client::connect(const std::string& address, std::chrono::nanoseconds timeout,
+                               const KeepAlive& keep_alive) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxReplyBytes);
+  const int time_ms = static_cast<int>(keep_alive.time.count());
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, time_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, static_cast<int>(keep_alive.timeout.count()));
+  // A game that is paused sends nothing; gRPC would then ping twice and no more, five minutes apart.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
+  // A pool that others share would have the arguments of whoever came first.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
   if (!channel->WaitForConnected(deadline_after(timeout)))
     return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);

@@ -96,10 +96,19 @@ class ClientSession {
   v1::SessionOpened opened_;
 };
 
+// A server that hangs or whose host is gone, as a client finds it out: after `time` without a byte it is pinged, and
+// after `timeout` without an answer every session on the connection ends with kUnavailable. Servers take pings once a
+// second, not more often.
+struct KeepAlive {
+  std::chrono::milliseconds time{10'000};
+  std::chrono::milliseconds timeout{5'000};
+};
+
 class Client {
  public:
   // `address`: "host:port" or "unix:/path/to/socket". Waits until a connection stands.
-  static Result<Client> connect(const std::string& address, std::chrono::nanoseconds timeout);
+  static Result<Client> connect(const std::string& address, std::chrono::nanoseconds timeout,
+                                const KeepAlive& keep_alive = {});
 
   ~Client();
   Client(Client&&) noexcept;

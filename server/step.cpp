@@ -182,7 +182,7 @@ void report_targets(StepWork& w) {
     report.id = w.input.targets[i].instance_id;
     report.visible_share = sight.share();
     report.filtered_share = w.memory.shares.share(i).value_or(sight.share());
-    report.filtered_visible = w.memory.candidates.filtered_targets[w.own_candidate] >> i & 1u;
+    report.filtered_visible = w.memory.candidates.filtered()[w.own_candidate] >> i & 1u;
     report.in_picture = in_picture(w.memory.camera.pose, lens, w.memory.target_views[i].aim_m);
     report.distance_m = glm::distance(place, w.memory.target_views[i].aim_m);
     if (sight.occluder != kNoOccluder) report.occluder_id = w.input.scene.instances()[sight.occluder].id;

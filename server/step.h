@@ -163,6 +163,7 @@ struct StepMemory {
   PairChain chain;                    // of these; when complete
   std::vector<DepthMap> maps;
   CandidateSet candidates;
+  std::vector<glm::dvec3> place_m;  // the candidates' places, listed for the strategies that go over them often
   SightCounts counts;
   ClearanceField colliders;
   MoversAhead movers_ahead;
@@ -178,7 +179,7 @@ struct StepMemory {
   Groups groups;
   ShelterScratch shelter_scratch;
   std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
-  std::vector<double> cost;
+  std::vector<double> cost;  // by candidate; not of strategy kBasic, which costs distance
   ChoiceScratch choice_scratch;
   std::vector<glm::vec3> picked;
   std::vector<uint64_t> target_ids;

@@ -15,10 +15,15 @@ bool filters(const StepWork& w) {
 void list_candidates(StepWork& w) {
   const AggregateSettings& settings = w.input.settings.aggregate;
   CandidateSet& candidates = w.memory.candidates;
-  w.memory.lattice.cover(w.memory.bound, settings.candidates);
+  Lattice& lattice = w.memory.lattice;
+  // What is remembered by cell: sights, and of the way to the goal.
+  if (filters(w) || expects_hidden(w))
+    lattice.cover(w.memory.bound, settings.candidates);
+  else
+    lattice.lay(w.memory.bound, settings.candidates);
   w.on_lattice = !w.pair || filters(w);
   if (w.on_lattice)
-    candidates.position_m = w.memory.lattice.positions_m();
+    candidates.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
   else
     compose_chain(w.memory.chain, w.memory.maps, w.memory.bound, settings.relative_bias, candidates);
 }
@@ -42,7 +47,7 @@ uint32_t seen_from_own_place(const StepWork& w) {
 // Two places that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would step
 // between grid points.
 void add_own_and_desired_place(StepWork& w) {
-  std::vector<glm::dvec3>& position_m = w.memory.candidates.position_m;
+  PlaceList& position_m = w.memory.candidates.position_m;
   w.own_candidate = position_m.size();
   position_m.push_back(w.memory.camera.pose.position_m);
   if (w.steered != 0) position_m.push_back(nearest_in_bound(w.memory.bound, desired_place(w)));
@@ -55,7 +60,8 @@ void look_now(StepWork& w) {
   const double bias = w.input.settings.aggregate.relative_bias;
   const SampledPoints sampled = as_input(w, w.memory.now);
   std::vector<uint32_t>& visible = w.on_lattice ? candidates.visible_targets : w.memory.off_grid_visible;
-  composer.set_positions(std::span(candidates.position_m).subspan(w.on_lattice ? 0 : w.own_candidate));
+  composer.set_positions(w.on_lattice ? candidates.position_m.view()
+                                      : PlaceView(candidates.position_m.view().singles_m().subspan(w.own_candidate)));
   if (expects_hidden(w) && w.on_lattice)
     composer.visibility_and_hidden(sampled, bias, hidden_weights(w, 1 - weight_ahead(w)), visible,
                                    w.memory.goal.hidden_by);
@@ -73,11 +79,10 @@ void look_now(StepWork& w) {
 // Cells of the lattice keep what they saw; the two other places take over the past of the cell that they are nearest to.
 void filter(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
-  candidates.filtered_targets = candidates.visible_targets;
   // Steps are counted only while a filter is on: what was seen before it went off must not pass for the newest.
   if (!filters(w)) w.memory.volume = {};
   if (!filters(w) || w.move_s <= 0) return;
-  const size_t cells = w.memory.lattice.addresses().size(), places = candidates.size() - cells;
+  const size_t cells = w.memory.lattice.size(), places = candidates.size() - cells;
   TemporalVolume& volume = w.memory.volume;
   volume.begin_step(w.memory.lattice, 2, w.memory.target_ids, w.input.settings.aggregate.filter, w.move_s);
   volume.push(w.memory.lattice, std::span(candidates.visible_targets).first(cells));
@@ -88,15 +93,12 @@ void filter(StepWork& w) {
     w.memory.slots.push_back(volume.place_slot(k));
   }
   volume.filter(w.memory.slots, candidates.visible_targets, w.steered, w.memory.filtered);
-  candidates.filtered_targets = w.memory.filtered.visible_targets;
+  candidates.filtered_targets.swap(w.memory.filtered.visible_targets);
 }
 
 void look_ahead(StepWork& w) {
   CandidateSet& candidates = w.memory.candidates;
-  if (w.memory.ahead_s <= 0) {
-    candidates.ahead_targets = candidates.filtered_targets;
-    return;
-  }
+  if (w.memory.ahead_s <= 0) return;
   const double bias = w.input.settings.aggregate.relative_bias;
   const SampledPoints sampled = as_input(w, w.memory.ahead);
   if (expects_hidden(w) && weight_ahead(w) > 0)
@@ -146,6 +148,7 @@ void aggregate(StepWork& w) {
   filter(w);
   look_ahead(w);
   expect_hidden(w);
+  if (w.input.settings.move.strategy != Strategy::kBasic) list_places(w.memory.candidates.position_m, w.memory.place_m);
   count_sights(w.memory.candidates, w.steered, w.input.targets.size(), w.memory.counts);
 }
 

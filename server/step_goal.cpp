@@ -28,7 +28,7 @@ double body_m(const StepWork& w) {
 void give_way(StepWork& w, double body_radius_m) {
   const ClearanceField& soon = w.memory.movers_ahead.back();
   if (soon.collider_count() == 0) return;
-  const auto& places = w.memory.candidates.position_m;
+  const auto& places = w.memory.place_m;
   for (size_t i = 0; i < places.size(); ++i)
     if (soon.clearance_m(places[i], body_radius_m) < body_radius_m) w.memory.goal.clearance_m[i] = 0;
 }
@@ -37,16 +37,16 @@ void find_routes(StepWork& w) {
   StepMemory& m = w.memory;
   const double body_radius_m = body_m(w) + kRouteRoomM;
   const std::span<const float> standoff = m.goal.standoff.measure(
-      w.input.scene, m.lattice, m.bound, m.candidates.position_m, w.on_lattice, body_radius_m);
+      w.input.scene, m.lattice, m.bound, m.place_m, w.on_lattice, body_radius_m);
   m.goal.clearance_m.assign(standoff.begin(), standoff.end());
   give_way(w, body_radius_m);
-  const RouteNodes nodes{.position_m = m.candidates.position_m,
+  const RouteNodes nodes{.position_m = m.place_m,
                          .cell = m.cells,
                          .clearance_m = m.goal.clearance_m,
                          .hidden = m.goal.hidden,
                          .first_leg_is_free = [&](uint32_t node) {
                            return path_is_free(m.colliders, m.camera.pose.position_m,
-                                               m.candidates.position_m[node], body_m(w));
+                                               m.place_m[node], body_m(w));
                          },
                          .spacing_m = m.lattice.spacing_m()};
   m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
@@ -78,7 +78,7 @@ struct Leg {
 // About the farthest place of the route to which the body can go straight: of a long one every second place is tried. The first
 // is always one, as the routes begin with legs that the body can take.
 Leg first_leg(StepWork& w, uint32_t goal) {
-  const auto& places = w.memory.candidates.position_m;
+  const auto& places = w.memory.place_m;
   const std::vector<uint32_t>& route = w.memory.goal.routes.to(goal);
   const glm::dvec3 from = w.memory.camera.pose.position_m;
   if (route.empty()) return {from, 0};
@@ -172,7 +172,7 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
   find_routes(w);
   BlendSettings blend = settings.blend;
   if (targets_stand(w)) blend.tolerance = std::max(blend.tolerance, settings.survey.content);
-  blend_costs({.position_m = m.candidates.position_m,
+  blend_costs({.position_m = m.place_m,
                .hidden = m.goal.hidden,
                .route_m = m.goal.routes.cost_m(),
                .groups = m.groups,
@@ -182,10 +182,10 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
               blend, m.cost);
   const PlaceLimits limits(m.target_views, settings);
   for (size_t i = 0; i < m.cost.size(); ++i)
-    if (!limits.hold(m.candidates.position_m[i])) m.cost[i] += kOutsideLimits;
+    if (!limits.hold(m.place_m[i])) m.cost[i] += kOutsideLimits;
   const Choice choice = choose_least(m.candidates, m.target_views, m.cost, desired_m);
   m.goal.goal_m.reset();
-  if (choice.candidate >= 0) m.goal.goal_m = m.candidates.position_m[static_cast<size_t>(choice.candidate)];
+  if (choice.candidate >= 0) m.goal.goal_m = m.place_m[static_cast<size_t>(choice.candidate)];
   return choice;
 }
 

@@ -28,27 +28,19 @@ void gather_colliders(StepWork& w) {
 // camera would go to the very rim of what is about to be hidden, and begin slowly.
 void leave_out_hidden_ahead(StepWork& w) {
   if (w.memory.ahead_s <= 0) return;
-  const CandidateSet& candidates = w.memory.candidates;
-  const auto seen_ahead = [&](size_t i) { return (candidates.ahead_targets[i] & w.steered) == w.steered; };
+  const std::span<const uint32_t> ahead = w.memory.candidates.ahead();
+  const auto seen_ahead = [&](size_t i) { return (ahead[i] & w.steered) == w.steered; };
   bool any = false;
-  for (size_t i = 0; i < candidates.size(); ++i) any |= w.memory.members[i] && seen_ahead(i);
+  for (size_t i = 0; i < ahead.size(); ++i) any |= w.memory.members[i] && seen_ahead(i);
   if (!any) return;
-  for (size_t i = 0; i < candidates.size(); ++i)
+  for (size_t i = 0; i < ahead.size(); ++i)
     if (!seen_ahead(i)) w.memory.members[i] = 0;
 }
 
 void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
   StepMemory& m = w.memory;
   measure_shelter(m.cells, m.members, m.shelter_scratch, m.shelter_squared);
-  robust_costs(m.candidates.position_m, desired, m.groups, m.shelter_squared, m.cost);
-}
-
-void set_costs(StepWork& w, const glm::dvec3& desired) {
-  const MoveSettings& settings = w.input.settings.move;
-  if (settings.strategy == Strategy::kBasic)
-    return basic_costs(w.memory.candidates.position_m, desired, w.memory.cost);
-  find_groups_of_all_visible(w, desired);
-  set_robust_costs(w, desired);
+  robust_costs(m.place_m, desired, m.groups, m.shelter_squared, m.cost);
 }
 
 Choice choose(StepWork& w) {
@@ -60,8 +52,12 @@ Choice choose(StepWork& w) {
     return path_is_free(w.memory.colliders, from, place, body);
   };
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
-  set_costs(w, desired);
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
+  if (w.input.settings.move.strategy == Strategy::kBasic)
+    return choose_basic(w.memory.candidates, w.memory.target_views, desired, ahead_weight, w.input.settings.move,
+                        reachable, w.memory.choice_scratch);
+  find_groups_of_all_visible(w, desired);
+  set_robust_costs(w, desired);
   return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
                       w.input.settings.move, reachable, w.memory.choice_scratch);
 }
@@ -121,13 +117,12 @@ glm::dvec3 group_velocity(const StepWork& w) {
 }
 
 void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired_m) {
-  const CandidateSet& candidates = w.memory.candidates;
-  lattice_cells(candidates.position_m, w.memory.lattice.spacing_m(), w.memory.cells);
-  w.memory.members.resize(candidates.size());
-  for (size_t i = 0; i < candidates.size(); ++i)
-    w.memory.members[i] = (candidates.filtered_targets[i] & w.steered) == w.steered;
+  const std::span<const uint32_t> seen = w.memory.candidates.filtered();
+  lattice_cells(w.memory.candidates.position_m, w.memory.lattice.spacing_m(), w.memory.cells);
+  w.memory.members.resize(seen.size());
+  for (size_t i = 0; i < seen.size(); ++i) w.memory.members[i] = (seen[i] & w.steered) == w.steered;
   if (w.input.settings.move.strategy == Strategy::kRobust) leave_out_hidden_ahead(w);
-  find_groups(w.memory.cells, candidates.position_m, w.memory.members, desired_m, w.memory.group_scratch,
+  find_groups(w.memory.cells, w.memory.place_m, w.memory.members, desired_m, w.memory.group_scratch,
               w.memory.groups);
 }
 

@@ -1,11 +1,6 @@
 // What each key does; the help lists the same table.
 
 export function makeKeys({ player, events, view, timeline, press, help }) {
-  const second = () =>
-    Math.max(
-      1,
-      Math.round((player.session.frames - 1) / Math.max(1e-9, player.session.end_s - player.session.start_s)),
-    );
   const event = (forward) => {
     player.pause();
     const found = forward
@@ -22,13 +17,13 @@ export function makeKeys({ player, events, view, timeline, press, help }) {
         ['ArrowRight'],
         '→',
         'One frame forward; with shift one second',
-        (key) => player.step(key.shiftKey ? second() : 1),
+        (key) => (key.shiftKey ? player.stepSecond(true) : player.step(1)),
       ],
       [
         ['ArrowLeft'],
         '←',
         'One frame back; with shift one second',
-        (key) => player.step(key.shiftKey ? -second() : -1),
+        (key) => (key.shiftKey ? player.stepSecond(false) : player.step(-1)),
       ],
       [
         ['Home'],
@@ -48,8 +43,8 @@ export function makeKeys({ player, events, view, timeline, press, help }) {
           player.seek(player.session.frames - 1);
         },
       ],
-      [[']'], ']', 'Next change of status or reason, or cut', () => event(true)],
-      [['['], '[', 'Former change of status or reason, or cut', () => event(false)],
+      [[']'], ']', 'Next change of status or reason, cut or event', () => event(true)],
+      [['['], '[', 'Former change of status or reason, cut or event', () => event(false)],
       [['.'], '.', 'Faster', () => player.faster(1)],
       [[','], ',', 'Slower', () => player.faster(-1)],
       [['+', '='], '+', 'Zoom in on the time line', () => zoom(0.5)],

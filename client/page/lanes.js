@@ -1,7 +1,7 @@
 // What each lane of the time line draws. A column of pixels that many frames share shows the worst of them: a short
 // loss of sight is never smoothed away.
 import { colour, fixed, plain, targetColour } from './dom.js';
-import { look, sightAt, stageTotalUs } from './session.js';
+import { isTrouble, look, sightAt, stageTotalUs } from './session.js';
 
 // Room for the names, pixels.
 export const GUTTER = 124;
@@ -11,10 +11,10 @@ export function makeLanes(session) {
   const lanes = [ruler(session)];
   if (session.pictures.length) lanes.push(pictures(session));
   session.targets.forEach((target, k) => lanes.push(share(session, target, k)));
+  lanes.push(words(session, 'status', 'Status'), words(session, 'reason', 'Reason'));
+  if (session.marks.length) lanes.push(events(session));
   lanes.push(
-    words(session, 'status', 'Status'),
-    words(session, 'reason', 'Reason'),
-    marks(session),
+    flags(session),
     cells(session),
     stages(session),
   );
@@ -75,7 +75,10 @@ function share(session, target, k) {
     label: target.name,
     height,
     labelHeight: height,
-    value: (frame) => `${fixed(100 * sightAt(session, frame, k).visible, 0)} %`,
+    value: (frame) => {
+      const { present, visible } = sightAt(session, frame, k);
+      return present ? `${fixed(100 * visible, 0)} %` : '';
+    },
     draw(context, line, top, right) {
       const yOf = (value) => top + height - 4 - value * (height - 8);
       context.fillStyle = colour('line');
@@ -87,8 +90,11 @@ function share(session, target, k) {
         let least = 1,
           leastFiltered = 1,
           worst = 3,
-          truth = NaN;
+          truth = NaN,
+          present = false;
         for (let frame = first; frame < end; frame++) {
+          if (!((session.present[frame] >>> k) & 1)) continue;
+          present = true;
           const at = frame * count + k;
           least = Math.min(least, session.visible_share[at]);
           leastFiltered = Math.min(leastFiltered, session.filtered_share[at]);
@@ -96,6 +102,8 @@ function share(session, target, k) {
           if (!(session.true_share[at] >= truth))
             truth = Number.isNaN(session.true_share[at]) ? truth : session.true_share[at];
         }
+        // No target then: the line ends, and begins anew.
+        if (!present) return filtered.push(null);
         context.globalAlpha = 0.5;
         context.fillStyle = fill[WORST_FIRST[worst]];
         // A target that is not seen at all still has its colour: a stripe on the ground.
@@ -107,7 +115,9 @@ function share(session, target, k) {
       context.strokeStyle = targetColour(k);
       context.lineWidth = 1.5;
       context.beginPath();
-      filtered.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+      filtered.forEach((point, i) => {
+        if (point) filtered[i - 1] ? context.lineTo(...point) : context.moveTo(...point);
+      });
       context.stroke();
       context.fillStyle = colour('text');
       let last = -9;
@@ -148,8 +158,40 @@ function words(session, column, label) {
   };
 }
 
+// What happened, each as a diamond: trouble above notes, so that none hides behind another.
+function events(session) {
+  const height = 16,
+    half = 4;
+  return {
+    label: 'Events',
+    height,
+    draw(context, line, top) {
+      for (const [trouble, name] of [
+        [false, 'accent'],
+        [true, 'hidden'],
+      ]) {
+        context.fillStyle = colour(name);
+        let last = -Infinity;
+        for (const mark of session.marks) {
+          if (isTrouble(mark) !== trouble) continue;
+          const x = line.xOf(session.time_s[mark.frame]),
+            y = top + height / 2;
+          if (x < GUTTER || x - last < 1) continue;
+          last = x;
+          context.beginPath();
+          context.moveTo(x - half, y);
+          context.lineTo(x, y - half);
+          context.lineTo(x + half, y);
+          context.lineTo(x, y + half);
+          context.fill();
+        }
+      }
+    },
+  };
+}
+
 // Cuts as full marks; flags and merged ticks as small ones.
-function marks(session) {
+function flags(session) {
   const height = 16;
   return {
     label: 'Cuts, flags',

@@ -15,6 +15,14 @@ function showHeader(session) {
     get('facts').append(element('div', {}, element('dt', { text: name }), element('dd', { text: value })));
 }
 
+function showNotices(session) {
+  get('notices').hidden = !session.notices.length;
+  for (const text of session.notices) get('notices').querySelector('ul').append(element('li', { text }));
+  get('notices-close').onclick = () => {
+    get('notices').hidden = true;
+  };
+}
+
 // Without WebGL everything else still works.
 function makeView(session, player) {
   try {
@@ -156,6 +164,7 @@ async function start() {
   const session = await readSession(document);
   const player = new Player(session);
   showHeader(session);
+  showNotices(session);
   let view = null,
     timeline = null;
   const toggleTheme = makeTheme(() => {
@@ -163,7 +172,7 @@ async function start() {
     timeline?.draw();
   });
   const panel = new FramePanel(session, get('panel-frame'));
-  showRun(session, get('panel-run'));
+  showRun(session, get('panel-run'), (frame) => (player.pause(), player.seek(frame)));
   showSettings(session, get('panel-settings'));
   view = makeView(session, player);
   if (view) wireView(view);

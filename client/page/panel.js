@@ -1,7 +1,17 @@
 // The numbers: of the frame that is shown, of the whole run, and the settings. Every number of a frame has its name in
 // data-field.
 import { DASH, element, fixed, plain, setText, targetColour } from './dom.js';
-import { cellRowAt, flagNames, look, occluderName, pictureAt, sightAt, stageTotalUs } from './session.js';
+import {
+  cellRowAt,
+  flagNames,
+  isTrouble,
+  look,
+  marksAt,
+  occluderName,
+  pictureAt,
+  sightAt,
+  stageTotalUs,
+} from './session.js';
 
 function group(title, ...children) {
   return element('section', { class: 'group' }, element('h3', {}, element('b', { text: title })), ...children);
@@ -34,6 +44,7 @@ export class FramePanel {
           element('span', { class: 'chip', 'data-field': 'reason' }),
           element('span', { class: 'chip alert', 'data-field': 'cut', hidden: '' }),
         ),
+        element('ul', { id: 'frame-events', class: 'events' }),
       ),
       group('Targets', this.targetTable()),
       group(
@@ -165,20 +176,21 @@ export class FramePanel {
     this.set('reason', plain(session.words[session.reason[frame]]));
     this.set('cut', 'cut');
     this.fields.get('cut').hidden = !session.cut[frame];
+    this.root.querySelector('#frame-events').replaceChildren(...marksAt(session, frame).map((mark) => markItem(mark)));
   }
 
   showTarget(frame, k) {
     const sight = sightAt(this.session, frame, k);
-    const percent = (share) => (Number.isNaN(share) ? DASH : `${fixed(100 * share, 1)} %`);
+    const percent = (share) => (Number.isNaN(share) || !sight.present ? DASH : `${fixed(100 * share, 1)} %`);
     this.set(`visible-${k}`, percent(sight.visible));
     this.set(`filtered-${k}`, percent(sight.filtered));
     this.set(`true-${k}`, percent(sight.truth));
-    this.set(`distance-${k}`, `${fixed(sight.distance, 2)} m`);
-    this.set(`state-${k}`, plain(sight.state));
+    this.set(`distance-${k}`, sight.present ? `${fixed(sight.distance, 2)} m` : DASH);
+    this.set(`state-${k}`, sight.present ? plain(sight.state) : 'no target now');
     this.fields.get(`state-${k}`).className = `state ${look(sight.state)}`;
     this.set(
       `blocker-${k}`,
-      sight.occluder === null
+      sight.occluder === null || !sight.present
         ? ''
         : `behind ${occluderName(this.session, sight.occluder)} (${fixed(100 * sight.occluderShare, 0)} % hidden)`,
     );
@@ -244,7 +256,33 @@ export class FramePanel {
   }
 }
 
-export function showRun(session, root) {
+function markItem({ kind, text }, ...before) {
+  return element(
+    'li',
+    { class: isTrouble({ kind }) ? 'trouble' : 'note' },
+    ...before,
+    element('b', { text: kind }),
+    ' ',
+    text,
+  );
+}
+
+const MOST_LISTED = 500;
+
+// `seek` shows a frame.
+function eventList(session, seek) {
+  const items = session.marks.slice(0, MOST_LISTED).map((mark) => {
+    const go = element('button', { type: 'button', text: `${fixed(session.time_s[mark.frame], 2)} s` });
+    go.onclick = () => seek(mark.frame);
+    return markItem(mark, go, ' ');
+  });
+  const more = session.marks.length - items.length;
+  if (more > 0) items.push(element('li', { text: `and ${more} more on the time line` }));
+  return group('Events', element('ul', { class: 'events', id: 'events' }, ...items));
+}
+
+export function showRun(session, root, seek) {
+  if (session.marks.length) root.append(eventList(session, seek));
   const head = element(
     'tr',
     {},
@@ -268,10 +306,6 @@ export function showSettings(session, root) {
   for (const [name, value] of session.facts)
     facts.append(element('dt', { text: name }), element('dd', { text: value }));
   root.append(group('Session', facts));
-  root.append(
-    group(
-      'Settings as asked for',
-      element('pre', { text: session.settings ? JSON.stringify(session.settings, null, 2) : 'not known' }),
-    ),
-  );
+  for (const { title, value } of session.settings)
+    root.append(group(title, element('pre', { text: value ? JSON.stringify(value, null, 2) : 'not known' })));
 }

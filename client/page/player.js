@@ -29,6 +29,13 @@ export class Player {
     this.seek(frameAt(this.session, time_s));
   }
 
+  // At least one frame, and at most the second.
+  stepSecond(forward) {
+    this.pause();
+    const wanted = frameAt(this.session, this.session.time_s[this.frame] + (forward ? 1 : -1) + 1e-6);
+    this.seek(forward ? Math.max(wanted, this.frame + 1) : Math.min(wanted, this.frame - 1));
+  }
+
   step(frames) {
     this.pause();
     this.seek(this.frame + frames);

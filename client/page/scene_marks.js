@@ -4,7 +4,7 @@ import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
 import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
 import { colour, targetColour } from './dom.js';
-import { LOOKS, cellCount, cellRowAt, eachCell, look, sightAt, steeredMask, worstLook } from './session.js';
+import { LOOKS, cellCount, cellRowAt, eachCell, look, sightAt, worstLook } from './session.js';
 
 function fatLines(width, options = {}) {
   return new LineSegments2(
@@ -25,7 +25,6 @@ function setLines(lines, positions, colours) {
 export class SceneMarks {
   constructor(session) {
     this.session = session;
-    this.steered = steeredMask(session);
     this.group = new THREE.Group();
     this.paths = new THREE.Group();
     this.cells = this.makeCells();
@@ -70,7 +69,7 @@ export class SceneMarks {
           (frame) => sightAt(session, frame, k).aim,
           () => own,
           1,
-          () => true,
+          (frame) => sightAt(session, frame - 1, k).placed && sightAt(session, frame, k).placed,
         ),
       );
     }
@@ -148,11 +147,12 @@ export class SceneMarks {
     this.chosen.visible = false;
     if (row < 0 || row === this.cellRow) return this.keepCells(row);
     this.cellRow = row;
+    const steered = session.steered[session.cell_frame[row]];
     const edge = this.cellEdge(row),
       matrix = new THREE.Matrix4();
     let i = 0;
     eachCell(session, row, (x, y, z, mask, isChosen) => {
-      const name = this.cellLook(mask),
+      const name = this.cellLook(mask, steered),
         size = edge * { seen: 0.15, part: 0.15, hidden: 0.1 }[name];
       cells.setMatrixAt(i, matrix.makeScale(size, size, size).setPosition(x, y, z));
       cells.setColorAt(i++, this.colours[name]);
@@ -173,9 +173,10 @@ export class SceneMarks {
     this.chosen.visible = this.kept.chosen;
   }
 
-  cellLook(mask) {
-    const seen = (mask & this.steered) >>> 0;
-    return seen === this.steered ? 'seen' : seen ? 'part' : 'hidden';
+  // As the step counted them: by the targets that it steered for.
+  cellLook(mask, steered) {
+    const seen = (mask & steered) >>> 0;
+    return seen === steered ? 'seen' : seen ? 'part' : 'hidden';
   }
 
   // How far cells are apart, from their number and the ball that they fill.
@@ -199,6 +200,8 @@ export class SceneMarks {
       const sight = sightAt(session, frame, k),
         name = look(sight.state);
       const hit = meets(k, from, to.set(...sight.aim));
+      this.hits[k].visible = false;
+      if (!sight.placed) return;
       this.hits[k].visible = hit !== null;
       if (hit) this.hits[k].position.copy(hit);
       // The part behind what blocks it, or the whole of one that is out of sight, is dashed.

@@ -1,7 +1,7 @@
 // The scene's own things: what stands still as instanced meshes, what moves and the targets as meshes of their own.
 import * as THREE from 'three';
 import { colour, targetColour } from './dom.js';
-import { meshOf, sightAt } from './session.js';
+import { instanceAt, lives, meshOf, sightAt, targetOf } from './session.js';
 
 const ROOF_M = 8; // higher than that it is no roof in the way
 
@@ -51,38 +51,54 @@ export class SceneMeshes {
   }
 
   addStill() {
-    const moving = new Set(this.session.movers);
+    this.targetMaterials = this.session.targets.map(
+      (_, k) => new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide, color: targetColour(k) }),
+    );
+    const moving = new Set(this.session.movers.map(({ instance }) => instance));
     const byMesh = new Map();
+    this.passing = []; // what stands still, but not in all frames
+    this.stillTargets = [];
     this.session.instances.forEach((instance, index) => {
       if (moving.has(index)) return;
+      if (targetOf(this.session, index) >= 0) return this.addStillTarget(index);
       if (!byMesh.has(instance.mesh)) byMesh.set(instance.mesh, []);
       byMesh.get(instance.mesh).push(index);
     });
     this.stillMeshes = [...byMesh].map(([mesh, indices]) => {
       const drawn = new THREE.InstancedMesh(this.geometries[mesh], this.still, indices.length);
-      indices.forEach((index, i) => drawn.setMatrixAt(i, this.matrixOf(index)));
+      indices.forEach((index, i) => {
+        drawn.setMatrixAt(i, this.matrixOf(index));
+        if (this.session.instances[index].life) this.passing.push({ drawn, i, index, shown: true });
+      });
       this.group.add(drawn);
       return drawn;
     });
   }
 
-  addMovers() {
-    this.targetMaterials = this.session.targets.map(
-      (_, k) => new THREE.MeshLambertMaterial({ flatShading: true, side: THREE.DoubleSide, color: targetColour(k) }),
+  addStillTarget(index) {
+    const drawn = new THREE.Mesh(
+      this.geometries[this.session.instances[index].mesh],
+      this.targetMaterials[targetOf(this.session, index)],
     );
-    const targetOf = new Map(this.session.targets.map((target, k) => [target.instance, k]));
-    this.linear = this.session.movers.map((index) => this.matrixOf(index));
-    this.movers = this.session.movers.map((index) => {
-      const k = targetOf.get(index);
+    drawn.matrixAutoUpdate = false;
+    drawn.matrix.copy(this.matrixOf(index));
+    this.group.add(drawn);
+    this.stillTargets.push({ drawn, index });
+  }
+
+  addMovers() {
+    this.linear = this.session.movers.map(({ instance }) => this.matrixOf(instance));
+    this.movers = this.session.movers.map(({ instance }) => {
+      const k = targetOf(this.session, instance);
       const drawn = new THREE.Mesh(
-        this.geometries[this.session.instances[index].mesh],
-        k === undefined ? this.moving : this.targetMaterials[k],
+        this.geometries[this.session.instances[instance].mesh],
+        k < 0 ? this.moving : this.targetMaterials[k],
       );
       drawn.matrixAutoUpdate = false;
       this.group.add(drawn);
       return drawn;
     });
-    this.moverOf = new Map(this.session.movers.map((index, i) => [index, i]));
+    this.moverOf = new Map(this.session.movers.map(({ instance }, i) => [instance, i]));
   }
 
   // One highlight a target: what hides it is drawn again, through everything.
@@ -139,18 +155,24 @@ export class SceneMeshes {
   // Whether the first target starts under a roof.
   hasRoof() {
     if (!this.session.targets.length) return false;
-    const from = new THREE.Vector3(...sightAt(this.session, 0, 0).aim);
+    const sight = sightAt(this.session, 0, 0);
+    if (!sight.placed) return false;
+    const from = new THREE.Vector3(...sight.aim);
     return !this.isOpen(from, from.clone().add(new THREE.Vector3(0, ROOF_M, 0)));
   }
 
   show(frame) {
-    const { session } = this,
-      count = session.movers.length;
+    const { session } = this;
+    this.showPassing(frame);
     const position = new THREE.Vector3(),
       rotation = new THREE.Quaternion(),
       one = new THREE.Vector3(1, 1, 1);
     this.movers.forEach((drawn, i) => {
-      const p = session.mover_poses.subarray(7 * (frame * count + i), 7 * (frame * count + i) + 7);
+      const { instance, first_pose } = session.movers[i];
+      drawn.visible = lives(session, instance, frame);
+      if (!drawn.visible) return;
+      const at = 7 * (first_pose + frame - (session.instances[instance].life?.[0] ?? 0));
+      const p = session.mover_poses.subarray(at, at + 7);
       drawn.matrix
         .compose(position.set(p[0], p[1], p[2]), rotation.set(p[3], p[4], p[5], p[6]), one)
         .multiply(this.linear[i]);
@@ -158,10 +180,34 @@ export class SceneMeshes {
     });
   }
 
+  // What stands still for a while: a matrix of zeros hides one of many.
+  showPassing(frame) {
+    for (const { drawn, index } of this.stillTargets) drawn.visible = lives(this.session, index, frame);
+    for (const each of this.passing) {
+      const shown = lives(this.session, each.index, frame);
+      if (shown === each.shown) continue;
+      each.shown = shown;
+      each.drawn.setMatrixAt(each.i, shown ? this.matrixOf(each.index) : new THREE.Matrix4().makeScale(0, 0, 0));
+      each.drawn.instanceMatrix.needsUpdate = true;
+    }
+  }
+
+  // Ids of what is drawn now, as the drawing has it.
+  drawnIds() {
+    const id = (index) => this.session.instances[index].id;
+    const still = this.session.instances.map((_, index) => index).filter((index) => !this.moverOf.has(index));
+    const gone = new Set(this.passing.filter((each) => !each.shown).map((each) => each.index));
+    for (const { drawn, index } of this.stillTargets) if (!drawn.visible) gone.add(index);
+    return [
+      ...still.filter((index) => !gone.has(index)).map(id),
+      ...this.session.movers.filter((_, i) => this.movers[i].visible).map(({ instance }) => id(instance)),
+    ];
+  }
+
   // Highlights the instance that hides target `k`, or nothing. Returns its mesh to be met by a ray, or null.
-  showBlocker(k, id) {
+  showBlocker(k, id, frame) {
     const drawn = this.blockers[k];
-    const index = id === null ? undefined : this.session.instanceOf.get(id);
+    const index = id === null ? undefined : instanceAt(this.session, id, frame);
     drawn.visible = index !== undefined;
     if (index === undefined) return null;
     drawn.geometry = this.geometries[this.session.instances[index].mesh];

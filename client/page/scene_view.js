@@ -57,13 +57,14 @@ export class SceneView {
     return new THREE.Vector3().fromArray(this.session.camera, 7 * frame);
   }
 
-  // The middle of the targets; the camera's place when there are none.
+  // The middle of the targets; the camera's place when there are none, or nobody knows where they are.
   middle(frame = this.player.frame) {
     const { session } = this,
       sum = new THREE.Vector3();
-    if (!session.targets.length) return this.place(frame);
-    session.targets.forEach((_, k) => sum.add(new THREE.Vector3(...sightAt(session, frame, k).aim)));
-    return sum.divideScalar(session.targets.length);
+    const placed = session.targets.map((_, k) => sightAt(session, frame, k)).filter((sight) => sight.placed);
+    if (!placed.length) return this.place(frame);
+    for (const { aim } of placed) sum.add(new THREE.Vector3(...aim));
+    return sum.divideScalar(placed.length);
   }
 
   // What the view from outside turns around: between targets and camera.
@@ -131,8 +132,9 @@ export class SceneView {
     this.meshes.show(frame);
     this.followTargets();
     const away_m = session.targets
-      .map((_, k) => sightAt(session, frame, k).distance)
-      .filter((distance) => distance > 0);
+      .map((_, k) => sightAt(session, frame, k))
+      .filter(({ present, distance }) => present && distance > 0)
+      .map(({ distance }) => distance);
     this.marks.showRig(frame, 0.5 * Math.min(...away_m, 6));
     this.marks.showCells(frame, this.shows.cells);
     this.marks.sight.visible = this.shows.sight;
@@ -150,7 +152,8 @@ export class SceneView {
 
   // Where what hides target k is met on the straight way to it; null: it hides other points of it, or nothing does.
   meet(frame, k, from, to) {
-    const blocker = this.meshes.showBlocker(k, this.shows.sight ? sightAt(this.session, frame, k).occluder : null);
+    const sight = sightAt(this.session, frame, k);
+    const blocker = this.meshes.showBlocker(k, this.shows.sight && sight.placed ? sight.occluder : null, frame);
     if (!blocker) return null;
     const way = to.clone().sub(from);
     const ray = new THREE.Raycaster(from, way.clone().normalize(), 0, way.length());
@@ -269,6 +272,7 @@ export class SceneView {
       lens: pose(this.lens),
       outside: pose(this.outside),
       cells: this.marks.cells.count,
+      drawn: this.meshes.drawnIds(),
       blockers: this.meshes.blockers.filter((drawn) => drawn.visible).length,
     };
   }

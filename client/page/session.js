@@ -25,7 +25,11 @@ export async function readSession(page) {
   session.frames = session.time_s.length;
   session.start_s = session.time_s[0];
   session.end_s = session.time_s[session.frames - 1];
-  session.instanceOf = new Map(session.instances.map((instance, index) => [instance.id, index]));
+  session.instancesOf = new Map();
+  session.instances.forEach(({ id }, index) => {
+    if (!session.instancesOf.has(id)) session.instancesOf.set(id, []);
+    session.instancesOf.get(id).push(index);
+  });
   return session;
 }
 
@@ -53,11 +57,31 @@ export function frameAt(session, time_s) {
   return low;
 }
 
-// What one frame knew of one target.
+// Whether an instance is there in a frame.
+export function lives(session, index, frame) {
+  const { life } = session.instances[index];
+  return !life || (frame >= life[0] && frame < life[1]);
+}
+
+// The instance of an id that is there in a frame; undefined: none is.
+export function instanceAt(session, id, frame) {
+  return session.instancesOf.get(id)?.find((index) => lives(session, index, frame));
+}
+
+// Which target an instance is; -1: none.
+export function targetOf(session, index) {
+  return session.targets.findIndex(({ id }) => id === session.instances[index].id);
+}
+
+// What one frame knew of one target. Placed: it is known where it is.
 export function sightAt(session, frame, target) {
   const at = frame * session.targets.length + target;
+  const aim = session.aim_m.subarray(3 * at, 3 * at + 3);
+  const present = ((session.present[frame] >>> target) & 1) === 1;
   return {
-    aim: session.aim_m.subarray(3 * at, 3 * at + 3),
+    aim,
+    present,
+    placed: present && aim.every(Number.isFinite),
     visible: session.visible_share[at],
     filtered: session.filtered_share[at],
     truth: session.true_share[at],
@@ -69,7 +93,7 @@ export function sightAt(session, frame, target) {
 }
 
 export function occluderName(session, id) {
-  const index = session.instanceOf.get(id);
+  const [index] = session.instancesOf.get(id) || [];
   return (index !== undefined && session.instances[index].name) || `instance ${id}`;
 }
 
@@ -102,11 +126,6 @@ export function eachCell(session, row, visit) {
   }
 }
 
-// The targets that count, as a mask: a weight of 0 steers for nothing.
-export function steeredMask(session) {
-  return session.targets.reduce((mask, target, i) => (target.weight > 0 ? mask | (1 << i) : mask), 0) >>> 0;
-}
-
 // One word for a state and its colour.
 export const LOOKS = ['seen', 'part', 'hidden', 'off'];
 export function look(state) {
@@ -116,8 +135,10 @@ const ORDER = ['seen', 'part', 'off', 'hidden'];
 
 export function worstLook(session, frame) {
   let worst = 0;
-  for (let k = 0; k < session.targets.length; k++)
-    worst = Math.max(worst, ORDER.indexOf(look(sightAt(session, frame, k).state)));
+  for (let k = 0; k < session.targets.length; k++) {
+    const { present, state } = sightAt(session, frame, k);
+    if (present) worst = Math.max(worst, ORDER.indexOf(look(state)));
+  }
   return ORDER[worst];
 }
 
@@ -140,11 +161,27 @@ export function pictureAt(session, frame) {
   return found;
 }
 
-// Frames at which something changed: status, reason, a cut.
+// Frames at which something changed or happened: status, reason, a cut, a mark.
 export function eventFrames(session) {
+  const marked = new Set(session.marks.map(({ frame }) => frame));
   const events = [];
   for (let i = 1; i < session.frames; i++)
-    if (session.cut[i] || session.status[i] !== session.status[i - 1] || session.reason[i] !== session.reason[i - 1])
+    if (
+      session.cut[i] ||
+      session.status[i] !== session.status[i - 1] ||
+      session.reason[i] !== session.reason[i - 1] ||
+      marked.has(i)
+    )
       events.push(i);
   return events;
+}
+
+// What happened at frames [first, end).
+export function marksAt(session, first, end = first + 1) {
+  return session.marks.filter(({ frame }) => frame >= first && frame < end);
+}
+
+const TROUBLES = ['fault', 'rejection', 'gap'];
+export function isTrouble(mark) {
+  return TROUBLES.includes(mark.kind);
 }

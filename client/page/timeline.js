@@ -1,9 +1,10 @@
 // The time line: lanes that are drawn once a zoom, and a cursor above them that is drawn at every frame.
 import { colour, fixed, plain } from './dom.js';
-import { flagNames, frameAt, sightAt, stageTotalUs } from './session.js';
+import { flagNames, frameAt, marksAt, sightAt, stageTotalUs } from './session.js';
 import { GUTTER, makeLanes } from './lanes.js';
 
 const LEAST_WINDOW_S = 0.1;
+const shortened = (text) => (text.length > 90 ? `${text.slice(0, 90)}…` : text);
 
 export class Timeline {
   constructor(session, player, root, tip) {
@@ -212,6 +213,11 @@ export class Timeline {
       : session.time_s[frame];
   }
 
+  // The frames within a few pixels of a place: [first, end).
+  framesNear(x) {
+    return [this.firstFrameFrom(this.timeAt(x - 5)), this.firstFrameFrom(this.timeAt(x + 5))];
+  }
+
   showTip(event, x) {
     this.tip.hidden = x < GUTTER;
     if (this.tip.hidden) return;
@@ -221,13 +227,18 @@ export class Timeline {
       `${fixed(session.time_s[frame], 3)} s   frame ${frame}`,
       `${plain(session.words[session.status[frame]])} · ${plain(session.words[session.reason[frame]])}${session.cut[frame] ? ' · cut' : ''}`,
     ];
-    session.targets.slice(0, 8).forEach((target, k) => {
-      const sight = sightAt(session, frame, k);
-      lines.push(`${target.name}  ${fixed(100 * sight.visible, 0)} %  ${plain(sight.state)}`);
-    });
+    session.targets
+      .map((target, k) => [target, sightAt(session, frame, k)])
+      .filter(([, sight]) => sight.present)
+      .slice(0, 8)
+      .forEach(([target, sight]) =>
+        lines.push(`${target.name}  ${fixed(100 * sight.visible, 0)} %  ${plain(sight.state)}`),
+      );
     if (session.flags[frame]) lines.push(`flags: ${flagNames(session, frame).join(', ')}`);
     if (session.merged[frame]) lines.push(`merged ticks: ${session.merged[frame]}`);
     lines.push(`step ${fixed(stageTotalUs(session, frame) / 1000, 2)} ms`);
+    const near = this.framesNear(x);
+    for (const { kind, text } of marksAt(session, ...near).slice(0, 4)) lines.push(`${kind}: ${shortened(text)}`);
     this.tip.textContent = lines.join('\n');
     this.tip.style.left = `${Math.min(x + 12, this.width - this.tip.offsetWidth - 8)}px`;
   }

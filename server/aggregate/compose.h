@@ -59,11 +59,11 @@ struct HiddenWeights {
 };
 
 // What many positions see, by one look at the maps for all that is asked of them. Memory is kept from call to call. Not
-// thread-safe. Every call is O(positions * maps).
+// thread-safe. Every call is O(positions * maps). At most 254 points a target.
 class Composer {
  public:
-  // The positions of the calls to come; the span must outlive them.
-  void set_positions(std::span<const glm::dvec3> position_m) { look_up_.set_places(position_m); }
+  // The positions of the calls to come; what the view refers to must outlive them.
+  void set_positions(const PlaceView& positions) { look_up_.set_places(positions); }
 
   // visible[i] becomes the set of targets that position i sees.
   void visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible);
@@ -78,11 +78,23 @@ class Composer {
                              std::vector<uint32_t>& visible, HiddenShares& hidden);
 
  private:
+  // What is asked of one target.
+  struct Asked {
+    uint32_t target = 0;
+    MapRange points;
+    bool hides = false;
+    double each = 0.0;  // what one hidden point adds
+    uint8_t least = 0;  // of points seen are enough
+  };
   void compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
                std::vector<uint32_t>* visible, HiddenShares* hidden);
+  void ask(const SampledPoints& sampled, const HiddenWeights& weights, bool visible, bool hidden);
+  struct Tile;
+  void compose_tile(const SampledPoints& sampled, Tile& tile, uint32_t* visible, HiddenShares* hidden);
+  void count_points(const SampledPoints& sampled, const Asked& asked, Tile& tile);
 
   LookUp look_up_;
-  std::vector<int32_t> seen_;  // by position: points of one target
+  std::vector<Asked> asked_;
 };
 
 // How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.

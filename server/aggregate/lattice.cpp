@@ -5,6 +5,15 @@
 #include <numbers>
 
 namespace sightline {
+namespace {
+
+// Where rounding puts the end of a row in doubt: this near to a lattice point, in spacings.
+constexpr double kDoubtful = 1e-5;
+// And in rows that hardly meet the ball, whose half length is below this share of its radius, and this far from the world's origin,
+// in spacings, everywhere.
+constexpr double kShortRow = 0.05, kFarOut = 1e7;
+
+}  // namespace
 
 double lattice_spacing_m(double radius_m, int candidates) {
   const double volume = 4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m;
@@ -17,7 +26,7 @@ void Lattice::resize(double spacing_m, int side) {
   // A larger side at the same spacing happens only when rounding adds a layer: forgetting then is harmless and rare.
   spacing_m_ = spacing_m;
   side_ = side;
-  cells_.assign(static_cast<size_t>(side) * side * side, Cell{});
+  cells_.clear();
 }
 
 uint32_t Lattice::wrap(int index) const {
@@ -30,38 +39,71 @@ uint32_t Lattice::address_of(const glm::ivec3& index) const {
 }
 
 void Lattice::cover(const Bound& bound, int candidates) {
+  covers_ = true;
+  lay(bound, candidates);
+}
+
+void Lattice::lay(const Bound& bound, int candidates) {
   const double spacing = lattice_spacing_m(bound.radius_m, candidates);
   resize(spacing, static_cast<int>(std::ceil(2.0 * bound.radius_m / spacing)) + 1);
-  positions_m_.clear();
-  addresses_.clear();
+  runs_.clear();
+  size_ = 0;
+  listed_ = false;
   const glm::dvec3 low = glm::ceil((bound.center_m - bound.radius_m) / spacing);
   const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing);
   for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z)
     for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y)
-      cover_row(bound, static_cast<int>(low.x), static_cast<int>(high.x), y, z);
+      lay_row(bound, static_cast<int>(low.x), static_cast<int>(high.x), y, z);
+  if (covers_) take_addresses();
 }
 
-// A row meets the ball in one run. Only its ends have to be looked for: the root tells where, to within a cell.
-void Lattice::cover_row(const Bound& bound, int first, int last, int y, int z) {
+// A row meets the ball in one run. The root tells where it ends, but for rounding: there the points are asked.
+void Lattice::lay_row(const Bound& bound, int first, int last, int y, int z) {
   const auto contains = [&](int x) { return bound.contains(glm::dvec3(x, y, z) * spacing_m_); };
   const glm::dvec2 off = glm::dvec2(y, z) * spacing_m_ - glm::dvec2(bound.center_m.y, bound.center_m.z);
-  const double half_squared = bound.radius_m * bound.radius_m - glm::dot(off, off);
-  if (half_squared < -1e-6 * bound.radius_m * bound.radius_m) return;
+  const double squared = bound.radius_m * bound.radius_m, half_squared = squared - glm::dot(off, off);
+  if (half_squared < -1e-6 * squared) return;
   const double half_m = std::sqrt(std::max(0.0, half_squared));
-  first = std::max(first, static_cast<int>(std::floor((bound.center_m.x - half_m) / spacing_m_)) - 1);
-  last = std::min(last, static_cast<int>(std::ceil((bound.center_m.x + half_m) / spacing_m_)) + 1);
-  while (first <= last && !contains(first)) ++first;
-  while (first <= last && !contains(last)) --last;
+  const double from = (bound.center_m.x - half_m) / spacing_m_, to = (bound.center_m.x + half_m) / spacing_m_;
+  const double low = std::ceil(from - kDoubtful), high = std::floor(to + kDoubtful);
+  const bool clear = half_squared > kShortRow * kShortRow * squared &&
+                     std::max(std::abs(from), std::abs(to)) < kFarOut && low - from > kDoubtful && to - high > kDoubtful;
+  if (clear) {
+    first = static_cast<int>(low), last = static_cast<int>(high);
+  } else {
+    first = std::max(first, static_cast<int>(std::floor(from)) - 1);
+    last = std::min(last, static_cast<int>(std::ceil(to)) + 1);
+    while (first <= last && !contains(first)) ++first;
+    while (first <= last && !contains(last)) --last;
+  }
   if (first > last) return;
-  const uint32_t row = (wrap(z) * side_ + wrap(y)) * side_;
-  uint32_t column = wrap(first);
-  for (int x = first; x <= last; ++x) {
+  runs_.push_back({{first, y, z}, static_cast<uint32_t>(size_)});
+  size_ += static_cast<size_t>(last - first + 1);
+}
+
+void Lattice::take_addresses() {
+  cells_.resize(address_count());
+  addresses_.clear();
+  for (size_t k = 0; k < runs_.size(); ++k)
+    take_row(runs_[k], static_cast<uint32_t>((k + 1 < runs_.size() ? runs_[k + 1].first : size_) - runs_[k].first));
+}
+
+void Lattice::take_row(const PlaceRun& run, uint32_t count) {
+  const uint32_t row = (wrap(run.cell.z) * side_ + wrap(run.cell.y)) * side_;
+  uint32_t column = wrap(run.cell.x);
+  glm::ivec3 index = run.cell;
+  for (uint32_t k = 0; k < count; ++k, ++index.x) {
     const uint32_t address = row + column;
     column = column + 1 == static_cast<uint32_t>(side_) ? 0 : column + 1;
-    if (cells_[address].index != glm::ivec3(x, y, z)) cells_[address] = Cell{{x, y, z}, 0, 0, ++owners_};
-    positions_m_.push_back(glm::dvec3(x, y, z) * spacing_m_);
+    if (cells_[address].index != index) cells_[address] = Cell{index, ++owners_};
     addresses_.push_back(address);
   }
+}
+
+const std::vector<glm::dvec3>& Lattice::positions_m() const {
+  if (!listed_) list_places({spacing_m_, runs_, size_, {}}, positions_m_);
+  listed_ = true;
+  return positions_m_;
 }
 
 std::optional<uint32_t> Lattice::address_near(const glm::dvec3& place_m) const {
@@ -70,14 +112,6 @@ std::optional<uint32_t> Lattice::address_near(const glm::dvec3& place_m) const {
   const uint32_t address = address_of(index);
   if (cells_[address].index != index) return std::nullopt;
   return address;
-}
-
-void Lattice::remember(const std::vector<uint32_t>& visible_targets) {
-  for (size_t i = 0; i < addresses_.size(); ++i) {
-    Cell& cell = cells_[addresses_[i]];
-    cell.visible_targets = visible_targets[i];
-    ++cell.steps_known;
-  }
 }
 
 }  // namespace sightline

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/aggregate/candidates.h"
+#include "server/aggregate/places.h"
 #include "server/bound/bound.h"
 
 namespace sightline {
@@ -20,47 +20,51 @@ double lattice_spacing_m(double radius_m, int candidates);
 
 class Lattice {
  public:
-  // Lays the lattice over the bound and lists the cells inside it, x fastest. A new spacing forgets every cell. A cell
-  // that came into the bound at another cell's address forgets that one's state.
+  // Lays the lattice over the bound: the runs of the points inside it, x fastest. A new spacing forgets every cell. What is stored by
+  // cell needs `cover`; once it was called, `lay` does the same.
+  void lay(const Bound& bound, int candidates);
+  // The same, and gives every cell its address. A cell that came into the bound at another cell's address takes it over.
   void cover(const Bound& bound, int candidates);
 
   double spacing_m() const { return spacing_m_; }
   int side() const { return side_; }  // addresses along each axis
-  size_t address_count() const { return cells_.size(); }
+  size_t address_count() const { return static_cast<size_t>(side_) * side_ * side_; }
 
-  // Of the covered cells, in the same order:
-  const std::vector<glm::dvec3>& positions_m() const { return positions_m_; }
-  const std::vector<uint32_t>& addresses() const { return addresses_; }
+  const std::vector<PlaceRun>& runs() const { return runs_; }
+  size_t size() const { return size_; }  // points in all runs
 
-  // What the last `remember` stored at an address for the cell that owns it now; 0 for a cell never remembered.
-  uint32_t last_visible(uint32_t address) const { return cells_[address].visible_targets; }
+  // Of the points, in the order of the runs. Positions are listed when they are first asked for.
+  const std::vector<glm::dvec3>& positions_m() const;
+  const std::vector<uint32_t>& addresses() const { return addresses_; }  // after `cover`
+
   // A number that the cell got when the address became its own, never given twice: what was stored by address elsewhere
   // belongs to another cell when the number differs. 0: nobody's.
   uint64_t owner(uint32_t address) const { return cells_[address].owner; }
   // The address of the lattice point nearest to a place, while the address is still that point's.
   std::optional<uint32_t> address_near(const glm::dvec3& place_m) const;
-  // How many steps this cell has been inside the bound since it got its address.
-  uint32_t steps_known(uint32_t address) const { return cells_[address].steps_known; }
-  // Stores this step's visibility; visible_targets runs parallel to positions_m().
-  void remember(const std::vector<uint32_t>& visible_targets);
 
  private:
   struct Cell {
     glm::ivec3 index{INT32_MIN};  // which lattice point owns this address
-    uint32_t visible_targets = 0;
-    uint32_t steps_known = 0;
     uint64_t owner = 0;
   };
   uint32_t wrap(int index) const;
   uint32_t address_of(const glm::ivec3& index) const;
   void resize(double spacing_m, int side);
-  void cover_row(const Bound& bound, int first, int last, int y, int z);
+  void lay_row(const Bound& bound, int first, int last, int y, int z);
+  void take_addresses();
+  void take_row(const PlaceRun& run, uint32_t count);
 
   double spacing_m_ = 0.0;
   int side_ = 0;
+  std::vector<PlaceRun> runs_;
+  size_t size_ = 0;
+  mutable std::vector<glm::dvec3> positions_m_;
+  mutable bool listed_ = false;
+
+  bool covers_ = false;  // has been asked to
   uint64_t owners_ = 0;  // numbers given so far
   std::vector<Cell> cells_;
-  std::vector<glm::dvec3> positions_m_;
   std::vector<uint32_t> addresses_;
 };
 

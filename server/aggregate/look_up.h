@@ -14,6 +14,8 @@
 #include <span>
 #include <vector>
 
+#include "server/aggregate/places.h"
+#include "server/aggregate/prepared_map.h"
 #include "server/sample/depth_map.h"
 
 namespace sightline {
@@ -29,44 +31,49 @@ struct Sight {
 // equality it is visible; an unknown point is not.
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
 
-// What a place sees of a point.
-enum PlaceSight : int32_t {
-  kUnknownSight = 0,  // in no map's window
-  kVisibleSight = 1,
-  kHiddenSight = 2,
-  kPassingSight = 3,  // hidden, by an occluder that may be gone at once
+// A tile of places and what they see. Scratch memory, 13 KiB, to be kept on the stack: that of a thread is warm where that of one of
+// many sessions is not.
+struct SightTile {
+  PlaceTile places;
+  uint8_t sights[kTilePlaces + PlaceTile::kTilePad];
 };
 
-// Places, looked up in one point's maps after the other's. Memory is kept from call to call. Not thread-safe. Deterministic; the
-// same on every machine.
+// Places, looked up a tile at a time in one point's maps after the other's: while a tile is in the nearest cache, all maps are. In turn:
+//
+//   set_places(places); begin_maps(bias, passes); first = add_maps(of a point) ...;
+//   load_tile(0, tile); look(first, count, tile) ...; load_tile(1, tile) ...
+//
+// Memory is kept from call to call. Not thread-safe. Deterministic; the same on every machine.
 class LookUp {
  public:
-  // The places of the calls to come; the span must outlive them.
-  void set_places(std::span<const glm::dvec3> place_m);
-  size_t size() const { return place_m_.size(); }
+  // The places of the calls to come; what the view refers to must outlive them.
+  void set_places(const PlaceView& places);
+  size_t size() const { return places_.size(); }
+  size_t tile_count() const { return (size() + kTilePlaces - 1) / kTilePlaces; }
 
-  // A PlaceSight by place: what `look_up` says of it in these maps, all of one point, relative_bias in [0, 0.1]. `passes` has an
-  // entry for each mirror slot: 1 for occluders that may be gone at once; empty: none. Valid until the next call.
-  std::span<const int32_t> operator()(std::span<const DepthMap> maps, double relative_bias,
-                                      std::span<const uint8_t> passes = {});
-  // Whether the last call may have found a kPassingSight.
+  // Other maps are to come, for relative_bias in [0, 0.1]. `passes` has an entry for each mirror slot: 1 for occluders that may be gone
+  // at once; empty: none. Must outlive the looks.
+  void begin_maps(double relative_bias, std::span<const uint8_t> passes = {});
+  // All maps of one point; they must outlive the looks. Returns the number of the first.
+  size_t add_maps(std::span<const DepthMap> maps);
+
+  void load_tile(size_t number, SightTile& tile) const;
+  // A PlaceSight by place of the tile: what `look_up` says of it in these maps, all of one point. Valid until the tile's next use.
+  std::span<const uint8_t> look(size_t first_map, size_t count, SightTile& tile);
+  // Whether the last look may have found a kPassingSight.
   bool any_passing() const { return any_passing_; }
-  // How many places the last call looked up singly.
+  // How many places the looks since begin_maps looked up singly.
   size_t exact_count() const { return exact_count_; }
 
  private:
-  void list_limits(const DepthMap& map, double relative_bias);
-  bool list_passing(const DepthMap& map, std::span<const uint8_t> passes);
-  void look_at_map(const DepthMap& map, double relative_bias, std::span<const uint8_t> passes);
-  void settle(std::span<const DepthMap> maps, double relative_bias, std::span<const uint8_t> passes);
+  void settle(std::span<const DepthMap> maps, SightTile& tile);
 
-  std::span<const glm::dvec3> place_m_;
-  glm::dvec3 origin_m_{0.0}, reach_m_{0.0};  // the places lie in origin_m +- reach_m
-  std::vector<float> x_m_, y_m_, z_m_;       // from the origin
-  std::vector<int32_t> sights_;
-  std::vector<int32_t> unsure_;    // by block of places: not 0 where one is unsure
-  std::vector<float> limit_m2_;    // by texel: the greatest squared distance that sees
-  std::vector<int32_t> passing_;   // by texel: 1 when its occluder passes
+  PlaceView places_;
+  PlaceExtent extent_;
+  double relative_bias_ = 0.0;
+  std::span<const uint8_t> passes_;
+  std::vector<PreparedMap> maps_;
+  std::vector<float> limits_m2_;  // of all maps
   bool any_passing_ = false;
   size_t exact_count_ = 0;
 };

@@ -29,7 +29,7 @@ int texel_between(double low, double high, double at, int resolution) {
 void add_bits(const ChainLink& link, const DepthMap& map, double slack, CandidateSet& candidates) {
   const PairVolume& v = link.volume;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    const glm::dvec3& place = candidates.position_m[i];
+    const glm::dvec3 place = candidates.position_m[i];
     const PairCoordinates at = pair_coordinates(v, place);
     const int x = texel_between(v.xb_min, v.xb_max, at.xb, v.resolution);
     const int y = texel_between(v.y_top, -v.y_top, at.y, v.resolution);
@@ -83,7 +83,6 @@ void compose_chain(const PairChain& chain, std::span<const DepthMap> maps, const
   if (first.to != 1) move_second_bit(first.to, candidates.visible_targets);
   for (const ChainLink& link : std::span(chain.links).subspan(1))
     add_bits(link, maps[link.to], 1.0 + relative_bias, candidates);
-  candidates.filtered_targets = candidates.ahead_targets = candidates.visible_targets;
 }
 
 }  // namespace sightline

@@ -69,8 +69,13 @@ void Survey::learn(size_t target, std::span<const DepthMap> maps, const glm::dve
   known_s_[target] += since_s;
   places_m_.resize(kPlaces);
   for (size_t place = 0; place < kPlaces; ++place) places_m_[place] = center_m + offset_m(place);
+  static_assert(kPlaces <= kTilePlaces, "one tile holds them all");
+  SightTile tile;
   look_up_.set_places(places_m_);
-  const std::span<const int32_t> sights = look_up_(maps, relative_bias);
+  look_up_.begin_maps(relative_bias);
+  const size_t first_map = look_up_.add_maps(maps);
+  look_up_.load_tile(0, tile);
+  const std::span<const uint8_t> sights = look_up_.look(first_map, maps.size(), tile);
   const std::span<float> shares = std::span(shares_).subspan(target * kPlaces, kPlaces);
   for (size_t place = 0; place < kPlaces; ++place) {
     if (sights[place] == kUnknownSight) continue;

@@ -102,6 +102,7 @@ inline constexpr int kMaxReachTests = 24;
 struct ChoiceKey {
   double required = 0, optional = 0;  // weights of the targets seen
   double cost = 0;
+  glm::dvec3 place_m{0.0};
   uint32_t candidate = 0;
   bool within_limits = false;
 };
@@ -121,9 +122,9 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
 Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m);
 
-// Basic alone: choose_place by the distance to the desired place, without prediction.
+// Basic alone: choose_place by the distance to the desired place, without looking at all candidates where those near it do.
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
-                    const glm::dvec3& desired_m, const MoveSettings& settings, const Reachable& reachable,
-                    ChoiceScratch& scratch);
+                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
+                    const Reachable& reachable, ChoiceScratch& scratch);
 
 }  // namespace sightline

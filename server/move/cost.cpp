@@ -13,10 +13,13 @@ constexpr double kOutsideGroup = 1e6;
 
 }  // namespace
 
-void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
-                 std::vector<double>& cost) {
-  cost.resize(position_m.size());
-  for (size_t i = 0; i < position_m.size(); ++i) cost[i] = glm::distance(position_m[i], desired_m);
+void basic_costs(const PlaceView& places, const glm::dvec3& desired_m, std::vector<double>& cost) {
+  cost.resize(places.size());
+  for (size_t run = 0; run < places.runs().size(); ++run)
+    for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i)
+      cost[i] = glm::distance(places.in_run(places.runs()[run], i), desired_m);
+  for (size_t k = 0; k < places.singles_m().size(); ++k)
+    cost[places.in_runs() + k] = glm::distance(places.singles_m()[k], desired_m);
 }
 
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,

@@ -14,7 +14,7 @@
 namespace sightline {
 
 // Basic: the distance to the desired place, metres.
-void basic_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
+void basic_costs(const PlaceView& places, const glm::dvec3& desired_m,
                  std::vector<double>& cost);
 
 // RobustMove: the distance to the place of the largest group that is farthest from everything hidden, of equal ones the nearest to

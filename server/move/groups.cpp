@@ -209,10 +209,15 @@ double Groups::depth_share(size_t candidate) const {
   return std::sqrt(static_cast<double>(depth_squared[candidate]) / max_depth_squared);
 }
 
-void lattice_cells(std::span<const glm::dvec3> position_m, double spacing_m, std::vector<glm::ivec3>& cells) {
-  assert(spacing_m > 0);
-  cells.resize(position_m.size());
-  for (size_t i = 0; i < cells.size(); ++i) cells[i] = glm::ivec3(glm::round(position_m[i] / spacing_m));
+void lattice_cells(const PlaceView& places, double spacing_m, std::vector<glm::ivec3>& cells) {
+  assert(spacing_m > 0 && (places.in_runs() == 0 || places.spacing_m() == spacing_m));
+  cells.resize(places.size());
+  for (size_t run = 0; run < places.runs().size(); ++run) {
+    glm::ivec3 cell = places.runs()[run].cell;
+    for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i, ++cell.x) cells[i] = cell;
+  }
+  for (size_t k = 0; k < places.singles_m().size(); ++k)
+    cells[places.in_runs() + k] = glm::ivec3(glm::round(places.singles_m()[k] / spacing_m));
 }
 
 void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> position_m,

@@ -14,6 +14,8 @@
 #include <span>
 #include <vector>
 
+#include "server/aggregate/places.h"
+
 namespace sightline {
 
 inline constexpr int32_t kNoGroup = -1;
@@ -50,7 +52,8 @@ struct GroupScratch {
 
 // Cells of a cubic lattice anchored to the world: round(position / spacing). spacing_m > 0; |position| < 2^31
 // spacings.
-void lattice_cells(std::span<const glm::dvec3> position_m, double spacing_m, std::vector<glm::ivec3>& cells);
+// Those of runs, of a lattice of this spacing, are told.
+void lattice_cells(const PlaceView& places, double spacing_m, std::vector<glm::ivec3>& cells);
 
 // Finds the connected groups (6-neighbourhood) of the candidates with member[i] != 0, and their depths: exact
 // Euclidean distances on the grid to the nearest cell that is no member, a cell without any candidate being

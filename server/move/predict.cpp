@@ -4,7 +4,6 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <span>
 
 #include "server/base/check.h"
 
@@ -39,56 +38,52 @@ double newest_share(double dt_s, double time_s) {
   return time_s > 0 ? -std::expm1(-dt_s / time_s) : 1.0;
 }
 
-struct Sample {
-  double t = 0, weight = 0;
-  glm::dvec3 y{0.0};
-};
-
-glm::dvec3 sum3(std::span<const Sample> samples, auto term) {
-  glm::dvec3 total(0.0);
-  for (const Sample& s : samples) total += term(s);
-  return total;
-}
-double sum1(std::span<const Sample> samples, auto term) {
-  double total = 0;
-  for (const Sample& s : samples) total += term(s);
-  return total;
+glm::dvec3 rate_of(double dt_s, const glm::dvec3& moved) {
+  return moved / dt_s;
 }
 
-// Weighted least squares with polynomials that are orthogonal over the samples themselves, p0 = 1, p1 = t -
-// a0, p2 = (t - a1) p1 - b: well conditioned for any time steps, where the normal equations in t and t^2 are
-// not.
-class Parabola {
+}  // namespace
+
+// Weighted least squares with polynomials that are orthogonal over the samples themselves, p0 = 1, p1 = t - a0, p2 = (t - a1) p1 - b:
+// well conditioned for any time steps, where the normal equations in t and t^2 are not. Every sum is taken in the order of the samples;
+// those that do not need each other go along in one loop.
+class MotionPredictor::Parabola {
  public:
-  explicit Parabola(std::span<const Sample> samples) {
-    const double n0 = sum1(samples, [](const Sample& s) { return s.weight; });
-    a0_ = sum1(samples, [](const Sample& s) { return s.weight * s.t; }) / n0;
-    const glm::dvec3 c0 = sum3(samples, [](const Sample& s) { return s.weight * s.y; }) / n0;
-    const double n1 = sum1(samples, [&](const Sample& s) { return s.weight * p1(s.t) * p1(s.t); });
-    const glm::dvec3 c1 =
-        sum3(samples, [&](const Sample& s) { return s.weight * p1(s.t) * (s.y - c0); }) / n1;
+  Parabola(const SampleTimes& times, const std::array<glm::dvec3, kKept + 1>& y) {
+    double n0 = 0;
+    glm::dvec3 c0(0.0);
+    for (size_t k = 0; k < times.count; ++k) {
+      const double w = times.weight[k];
+      n0 += w, a0_ += w * times.t[k], c0 += w * y[k];
+    }
+    a0_ /= n0, c0 /= n0;
+    double n1 = 0, bend = 0;
+    glm::dvec3 c1(0.0);
+    for (size_t k = 0; k < times.count; ++k) {
+      const double w = times.weight[k], t = times.t[k], p1 = t - a0_;
+      n1 += w * p1 * p1, c1 += w * p1 * (y[k] - c0), bend += w * t * p1 * p1;
+    }
+    c1 /= n1;
     rate_at_zero_ = c1;
-    if (samples.size() < 3) return;
-    a1_ = sum1(samples, [&](const Sample& s) { return s.weight * s.t * p1(s.t) * p1(s.t); }) / n1;
-    b_ = n1 / n0;
-    const double n2 = sum1(samples, [&](const Sample& s) { return s.weight * p2(s.t) * p2(s.t); });
-    const glm::dvec3 c2 =
-        sum3(samples, [&](const Sample& s) { return s.weight * p2(s.t) * (s.y - c0 - c1 * p1(s.t)); }) / n2;
-    rate_at_zero_ -= c2 * (a0_ + a1_);
+    if (times.count < 3) return;
+    const double a1 = bend / n1, b = n1 / n0;
+    double n2 = 0;
+    glm::dvec3 c2(0.0);
+    for (size_t k = 0; k < times.count; ++k) {
+      const double w = times.weight[k], t = times.t[k], p1 = t - a0_, p2 = (t - a1) * p1 - b;
+      n2 += w * p2 * p2, c2 += w * p2 * (y[k] - c0 - c1 * p1);
+    }
+    c2 /= n2;
+    rate_at_zero_ -= c2 * (a0_ + a1);
     acceleration_ = 2.0 * c2;
   }
   const glm::dvec3& rate_at_zero() const { return rate_at_zero_; }
   const glm::dvec3& acceleration() const { return acceleration_; }
 
  private:
-  double p1(double t) const { return t - a0_; }
-  double p2(double t) const { return (t - a1_) * p1(t) - b_; }
-
-  double a0_ = 0, a1_ = 0, b_ = 0;
+  double a0_ = 0;
   glm::dvec3 rate_at_zero_{0.0}, acceleration_{0.0};
 };
-
-}  // namespace
 
 Status validate(const PredictionSettings& s) {
   if (auto ok = check_range("move.prediction_s", s.ahead_s, 0, kMaxPredictionS); !ok) return ok;
@@ -113,11 +108,12 @@ void MotionPredictor::Track::advance(double dt_s, const glm::dvec3& moved, doubl
   }
   if (dt_s == 0) return;
   if (count_ >= kStepsToJudge) judge(dt_s, moved, max_rate, settings);
+  const bool full = count_ == kKept;
+  const Extremes lost = full ? extremes_at(count_ - 1) : Extremes{}, lost_between = full ? extremes_at(count_ - 2) : Extremes{};
   steps_[next_] = {dt_s, moved};
   next_ = (next_ + 1) % kKept;
   count_ = std::min(count_ + 1, kKept);
-  fit(settings.smoothing_s);
-  measure_extremes();
+  measure_extremes({lost.rate, lost_between.acceleration, lost.dt_s});
 }
 
 // Noise of single poses makes mismatches that cancel: those are not wrong predictions of where the thing
@@ -134,43 +130,61 @@ double MotionPredictor::Track::mismatch() const {
   return judged_ ? mismatch_ : std::numeric_limits<double>::infinity();
 }
 
-void MotionPredictor::Track::fit(double smoothing_s) {
-  std::array<Sample, kKept + 1> samples;
-  samples[0] = {0.0, 1.0, glm::dvec3(0.0)};
-  size_t n = 1;
+void MotionPredictor::Track::list_times(double smoothing_s, SampleTimes& times) const {
+  times.t[0] = 0.0, times.weight[0] = 1.0;
+  times.count = 1;
   for (size_t k = 0; k < count_; ++k) {
-    const Step& step = recent(k);
-    Sample s{samples[k].t - step.dt_s, 0.0, samples[k].y - step.moved};
-    s.weight = smoothing_s > 0 ? std::exp(s.t / smoothing_s) : 0.0;
-    if (n < kAlwaysFitted) s.weight = std::max(s.weight, smoothing_s > 0 ? kLeastWeight : 1.0);
-    if (s.weight < 1e-9) break;
-    samples[n++] = s;
+    const double t = times.t[k] - recent(k).dt_s;
+    double weight = smoothing_s > 0 ? std::exp(t / smoothing_s) : 0.0;
+    if (times.count < kAlwaysFitted) weight = std::max(weight, smoothing_s > 0 ? kLeastWeight : 1.0);
+    if (weight < 1e-9) break;
+    times.t[times.count] = t, times.weight[times.count++] = weight;
   }
-  const Parabola parabola(std::span<const Sample>(samples.data(), n));
+}
+
+void MotionPredictor::Track::fit(const SampleTimes& times) {
+  std::array<glm::dvec3, kKept + 1> y;
+  y[0] = glm::dvec3(0.0);
+  for (size_t k = 0; k + 1 < times.count; ++k) y[k + 1] = y[k] - recent(k).moved;
+  const Parabola parabola(times, y);
   rate = parabola.rate_at_zero();
   acceleration = parabola.acceleration();
 }
 
-void MotionPredictor::Track::measure_extremes() {
-  top_rate_ = top_acceleration_ = longest_s_ = 0;
-  for (size_t k = 0; k < count_; ++k) {
-    const Step& step = recent(k);
-    const glm::dvec3 rate_k = step.moved / step.dt_s;
-    top_rate_ = std::max(top_rate_, glm::length(rate_k));
-    longest_s_ = std::max(longest_s_, step.dt_s);
-    if (k + 1 == count_) break;
-    const Step& before = recent(k + 1);
-    const double apart_s = (step.dt_s + before.dt_s) / 2;
-    top_acceleration_ =
-        std::max(top_acceleration_, glm::distance(rate_k, before.moved / before.dt_s) / apart_s);
-  }
+// Of step k and, of acceleration, between it and the one before it; 0 where there is none.
+MotionPredictor::Track::Extremes MotionPredictor::Track::extremes_at(size_t k) const {
+  const Step& step = recent(k);
+  const glm::dvec3 rate_k = rate_of(step.dt_s, step.moved);
+  Extremes at{glm::length(rate_k), 0.0, step.dt_s};
+  if (k + 1 == count_) return at;
+  const Step& before = recent(k + 1);
+  const double apart_s = (step.dt_s + before.dt_s) / 2;
+  at.acceleration = glm::distance(rate_k, rate_of(before.dt_s, before.moved)) / apart_s;
+  return at;
+}
+
+void MotionPredictor::Track::take_in(const Extremes& at) {
+  top_.rate = std::max(top_.rate, at.rate);
+  top_.acceleration = std::max(top_.acceleration, at.acceleration);
+  top_.dt_s = std::max(top_.dt_s, at.dt_s);
+}
+
+// All steps are looked at again only when a greatest value went with the oldest step, and the newest does not reach it.
+void MotionPredictor::Track::measure_extremes(const Extremes& lost) {
+  const Extremes newest = extremes_at(0);
+  const auto keeps = [](double top, double gone, double come) { return gone < top || come >= top; };
+  const bool keep = keeps(top_.rate, lost.rate, newest.rate) && keeps(top_.dt_s, lost.dt_s, newest.dt_s) &&
+                    keeps(top_.acceleration, lost.acceleration, newest.acceleration);
+  if (keep) return take_in(newest);
+  top_ = {};
+  for (size_t k = 0; k < count_; ++k) take_in(extremes_at(k));
 }
 
 glm::dvec3 MotionPredictor::Track::displacement(double ahead_s, double max_rate,
                                                 const PredictionSettings& settings) const {
   const double bent_s = std::min(ahead_s, settings.acceleration_lasts_s);
   const glm::dvec3 moved = rate * ahead_s + acceleration * (bent_s * (ahead_s - bent_s / 2));
-  const double reach = top_rate_ * ahead_s + top_acceleration_ * ahead_s * (ahead_s + longest_s_) / 2;
+  const double reach = top_.rate * ahead_s + top_.acceleration * ahead_s * (ahead_s + top_.dt_s) / 2;
   // The slack keeps an exact prediction, which lies on the bound when the motion is uniform, from being
   // rounded.
   return shortened(moved, std::min(reach * (1 + 1e-9), max_rate * ahead_s));
@@ -183,9 +197,21 @@ void MotionPredictor::observe(double dt_s, const Pose& pose) {
     travel_.advance(dt_s, pose.position_m - last_.position_m, settings_.max_speed_mps, settings_.tolerance_m,
                     settings_);
     turn_.advance(dt_s, turned, settings_.max_turn_radps, settings_.tolerance_rad, settings_);
+    if (dt_s > 0) fit();
   }
   last_ = pose;
   seen_ = true;
+}
+
+// Tracks of as many steps have the same ones, the newest: they came together.
+void MotionPredictor::fit() {
+  SampleTimes times;
+  const bool same = travel_.count() == turn_.count();
+  for (Track* track : {&travel_, &turn_}) {
+    if (track->count() == 0) continue;
+    if (track == &travel_ || !same) track->list_times(settings_.smoothing_s, times);
+    track->fit(times);
+  }
 }
 
 Prediction MotionPredictor::at(double ahead_s) const {

@@ -96,10 +96,17 @@ class MotionPredictor {
  private:
   static constexpr size_t kKept = 32;  // steps remembered: 0.5 s at 60 Hz, five times the default smoothing
 
+  // When the samples were taken, the newest at 0, and what they count.
+  struct SampleTimes {
+    size_t count;
+    std::array<double, kKept + 1> t, weight;
+  };
+  class Parabola;
+
   // Translation or rotation as a sum of steps in the world frame, the newest last.
   class Track {
    public:
-    // Takes what was moved in dt_s, or forgets everything when that is a jump.
+    // Takes what was moved in dt_s, or forgets everything when that is a jump. `fit` comes next.
     void advance(double dt_s, const glm::dvec3& moved, double max_rate, double tolerance,
                  const PredictionSettings& settings);
     glm::dvec3 displacement(double ahead_s, double max_rate, const PredictionSettings& settings) const;
@@ -108,6 +115,9 @@ class MotionPredictor {
     // Expected error at ahead_s, in tolerances.
     double error(double ahead_s, double tolerance) const { return mismatch() * ahead_s / tolerance; }
     void forget() { *this = Track(); }
+    size_t count() const { return count_; }  // steps kept
+    void list_times(double smoothing_s, SampleTimes& times) const;
+    void fit(const SampleTimes& times);
 
     glm::dvec3 rate{0.0}, acceleration{0.0};
 
@@ -118,16 +128,22 @@ class MotionPredictor {
     };
     const Step& recent(size_t k) const { return steps_[(next_ + kKept - 1 - k) % kKept]; }  // 0 = the newest
     void judge(double dt_s, const glm::dvec3& moved, double max_rate, const PredictionSettings& settings);
-    void fit(double smoothing_s);
-    void measure_extremes();
+    struct Extremes {
+      double rate = 0, acceleration = 0, dt_s = 0;
+    };
+    Extremes extremes_at(size_t k) const;
+    void take_in(const Extremes& at);
+    void measure_extremes(const Extremes& lost);
 
     std::array<Step, kKept> steps_{};
     size_t next_ = 0, count_ = 0;
-    double top_rate_ = 0, top_acceleration_ = 0, longest_s_ = 0;  // over the steps kept
-    glm::dvec3 drift_{0.0};                                       // low-passed mismatch of velocity
-    double mismatch_ = 0;                                         // the greatest length of drift_, fading
+    Extremes top_;           // over the steps kept
+    glm::dvec3 drift_{0.0};  // low-passed mismatch of velocity
+    double mismatch_ = 0;    // the greatest length of drift_, fading
     bool judged_ = false;
   };
+
+  void fit();
 
   PredictionSettings settings_;
   Pose last_;

@@ -6,9 +6,12 @@ namespace sightline {
 
 grpc::ServerUnaryReactor* list_scenes(grpc::CallbackServerContext* context, const ServiceParts& parts,
                                       v1::ListScenesReply& reply) {
-  for (std::string& name : parts.scenes.names(kMaxListedScenes)) reply.add_names(std::move(name));
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(grpc::Status::OK);
+  // A folder may be on a slow disk, and gRPC's threads take steps.
+  parts.loaders.post([reactor, &parts, &reply] {
+    for (std::string& name : parts.scenes.names(kMaxListedScenes)) reply.add_names(std::move(name));
+    reactor->Finish(grpc::Status::OK);
+  });
   return reactor;
 }
 

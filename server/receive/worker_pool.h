@@ -12,7 +12,7 @@ namespace sightline {
 
 // Runs tasks in the order in which they were posted, on `threads` threads. The queue has no bound of its own:
 // every poster keeps at most one task in it (a stream is posted again only after its task ran), so it is as
-// long as there are streams and uploads, which are limited. Thread-safe.
+// long as there are streams, uploads and calls, which are limited. Thread-safe.
 class WorkerPool {
  public:
   explicit WorkerPool(unsigned threads);

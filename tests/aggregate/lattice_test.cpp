@@ -6,15 +6,10 @@
 #include <set>
 #include <tuple>
 
+#include "tests/aggregate/random_ball.h"
+
 namespace sightline {
 namespace {
-
-Bound ball(const glm::dvec3& center, double radius) {
-  Bound bound;
-  bound.center_m = center;
-  bound.radius_m = radius;
-  return bound;
-}
 
 using Place = std::tuple<double, double, double>;
 Place key(const glm::dvec3& p) {
@@ -58,38 +53,73 @@ TEST(Lattice, AddressesOfCoveredCellsAreDistinct) {
   EXPECT_EQ(distinct.size(), lattice.addresses().size());
 }
 
-// The plain reference: a map from place to what was last stored, forgotten when the place leaves the bound for so long that
-// its address goes to another cell; while it stays inside it must never be forgotten.
-TEST(Lattice, ACellKeepsItsStateWhileItStaysInTheMovingBound) {
+// The plain reference: a map from place to its owner's number. While a place stays in the bound it must never lose its address.
+TEST(Lattice, ACellKeepsItsAddressWhileItStaysInTheMovingBound) {
   Lattice lattice;
-  std::map<Place, std::pair<uint32_t, uint32_t>> inside;  // last visible, steps known
+  std::map<Place, uint64_t> inside;
+  std::set<uint64_t> given;
   for (int step = 0; step < 200; ++step) {
     lattice.cover(ball({0.05 * step, 1.0 + 0.01 * step, -0.03 * step}, 1.25), 343);
-    std::map<Place, std::pair<uint32_t, uint32_t>> now;
-    std::vector<uint32_t> visible;
+    std::map<Place, uint64_t> now;
     for (size_t i = 0; i < lattice.positions_m().size(); ++i) {
       const Place place = key(lattice.positions_m()[i]);
-      const uint32_t address = lattice.addresses()[i];
+      const uint64_t owner = lattice.owner(lattice.addresses()[i]);
       if (const auto known = inside.find(place); known != inside.end()) {
-        ASSERT_EQ(lattice.last_visible(address), known->second.first);
-        ASSERT_GE(lattice.steps_known(address), known->second.second);
+        ASSERT_EQ(owner, known->second);
       }
-      visible.push_back(static_cast<uint32_t>(i * 7 + step));
-      now[place] = {visible.back(), lattice.steps_known(address) + 1};
+      now[place] = owner;
+      given.insert(owner);
     }
-    lattice.remember(visible);
+    ASSERT_FALSE(given.contains(0)) << "nobody's";
     inside = std::move(now);
   }
 }
 
-TEST(Lattice, ACellThatComesInAtAnothersAddressStartsUnknown) {
+TEST(Lattice, ACellThatComesInAtAnothersAddressIsAnother) {
   Lattice lattice;
   lattice.cover(ball({0, 0, 0}, 1.0), 343);
-  lattice.remember(std::vector<uint32_t>(lattice.positions_m().size(), 5));
+  std::set<uint64_t> former;
+  for (const uint32_t address : lattice.addresses()) former.insert(lattice.owner(address));
   lattice.cover(ball({100, 0, 0}, 1.0), 343);
-  for (const uint32_t address : lattice.addresses()) {
-    EXPECT_EQ(lattice.last_visible(address), 0u);
-    EXPECT_EQ(lattice.steps_known(address), 0u);
+  for (const uint32_t address : lattice.addresses()) EXPECT_FALSE(former.contains(lattice.owner(address)));
+}
+
+// What is only laid out has the same points; and once cells have addresses, laying it out keeps them.
+TEST(Lattice, LaidOutItHasThePointsThatItHasWhenCovered) {
+  Lattice laid, covered;
+  for (int step = 0; step < 100; ++step) {
+    const Bound bound = ball({0.3 * step, -0.1 * step, 1e3 * step}, 0.7 + 0.01 * step);
+    laid.lay(bound, 343);
+    covered.cover(bound, 343);
+    ASSERT_EQ(laid.positions_m(), covered.positions_m());
+    EXPECT_TRUE(laid.addresses().empty());
+  }
+  covered.lay(ball({1, 2, 3}, 1.0), 343);
+  EXPECT_EQ(covered.addresses().size(), covered.size());
+}
+
+// Where a row's end falls on a lattice point, or a row only touches the ball, rounding decides whether it is inside.
+TEST(Lattice, RowsEndWhereTheBallDoesToTheBit) {
+  CounterRandom random(31, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 300; ++trial) {
+    Lattice lattice;
+    const double far = trial % 3 == 0 ? 1e6 : 3.0;
+    const double radius = trial % 2 == 0 ? random.next_in(0.5, 2.0) : 0.25 * (1 + trial % 7);
+    const double spacing = lattice_spacing_m(radius, 100);
+    glm::dvec3 center = random_vector(random, far);
+    if (trial % 4 < 2) center = glm::round(center / spacing) * spacing;
+    const Bound bound = ball(center, radius);
+    lattice.lay(bound, 100);
+    std::vector<glm::dvec3> expected;
+    const glm::ivec3 middle(glm::round(center / spacing));
+    const int reach = static_cast<int>(radius / spacing) + 2;
+    for (int z = -reach; z <= reach; ++z)
+      for (int y = -reach; y <= reach; ++y)
+        for (int x = -reach; x <= reach; ++x) {
+          const glm::dvec3 place = glm::dvec3(middle + glm::ivec3(x, y, z)) * spacing;
+          if (bound.contains(place)) expected.push_back(place);
+        }
+    ASSERT_EQ(lattice.positions_m(), expected) << trial;
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "server/base/random.h"
@@ -80,6 +81,25 @@ void add_places_on_edges(CounterRandom& random, Case& c) {
   c.places.push_back(view.eye_m + 1e-9 * view.world_from_view[2]);
 }
 
+// All places, tile by tile.
+std::vector<uint8_t> look_at_all(LookUp& look_up_all, const Case& c, std::span<const uint8_t> passes, bool& any_passing) {
+  std::vector<uint8_t> sights;
+  look_up_all.set_places(c.places);
+  look_up_all.begin_maps(c.bias, passes);
+  const size_t first = look_up_all.add_maps(c.maps);
+  any_passing = false;
+  SightTile tile;
+  for (size_t number = 0; number < look_up_all.tile_count(); ++number) {
+    look_up_all.load_tile(number, tile);
+    EXPECT_EQ(tile.places.first, sights.size());
+    const std::span<const uint8_t> of_tile = look_up_all.look(first, c.maps.size(), tile);
+    sights.insert(sights.end(), of_tile.begin(), of_tile.end());
+    any_passing |= look_up_all.any_passing();
+  }
+  EXPECT_EQ(sights.size(), c.places.size());
+  return sights;
+}
+
 int32_t expected_sight(const Case& c, const glm::dvec3& place) {
   const Sight sight = look_up(c.maps, place, c.bias);
   if (!sight.known) return kUnknownSight;
@@ -95,13 +115,12 @@ TEST(LookUp, SaysOfEveryPlaceWhatTheDefinitionSays) {
   for (int trial = 0; trial < 300; ++trial) {
     Case c = random_case(random);
     const size_t plain = c.places.size();
-    look_up_all.set_places(c.places);
-    look_up_all(c.maps, c.bias, c.passes);
+    bool found_passing = false;
+    look_at_all(look_up_all, c, c.passes, found_passing);
     singly += look_up_all.exact_count(), all += plain;
     add_places_on_edges(random, c);
     several_maps += c.maps.size() > 1;
-    look_up_all.set_places(c.places);
-    const std::span<const int32_t> sights = look_up_all(c.maps, c.bias, c.passes);
+    const std::vector<uint8_t> sights = look_at_all(look_up_all, c, c.passes, found_passing);
     bool any_passing = false;
     for (size_t i = 0; i < c.places.size(); ++i) {
       const int32_t expected = expected_sight(c, c.places[i]);
@@ -109,7 +128,7 @@ TEST(LookUp, SaysOfEveryPlaceWhatTheDefinitionSays) {
       ++found[static_cast<size_t>(expected)];
       any_passing |= expected == kPassingSight;
     }
-    EXPECT_TRUE(look_up_all.any_passing() || !any_passing);
+    EXPECT_TRUE(found_passing || !any_passing);
   }
   for (const size_t count : found) EXPECT_GT(count, 10000u);
   EXPECT_GT(several_maps, 50u);
@@ -121,13 +140,13 @@ TEST(LookUp, HiddenIsHiddenByWhatStaysWhenNothingPasses) {
   CounterRandom random(6, 0, RandomPurpose::kTest);
   const Case c = random_case(random);
   LookUp look_up_all;
-  look_up_all.set_places(c.places);
-  const std::span<const int32_t> sights = look_up_all(c.maps, c.bias);
+  bool found_passing = true;
+  const std::vector<uint8_t> sights = look_at_all(look_up_all, c, {}, found_passing);
   for (size_t i = 0; i < c.places.size(); ++i) {
     const int32_t expected = expected_sight(c, c.places[i]);
     EXPECT_EQ(sights[i], expected == kPassingSight ? kHiddenSight : expected);
   }
-  EXPECT_FALSE(look_up_all.any_passing());
+  EXPECT_FALSE(found_passing);
 }
 
 TEST(LookUp, PlacesThatAreNoNumbersAreUnknownAndLeaveTheOthersAsTheyAre) {
@@ -136,17 +155,43 @@ TEST(LookUp, PlacesThatAreNoNumbersAreUnknownAndLeaveTheOthersAsTheyAre) {
   c.places[3].x = std::numeric_limits<double>::quiet_NaN();
   c.places[500] = {kInfinity, 0, 0};
   LookUp look_up_all;
-  look_up_all.set_places(c.places);
-  const std::span<const int32_t> sights = look_up_all(c.maps, c.bias, c.passes);
+  bool found_passing = false;
+  const std::vector<uint8_t> sights = look_at_all(look_up_all, c, c.passes, found_passing);
   for (size_t i = 0; i < c.places.size(); ++i) EXPECT_EQ(sights[i], expected_sight(c, c.places[i])) << i;
 }
 
 TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
   LookUp look_up_all;
-  EXPECT_TRUE(look_up_all({}, 0.0).empty());
-  const std::vector<glm::dvec3> places = {{0, 0, -5}};
-  look_up_all.set_places(places);
-  EXPECT_EQ(look_up_all({}, 0.0)[0], kUnknownSight);
+  Case c;
+  bool found_passing = false;
+  EXPECT_TRUE(look_at_all(look_up_all, c, {}, found_passing).empty());
+  c.places = {{0, 0, -5}};
+  EXPECT_EQ(look_at_all(look_up_all, c, {}, found_passing)[0], kUnknownSight);
+}
+
+// Both ways of looking are tested where the machine has the fast one: what either is sure of is as the definition says.
+TEST(LookUp, ThePlainWayAndTheFastOneSayTheSame) {
+  CounterRandom random(8, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 100; ++trial) {
+    Case c = random_case(random);
+    add_places_on_edges(random, c);
+    const PlaceExtent extent = extent_of(c.places);
+    std::vector<float> limits_m2;
+    std::vector<PreparedMap> maps;
+    for (const DepthMap& map : c.maps) maps.push_back(prepare_map(map, extent, c.bias, c.passes, limits_m2));
+    PlaceTile tile;
+    for (size_t first = 0; first < c.places.size(); first += kTilePlaces) {
+      fill_tile(c.places, first, extent.middle_m, tile);
+      std::array<std::array<uint8_t, kTilePlaces + PlaceTile::kTilePad>, 2> sights;
+      for (size_t k = 0; k < maps.size(); ++k) {
+        look_at_map(maps[k], limits_m2.data(), tile, k == 0, sights[0].data());
+        look_at_map_plainly(maps[k], limits_m2.data(), tile, k == 0, sights[1].data());
+      }
+      for (size_t i = 0; i < tile.count; ++i)
+        for (const auto& way : sights)
+          ASSERT_TRUE(way[i] == kUnsureSight || way[i] == expected_sight(c, c.places[first + i])) << trial;
+    }
+  }
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // What the stages of a step cost as candidates, maps and targets grow: on the city, with its two walkers, and
-// more of them abreast and behind as further targets. Processor time of this thread, medians.
+// more of them abreast and behind as further targets. Processor time of this thread, medians. "In turn" are a hundred cameras that
+// step one after the other, as in a daemon with as many sessions: each finds the caches as the others left them.
 //
 //   stage_bench [steps] [settings]        steps per row, 300 without; only the rows of that name
 #include <time.h>
@@ -20,6 +21,7 @@ namespace {
 
 constexpr double kTickS = 1.0 / 60;
 constexpr int kWarmUpSteps = 30;
+constexpr size_t kInTurn = 100;
 
 int64_t thread_ns() {
   timespec now{};
@@ -31,6 +33,7 @@ struct Row {
   std::string name;
   size_t targets;
   StepSettings settings;
+  size_t cameras = 1;
 };
 
 StepSettings with(StepSettings settings, int resolution, int candidates, int points) {
@@ -47,7 +50,11 @@ std::vector<Row> rows() {
   lattice.bound.mode = BoundMode::kHorizon;
   std::vector<Row> all = {{"default", 2, with(sightline, 7, 343, 8)},
                           {"plain, pairs", 2, with(plain, 7, 343, 1)},
+                          {"plain, point", 2, with(lattice, 7, 343, 0)},
                           {"plain", 2, with(lattice, 7, 343, 8)},
+                          {"plain, in turn", 2, with(lattice, 7, 343, 8), kInTurn},
+                          {"default, in turn", 2, with(sightline, 7, 343, 8), kInTurn},
+                          {"plain, r = 32", 2, with(lattice, 32, 32768, 0)},
                           {"plain wide", 8, with(lattice, 16, 4096, 8)},
                           {"default wide", 8, with(sightline, 16, 4096, 8)}};
   for (const size_t targets : {1, 2, 4, 8, 16, 32})
@@ -121,32 +128,59 @@ class Walkers {
   TransformUpdate update_;
 };
 
-Status run(TimedCity& city, SamplerDevice& device, const Row& row, int steps) {
-  const auto world = Walkers::make(city, row.targets);
-  if (!world) return tl::unexpected(world.error());
-  const auto sampler = device.make_sampler();
-  const CameraLimits limits;
+// One camera over a city of its own.
+struct Camera {
+  std::unique_ptr<Walkers> world;
+  std::unique_ptr<Sampler> sampler;
   StepMemory memory;
-  place_camera(memory, city.scenario->camera(), glm::dvec3(0.0));
+};
+
+Result<std::unique_ptr<Camera>> make_camera(TimedCity& city, SamplerDevice& device, size_t targets) {
+  auto world = Walkers::make(city, targets);
+  if (!world) return tl::unexpected(world.error());
+  auto camera = std::make_unique<Camera>(Camera{std::move(*world), device.make_sampler(), {}});
+  place_camera(camera->memory, city.scenario->camera(), glm::dvec3(0.0));
+  return camera;
+}
+
+struct Times {
   std::vector<double> sample_ms, aggregate_ms, move_ms, total_ms, candidates;
-  for (int i = 0; i < kWarmUpSteps + steps; ++i) {
-    (*world)->set_time(i % 600 * kTickS);
-    const StepInput input{(*world)->mirror, (*world)->targets, limits, row.settings, city.scenario->lens(), 1,
-                          static_cast<uint64_t>(i), kTickS, (*world)->extents};
-    const int64_t begin_ns = thread_ns();
-    const auto result = take_step(memory, input, *sampler, thread_ns);
-    const int64_t end_ns = thread_ns();
-    if (!result) return tl::unexpected(result.error());
-    if (i < kWarmUpSteps) continue;
-    const auto ms = [&](Stage stage) { return 1e-6 * static_cast<double>(result->stage_ns[static_cast<size_t>(stage)]); };
-    sample_ms.push_back(ms(Stage::kSample)), aggregate_ms.push_back(ms(Stage::kAggregate));
-    move_ms.push_back(ms(Stage::kMove)), total_ms.push_back(1e-6 * static_cast<double>(end_ns - begin_ns));
-    candidates.push_back(static_cast<double>(memory.counts.total));
+};
+
+Status step(const TimedCity& city, Camera& camera, const StepSettings& settings, int tick, Times& times) {
+  Walkers& world = *camera.world;
+  world.set_time(tick % 600 * kTickS);
+  const CameraLimits limits;
+  const StepInput input{world.mirror, world.targets, limits, settings, city.scenario->lens(), 1,
+                        static_cast<uint64_t>(tick), kTickS, world.extents};
+  const int64_t begin_ns = thread_ns();
+  const auto result = take_step(camera.memory, input, *camera.sampler, thread_ns);
+  const int64_t end_ns = thread_ns();
+  if (!result) return tl::unexpected(result.error());
+  if (tick < kWarmUpSteps) return {};
+  const auto ms = [&](Stage stage) { return 1e-6 * static_cast<double>(result->stage_ns[static_cast<size_t>(stage)]); };
+  times.sample_ms.push_back(ms(Stage::kSample)), times.aggregate_ms.push_back(ms(Stage::kAggregate));
+  times.move_ms.push_back(ms(Stage::kMove)), times.total_ms.push_back(1e-6 * static_cast<double>(end_ns - begin_ns));
+  times.candidates.push_back(static_cast<double>(camera.memory.counts.total));
+  return {};
+}
+
+Status run(TimedCity& city, SamplerDevice& device, const Row& row, int steps) {
+  std::vector<std::unique_ptr<Camera>> cameras;
+  for (size_t k = 0; k < row.cameras; ++k) {
+    auto camera = make_camera(city, device, row.targets);
+    if (!camera) return tl::unexpected(camera.error());
+    cameras.push_back(std::move(*camera));
   }
+  Times times;
+  for (int i = 0; i < kWarmUpSteps + steps; ++i)
+    for (const auto& camera : cameras)
+      if (auto ok = step(city, *camera, row.settings, i, times); !ok) return ok;
   const auto p = [](const std::vector<double>& values, double share) { return percentile(values, share); };
-  std::printf("%-14s %7zu %10.0f %4d %6zu %8.3f %9.3f %8.3f %8.3f  %8.3f %8.3f\n", row.name.c_str(), (*world)->targets.size(),
-              p(candidates, 0.5), row.settings.sample.resolution, memory.requests.size(), p(sample_ms, 0.5),
-              p(aggregate_ms, 0.5), p(move_ms, 0.5), p(total_ms, 0.5), p(total_ms, 0.1), p(total_ms, 0.95));
+  std::printf("%-16s %7zu %10.0f %4d %6zu %8.3f %9.3f %8.3f %8.3f  %8.3f %8.3f\n", row.name.c_str(), row.targets,
+              p(times.candidates, 0.5), row.settings.sample.resolution, cameras[0]->memory.requests.size(),
+              p(times.sample_ms, 0.5), p(times.aggregate_ms, 0.5), p(times.move_ms, 0.5), p(times.total_ms, 0.5),
+              p(times.total_ms, 0.1), p(times.total_ms, 0.95));
   std::fflush(stdout);
   return {};
 }
@@ -159,7 +193,7 @@ int main(int argc, char** argv) {
   const auto city = TimedCity::load();
   if (!city) return std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), 1;
   const auto device = make_embree_sampler_device();
-  std::printf("%-14s %7s %10s %4s %6s %8s %9s %8s %8s  %8s %8s   (ms)\n", "settings", "targets", "candidates", "r", "maps",
+  std::printf("%-16s %7s %10s %4s %6s %8s %9s %8s %8s  %8s %8s   (ms)\n", "settings", "targets", "candidates", "r", "maps",
               "sample", "aggregate", "move", "total", "p10", "p95");
   for (const Row& row : rows())
     if (argc > 2 && row.name != argv[2]) continue;

@@ -67,9 +67,9 @@ class Digest {
     }
   }
   void add(const StepMemory& m) {
-    add(std::span<const glm::dvec3>(m.candidates.position_m));
-    for (const auto* masks : {&m.candidates.visible_targets, &m.candidates.filtered_targets, &m.candidates.ahead_targets})
-      add(std::span<const uint32_t>(*masks));
+    list_places(m.candidates.position_m, place_m_);
+    add(std::span<const glm::dvec3>(place_m_));
+    add(std::span<const uint32_t>(m.candidates.visible_targets)), add(m.candidates.filtered()), add(m.candidates.ahead());
     add(std::span<const double>(m.goal.hidden)), add(std::span<const double>(m.cost));
     add(std::span<const double>(m.goal.routes.cost_m()));
     add_one(m.desired_offset_m);
@@ -78,6 +78,7 @@ class Digest {
 
  private:
   uint64_t hash_ = 0;
+  std::vector<glm::dvec3> place_m_;
 };
 
 Status digest(const scenes::CatalogEntry& entry) {

@@ -345,6 +345,33 @@ TEST(ClientAndDaemon, AServerThatDiesEndsTheSessionWithAnError) {
   EXPECT_FALSE((*session)->send(tick(1)));
 }
 
+TEST(ClientAndDaemon, AServerThatHangsEndsTheSessionWithAnError) {
+  DaemonProcess daemon;
+  auto client = Client::connect(daemon.address(), 10s, {.time = 1s, .timeout = 500ms});
+  ASSERT_TRUE(client);
+  auto session = client->open_session(two_capsules(), 10s);
+  ASSERT_TRUE(session) << to_string(session.error());
+  daemon.hold();
+  const auto event = (*session)->receive(20s);
+  daemon.go_on();
+  ASSERT_FALSE(event);
+  EXPECT_EQ(event.error().code, ErrorCode::kUnavailable);
+}
+
+TEST(ClientAndDaemon, AGameThatPausesKeepsItsSession) {
+  DaemonProcess daemon;
+  auto client = Client::connect(daemon.address(), 10s, {.time = 1100ms, .timeout = 1s});
+  ASSERT_TRUE(client);
+  auto session = client->open_session(two_capsules(), 10s);
+  ASSERT_TRUE(session) << to_string(session.error());
+  // Four pings, no data between them.
+  const auto nothing = (*session)->receive(5s);
+  ASSERT_TRUE(nothing) << to_string(nothing.error());
+  EXPECT_FALSE(*nothing);
+  ASSERT_TRUE((*session)->send(tick(1)));
+  EXPECT_EQ(next_reply(**session).sequence(), 1u);
+}
+
 TEST(ClientAndDaemon, AUnixSocketWorksAsWell) {
   const test::TemporaryFolder folder;
   const std::string socket = folder.path() + "/sightline.sock";

@@ -51,6 +51,14 @@ void DaemonProcess::kill_now() {
   if (pid_ > 0) kill(pid_, SIGKILL);
 }
 
+void DaemonProcess::hold() {
+  if (pid_ > 0) kill(pid_, SIGSTOP);
+}
+
+void DaemonProcess::go_on() {
+  if (pid_ > 0) kill(pid_, SIGCONT);
+}
+
 int DaemonProcess::stop() {
   if (pid_ <= 0) return -1;
   ask_to_stop();

@@ -22,6 +22,8 @@ class DaemonProcess {
 
   void ask_to_stop();  // SIGTERM
   void kill_now();     // SIGKILL
+  void hold();         // SIGSTOP: it hangs
+  void go_on();        // SIGCONT
   // Asks it to stop and waits; the exit status, or -1 when a signal ended it.
   int stop();
 

@@ -36,13 +36,13 @@ SessionPage session_of(size_t frames) {
   session.instances = {{1, "guard", low, identity_affine(), true},
                        {5, "wall", high, at(5), true},
                        {uint64_t{1} << 63, "</script><script>", high, at(9), true}};
-  session.targets = {{1, "guard", 1.0, true, 0}, {2, "ghost", 0.0, false, -1}};
-  session.movers = {0};
+  session.targets = {{1, "guard", 1.0, true}, {2, "ghost", 0.0, false}};
+  session.movers = {{0, {}}};
   session.stages = {"scene", "move"};
   session.flags = {"late"};
   session.columns = {"run"};
   session.figures = {{"length", {"3 m"}}};
-  session.settings_json = R"({"preset": "X"})";
+  session.settings = {{"asked for", R"({"preset": "X"})"}, {"unknown", ""}};
   for (size_t i = 0; i < frames; ++i) {
     const double k = static_cast<double>(i);
     PageFrame& frame = session.frames.emplace_back();
@@ -50,9 +50,9 @@ SessionPage session_of(size_t frames) {
     frame.time_s = k / 60;
     frame.camera = {{0.1 * k, 2, 1e-9 + k}, glm::dquat(0.5, 0.5, -0.5, 0.5)};
     frame.vertical_fov_rad = 0.7;
-    frame.movers = {{{k, 0, 0}, {1, 0, 0, 0}}};
+    session.movers[0].poses.push_back({{k, 0, 0}, {1, 0, 0, 0}});
     frame.sights.resize(2);
-    frame.sights[0] = {{k, 1, 0}, 0.25, 0.5, 0.125, "PARTIAL", 3.5 + k, uint64_t{1} << 63, 0.75};
+    frame.sights[0] = {true, true, {k, 1, 0}, 0.25, 0.5, 0.125, "PARTIAL", 3.5 + k, uint64_t{1} << 63, 0.75};
     frame.sights[1].state = "OFF_SCREEN";
     frame.counts = {7, 8, 9};
     frame.status = i % 2 ? "HOLDING" : "TRACKING";
@@ -208,6 +208,40 @@ TEST(SessionPage, CellsComeBackWithinAStepAndInTheirFrames) {
     }
 }
 
+TEST(SessionPage, WhatMovesComesBackMoverAfterMoverForItsLifeAlone) {
+  SessionPage session = session_of(4);
+  session.instances[1].first_frame = 1, session.instances[1].end_frame = 3;
+  session.movers.push_back({1, {{{7, 8, 9}, {1, 0, 0, 0}}, {{7.5, 8, 9}, {1, 0, 0, 0}}}});
+  const ReadPage page = read_page(session);
+  const auto poses = page.array<float>("mover_poses", "f32");
+  ASSERT_EQ(poses.size(), 7u * (4 + 2));
+  EXPECT_EQ(poses[7 * 3], 3.0f);
+  EXPECT_EQ(page.session.at("movers")[1], json({{"instance", 1}, {"first_pose", 4}}));
+  EXPECT_THAT(std::vector<float>(poses.begin() + 7 * 5, poses.end()), ElementsAre(7.5f, 8, 9, 0, 0, 0, 1));
+  EXPECT_EQ(page.session.at("instances")[1].at("life"), json({1, 3}));
+  EXPECT_FALSE(page.session.at("instances")[0].contains("life"));
+}
+
+TEST(SessionPage, TargetsThatAreNoneInAFrameAreMarkedSo) {
+  SessionPage session = session_of(3);
+  session.frames[1].sights[0].present = false;
+  session.frames[2].sights[1].steered = false;
+  const ReadPage page = read_page(session);
+  EXPECT_THAT(page.array<uint32_t>("present", "u32"), ElementsAre(3, 2, 3));
+  EXPECT_THAT(page.array<uint32_t>("steered", "u32"), ElementsAre(3, 2, 1));
+}
+
+TEST(SessionPage, NoticesMarksAndSettingsComeBackAsTheyWere) {
+  SessionPage session = session_of(2);
+  session.notices = {"a < b"};
+  session.marks = {{1, "fault", "it \"broke\""}};
+  const ReadPage page = read_page(session);
+  EXPECT_EQ(page.session.at("notices"), json({"a < b"}));
+  EXPECT_EQ(page.session.at("marks"), json({{{"frame", 1}, {"kind", "fault"}, {"text", "it \"broke\""}}}));
+  EXPECT_EQ(page.session.at("settings")[0], json({{"title", "asked for"}, {"value", {{"preset", "X"}}}}));
+  EXPECT_TRUE(page.session.at("settings")[1].at("value").is_null());
+}
+
 TEST(SessionPage, TooManyCellsAreThinnedByWholeFrames) {
   SessionPage session = session_of(24);
   for (PageFrame& frame : session.frames) frame.cells.resize(kMaxPageCells / 10);
@@ -245,7 +279,10 @@ TEST(SessionPage, WhatDoesNotFitTogetherIsRefusedByName) {
     change(session);
     return refused(session);
   };
-  EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].movers.clear(); }), "frames[1].movers");
+  EXPECT_EQ(changed([](SessionPage& s) { s.movers[0].poses.pop_back(); }), "movers[0].poses");
+  EXPECT_EQ(changed([](SessionPage& s) { s.instances[0].end_frame = 2; }), "movers[0].poses");
+  EXPECT_EQ(changed([](SessionPage& s) { s.movers.push_back(s.movers[0]); }), "movers[1]");
+  EXPECT_EQ(changed([](SessionPage& s) { s.marks.push_back({3, "fault", "x"}); }), "marks[0].frame");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[2].sights.pop_back(); }), "frames[2].sights");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].stage_us.push_back(1); }), "frames[0].stage_us");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].chosen_cell = 0; }), "frames[0].chosen_cell");
@@ -253,13 +290,12 @@ TEST(SessionPage, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].camera.position_m.x = kPageUnknown; }), "frames[1]");
   EXPECT_EQ(changed([](SessionPage& s) { s.instances[1].geometry.reset(); }), "instances[1].geometry");
   EXPECT_EQ(changed([](SessionPage& s) { s.aspect = 0; }), "aspect");
-  EXPECT_EQ(changed([](SessionPage& s) { s.movers[0] = 3; }), "movers[0]");
-  EXPECT_EQ(changed([](SessionPage& s) { s.targets[1].instance = 3; }), "targets[1].instance");
+  EXPECT_EQ(changed([](SessionPage& s) { s.movers[0].instance = 3; }), "movers[0]");
   EXPECT_EQ(changed([](SessionPage& s) { s.targets.resize(33); }), "targets");
   EXPECT_EQ(changed([](SessionPage& s) { s.flags.resize(33); }), "flags");
   EXPECT_EQ(changed([](SessionPage& s) { s.pictures.push_back({3, "image/png", {}}); }), "pictures[0].frame");
   EXPECT_EQ(changed([](SessionPage& s) { s.columns.clear(); }), "figures[0].values");
-  EXPECT_EQ(changed([](SessionPage& s) { s.settings_json = "{"; }), "settings_json");
+  EXPECT_EQ(changed([](SessionPage& s) { s.settings[1].json = "{"; }), "settings[1].json");
 }
 
 TEST(SessionPage, AFileThatCannotBeWrittenIsNamed) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "server/base/random.h"
@@ -87,6 +88,52 @@ TEST(Choose, AgreesWithBruteForceOnRandomSets) {
   }
 }
 
+// Going outwards from the desired place and going over all candidates must end at the same one: on a lattice's runs and single places,
+// with targets of which some are optional or of no weight, limits, predictions, ties, and places that cannot be reached.
+TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
+  CounterRandom random(64, 0, RandomPurpose::kTest);
+  std::array<int, 4> reasons{};
+  for (int trial = 0; trial < 3000; ++trial) {
+    Case c;
+    for (int i = 0; i < 1 + trial % 3; ++i)
+      c.targets.push_back(target_at({random.next_in(-2, 2), random.next_in(0, 2), random.next_in(-2, 2)},
+                                    i == 2 ? 0.0 : random.next_in(0.5, 2), random.next_unit() < 0.7));
+    const double spacing = trial % 5 == 0 ? 1.0 : random.next_in(0.1, 2);
+    std::vector<PlaceRun> runs;
+    uint32_t count = 0;
+    for (int z = 2; z < 7; ++z)
+      for (int y = -1; y < 3; ++y) {
+        if (random.next_unit() < 0.2) continue;
+        runs.push_back({{static_cast<int>(random.next_in(-6, 0)), y, z}, count});
+        count += 1 + random.next_below(9);
+      }
+    if (trial % 7 != 0) c.candidates.position_m.set_runs(spacing, runs, count);
+    for (int k = 0; k < trial % 4; ++k)
+      c.candidates.position_m.push_back({random.next_in(-3, 3), random.next_in(-1, 3), random.next_in(1, 7)});
+    const double seen = random.next_unit();
+    for (size_t i = 0; i < c.candidates.size(); ++i)
+      c.candidates.visible_targets.push_back(random.next_unit() < seen ? 0b111u : random.next_below(trial % 6 == 0 ? 1 : 8));
+    if (trial % 3 == 0)
+      for (size_t i = 0; i < c.candidates.size(); ++i) c.candidates.ahead_targets.push_back(random.next_below(8));
+    c.ahead_weight = trial % 3 == 0 ? random.next_unit() : 0.0;
+    c.desired = glm::dvec3(random.next_in(-9, 9), random.next_in(-3, 6), random.next_in(-3, 14));
+    if (trial % 5 == 0) c.desired = glm::round(c.desired);
+    c.settings.min_distance_m = random.next_in(0, 4);
+    const double blocked = trial % 2 == 0 ? 0.0 : random.next_in(0.3, 1.01);
+    const Reachable reachable = [&](const glm::dvec3& p) {
+      const double noise = std::sin(1e4 * (p.x + 3 * p.y + 7 * p.z));
+      return 0.5 + 0.5 * noise >= blocked;
+    };
+    const Choice over_all = c.choose(reachable),
+                 outwards = choose_basic(c.candidates, c.targets, c.desired, c.ahead_weight, c.settings, reachable, c.scratch);
+    ASSERT_EQ(outwards.candidate, over_all.candidate) << trial;
+    ASSERT_EQ(outwards.status, over_all.status);
+    ASSERT_EQ(outwards.reason, over_all.reason);
+    ++reasons[outwards.status == MoveStatus::kTracking ? 0 : outwards.status == MoveStatus::kPartial ? 1 : outwards.candidate < 0 ? 2 : 3];
+  }
+  for (int k = 0; k < 4; ++k) EXPECT_GT(reasons[static_cast<size_t>(k)], 20) << k;
+}
+
 TEST(Choose, PassesOverPlacesThatTheBodyCannotReach) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
@@ -148,7 +195,7 @@ TEST(Choose, PlacesOutsideTheLimitsComeLast) {
   c.place({0, 0, 0.1}, 0b11);  // too near the targets
   c.place({0, 0, 4}, 0b11);
   EXPECT_EQ(c.choose().candidate, 1);
-  c.candidates.filtered_targets[1] = 0;
+  c.candidates.filtered_targets = {0b11, 0};
   EXPECT_EQ(c.choose().candidate, 0);
 }
 
@@ -157,7 +204,7 @@ TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b11);
-  c.candidates.ahead_targets[0] = 0b01;
+  c.candidates.ahead_targets = {0b01, 0b11};
   EXPECT_EQ(c.choose().candidate, 0) << "without prediction the nearest";
   c.ahead_weight = 0.5;
   EXPECT_EQ(c.choose().candidate, 1);
@@ -167,7 +214,7 @@ TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
 TEST(Choose, PredictionNeverReplacesTheRealTarget) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b01);
-  c.candidates.ahead_targets[0] = 0b11;
+  c.candidates.ahead_targets = {0b11};
   c.ahead_weight = 0.9;
   EXPECT_EQ(c.choose().status, MoveStatus::kPartial);
 }

@@ -250,7 +250,7 @@ TEST(Route, NoLegPassesThroughATriangle) {
         }
     const glm::dvec3 camera = draw.vec(1);
     std::vector<glm::ivec3> cell;
-    lattice_cells({&camera, 1}, spacing, cell);
+    lattice_cells(std::span(&camera, 1), spacing, cell);
     const auto start = static_cast<uint32_t>(nodes.size());
     nodes.add(cell[0], camera, field.clearance_m(camera, cut_m), 0.0);
     RouteFinder finder;

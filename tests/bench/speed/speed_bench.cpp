@@ -70,9 +70,10 @@ class TimedRays {
     from_.clear();
     for (size_t i = 0; i < targets.size(); ++i)
       from_.push_back({memory.target_views[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
+    list_places(memory.candidates.position_m, place_m_);
     const double begin_ms = now_ms();
     peer_->prepare();
-    peer_->look(from_, memory.candidates.position_m, seen_);
+    peer_->look(from_, place_m_, seen_);
     const double took_ms = now_ms() - begin_ms;
     if (!keep) return;
     track.total_ms.push_back(took_ms);
@@ -85,6 +86,7 @@ class TimedRays {
  private:
   std::unique_ptr<RayPeer> peer_;
   std::vector<SeenFrom> from_;
+  std::vector<glm::dvec3> place_m_;
   std::vector<uint32_t> seen_;
   double agreements_ = 0;
 };

@@ -1,0 +1,46 @@
+// The instances of a session that is played through: which there are in which frames, and where those stand that move.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "client/session_page.h"
+#include "server/scene/mirror.h"
+
+namespace sightline {
+
+class RecordingCast {
+ public:
+  // Names by id; ids without one are called by their number on the page.
+  explicit RecordingCast(std::unordered_map<uint64_t, std::string> names) : names_(std::move(names)) {}
+
+  // The mirror as it is at frame `frame`: 0, then 1, and so on. Costs little while the scene's structure stays.
+  void take_in(const SceneMirror& mirror, size_t frame);
+
+  // Fills the page's instances and movers. Nothing else may be called after it.
+  void give(SessionPage& page);
+
+ private:
+  // One stretch of frames in which an instance was shown and stayed what it is.
+  struct Part {
+    PageInstance shown;
+    glm::dmat3 linear{1.0};
+    Pose start;               // where it stood until it first moved
+    size_t still_frames = 0;  // how many of its frames it stood there
+    std::vector<Pose> poses;  // from then on
+    bool moving = false;
+  };
+
+  void compare(const SceneMirror& mirror, size_t frame);
+  void begin(const Instance& instance, size_t frame);
+  bool is_same(const Part& part, const Instance& instance) const;
+
+  std::unordered_map<uint64_t, std::string> names_;
+  std::vector<Part> parts_;
+  std::unordered_map<uint64_t, size_t> present_;  // by id: its open part
+  uint64_t static_version_ = UINT64_MAX, moving_version_ = UINT64_MAX;
+};
+
+}  // namespace sightline

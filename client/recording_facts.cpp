@@ -1,0 +1,104 @@
+#include "client/recording_facts.h"
+
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+
+namespace sightline {
+namespace {
+
+std::string seconds_text(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f s", seconds);
+  return text;
+}
+
+std::string hex_text(uint64_t value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+  return text;
+}
+
+std::string part_text(const v1::RecordingInfo& info) {
+  std::string text = std::to_string(info.part());
+  if (info.folded_ticks() > 0)
+    text.append(", begins after ").append(std::to_string(info.folded_ticks())).append(" ticks");
+  return text;
+}
+
+std::string convention_text(const v1::Convention& convention) {
+  return convention.preset() == v1::Convention::PRESET_UNSPECIFIED
+             ? "GLTF"
+             : v1::Convention::Preset_Name(convention.preset());
+}
+
+}  // namespace
+
+std::string utc_text(uint64_t since_1970_ns) {
+  const auto time = static_cast<std::time_t>(since_1970_ns / 1'000'000'000);
+  std::tm parts{};
+  char text[64];
+  if (!gmtime_r(&time, &parts) || std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S UTC", &parts) == 0)
+    return "?";
+  return text;
+}
+
+std::vector<std::pair<std::string, std::string>> recording_facts(const Recording& recording,
+                                                                 const RecordingDigest& digest) {
+  const v1::RecordingInfo& info = recording.info();
+  const v1::SessionOpened& opened = recording.opened();
+  const DigestFigures& figures = digest.figures;
+  std::vector<std::pair<std::string, std::string>> facts = {
+      {"start", utc_text(info.start_time_ns() != 0 ? info.start_time_ns() : recording.start_ns())},
+      {"duration", seconds_text(recording.duration_s())},
+      {"sampler", info.sampler()},
+      {"ticks", std::to_string(figures.ticks)},
+      {"replies", std::to_string(figures.replies)},
+      {"refused", std::to_string(figures.rejections)},
+      {"faults", std::to_string(figures.faults)},
+      {"missing", std::to_string(figures.missing)},
+      {"session", info.session_id()},
+      {"label", info.label()},
+      {"recording", std::filesystem::path(recording.name()).filename().string()},
+      {"part", part_text(info)},
+      {"seed", std::to_string(recording.open_session().seed())},
+      {"server", info.server_version()},
+      {"build", info.build()},
+      {"convention", convention_text(recording.open_session().convention())},
+      {"instances", std::to_string(opened.instances())},
+      {"triangles", std::to_string(opened.triangles())},
+      {"mirror", hex_text(opened.hash())}};
+  for (const std::string& warning : opened.warnings()) facts.emplace_back("warning", warning);
+  std::erase_if(facts, [](const auto& fact) { return fact.second.empty(); });
+  return facts;
+}
+
+std::vector<std::string> recording_notices(const Recording& recording, const RecordingDigest& digest) {
+  std::vector<std::string> notices;
+  const auto count = [](uint64_t n) { return std::to_string(n); };
+  const size_t replies = digest.kept.size();
+  if (digest.frames < replies)
+    notices.push_back(count(digest.frames) + " of " + count(replies) +
+                      " replies are frames here: every change of status, reason or flags and every cut, and "
+                      "an even share of the "
+                      "others; the figures are of all.");
+  if (!recording.container().finished)
+    notices.push_back("The file has no end: its writer was stopped, and up to a second may be missing.");
+  if (!recording.container().loss.none() || !digest.read.loss.none())
+    notices.push_back(
+        "The file is damaged: " + count(recording.container().loss.troubles + digest.read.loss.troubles) +
+        " places cannot be read.");
+  if (digest.read.undecodable > 0)
+    notices.push_back(count(digest.read.undecodable) + " messages cannot be decoded and are left out.");
+  if (recording.info().folded_ticks() > 0)
+    notices.push_back("The file begins in the middle of its session, after " +
+                      count(recording.info().folded_ticks()) + " ticks.");
+  if (digest.figures.missing > 0)
+    notices.push_back(count(digest.figures.missing) +
+                      " messages were not recorded: after such a gap things may not stand where they stood.");
+  if (digest.left_out_marks > 0)
+    notices.push_back(count(digest.left_out_marks) + " more events are not listed.");
+  return notices;
+}
+
+}  // namespace sightline

@@ -1,0 +1,295 @@
+#include "server/aggregate/prepared_map.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "server/base/vector_clones.h"
+
+#ifdef SIGHTLINE_X86_V4
+#include <immintrin.h>
+// GCC 12 takes the operands that its own intrinsics leave undefined for ours (its bug 105593).
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#pragma GCC diagnostic ignored "-Wuninitialized"
+#endif
+
+namespace sightline {
+namespace {
+
+// Relative rounding error of one operation in single precision.
+constexpr double kRounding = 0x1p-24;
+// The error of a sum of four products whose factors are themselves rounded is at most 6 roundings of the sum of their sizes.
+constexpr double kSumError = 8 * kRounding;
+// And that of a squared distance of two rounded points 12 of the squared sizes, 9 more for the limit that it is compared with and
+// its last bit. Fused multiply-adds round less.
+constexpr double kSquareError = 32 * kRounding;
+// All places are well before the eye when the nearest is no nearer than this share of the middle's depth.
+constexpr double kWellBefore = 0.2;
+
+// The bound of a row's error over the places, as said at kSumError.
+double error_of(const glm::dvec3& slope, double at_origin, const glm::dvec3& reach_m) {
+  return kSumError * (glm::dot(glm::abs(slope), reach_m) + std::abs(at_origin));
+}
+
+PlaceRow row_of(const glm::dvec3& slope, double at_origin) {
+  return {static_cast<float>(slope.x), static_cast<float>(slope.y), static_cast<float>(slope.z),
+          static_cast<float>(at_origin)};
+}
+
+// With d the computed depth, at least twice its error e_d, a true texel coordinate t and the computed one c differ by
+// |c - t| <= (e_x + |t| e_d) / d, so by at most 2 (e_x + size e_d) / d where either lies in the window.
+void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) {
+  const glm::dvec3 eye = view.eye_m - extent.middle_m, back = view.world_from_view[2];
+  const double per_width = view.width / (view.right - view.left), per_height = view.height / (view.top - view.bottom);
+  const glm::dvec3 across = (view.world_from_view[0] + view.left * back) * per_width + 0.5 * back,
+                   up = (view.world_from_view[1] + view.bottom * back) * per_height + 0.5 * back;
+  const double across_0 = -glm::dot(across, eye), up_0 = -glm::dot(up, eye), depth_0 = glm::dot(back, eye);
+  const double depth_error = error_of(back, depth_0, extent.reach_m);
+  // A sum, which more than the greater of the two tells when one of them is not a number.
+  const double coordinate_error = error_of(across, across_0, extent.reach_m) + error_of(up, up_0, extent.reach_m) +
+                                  std::fmax(view.width, view.height) * depth_error;
+  const glm::dvec3 apart = extent.reach_m + glm::abs(eye);
+  out.across = row_of(across, across_0), out.up = row_of(up, up_0), out.depth = row_of(-back, depth_0);
+  out.eye_x = static_cast<float>(eye.x), out.eye_y = static_cast<float>(eye.y), out.eye_z = static_cast<float>(eye.z);
+  out.last_column = static_cast<float>(view.width - 1), out.last_row = static_cast<float>(view.height - 1);
+  out.least_depth = static_cast<float>(2.1 * depth_error);
+  out.texel_error = static_cast<float>(2.1 * coordinate_error);
+  out.texel_rounding = static_cast<float>(8 * kRounding * std::fmax(view.width, view.height));
+  out.square_error = static_cast<float>(kSquareError * glm::dot(apart, apart));
+  const double nearest = depth_0 - extent.radius_m - depth_error;
+  out.before = nearest > kWellBefore * depth_0 && nearest > 4 * depth_error;
+  out.greatest_error = static_cast<float>(1.01 * out.texel_error / nearest + out.texel_rounding);
+}
+
+float square_limit(float distance_m, double slack) {
+  const double limit_m = distance_m * slack;
+  // A negative distance sees nothing; its square would.
+  return static_cast<float>(limit_m < 0 ? std::numeric_limits<double>::quiet_NaN() : limit_m * limit_m);
+}
+
+SIGHTLINE_VECTOR_CLONES
+void set_limits(const float* __restrict distance_m, size_t count, double slack, float* __restrict limits_m2) {
+  for (size_t i = 0; i < count; ++i) limits_m2[i] = square_limit(distance_m[i], slack);
+}
+
+// A row of eight, of which as many as the map is wide tell something.
+SIGHTLINE_VECTOR_CLONES
+void set_small_limits(const float* distance_m, int width, int height, double slack, float* limits_m2) {
+  for (int y = 0; y < height; ++y) {
+    float row[kSmallMap] = {};
+    for (int x = 0; x < width; ++x) row[x] = distance_m[y * width + x];
+    for (int x = 0; x < kSmallMap; ++x) limits_m2[y * kSmallMap + x] = square_limit(row[x], slack);
+  }
+}
+
+// Whether any texel's occluder passes; if so, which do, in the limits' last bits. An infinite limit hides nothing, and would not be
+// one with another last bit.
+bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t stride, float* limits_m2) {
+  const auto of_texel = [&](size_t texel) {
+    const uint32_t occluder = map.occluder[texel];
+    return occluder != kNoOccluder && passes[occluder] != 0 && !std::isinf(map.distance_m[texel]);
+  };
+  bool any = false;
+  for (size_t texel = 0; texel < map.occluder.size() && !any; ++texel) any = of_texel(texel);
+  if (!any) return false;
+  for (int y = 0; y < map.view.height; ++y)
+    for (int x = 0; x < map.view.width; ++x) {
+      float& limit_m2 = limits_m2[y * stride + x];
+      const bool passing = of_texel(static_cast<size_t>(y * map.view.width + x));
+      if (!std::isinf(limit_m2)) limit_m2 = std::bit_cast<float>((std::bit_cast<uint32_t>(limit_m2) & ~1u) | passing);
+    }
+  return true;
+}
+
+// Certain answers are asked for by comparisons that hold, so that what is not a number is never certain.
+template <bool kPasses>
+[[gnu::always_inline]] inline bool look(const PreparedMap& map, const float* __restrict limits_m2,
+                                        const PlaceTile& tile, bool first, uint8_t* __restrict sights) {
+  int32_t any_unsure = 0;
+  const int32_t former = first ? 0 : 0xFF;
+  for (size_t i = 0; i < tile.count; ++i) {
+    const float px = tile.x_m[i], py = tile.y_m[i], pz = tile.z_m[i];
+    const float depth = map.depth(px, py, pz), per_depth = 1.0f / depth;
+    const float x = map.across(px, py, pz) * per_depth, y = map.up(px, py, pz) * per_depth;
+    const float error = map.texel_error * per_depth + map.texel_rounding;
+    // Clamped, so that the texel is one of the map's whatever becomes of the answer.
+    const float in_x = x > 0.0f ? x : 0.0f, in_y = y > 0.0f ? y : 0.0f;
+    const auto column = static_cast<int32_t>((in_x < map.last_column ? in_x : map.last_column) + 0.5f),
+               row = static_cast<int32_t>((in_y < map.last_row ? in_y : map.last_row) + 0.5f);
+    // From the texel's middle: within half a texel when inside, more beyond the window's edge, to which the texel was clamped.
+    const float of_x = x - static_cast<float>(column), of_y = y - static_cast<float>(row);
+    const float off_x = of_x < 0.0f ? -of_x : of_x, off_y = of_y < 0.0f ? -of_y : of_y;
+    const float off = off_x > off_y ? off_x : off_y;
+    const float dx = px - map.eye_x, dy = py - map.eye_y, dz = pz - map.eye_z;
+    const float limit_m2 = limits_m2[row * map.stride + column];
+    const float over = dx * dx + dy * dy + dz * dz - limit_m2;
+
+    const bool before = depth > map.least_depth, behind = depth < -map.least_depth;
+    const bool inside = before & (off < 0.5f - error), beside = before & (off > 0.5f + error);
+    const int32_t hidden = kPasses ? kHiddenSight + (std::bit_cast<int32_t>(limit_m2) & 1) : kHiddenSight;
+    int32_t sight = behind | beside ? kUnknownSight : kUnsureSight;
+    sight = inside & (over < -map.square_error) ? kVisibleSight : sight;
+    sight = inside & (over > map.square_error) ? hidden : sight;
+    const int32_t before_this = sights[i] & former;
+    sight = before_this == kUnknownSight ? sight : before_this;
+    any_unsure |= sight & kUnsureSight;
+    sights[i] = static_cast<uint8_t>(sight);
+  }
+  return any_unsure != 0;
+}
+
+SIGHTLINE_VECTOR_CLONES
+bool look_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first, uint8_t* sights) {
+  return look<false>(map, limits_m2, tile, first, sights);
+}
+
+SIGHTLINE_VECTOR_CLONES
+bool look_plainly_passing(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                          uint8_t* sights) {
+  return look<true>(map, limits_m2, tile, first, sights);
+}
+
+#ifdef SIGHTLINE_X86_V4
+
+struct RowV4 {
+  __m512 x, y, z, at_origin;
+};
+
+SIGHTLINE_X86_V4 inline RowV4 spread(const PlaceRow& row) {
+  return {_mm512_set1_ps(row.x), _mm512_set1_ps(row.y), _mm512_set1_ps(row.z), _mm512_set1_ps(row.at_origin)};
+}
+
+SIGHTLINE_X86_V4 inline __m512 at(const RowV4& row, __m512 px, __m512 py, __m512 pz) {
+  return _mm512_fmadd_ps(row.x, px, _mm512_fmadd_ps(row.y, py, _mm512_fmadd_ps(row.z, pz, row.at_origin)));
+}
+
+// The texel's coordinate on one axis, clamped to the map's. Comparisons with what is not a number give the second operand.
+SIGHTLINE_X86_V4 inline __m512i texel_at(__m512 coordinate, __m512 last) {
+  return _mm512_cvtps_epi32(_mm512_min_ps(_mm512_max_ps(coordinate, _mm512_setzero_ps()), last));
+}
+
+// The limits of a small map lie in four registers, where a look costs a tenth of one into memory.
+template <bool kSmall, bool kBefore, bool kPasses>
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                              uint8_t* sights) {
+  const RowV4 across = spread(map.across), up = spread(map.up), depth_row = spread(map.depth);
+  const __m512 eye_x = _mm512_set1_ps(map.eye_x), eye_y = _mm512_set1_ps(map.eye_y), eye_z = _mm512_set1_ps(map.eye_z),
+               last_column = _mm512_set1_ps(map.last_column), last_row = _mm512_set1_ps(map.last_row),
+               least_depth = _mm512_set1_ps(map.least_depth), square_error = _mm512_set1_ps(map.square_error),
+               less_square_error = _mm512_set1_ps(-map.square_error), half = _mm512_set1_ps(0.5f);
+  const __m512i stride = _mm512_set1_epi32(map.stride), one = _mm512_set1_epi32(1);
+  const __m512 limits_0 = _mm512_loadu_ps(limits_m2), limits_1 = kSmall ? _mm512_loadu_ps(limits_m2 + 16) : limits_0,
+               limits_2 = kSmall ? _mm512_loadu_ps(limits_m2 + 32) : limits_0,
+               limits_3 = kSmall ? _mm512_loadu_ps(limits_m2 + 48) : limits_0;
+  __m512 within = _mm512_set1_ps(0.5f - map.greatest_error), without = _mm512_set1_ps(0.5f + map.greatest_error);
+  __mmask16 any_unsure = 0;
+  for (size_t i = 0; i < tile.count; i += PlaceTile::kTilePad) {
+    const __m512 px = _mm512_load_ps(tile.x_m + i), py = _mm512_load_ps(tile.y_m + i), pz = _mm512_load_ps(tile.z_m + i);
+    const __m512 depth = at(depth_row, px, py, pz), per_depth = _mm512_div_ps(_mm512_set1_ps(1.0f), depth);
+    const __m512 x = _mm512_mul_ps(at(across, px, py, pz), per_depth), y = _mm512_mul_ps(at(up, px, py, pz), per_depth);
+    const __m512i column = texel_at(x, last_column), row = texel_at(y, last_row);
+    // The greater of the distances from the texel's middle, along either axis.
+    const __m512 off = _mm512_range_ps(_mm512_sub_ps(x, _mm512_cvtepi32_ps(column)),
+                                       _mm512_sub_ps(y, _mm512_cvtepi32_ps(row)), 0b1011);
+    __m512 limit_m2;
+    if constexpr (kSmall) {
+      const __m512i texel = _mm512_add_epi32(_mm512_slli_epi32(row, 3), column);
+      limit_m2 = _mm512_mask_mov_ps(_mm512_permutex2var_ps(limits_0, texel, limits_1),
+                                    _mm512_test_epi32_mask(texel, _mm512_set1_epi32(32)),
+                                    _mm512_permutex2var_ps(limits_2, texel, limits_3));
+    } else {
+      limit_m2 = _mm512_i32gather_ps(_mm512_add_epi32(_mm512_mullo_epi32(row, stride), column), limits_m2, 4);
+    }
+    const __m512 dx = _mm512_sub_ps(px, eye_x), dy = _mm512_sub_ps(py, eye_y), dz = _mm512_sub_ps(pz, eye_z);
+    const __m512 over = _mm512_fmadd_ps(dz, dz, _mm512_fmadd_ps(dy, dy, _mm512_fmsub_ps(dx, dx, limit_m2)));
+
+    __mmask16 before = 0xFFFF, elsewhere = 0;
+    if constexpr (!kBefore) {
+      const __m512 error = _mm512_fmadd_ps(_mm512_set1_ps(map.texel_error), per_depth, _mm512_set1_ps(map.texel_rounding));
+      within = _mm512_sub_ps(half, error), without = _mm512_add_ps(half, error);
+      before = _mm512_cmp_ps_mask(depth, least_depth, _CMP_GT_OQ);
+      elsewhere = _mm512_cmp_ps_mask(depth, _mm512_sub_ps(_mm512_setzero_ps(), least_depth), _CMP_LT_OQ);
+    }
+    const __mmask16 inside = _mm512_mask_cmp_ps_mask(before, off, within, _CMP_LT_OQ);
+    elsewhere |= _mm512_mask_cmp_ps_mask(before, off, without, _CMP_GT_OQ);
+    const __mmask16 visible = _mm512_mask_cmp_ps_mask(inside, over, less_square_error, _CMP_LT_OQ),
+                    hidden = _mm512_mask_cmp_ps_mask(inside, over, square_error, _CMP_GT_OQ);
+    auto unsure = static_cast<__mmask16>(~(visible | hidden | elsewhere));
+    __m128i sight = _mm_maskz_set1_epi8(visible, kVisibleSight);
+    sight = _mm_mask_mov_epi8(sight, hidden, _mm_set1_epi8(kHiddenSight));
+    if constexpr (kPasses)
+      sight = _mm_mask_mov_epi8(sight, _mm512_mask_test_epi32_mask(hidden, _mm512_castps_si512(limit_m2), one),
+                                _mm_set1_epi8(kPassingSight));
+    sight = _mm_mask_mov_epi8(sight, unsure, _mm_set1_epi8(kUnsureSight));
+    auto* const out = reinterpret_cast<__m128i*>(sights + i);
+    if (!first) {
+      const __m128i former = _mm_loadu_si128(out);
+      const __mmask16 open = _mm_testn_epi8_mask(former, former);
+      sight = _mm_mask_mov_epi8(former, open, sight);
+      unsure &= open;
+    }
+    _mm_storeu_si128(out, sight);
+    any_unsure |= unsure;
+  }
+  return any_unsure != 0;
+}
+
+template <bool kSmall>
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                              uint8_t* sights) {
+  if (map.before)
+    return map.passing ? look_v4<kSmall, true, true>(map, limits_m2, tile, first, sights)
+                       : look_v4<kSmall, true, false>(map, limits_m2, tile, first, sights);
+  return map.passing ? look_v4<kSmall, false, true>(map, limits_m2, tile, first, sights)
+                     : look_v4<kSmall, false, false>(map, limits_m2, tile, first, sights);
+}
+
+#endif
+
+bool is_small(const MapView& view) {
+  return view.width <= kSmallMap && view.height <= kSmallMap;
+}
+
+}  // namespace
+
+PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double relative_bias,
+                        std::span<const uint8_t> passes, std::vector<float>& limits_m2) {
+  PreparedMap out;
+  out.map = &map;
+  set_rows(map.view, extent, out);
+  const bool small = is_small(map.view);
+  out.stride = small ? kSmallMap : map.view.width;
+  out.first_limit = limits_m2.size();
+  // What is not set is never looked at. A whole vector of limits is there to be read in any case.
+  const size_t count = small ? kSmallMap * kSmallMap : std::max<size_t>(map.distance_m.size(), 16);
+  limits_m2.resize(out.first_limit + count);
+  float* const limits = &limits_m2[out.first_limit];
+  if (small)
+    set_small_limits(map.distance_m.data(), map.view.width, map.view.height, 1.0 + relative_bias, limits);
+  else
+    set_limits(map.distance_m.data(), map.distance_m.size(), 1.0 + relative_bias, limits);
+  out.passing = !passes.empty() && set_passing(map, passes, out.stride, limits);
+  return out;
+}
+
+bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                         uint8_t* sights) {
+  limits_m2 += map.first_limit;
+  return map.passing ? look_plainly_passing(map, limits_m2, tile, first, sights)
+                     : look_plainly(map, limits_m2, tile, first, sights);
+}
+
+bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first, uint8_t* sights) {
+#ifdef SIGHTLINE_X86_V4
+  static const bool v4 = runs_x86_v4();
+  if (v4) {
+    limits_m2 += map.first_limit;
+    return is_small(map.map->view) ? look_v4<true>(map, limits_m2, tile, first, sights)
+                                   : look_v4<false>(map, limits_m2, tile, first, sights);
+  }
+#endif
+  return look_at_map_plainly(map, limits_m2, tile, first, sights);
+}
+
+}  // namespace sightline
