@@ -15,6 +15,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, json_format, messag
 from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
+from mcap_protobuf.schema import register_schema
 from mcap_protobuf.writer import Writer as ProtobufWriter
 
 SAMPLE, SIGHTLINE = sys.argv[1:3]
@@ -198,6 +199,24 @@ class Files(unittest.TestCase):
         run("verify", path)
         self.assertIsNone(json.loads(run("info", "--json", path).stdout)["session"])
         run("cut", path, "--out", self.path("none.mcap"), status=1)
+
+    def test_messages_too_deep_to_print_are_told_and_not_printed(self):
+        path = self.path("deep.mcap")
+        writer = Writer(path)
+        writer.start()
+        channel = writer.register_channel("/odd", "protobuf", register_schema(writer, odd_message()))
+        for depth in (20, 90, 3000):
+            data = b"\x08\x01"
+            for _ in range(depth):  # must = 1, and inner, a length and itself
+                size, length = len(data), b""
+                while size > 127:
+                    length, size = length + bytes([size % 128 + 128]), size // 128
+                data = b"\x08\x01\x22" + length + bytes([size]) + data
+            writer.add_message(channel, log_time=depth, publish_time=0, sequence=depth, data=data)
+        writer.finish()
+        lines = [json.loads(line) for line in run("dump", path, status=1).stdout.splitlines()]
+        self.assertIn("message", lines[0])
+        self.assertIn("error", lines[2])
 
     def test_foreign_json_is_dumped_as_it_is(self):
         path = self.path("json.mcap")
