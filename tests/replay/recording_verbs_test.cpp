@@ -165,9 +165,8 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
   const std::string file = put("hall.mcap", hall());
   const Said text = info({file});
   EXPECT_EQ(text.status, 0) << text.err;
-  for (const char* part :
-       {"recorded-hall, part 1", "embree", "2023-11-14 22:13:20 UTC", "finished    yes",
-        "with the session", "/sightline/tick", "/tf", "attachments (1)"})
+  for (const char* part : {"recorded-hall, part 1", "embree", "2023-11-14 22:13:20 UTC", "finished    yes",
+                           "with the session", "/sightline/tick", "/tf", "attachments (1)"})
     EXPECT_THAT(text.out, HasSubstr(part));
 
   const json told = json::parse(info({file}, true).out);
