@@ -10,8 +10,8 @@
 namespace sightline {
 
 struct CutOptions {
-  std::string file;
-  std::string out;  // a new file
+  std::string file = {};
+  std::string out = {};  // a new file
   // Seconds of log time since the first message of the file, as client/recording_cut.h takes them.
   double start_s = 0.0;
   double end_s = std::numeric_limits<double>::infinity();

@@ -11,13 +11,13 @@
 namespace sightline {
 
 struct DumpOptions {
-  std::string file;
-  std::vector<std::string> topics;  // empty: all
+  std::string file = {};
+  std::vector<std::string> topics = {};  // empty: all
   // Seconds of log time since the first message of the file: start <= t < end.
   double start_s = 0.0;
   double end_s = std::numeric_limits<double>::infinity();
   uint64_t limit = std::numeric_limits<uint64_t>::max();  // lines
-  std::string out;                                        // a new file; empty: the standard output
+  std::string out = {};                                   // a new file; empty: the standard output
   bool progress = false;
 };
 

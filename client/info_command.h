@@ -10,7 +10,7 @@
 namespace sightline {
 
 struct InfoOptions {
-  std::vector<std::string> files;
+  std::vector<std::string> files = {};
   bool json = false;  // one object a line for each file
   bool progress = false;
 };

@@ -1,8 +1,9 @@
 #include "client/recording_facts.h"
 
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
+
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
@@ -33,15 +34,6 @@ std::string convention_text(const v1::Convention& convention) {
 }
 
 }  // namespace
-
-std::string utc_text(uint64_t since_1970_ns) {
-  const auto time = static_cast<std::time_t>(since_1970_ns / 1'000'000'000);
-  std::tm parts{};
-  char text[64];
-  if (!gmtime_r(&time, &parts) || std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S UTC", &parts) == 0)
-    return "?";
-  return text;
-}
 
 std::vector<std::pair<std::string, std::string>> recording_facts(const Recording& recording,
                                                                  const RecordingDigest& digest) {

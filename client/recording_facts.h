@@ -18,7 +18,4 @@ std::vector<std::pair<std::string, std::string>> recording_facts(const Recording
 // damaged or only a part, that messages are missing, that frames were left out.
 std::vector<std::string> recording_notices(const Recording& recording, const RecordingDigest& digest);
 
-// "2026-11-21 22:43:47 UTC"
-std::string utc_text(uint64_t since_1970_ns);
-
 }  // namespace sightline

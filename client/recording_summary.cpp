@@ -134,7 +134,7 @@ void print_session(std::ostream& out, const RecordingSummary& s) {
               : "after " + counted(info.folded_ticks(), "tick") + ", folded into one")
       << '\n';
   out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, "
-      << grouped(s.merged) << " merged into them, " << grouped(s.rejections) << " refused\n"
+      << grouped(s.merged) << " merged or not answered, " << grouped(s.rejections) << " refused\n"
       << "faults      " << grouped(s.faults) << '\n'
       << "missing     " << missing_text(s) << '\n';
 }

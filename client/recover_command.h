@@ -9,8 +9,8 @@
 namespace sightline {
 
 struct RecoverOptions {
-  std::string file;
-  std::string out;  // a new file
+  std::string file = {};
+  std::string out = {};  // a new file
   bool progress = false;
 };
 

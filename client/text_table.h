@@ -23,7 +23,7 @@ std::string grouped(uint64_t value);
 std::string bytes_text(uint64_t bytes);
 // A name from a file: what would move the cursor is shown as '?', nothing as '-'.
 std::string printable(const std::string& name, size_t longest = 40);
-// "2023-11-14 22:13:20.000 UTC"; nanoseconds since 1970.
+// "2023-11-14 22:13:20 UTC"; nanoseconds since 1970.
 std::string utc_text(uint64_t time_ns);
 
 // Columns as wide as their widest cell; numbers stand on the right.

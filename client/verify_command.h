@@ -10,7 +10,7 @@
 namespace sightline {
 
 struct VerifyOptions {
-  std::vector<std::string> files;
+  std::vector<std::string> files = {};
   bool json = false;
   bool progress = false;
 };
