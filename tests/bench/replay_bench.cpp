@@ -1,9 +1,9 @@
 // What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
 // fast as possible, and what of that is not the step itself.
 //
-//   replay_bench [--minutes 60] [--points -1] [--sampler embree] [--file FILE]
+//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE]
 //
-// Makes a recording of the hall's first minute over and over, at 60 Hz (kept where --file names a new file; one that is
+// Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
 // there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the default settings.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -20,7 +20,7 @@
 #include "client/replay.h"
 #include "client/scenario.h"
 #include "client/scenario_session.h"
-#include "scenes/hall.h"
+#include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
 #include "server/sampler_choice.h"
 
@@ -34,6 +34,7 @@ constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
 
 struct Options {
   double minutes = 60.0;
+  std::string scene = "hall";
   int points = -1;
   std::string sampler = "embree";
   std::string file;
@@ -48,10 +49,11 @@ std::unique_ptr<SamplerDevice> make_sampler(const std::string& name) {
   return chosen ? std::move(chosen->device) : nullptr;
 }
 
-// A camera over the same minute, again and again: each time it is put back with a cut.
+// A camera over the same scenario, again and again: each time it is put back with a cut.
 Status make_recording(const Options& options, const std::string& path) {
-  constexpr double kLoopS = 60.0;
-  const auto glb = scenes::make_hall({.seed = 1, .duration_s = kLoopS});
+  const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
+  if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
+  const auto glb = entry->make({});
   const auto sampler = make_sampler(options.sampler);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   LocalWorld world("", *sampler);
@@ -79,7 +81,7 @@ Status make_recording(const Options& options, const std::string& path) {
     done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb.data()), glb.size()}},
                              kStartNs);
   const auto ticks = static_cast<uint64_t>(options.minutes * 60 * kRateHz);
-  const auto loop_ticks = static_cast<uint64_t>(kLoopS * kRateHz);
+  const auto loop_ticks = std::max<uint64_t>(1, static_cast<uint64_t>(scenario->duration_s() * kRateHz));
   v1::CameraReply reply;
   for (uint64_t i = 0; done && i < ticks; ++i) {
     v1::Tick tick = tick_at(*scenario, i + 1, static_cast<double>(i % loop_ticks) / kRateHz, 1 / kRateHz);
@@ -223,6 +225,7 @@ int main(int argc, char** argv) {
   app.add_option("--minutes", options.minutes, "Of the recording that is made")
       ->check(CLI::Range(0.01, 1e4))
       ->capture_default_str();
+  app.add_option("--scene", options.scene, "Of the catalogue")->capture_default_str();
   app.add_option("--points", options.points, "Surface points of each target; -1: the default")
       ->check(CLI::Range(-1, 16));
   app.add_option("--sampler", options.sampler, "embree or egl")

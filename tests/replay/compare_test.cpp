@@ -93,19 +93,22 @@ std::set<std::string> reference_paths(const Message& a, const Message& b) {
    public:
     using Path = std::vector<google::protobuf::util::MessageDifferencer::SpecificField>;
     explicit Collect(std::set<std::string>& paths) : paths_(paths) {}
-    void ReportAdded(const Message&, const Message&, const Path& path) override { add(path); }
-    void ReportDeleted(const Message&, const Message&, const Path& path) override { add(path); }
-    void ReportModified(const Message&, const Message&, const Path& path) override { add(path); }
+    void ReportAdded(const Message&, const Message&, const Path& path) override { add(path, true); }
+    void ReportDeleted(const Message&, const Message&, const Path& path) override { add(path, true); }
+    // It tells every message on the way to what differs as well.
+    void ReportModified(const Message&, const Message&, const Path& path) override {
+      if (path.back().field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) add(path, false);
+    }
 
    private:
     // Where a list is longer in one of them we name the list, the differencer each element.
-    void add(const Path& path) {
+    void add(const Path& path, bool only_one_has_it) {
       std::string text;
       for (const auto& step : path) {
         if (!text.empty()) text += '.';
         text += step.field->name();
-        const bool extra = step.index < 0 || step.new_index < 0;
-        if (step.field->is_repeated() && !extra)
+        const bool list = only_one_has_it && &step == &path.back();
+        if (step.field->is_repeated() && !list)
           text.append("[").append(std::to_string(step.index)).append("]");
       }
       paths_.insert(text);
