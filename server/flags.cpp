@@ -20,6 +20,7 @@ struct RawFlags {
   std::string egl_variant = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
+  std::string record = "all";
   bool print_config = false;
   bool check_config = false;
 };
@@ -37,6 +38,9 @@ const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"warning", LogLevel::kWarning},
                                               {"error", LogLevel::kError},
                                               {"off", LogLevel::kOff}};
+
+// Whether every session is recorded.
+const std::map<std::string, bool> kRecorded{{"all", true}, {"asked", false}};
 
 template <typename T>
 CLI::IsMember one_of(const std::map<std::string, T>& choices) {
@@ -146,6 +150,34 @@ void add_logging(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
 }
 
+void add_recording(CLI::App& app, RawFlags& raw) {
+  constexpr uint64_t kMostMib = uint64_t{1} << 30;
+  app.add_option("--record-dir", raw.flags.record_dir,
+                 "Folder to record sessions into, a file each; made when it is not there. Without it nothing is recorded")
+      ->type_name("DIR");
+  app.add_option("--record", raw.record,
+                 "Which sessions are recorded: all, unless their client says no, or those that are asked for")
+      ->check(one_of(kRecorded))
+      ->capture_default_str();
+  app.add_flag("--record-scenes", raw.flags.record_scenes,
+               "Put the scene files of a session into its recording; a client can also ask for it");
+  app.add_option("--record-total-mib", raw.flags.record_total_mib,
+                 "All recordings of the folder together, MiB; the oldest go")
+      ->check(CLI::Range(uint64_t{1}, kMostMib))
+      ->capture_default_str();
+  app.add_option("--record-file-mib", raw.flags.record_file_mib,
+                 "One file, MiB; then the session goes on in a next one")
+      ->check(CLI::Range(uint64_t{1}, kMostMib))
+      ->capture_default_str();
+  app.add_option("--record-age-h", raw.flags.record_age_h, "Older recordings go, hours; 0: none for its age")
+      ->check(CLI::Range(uint64_t{0}, uint64_t{1'000'000}))
+      ->capture_default_str();
+  app.add_option("--record-reserve-mib", raw.flags.record_reserve_mib,
+                 "What recordings leave free on the disk, MiB; with less nothing is recorded")
+      ->check(CLI::Range(uint64_t{0}, kMostMib))
+      ->capture_default_str();
+}
+
 void add_configuration(CLI::App& app, RawFlags& raw) {
   app.set_config("--config", "", "Read flags from a file as --print-config writes it")->configurable(false);
   app.add_flag("--print-config", raw.print_config,
@@ -164,6 +196,7 @@ Flags finished(const RawFlags& raw) {
   flags.egl_variant = egl_variants().at(raw.egl_variant);
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
+  flags.record_all = kRecorded.at(raw.record);
   return flags;
 }
 
@@ -178,6 +211,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_sampling(app, raw);
   add_limits(app, raw);
   add_logging(app, raw);
+  add_recording(app, raw);
   add_configuration(app, raw);
   app.allow_config_extras(false);
   const CLI::App* devices =

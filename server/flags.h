@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <variant>
@@ -32,6 +33,13 @@ struct Flags {
   LogLevel log_level = LogLevel::kInfo;
   std::string ready_file;
   double drain_s = 5.0;
+  std::string record_dir;  // empty: nothing is recorded
+  bool record_all = true;  // else only sessions that ask for it
+  bool record_scenes = false;
+  uint64_t record_total_mib = 4096;
+  uint64_t record_file_mib = 256;
+  uint64_t record_age_h = 0;  // 0: any
+  uint64_t record_reserve_mib = 1024;
 };
 
 struct Serve {

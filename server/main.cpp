@@ -11,10 +11,13 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <memory>
+#include <optional>
 
 #include "server/flags.h"
 #include "server/gl/software_renderer.h"
 #include "server/receive/listener.h"
+#include "server/record/recorder.h"
 #include "server/receive/server_info.h"
 #include "server/receive/service.h"
 #include "server/sample/embree_sampler.h"
@@ -30,6 +33,8 @@ using std::chrono::steady_clock;
 constexpr unsigned kLoaderThreads = 2;
 constexpr milliseconds kStopGrace{500};
 constexpr milliseconds kDrainPoll{10};
+// How often the queues of recorded sessions are emptied.
+constexpr milliseconds kRecordPeriod{50};
 
 // The signals that stop the daemon, blocked in all threads and taken by sigwait in main.
 sigset_t stop_signals() {
@@ -76,6 +81,44 @@ BudgetRules budget_rules(const Flags& flags) {
   if (flags.step_budget_ms > 0) rules.fixed_ns = std::llround(flags.step_budget_ms * 1e6);
   return rules;
 }
+
+uint64_t wall_ns() {
+  return static_cast<uint64_t>(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count());
+}
+
+RecordSettings record_settings(const Flags& flags) {
+  RecordSettings settings;
+  settings.folder = flags.record_dir;
+  settings.limits = {.max_total_bytes = flags.record_total_mib << 20,
+                     .max_file_bytes = flags.record_file_mib << 20,
+                     .max_age_s = flags.record_age_h * 3600,
+                     .free_reserve_bytes = flags.record_reserve_mib << 20};
+  return settings;
+}
+
+void tell(const Log& log, const RecordWarning& warning) {
+  const Log::Field session{"session", warning.session_id}, reason{"reason", warning.text};
+  warning.over ? log.info("recording recovered", {session, reason})
+               : log.warn("recording degraded", {session, reason});
+}
+
+// What records sessions. Whoever holds a recorder goes first; then the files are finished here.
+class Recording {
+ public:
+  Recording(const Flags& flags, const Log& log)
+      : files_(system_files()),
+        writer_(record_settings(flags), *files_, wall_ns, [&log](const RecordWarning& w) { tell(log, w); }),
+        thread_(writer_, kRecordPeriod) {}
+
+  RecordWriter& writer() { return writer_; }
+
+ private:
+  const std::unique_ptr<RecordFileSystem> files_;
+  RecordWriter writer_;
+  RecordThread thread_;
+};
 
 // Different for each start of a daemon, so that session ids in logs never mean two sessions.
 std::string start_name() {
@@ -159,9 +202,15 @@ int serve(const Flags& flags) {
   log.info("sampler",
            {{"kind", sampler.kind()}, {"renderer", sampler.description()}, {"reason", chosen->reason}});
 
+  std::optional<Recording> recording;
+  if (!flags.record_dir.empty()) recording.emplace(flags, log);
+  const RecordingRules recorded{.writer = recording ? &recording->writer() : nullptr,
+                                .all = flags.record_all,
+                                .attach_scenes = flags.record_scenes,
+                                .wall_ns = wall_ns};
   GeometryStore geometry;
   ExtentCache extents;
-  SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry);
+  SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry, recording.has_value());
   StreamRegistry streams(flags.max_sessions);
   Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);
@@ -171,7 +220,7 @@ int serve(const Flags& flags) {
   StepStats stats;
   CameraControlService service(
       ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares, stats, log,
-                   monotonic_ns, start_name(), chosen->reason, budget},
+                   monotonic_ns, start_name(), chosen->reason, budget, recorded},
       service_limits(flags));
   const auto listener = Listener::start(listen_options(flags), service);
   if (!listener)
@@ -183,7 +232,8 @@ int serve(const Flags& flags) {
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
                      {"sampler", sampler.kind()},
-                     {"threads", std::to_string(steppers.threads())}});
+                     {"threads", std::to_string(steppers.threads())},
+                     {"recordings", recording ? flags.record_dir : "none"}});
   wait_for_stop_signal(log);
   ready.remove();
   stop_in_order(**listener, streams, flags.drain_s, log);

@@ -37,6 +37,14 @@ const Error kNotOpened{ErrorCode::kInvalidArgument, "open",
 const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is open already"};
 const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
 
+// How many of the newest messages are ticks that ask to be merged into what comes next.
+size_t ask_to_be_merged(const std::deque<Inbox::Message>& messages) {
+  const auto other = std::find_if(messages.rbegin(), messages.rend(), [](const Inbox::Message& message) {
+    return !message.request.tick().step().merge_into_next();
+  });
+  return static_cast<size_t>(other - messages.rbegin());
+}
+
 }  // namespace
 
 ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits,
@@ -56,7 +64,10 @@ ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const Se
 }
 
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id)
-    : parts_(parts), session_id_(std::move(session_id)), inbox_(limits.inbox_messages, limits.inbox_bytes) {}
+    : parts_(parts),
+      session_id_(std::move(session_id)),
+      tape_(parts.recording, parts.clock, parts.scenes, parts.log),
+      inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
@@ -97,7 +108,11 @@ void ControlStream::step_here(const std::shared_ptr<ControlStream>& self) {
 }
 
 void ControlStream::take_in(int64_t arrival_ns) {
-  if (request_.has_tick()) pace_.observe(parts_.steppers.now_ns(), told_dt_s(request_.tick()));
+  if (request_.has_tick()) {
+    const std::optional<double> dt_s = told_dt_s(request_.tick());
+    // One that asks for no step sets nobody a deadline.
+    if (!request_.tick().step().merge_into_next()) pace_.observe(parts_.steppers.now_ns(), dt_s);
+  }
   inbox_.push(std::exchange(request_, {}), arrival_ns);
 }
 
@@ -200,6 +215,7 @@ void ControlStream::advance() {
 void ControlStream::close(const grpc::Status& status) {
   finished_ = true;
   session_.reset();
+  tape_.close();
   if (budget_) parts_.shares.leave(share_slot_);
   inbox_.take_all();
   outbox_.clear();
@@ -213,7 +229,8 @@ void ControlStream::close(const grpc::Status& status) {
                    {"degraded", std::to_string(tally_.degraded)},
                    {"late", std::to_string(tally_.late)},
                    {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
-                   {"rejections", std::to_string(tally_.rejections)}});
+                   {"rejections", std::to_string(tally_.rejections)},
+                   {"recording", tape_.name().empty() ? "none" : tape_.name()}});
   Finish(status);
 }
 
@@ -242,7 +259,7 @@ void ControlStream::finish(const TakenMaps& taken) {
   if (stepped) account(taken, start_ns);
   busy_ = false;
   opened_ = session_ != nullptr;
-  needs_loader_ = !work_.messages.empty();
+  needs_loader_ = work_.needs_loader;
   inbox_.put_back(std::move(work_.messages));
   for (v1::ControlReply& reply : outcome_.replies) outbox_.push_back(std::move(reply));
   if (outcome_.end && !end_status_) end_status_ = std::move(outcome_.end);
@@ -255,9 +272,11 @@ template <typename Part>
 void ControlStream::guarded(const Part& part) try {
   part();
 } catch (const std::bad_alloc&) {
+  tape_.fault(stepping_.value_or(0), "session", "out of memory");
   outcome_.end = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory");
 } catch (const std::exception& trouble) {
   parts_.log.error("session failed", {{"session", session_id_}, {"reason", trouble.what()}});
+  tape_.fault(stepping_.value_or(0), "session", trouble.what());
   outcome_.end = grpc::Status(grpc::StatusCode::INTERNAL, "the session failed; the server's log says why");
 }
 
@@ -268,10 +287,18 @@ TakeJob ControlStream::work_through() {
   }
   const std::optional<uint64_t> newest = take_ticks(work_, outcome_);
   if (!newest) return {};
-  TakeJob job = session_->begin_step(budget_->level());
+  level_ = told_level_.value_or(budget_->level());
+  TakeJob job = session_->begin_step(level_);
   stepping_ = newest;
   merged_ = false;
   return job;
+}
+
+// What the session may use of a thread, once it was told what it asks for. A step at a level that the client chose
+// says nothing of what the others cost.
+double ControlStream::share_of_thread(int64_t end_ns) {
+  const double cost_ns = told_level_ ? static_cast<double>(last_cost_ns_) : budget_->full_cost_ns();
+  return parts_.shares.tell(share_slot_, std::min(cost_ns / static_cast<double>(interval_ns_), 1.0), end_ns);
 }
 
 // Needs mutex_: whether a tick waits says whether the session keeps up.
@@ -281,12 +308,13 @@ void ControlStream::account(const TakenMaps& taken, int64_t finish_start_ns) {
   last_cost_ns_ = taken.cost_ns + (end_ns - finish_start_ns);
   tally_.late += end_ns > due_ns_;
   parts_.stats.late.fetch_add(end_ns > due_ns_, std::memory_order_relaxed);
-  const double demand = budget_->full_cost_ns() / static_cast<double>(interval_ns_);
+  const double share = share_of_thread(end_ns);
+  if (told_level_) return;
   budget_->stepped({.end_ns = end_ns,
                     .cost_ns = last_cost_ns_,
                     .interval_ns = interval_ns_,
                     .behind = merged_ || !inbox_.empty(),
-                    .share = parts_.shares.tell(share_slot_, std::min(demand, 1.0), end_ns)});
+                    .share = share});
   if (budget_->level() != level) tell_economy(level);
 }
 
@@ -320,11 +348,13 @@ ControlStream::Work ControlStream::take_work() {
 
 void ControlStream::open(Messages& messages, Outcome& outcome) {
   if (messages.empty()) return;
-  const v1::ControlRequest request = std::move(messages.front().request);
+  const Inbox::Message message = std::move(messages.front());
   messages.pop_front();
   v1::ControlReply reply;
   const Status opened =
-      request.has_open() ? open_session(request.open(), *reply.mutable_opened()) : tl::unexpected(kNotOpened);
+      message.request.has_open()
+          ? open_session(message.request.open(), message.arrival_ns, *reply.mutable_opened())
+          : tl::unexpected(kNotOpened);
   if (opened) {
     outcome.replies.push_back(std::move(reply));
   } else {
@@ -333,7 +363,8 @@ void ControlStream::open(Messages& messages, Outcome& outcome) {
   }
 }
 
-Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOpened& opened) {
+Status ControlStream::open_session(const v1::OpenSession& request, int64_t arrival_ns,
+                                   v1::SessionOpened& opened) {
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
@@ -349,6 +380,7 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   opened.set_session_id(session_id_);
   opened.set_sampler(parts_.sampler.kind());
   for (std::string& warning : warnings) opened.add_warnings(std::move(warning));
+  tape_.open(request, arrival_ns, opened);
   parts_.log.info("session opened", {{"session", session_id_},
                                      {"label", request.label()},
                                      {"instances", std::to_string(opened.instances())},
@@ -357,27 +389,42 @@ Status ControlStream::open_session(const v1::OpenSession& request, v1::SessionOp
   return {};
 }
 
-// Every tick is applied; one step is taken for the newest that was. A tick for which a file must be read or a
-// sample table built, and those behind it, are left to a loader: the steps of other sessions do not wait for it.
+// Every tick is applied; one step is taken for the newest that was, unless that one asks for none. A tick for which a
+// file must be read or a sample table built, and those behind it, are left to a loader: the steps of other sessions do
+// not wait for it.
 std::optional<uint64_t> ControlStream::take_ticks(Work& work, Outcome& outcome) {
   std::optional<uint64_t> newest;
-  for (Messages& messages = work.messages; !messages.empty(); messages.pop_front()) {
+  Messages& messages = work.messages;
+  for (size_t left_for_next = ask_to_be_merged(messages); !messages.empty(); messages.pop_front()) {
     const Inbox::Message& message = messages.front();
     const v1::Tick& tick = message.request.tick();
-    if (!work.may_take_long && takes_long(tick, *session_, parts_.scenes)) break;
+    if (newest && wants_step_ && messages.size() <= left_for_next) break;
+    work.needs_loader = !work.may_take_long &&
+                        (takes_long(tick, *session_, parts_.scenes) || tape_.lacks_scenes(tick));
+    if (work.needs_loader) break;
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
+      note_step_control(tick.step());
+      tape_.attach_scenes(tick);
     } else {
       reject(applied.error(), tick.sequence(), outcome);
     }
   }
-  return newest;
+  return wants_step_ ? newest : std::nullopt;
+}
+
+void ControlStream::note_step_control(const v1::StepControl& step) {
+  wants_step_ = !step.merge_into_next();
+  asked_merges_ += step.merge_into_next();
+  told_level_.reset();
+  if (step.has_economy_level()) told_level_ = static_cast<int>(step.economy_level());
 }
 
 Status ControlStream::apply(const Inbox::Message& message) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   ++tally_.ticks;
+  tape_.tick(message.request.tick(), message.arrival_ns);
   auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry});
   if (!tick) return tl::unexpected(std::move(tick.error()));
   tick->arrival_ns = message.arrival_ns;
@@ -389,17 +436,19 @@ void ControlStream::answer(uint64_t newest_sequence, const Status& taken, Outcom
   if (!answer) {
     Error error = answer.error();
     error.message.insert(0, "the tick was applied, its step failed: ");
+    tape_.fault(newest_sequence, "sample", to_string(answer.error()));
     return reject(error, newest_sequence, outcome);
   }
   const bool degraded = answer->economised.has_value();
-  merged_ = answer->merged_ticks > 0;
+  merged_ = answer->merged_ticks > std::exchange(asked_merges_, 0);
   ++tally_.steps;
   tally_.degraded += degraded;
   parts_.stats.steps.fetch_add(1, std::memory_order_relaxed);
   parts_.stats.degraded.fetch_add(degraded, std::memory_order_relaxed);
   parts_.stats.queue.add(answer->queue_ns);
-  camera_reply_to_proto(*answer, *session_, session_->diagnostics(),
-                        *outcome.replies.emplace_back().mutable_camera());
+  v1::CameraReply& reply = *outcome.replies.emplace_back().mutable_camera();
+  camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
+  tape_.reply(reply);
 }
 
 void ControlStream::reject(const Error& error, uint64_t sequence, Outcome& outcome) {
@@ -407,8 +456,9 @@ void ControlStream::reject(const Error& error, uint64_t sequence, Outcome& outco
   parts_.log.debug(
       "tick refused",
       {{"session", session_id_}, {"sequence", std::to_string(sequence)}, {"reason", to_string(error)}});
-  rejection_to_proto(error, sequence, &session_->mirror(),
-                     *outcome.replies.emplace_back().mutable_rejected());
+  v1::Rejection& rejection = *outcome.replies.emplace_back().mutable_rejected();
+  rejection_to_proto(error, sequence, &session_->mirror(), rejection);
+  tape_.rejection(rejection);
 }
 
 }  // namespace sightline

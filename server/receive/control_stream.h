@@ -8,6 +8,10 @@
 // A reply is due one tick interval after its tick arrived; the scheduler goes by that. What the steps cost decides what
 // they leave out under overload (step_budget).
 //
+// A tick can ask that no step be taken for it (StepControl.merge_into_next), and so can all that are there: then they
+// are applied and nothing is answered. What asks so behind a tick that wants its answer stays in the inbox until that
+// is given.
+//
 // Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and
 // only move messages, but for a short step (below). `plan` and `finish` run on a worker, one after the other for one
 // stream (`busy_`): a thread of the scheduler; the thread that read the tick, when the last step was short and a turn is
@@ -29,6 +33,7 @@
 
 #include "server/receive/inbox.h"
 #include "server/receive/parts.h"
+#include "server/receive/session_tape.h"
 #include "server/receive/step_budget.h"
 #include "server/receive/tick_pace.h"
 #include "server/session/session.h"
@@ -60,6 +65,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
     Messages messages;
     std::optional<std::string> drain_reason;
     bool may_take_long = false;  // on a loader
+    bool needs_loader = false;   // the oldest message that is left does
   };
   struct Outcome {
     Replies replies;
@@ -95,13 +101,15 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   void finish(const TakenMaps& taken) override;
   template <typename Part>
   void guarded(const Part& part);
-  TakeJob work_through();  // leaves the messages that need a loader
+  TakeJob work_through();  // leaves the messages that need a loader, or wait for the answer to those before
   Work take_work();
   void open(Messages& messages, Outcome& outcome);
-  Status open_session(const v1::OpenSession& request, v1::SessionOpened& opened);
+  Status open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
   std::optional<uint64_t> take_ticks(Work& work, Outcome& outcome);
   Status apply(const Inbox::Message& message);
+  void note_step_control(const v1::StepControl& step);
   void answer(uint64_t newest_sequence, const Status& taken, Outcome& outcome);
+  double share_of_thread(int64_t end_ns);
   void account(const TakenMaps& taken, int64_t finish_start_ns);
   void tell_economy(int former_level) const;
   void reject(const Error& error, uint64_t sequence, Outcome& outcome);
@@ -115,11 +123,17 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   Tally tally_;
   std::optional<StepBudget> budget_;  // once opened
   FairShares::Slot share_slot_ = 0;   // once opened
+  SessionTape tape_;
+  // Of the ticks applied since the last step:
+  uint32_t asked_merges_ = 0;      // those that asked to be merged
+  bool wants_step_ = false;        // the newest did not
+  std::optional<int> told_level_;  // what the newest says
   // Between `plan` and `finish`:
   Work work_;
   Outcome outcome_;
   std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way
-  bool merged_ = false;               // it answers for others too
+  int level_ = 0;                     // of economy, of that step
+  bool merged_ = false;               // it answers for others too, that did not ask for it
   int64_t interval_ns_ = 0;           // of the ticks
 
   // By gRPC while reading_, else guarded by mutex_.

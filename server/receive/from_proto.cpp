@@ -4,6 +4,7 @@
 #include <set>
 #include <string_view>
 
+#include "server/economy.h"
 #include "server/presets.h"
 #include "server/receive/from_proto_scene.h"
 #include "server/receive/from_proto_values.h"
@@ -87,6 +88,12 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   return {};
 }
 
+Status check_step_control(const v1::StepControl& step) {
+  if (step.economy_level() <= kMaxEconomyLevel) return {};
+  return invalid("tick.step.economy_level", "must be in [0, " + std::to_string(kMaxEconomyLevel) + "], got " +
+                                                std::to_string(step.economy_level()));
+}
+
 Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
   if (tick.has_lens())
     if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
@@ -98,6 +105,7 @@ Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) 
 
 Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
   const Convention& convention = session.convention();
+  if (Status ok = check_step_control(tick.step()); !ok) return ok;
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();

@@ -31,7 +31,7 @@ bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& libr
 
 // Fields "tick....". Cheap unless the tick adds meshes from a file. Read in the convention of `session`, for `session` as it is:
 // its settings and limits stay where the tick says nothing else, so every tick before must have been applied. arrival_ns is
-// left to the caller.
+// left to the caller, and so is what `tick.step` asks for; its values are checked here.
 Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source);
 
 }  // namespace sightline

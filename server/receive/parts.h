@@ -8,6 +8,7 @@
 #include "server/receive/fair_shares.h"
 #include "server/receive/log.h"
 #include "server/receive/scheduler.h"
+#include "server/receive/session_tape.h"
 #include "server/receive/step_budget.h"
 #include "server/receive/step_stats.h"
 #include "server/receive/stream_registry.h"
@@ -35,6 +36,7 @@ struct ServiceParts {
   std::string id_prefix;            // of session ids; differs between daemons
   std::string sampler_reason = {};  // why it is this sampler, for people
   BudgetRules budget = {};
+  RecordingRules recording = {};
 };
 
 struct ServiceLimits {

@@ -3,6 +3,20 @@
 #include <grpcpp/server_context.h>
 
 namespace sightline {
+namespace {
+
+void set(const RecordCounts& counts, v1::RecordingCounts& out) {
+  out.set_open_sessions(counts.open_sessions);
+  out.set_failing_sessions(counts.failing_sessions);
+  out.set_messages(counts.messages);
+  out.set_bytes(counts.bytes);
+  out.set_dropped_messages(counts.dropped_messages);
+  out.set_write_failures(counts.write_failures);
+  out.set_files(counts.files);
+  out.set_removed_files(counts.removed_files);
+}
+
+}  // namespace
 
 grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
                                           v1::ServerInfo& info) {
@@ -21,6 +35,7 @@ grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, 
   info.set_late_steps(parts.stats.late);
   info.set_queue_p50_us(parts.stats.queue.quantile_us(0.5));
   info.set_queue_p99_us(parts.stats.queue.quantile_us(0.99));
+  if (parts.recording.writer) set(parts.recording.writer->counts(), *info.mutable_recording());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   reactor->Finish(grpc::Status::OK);
   return reactor;

@@ -9,6 +9,8 @@
 namespace sightline {
 
 inline constexpr const char* kVersion = SIGHTLINE_VERSION;
+// Compiler and options, as far as they can change a reply.
+inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
                                           v1::ServerInfo& info);

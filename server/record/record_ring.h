@@ -15,7 +15,7 @@ namespace sightline {
 struct RecordHead {
   uint32_t size = 0;  // of the message, bytes
   uint16_t topic = 0;
-  uint16_t unused = 0;
+  uint16_t beside = 0;  // 1: the message is not in the ring; its owners know where
   uint32_t sequence = 0;
   uint32_t unused2 = 0;
   uint64_t log_time_ns = 0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <deque>
 
 namespace sightline {
 
@@ -12,6 +13,58 @@ namespace record_internal {
 struct Attached {
   mcap::Attachment head;  // its data are those below
   std::shared_ptr<const std::string> data;
+};
+
+// Messages that the ring has no room for, in the order of their entries in it.
+class LargeMessages {
+ public:
+  bool put(std::string message) {
+    const std::lock_guard lock(mutex_);
+    if (bytes_ + message.size() > kMaxMessageBytes) return false;
+    bytes_ += message.size();
+    messages_.push_back(std::move(message));
+    return true;
+  }
+  std::string take() {
+    const std::lock_guard lock(mutex_);
+    std::string message = std::move(messages_.front());
+    messages_.pop_front();
+    bytes_ -= message.size();
+    return message;
+  }
+
+ private:
+  std::mutex mutex_;
+  // guarded by mutex_
+  std::deque<std::string> messages_;
+  uint64_t bytes_ = 0;
+};
+
+// What a session asked to be attached. It only grows.
+class AttachedFiles {
+ public:
+  bool add(std::shared_ptr<const Attached> file) {
+    const std::lock_guard lock(mutex_);
+    const uint64_t bytes = bytes_.load(std::memory_order_relaxed) + file->data->size();
+    if (files_.size() >= SessionRecorder::kMaxAttachments || bytes > kMaxAttachmentBytes) return false;
+    files_.push_back(std::move(file));
+    bytes_.store(bytes, std::memory_order_relaxed);
+    count_.store(files_.size(), std::memory_order_release);
+    return true;
+  }
+  size_t count() const { return count_.load(std::memory_order_acquire); }
+  uint64_t bytes() const { return bytes_.load(std::memory_order_relaxed); }
+  std::shared_ptr<const Attached> at(size_t index) const {
+    const std::lock_guard lock(mutex_);
+    return files_[index];
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::shared_ptr<const Attached>> files_;  // guarded by mutex_
+  // Written under it, read without.
+  std::atomic<size_t> count_{0};
+  std::atomic<uint64_t> bytes_{0};
 };
 
 // What both ends share.
@@ -27,10 +80,13 @@ struct Session {
   std::atomic<bool> failing{false};  // by the writer: there is no file
   std::atomic<uint64_t> dropped_by_recorder{0};
   std::atomic<uint64_t> dropped_by_writer{0};
-  std::atomic<Attached*> attached{nullptr};  // the recorder puts one, the writer takes it
+  LargeMessages large;
+  AttachedFiles attached;
   const std::shared_ptr<std::atomic<bool>> woken;
 
-  ~Session() { delete attached.load(); }
+  // The writer's alone, of the file that it writes:
+  size_t attachments_done = 0;    // of `attached`, that are in it or are not to be
+  uint64_t attachment_bytes = 0;  // that are in it
 };
 
 }  // namespace record_internal
@@ -51,7 +107,7 @@ const char* reason_text(v1::Gap::Reason reason) {
     case v1::Gap::QUEUE_FULL:
       return "messages come faster than they can be written";
     case v1::Gap::TOO_LARGE:
-      return "a message is larger than half of the queue";
+      return "a message is larger than a recording can hold";
     case v1::Gap::NO_SPACE:
       return "there is no space for recordings";
     default:
@@ -80,6 +136,7 @@ SessionRecorder::~SessionRecorder() {
 bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
                              const google::protobuf::MessageLite& message) {
   const size_t size = message.ByteSizeLong();
+  if (size > session_->ring.max_message()) return record_beside(topic, times, message.SerializeAsString());
   char* at = reserve(topic, times, size);
   if (at == nullptr) return false;
   message.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
@@ -88,6 +145,8 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
 }
 
 bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_view serialised) {
+  if (serialised.size() > session_->ring.max_message())
+    return record_beside(topic, times, std::string(serialised));
   char* at = reserve(topic, times, serialised.size());
   if (at == nullptr) return false;
   std::copy(serialised.begin(), serialised.end(), at);
@@ -101,13 +160,24 @@ char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
-  if (at == nullptr)
-    drop(times, size > session_->ring.max_message() ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
+  if (at == nullptr) drop(times, v1::Gap::QUEUE_FULL);
   return at;
 }
 
-void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size) {
-  session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), 0,
+bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::string serialised) {
+  if (reserve(topic, times, 0) == nullptr) return false;
+  // An entry that is not committed is none.
+  const bool too_large = serialised.size() > kMaxMessageBytes;
+  if (too_large || !session_->large.put(std::move(serialised))) {
+    drop(times, too_large ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
+    return false;
+  }
+  commit(topic, times, 0, true);
+  return true;
+}
+
+void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, bool beside) {
+  session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
                          sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
   if (session_->ring.half_full()) session_->woken->store(true, std::memory_order_relaxed);
 }
@@ -133,15 +203,14 @@ void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
 
 bool SessionRecorder::attach(std::string name, std::string content_type, uint64_t log_time_ns,
                              std::shared_ptr<const std::string> data) {
-  if (data->size() > kMaxAttachmentBytes) return false;
-  auto attached = std::make_unique<Attached>();
+  auto attached = std::make_shared<Attached>();
   attached->head = {log_time_ns, 0, std::move(name), std::move(content_type), *data, 0};
   attached->data = std::move(data);
-  Attached* none = nullptr;
-  if (!session_->attached.compare_exchange_strong(none, attached.get(), std::memory_order_acq_rel))
-    return false;
-  (void)attached.release();
-  return true;
+  return session_->attached.add(std::move(attached));
+}
+
+std::string SessionRecorder::file_name() const {
+  return recording_name(session_->info.start_time_ns(), session_->info.session_id(), 1);
 }
 
 bool SessionRecorder::degraded() const {
@@ -245,14 +314,18 @@ void RecordWriter::serve(Book& book) {
   RecordEntry entry;
   for (size_t taken = 0; taken <= book.session->ring.capacity() && book.session->ring.front(entry);) {
     taken += sizeof(RecordHead) + entry.message.size();
+    std::string large;
+    if (entry.head.beside) entry.message = large = book.session->large.take();
     write_entry(book, entry);
     book.session->ring.pop();
   }
-  write_attachment(book);
+  write_attachments(book);
   if (book.file) check(book, book.file->tend(now_ns_()));
 
   const uint64_t drops = book.session->dropped_by_recorder.load(std::memory_order_relaxed);
   const bool was_dropping = std::exchange(book.dropping, drops != book.seen_drops);
+  if (was_dropping && !book.dropping)
+    warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), "messages are written again", true});
   if (!book.dropping) return;
   if (!was_dropping)
     warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), reason_text(v1::Gap::QUEUE_FULL)});
@@ -278,7 +351,9 @@ void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
   }
   if (settings_.for_viewers) write_for_viewers(book, message);
   if (book.file) check(book, book.file->status());
-  if (book.file && book.file->bytes() >= part_limit()) close_file(book);
+  if (!book.file || book.file->bytes() - book.session->attachment_bytes < part_limit()) return;
+  write_attachments(book);
+  close_file(book);
 }
 
 void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
@@ -311,12 +386,24 @@ void RecordWriter::write_for_viewers(Book& book, const RecordMessage& message) {
   }
 }
 
-void RecordWriter::write_attachment(Book& book) {
-  // It waits for a file rather than being lost.
-  if (book.session->attached.load(std::memory_order_relaxed) == nullptr || !ensure_file(book)) return;
-  const std::unique_ptr<Attached> attached(
-      book.session->attached.exchange(nullptr, std::memory_order_acq_rel));
-  check(book, book.file->attach(attached->head));
+void RecordWriter::write_attachments(Book& book) {
+  Session& session = *book.session;
+  // They wait for a file rather than being lost.
+  while (session.attachments_done < session.attached.count() && ensure_file(book)) {
+    const auto attached = session.attached.at(session.attachments_done);
+    const Status done = book.file->attach(attached->head);
+    if (done) ++session.attachments_done, session.attachment_bytes += attached->data->size();
+    check(book, done);
+    if (!done) return;
+  }
+}
+
+// Of a new file. Large ones are in the first part alone: the ring of files is there for what happened.
+void RecordWriter::begin_attachments(Book& book) {
+  Session& session = *book.session;
+  session.attachment_bytes = 0;
+  const bool fits = book.part == 1 || session.attached.bytes() <= part_limit() / 2;
+  session.attachments_done = fits ? 0 : session.attached.count();
 }
 
 bool RecordWriter::ensure_file(Book& book) {
@@ -349,6 +436,7 @@ bool RecordWriter::ensure_file(Book& book) {
   book.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
   being_written_.insert(book.file_name);
   book.counted_bytes = 0;
+  begin_attachments(book);
   write_head(book, info.part() > 1, now_ns);
   book.head_bytes = book.file->bytes();
   {
@@ -384,7 +472,8 @@ void RecordWriter::check(Book& book, const Status& done) {
   if (done && book.file->bytes() > book.head_bytes && book.file->waiting().messages == 0) {
     // Something beyond the head is on the disk, and with it the gap.
     book.gap.Clear();
-    book.warned = false;
+    if (std::exchange(book.warned, false))
+      warn_({v1::Gap::REASON_UNSPECIFIED, book.session->info.session_id(), "it is written again", true});
     book.session->failing.store(false, std::memory_order_relaxed);
   }
   // A refusal of one message (too large for the format's readers) is not the file's end.

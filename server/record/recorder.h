@@ -58,7 +58,8 @@ struct RecordTimes {
 struct RecordWarning {
   v1::Gap::Reason reason = v1::Gap::REASON_UNSPECIFIED;
   std::string session_id;
-  std::string text;  // for a person
+  std::string text;   // for a person
+  bool over = false;  // the trouble that was warned of has ended; the file says what is missing
 };
 
 // Since the start, of all sessions; for metrics.
@@ -77,8 +78,9 @@ namespace record_internal {
 struct Session;
 }
 
-// One session's end of the queue. Its calls must not overlap each other; a session's never do. None of them waits,
-// takes a lock that the writer holds while it works, or allocates (attach() alone does).
+// One session's end of the queue. Its calls must not overlap each other; a session's never do. None of them waits or
+// takes a lock that the writer holds while it works. What is larger than half of the queue (an opening with thousands
+// of instances) goes beside it, in memory of its own; nothing else allocates but attach().
 class SessionRecorder {
  public:
   explicit SessionRecorder(std::shared_ptr<record_internal::Session> session);
@@ -87,15 +89,21 @@ class SessionRecorder {
   SessionRecorder(const SessionRecorder&) = delete;
   SessionRecorder& operator=(const SessionRecorder&) = delete;
 
-  // Of the topics only those up to kFault. False: dropped, and counted. The message is serialised here and not held.
+  // Of the topics only those up to kFault. False: dropped, and counted: the queue is full, or the message is over
+  // kMaxMessageBytes. The message is serialised here and not held.
   bool record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message);
   // The same with the bytes at hand.
   bool record(RecordTopic topic, RecordTimes times, std::string_view serialised);
 
-  // Puts `data` into the file, e.g. the scene; held until then. At most one at a time waits: false, and not taken,
-  // while another does, or over kMaxAttachmentBytes.
+  // Puts `data` into the file, e.g. the scene, and into every later part while all of them together take at most half
+  // of one: so it is held as long as the session lasts. False, and not taken, when all of a session would be more than
+  // kMaxAttachments or over kMaxAttachmentBytes.
   bool attach(std::string name, std::string content_type, uint64_t log_time_ns,
               std::shared_ptr<const std::string> data);
+  static constexpr size_t kMaxAttachments = 4096;
+
+  // Of its first part, within the folder.
+  std::string file_name() const;
 
   // Something was dropped and nothing has been taken since, or there is no file to write to. For the flag in a reply.
   bool degraded() const;
@@ -103,7 +111,8 @@ class SessionRecorder {
 
  private:
   char* reserve(RecordTopic topic, RecordTimes times, size_t size);
-  void commit(RecordTopic topic, RecordTimes times, size_t size);
+  void commit(RecordTopic topic, RecordTimes times, size_t size, bool beside = false);
+  bool record_beside(RecordTopic topic, RecordTimes times, std::string serialised);
   bool record_gap(RecordTimes times);
   void drop(RecordTimes times, v1::Gap::Reason reason);
 
@@ -119,7 +128,7 @@ class RecordWriter {
   using Warn = std::function<void(const RecordWarning&)>;
 
   // `files` must outlive it. `warn` is called by run_once(): once when a session begins to lose messages for a
-  // reason, and again only after it had recovered.
+  // reason, once when it has recovered, and again only after that.
   RecordWriter(RecordSettings settings, RecordFileSystem& files, Clock now_ns, Warn warn);
   // Writes what is queued and finishes every file. Recorders may outlive it; what they take then goes nowhere.
   ~RecordWriter();
@@ -145,7 +154,8 @@ class RecordWriter {
   void serve(Book& book);
   void write_entry(Book& book, const RecordEntry& entry);
   void write_for_viewers(Book& book, const RecordMessage& message);
-  void write_attachment(Book& book);
+  void write_attachments(Book& book);
+  void begin_attachments(Book& book);
   bool ensure_file(Book& book);
   void write_head(Book& book, bool later_part, uint64_t now_ns);
   void close_file(Book& book);

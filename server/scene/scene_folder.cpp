@@ -30,10 +30,28 @@ std::string folder_of(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash + 1);
 }
 
+std::string text_of(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+// The asset, holding `bytes` as long as it is held itself.
+std::shared_ptr<const SceneAsset> with_bytes(std::shared_ptr<const SceneAsset> asset,
+                                             std::shared_ptr<const std::string> bytes) {
+  const SceneAsset* const plain = asset.get();
+  return {std::make_shared<std::pair<std::shared_ptr<const SceneAsset>, std::shared_ptr<const std::string>>>(
+              std::move(asset), std::move(bytes)),
+          plain};
+}
+
 }  // namespace
 
-SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store)
-    : folder_(std::move(folder)), opened_(open_or_nothing(folder_)), limits_(limits), store_(store) {}
+SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store,
+                           bool keep_uploaded_bytes)
+    : folder_(std::move(folder)),
+      opened_(open_or_nothing(folder_)),
+      limits_(limits),
+      store_(store),
+      keep_uploaded_bytes_(keep_uploaded_bytes) {}
 
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name) {
   if (folder_.empty()) return fail(ErrorCode::kFailedPrecondition, kField, "--scene-dir is not set");
@@ -90,8 +108,14 @@ Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<const std::byte> bytes) {
   auto asset = read_gltf(bytes, nullptr, store_, limits_);
   if (!asset) return asset;
+  std::shared_ptr<const std::string> kept;
+  if (keep_uploaded_bytes_) {
+    kept = std::make_shared<const std::string>(text_of(bytes));
+    *asset = with_bytes(std::move(*asset), kept);
+  }
   const std::lock_guard lock(mutex_);
-  Asset shared = remember(std::move(*asset));
+  Asset shared = remember(*asset);
+  if (kept && shared == *asset) uploaded_bytes_[shared->hash] = kept;
   std::erase(kept_uploads_, shared);
   kept_uploads_.push_back(shared);
   if (kept_uploads_.size() > kKeptUploads) kept_uploads_.erase(kept_uploads_.begin());
@@ -102,6 +126,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
 SceneLibrary::Asset SceneLibrary::remember(Asset asset) {
   std::erase_if(by_hash_, [](const auto& entry) { return entry.second.expired(); });
   std::erase_if(named_, [](const auto& entry) { return entry.second.asset.expired(); });
+  std::erase_if(uploaded_bytes_, [](const auto& entry) { return entry.second.expired(); });
   std::weak_ptr<const SceneAsset>& known = by_hash_[asset->hash];
   if (Asset alive = known.lock()) return alive;
   known = asset;
@@ -113,6 +138,61 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& 
   if (const auto entry = by_hash_.find(hash); entry != by_hash_.end())
     if (Asset asset = entry->second.lock()) return asset;
   return fail(ErrorCode::kNotFound, "scene.hash", "no scene with the hash " + to_hex(hash) + " is loaded");
+}
+
+Result<std::vector<SceneFile>> SceneLibrary::files_of(const std::string& name) {
+  std::vector<Source> sources;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = named_.find(name);
+    if (known == named_.end() || known->second.asset.expired())
+      return fail(ErrorCode::kNotFound, kField, "\"" + name + "\" is not loaded");
+    sources = known->second.sources;
+  }
+  std::vector<SceneFile> files;
+  for (const Source& source : sources) {
+    auto file = read_again(source);
+    if (!file) return tl::unexpected(with_field(std::move(file.error()), kField));
+    files.push_back(std::move(*file));
+  }
+  return files;
+}
+
+Result<std::vector<SceneFile>> SceneLibrary::files_of(const ContentHash& hash) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto upload = uploaded_bytes_.find(hash); upload != uploaded_bytes_.end())
+      if (auto bytes = upload->second.lock()) return std::vector<SceneFile>{{"", std::move(bytes)}};
+  }
+  if (const std::string name = name_of(hash); !name.empty()) return files_of(name);
+  return fail(ErrorCode::kNotFound, "scene.hash", "the bytes of " + to_hex(hash) + " were not kept");
+}
+
+std::string SceneLibrary::name_of(const ContentHash& hash) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [name, named] : named_)
+    if (const Asset asset = named.asset.lock(); asset && asset->hash == hash) return name;
+  return {};
+}
+
+// The lock is not held while the disk is asked.
+Result<SceneFile> SceneLibrary::read_again(const Source& source) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto kept = kept_files_.find(source.path); kept != kept_files_.end())
+      if (auto bytes = kept->second.bytes.lock(); bytes && kept->second.stamp == source.stamp)
+        return SceneFile{source.path, std::move(bytes)};
+  }
+  auto content = opened_->read(source.path, limits_.max_file_bytes);
+  if (!content) return tl::unexpected(std::move(content.error()));
+  if (content->stamp != source.stamp)
+    return fail(ErrorCode::kFailedPrecondition, "",
+                "\"" + source.path + "\" has changed since it was loaded");
+  auto bytes = std::make_shared<const std::string>(text_of(content->bytes));
+  const std::lock_guard lock(mutex_);
+  std::erase_if(kept_files_, [](const auto& entry) { return entry.second.bytes.expired(); });
+  kept_files_[source.path] = {source.stamp, bytes};
+  return SceneFile{source.path, std::move(bytes)};
 }
 
 std::vector<std::string> SceneLibrary::names(size_t limit) const {

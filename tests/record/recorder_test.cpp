@@ -166,16 +166,58 @@ TEST(Recorder, AQueueThatStaysFullIsWarnedOfOnce) {
   for (int round = 0; round < 5; ++round) overfill();
   EXPECT_THAT(studio.warnings, SizeIs(1));
   studio.writer->run_once();
+  ASSERT_THAT(studio.warnings, SizeIs(2));
+  EXPECT_TRUE(studio.warnings[1].over);
   overfill();
-  EXPECT_THAT(studio.warnings, SizeIs(2)) << "it had recovered in between";
+  ASSERT_THAT(studio.warnings, SizeIs(3)) << "it had recovered in between";
+  EXPECT_FALSE(studio.warnings[2].over);
   EXPECT_EQ(studio.writer->counts().dropped_messages, recorder->dropped());
 }
 
-TEST(Recorder, AMessageLargerThanTheQueueIsDroppedAndTheRestGoesOn) {
-  Studio studio({.queue_bytes = 8192});
+TEST(Recorder, AMessageLargerThanTheQueueKeepsItsPlace) {
+  Studio studio({.queue_bytes = 8192, .for_viewers = false});
+  auto recorder = studio.open();
+  v1::OpenSession open;
+  for (uint64_t i = 0; i < 10'000; ++i) open.add_instances()->set_id(i + 1);
+  EXPECT_TRUE(studio.tick(*recorder));
+  EXPECT_TRUE(recorder->record(RecordTopic::kOpen, {1, 1}, open));
+  EXPECT_TRUE(studio.tick(*recorder));
+  EXPECT_TRUE(recorder->record(RecordTopic::kReply, {1, 1}, std::string(20'000, 'x')));
+  EXPECT_TRUE(studio.tick(*recorder));
+  recorder.reset();
+  studio.writer.reset();
+  const std::string& bytes = *studio.files.files.begin()->second.bytes;
+  const Contents found = contents_of(bytes);
+  EXPECT_THAT(found.topics, ::testing::ElementsAre("/sightline/info", "/sightline/tick", "/sightline/open",
+                                                   "/sightline/tick", "/sightline/reply", "/sightline/tick"));
+  const MemorySource source(bytes);
+  McapReader::open(source, {}).value().read({.topics = {"/sightline/open"}}, [&](const McapMessage& m) {
+    EXPECT_EQ(m.message.data, open.SerializeAsString());
+    return true;
+  });
+  EXPECT_THAT(studio.warnings, SizeIs(0));
+}
+
+TEST(Recorder, LargeMessagesWaitWithinABound) {
+  Studio studio({.queue_bytes = 8192, .for_viewers = false});
+  auto recorder = studio.open();
+  const std::string third(kMaxMessageBytes / 3, 'x');
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(recorder->record(RecordTopic::kReply, {1, 1}, third)) << i;
+  EXPECT_FALSE(recorder->record(RecordTopic::kReply, {1, 1}, third)) << "nobody takes them out";
+  studio.writer->run_once();
+  EXPECT_TRUE(recorder->record(RecordTopic::kReply, {1, 1}, third));
+  recorder.reset();
+  studio.writer.reset();
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
+  EXPECT_EQ(std::count(found.topics.begin(), found.topics.end(), "/sightline/reply"), 4);
+  EXPECT_EQ(found.gap_messages, 1u);
+}
+
+TEST(Recorder, AMessageLargerThanARecordingHoldsIsDroppedAndTheRestGoesOn) {
+  Studio studio;
   auto recorder = studio.open();
   EXPECT_TRUE(studio.tick(*recorder));
-  EXPECT_FALSE(recorder->record(RecordTopic::kReply, {1, 1}, std::string(10'000, 'x')));
+  EXPECT_FALSE(recorder->record(RecordTopic::kReply, {1, 1}, std::string(kMaxMessageBytes + 1, 'x')));
   EXPECT_TRUE(studio.tick(*recorder));
   recorder.reset();
   studio.writer.reset();
@@ -209,6 +251,8 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   studio.writer->run_once();
   studio.later(1);
   EXPECT_FALSE(recorder->degraded());
+  ASSERT_THAT(studio.warnings, SizeIs(2));
+  EXPECT_TRUE(studio.warnings[1].over);
   recorder.reset();
   studio.writer.reset();
 
@@ -388,19 +432,63 @@ TEST(Recorder, SessionsWithOneNameDoNotTakeEachOthersFile) {
   EXPECT_THAT(studio.files.files, SizeIs(2));
 }
 
-TEST(Recorder, TheSceneGoesInAsAnAttachment) {
+std::vector<std::pair<std::string, std::string>> attachments_of(const std::string& bytes) {
+  const MemorySource source(bytes);
+  const McapReader reader = McapReader::open(source, {}).value();
+  std::vector<std::pair<std::string, std::string>> found;
+  for (const auto& index : reader.info().attachments)
+    found.emplace_back(index.name, reader.attachment(index).value());
+  return found;
+}
+
+TEST(Recorder, ScenesGoInAsAttachments) {
   Studio studio;
   auto recorder = studio.open();
   const auto scene = std::make_shared<const std::string>(3'000'000, 'g');
+  const auto more = std::make_shared<const std::string>("more");
   EXPECT_TRUE(recorder->attach("hall.glb", "model/gltf-binary", 5, scene));
-  EXPECT_FALSE(recorder->attach("more.glb", "model/gltf-binary", 5, scene)) << "one at a time waits";
+  EXPECT_TRUE(recorder->attach("more.glb", "model/gltf-binary", 5, more));
   studio.tick(*recorder);
+  studio.writer->run_once();
+  EXPECT_TRUE(recorder->attach("late.glb", "model/gltf-binary", 5, more));
   recorder.reset();
   studio.writer.reset();
-  const MemorySource source(*studio.files.files.begin()->second.bytes);
-  const McapReader reader = McapReader::open(source, {}).value();
-  ASSERT_THAT(reader.info().attachments, SizeIs(1));
-  EXPECT_EQ(reader.attachment(reader.info().attachments[0]).value(), *scene);
+  using Pair = std::pair<std::string, std::string>;
+  EXPECT_THAT(
+      attachments_of(*studio.files.files.begin()->second.bytes),
+      ::testing::ElementsAre(Pair("hall.glb", *scene), Pair("more.glb", "more"), Pair("late.glb", "more")));
+}
+
+TEST(Recorder, EveryPartHasTheScenesUnlessTheyAreLarge) {
+  for (const size_t scene_bytes : {size_t{20'000}, size_t{200'000}}) {
+    Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
+                   .chunk_bytes = 500,
+                   .for_viewers = false});
+    auto recorder = studio.open();
+    EXPECT_TRUE(
+        recorder->attach("hall.glb", "", 5, std::make_shared<const std::string>(scene_bytes, 'g')));
+    for (int i = 0; i < 6000; ++i) {
+      studio.tick(*recorder);
+      studio.writer->run_once();
+    }
+    recorder.reset();
+    studio.writer.reset();
+    EXPECT_GT(studio.files.files.size(), 3u);
+    EXPECT_LT(studio.files.files.size(), 60u) << "a scene does not end a part by itself";
+    for (const auto& [name, file] : studio.files.files) {
+      const bool has = scene_bytes == 20'000 || name.ends_with("-p001.mcap");
+      EXPECT_THAT(attachments_of(*file.bytes), SizeIs(has ? 1 : 0)) << name;
+    }
+  }
+}
+
+TEST(Recorder, AttachmentsOfASessionAreBounded) {
+  Studio studio;
+  auto recorder = studio.open();
+  const auto none = std::make_shared<const std::string>();
+  for (size_t i = 0; i < SessionRecorder::kMaxAttachments; ++i)
+    ASSERT_TRUE(recorder->attach(std::to_string(i), "", 5, none));
+  EXPECT_FALSE(recorder->attach("more", "", 5, none));
 }
 
 TEST(Recorder, ChunksCloseByTheClockThoughNothingMoreComes) {

@@ -206,6 +206,75 @@ TEST_F(SceneFolder, UploadsMayNotReferToFiles) {
   EXPECT_EQ(asset.error().field, "buffers[0].uri");
 }
 
+std::string text_of(const std::vector<std::byte>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+TEST_F(SceneFolder, TheFilesOfALoadedSceneCanBeHadAgain) {
+  GlbBuilder parts;
+  parts.triangle_node();
+  write("scenes/levels/two.gltf", parts.gltf("bin/two.bin"));
+  fs::create_directories(root / "scenes/levels/bin");
+  write("scenes/levels/bin/two.bin", {parts.binary().begin(), parts.binary().end()});
+  EXPECT_EQ(library.files_of("levels/two.gltf").error().code, ErrorCode::kNotFound) << "not loaded";
+  const auto two = library.load_named("levels/two.gltf");
+  ASSERT_TRUE(two);
+  const auto files = library.files_of("levels/two.gltf");
+  ASSERT_TRUE(files);
+  ASSERT_EQ(files->size(), 2u);
+  EXPECT_EQ(files->at(0).name, "levels/two.gltf");
+  EXPECT_EQ(*files->at(0).bytes, text_of(parts.gltf("bin/two.bin")));
+  EXPECT_EQ(files->at(1).name, "levels/bin/two.bin");
+  EXPECT_EQ(*files->at(1).bytes, text_of({parts.binary().begin(), parts.binary().end()}));
+  EXPECT_EQ(library.files_of((*two)->hash)->at(1).bytes, files->at(1).bytes) << "shared while they are held";
+}
+
+TEST_F(SceneFolder, AFileThatHasChangedSinceItWasLoadedIsNotTakenForIt) {
+  const auto hall = library.load_named("hall.glb");
+  ASSERT_TRUE(hall);
+  auto before = library.files_of("hall.glb");
+  ASSERT_TRUE(before);
+  write("scenes/hall.glb", triangle_glb(3));
+  touch("scenes/hall.glb");
+  EXPECT_EQ(*library.files_of("hall.glb")->at(0).bytes, text_of(triangle_glb(1))) << "somebody holds them still";
+  before->clear();
+  const auto after = library.files_of("hall.glb");
+  ASSERT_FALSE(after);
+  EXPECT_EQ(after.error().code, ErrorCode::kFailedPrecondition);
+  EXPECT_EQ(after.error().field, "scene.name");
+  fs::remove(root / "scenes/hall.glb");
+  EXPECT_EQ(library.files_of("hall.glb").error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(SceneFolder, AnUploadsBytesAreKeptWhereTheyAreWanted) {
+  SceneLibrary keeper((root / "scenes").string(), GltfLimits{}, store, true);
+  const std::vector<std::byte> bytes = triangle_glb(5);
+  ContentHash hash;
+  for (SceneLibrary* one : {&library, &keeper}) {
+    const auto asset = one->add_uploaded(bytes);
+    ASSERT_TRUE(asset);
+    hash = (*asset)->hash;
+  }
+  EXPECT_EQ(library.files_of(hash).error().code, ErrorCode::kNotFound);
+  const auto files = keeper.files_of(hash);
+  ASSERT_TRUE(files);
+  ASSERT_EQ(files->size(), 1u);
+  EXPECT_EQ(files->at(0).name, "");
+  EXPECT_EQ(*files->at(0).bytes, text_of(bytes));
+  // An upload of what is loaded by name is that: its file has the bytes.
+  const auto hall = keeper.load_named("hall.glb");
+  ASSERT_TRUE(hall && keeper.add_uploaded(triangle_glb(1)));
+  EXPECT_EQ(*keeper.files_of((*hall)->hash)->at(0).bytes, text_of(triangle_glb(1)));
+}
+
+TEST_F(SceneFolder, AnUploadsBytesGoWithItsAsset) {
+  SceneLibrary keeper("", GltfLimits{}, store, true);
+  const auto first = (*keeper.add_uploaded(triangle_glb(100)))->hash;
+  for (size_t i = 0; i < SceneLibrary::kKeptUploads; ++i)
+    ASSERT_TRUE(keeper.add_uploaded(triangle_glb(static_cast<float>(i + 1))));
+  EXPECT_EQ(keeper.files_of(first).error().code, ErrorCode::kNotFound);
+}
+
 TEST_F(SceneFolder, ManyThreadsShareOneAsset) {
   std::vector<std::shared_ptr<const SceneAsset>> assets(8);
   std::vector<std::thread> threads;

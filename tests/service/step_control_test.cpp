@@ -1,0 +1,209 @@
+// A client that says when a step is taken and how thoroughly (StepControl) gets the answers that these steps give,
+// held against the same steps taken without a service.
+#include <gtest/gtest.h>
+
+#include "client/local_session.h"
+#include "client/recording.h"
+#include "tests/service/service_world.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kBoxes = 5;
+
+v1::Tick told_tick(uint64_t sequence) {
+  return move_tick(sequence, 1 + sequence % kBoxes, 0.05 * static_cast<double>(sequence));
+}
+
+v1::Tick merged_tick(uint64_t sequence) {
+  v1::Tick tick = told_tick(sequence);
+  tick.mutable_step()->set_merge_into_next(true);
+  return tick;
+}
+
+v1::Tick at_level(v1::Tick tick, uint32_t level) {
+  tick.mutable_step()->set_economy_level(level);
+  return tick;
+}
+
+// The same session in this process: what the steps answer that the test asks for.
+class Local {
+ public:
+  explicit Local(const v1::OpenSession& open) : session_(*LocalSession::open(open, world_)) {}
+  void apply(const v1::Tick& tick) {
+    v1::Rejection rejection;
+    EXPECT_TRUE(session_->apply(tick, rejection)) << rejection.message();
+  }
+  uint64_t step(int level = 0) {
+    v1::CameraReply reply;
+    EXPECT_TRUE(session_->step(level, reply));
+    return reply_hash(reply);
+  }
+
+ private:
+  const std::unique_ptr<SamplerDevice> sampler_ = make_embree_sampler_device();
+  LocalWorld world_{"", *sampler_};
+  std::unique_ptr<LocalSession> session_;
+};
+
+v1::CameraReply camera_of(Stream& stream) {
+  const auto reply = stream.read();
+  EXPECT_TRUE(reply && reply->has_camera()) << (reply ? reply->DebugString() : "the call has ended");
+  return reply ? reply->camera() : v1::CameraReply();
+}
+
+void wait_for_ticks(const ServiceWorld& world, uint64_t before, uint64_t ticks) {
+  while (world.clock_calls() < before + ticks) std::this_thread::yield();
+}
+
+TEST(StepControl, AMergedTickIsAnsweredWithTheNextAsIfBothHadComeAtOnce) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  Local local(open_with_boxes(kBoxes));
+  uint64_t sequence = 0;
+  for (int merged = 0; merged < 4; ++merged) {
+    for (int i = 0; i < merged; ++i) {
+      const v1::Tick tick = merged_tick(++sequence);
+      stream.send(tick);
+      local.apply(tick);
+    }
+    const v1::Tick tick = told_tick(++sequence);
+    stream.send(tick);
+    local.apply(tick);
+    const v1::CameraReply reply = camera_of(stream);
+    EXPECT_EQ(reply.sequence(), sequence);
+    EXPECT_EQ(reply.merged_ticks(), static_cast<uint32_t>(merged));
+    EXPECT_EQ(reply_hash(reply), local.step()) << merged;
+  }
+}
+
+// They arrive together while a step is under way: the first is answered by itself, the second with the third.
+TEST(StepControl, AMergedTickBehindAnotherDoesNotGetIntoItsAnswer) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  Local local(open_with_boxes(kBoxes));
+  world.device.close_gate();
+  stream.send(told_tick(1));
+  world.device.wait_until_held(1);
+  const uint64_t before = world.clock_calls();
+  stream.send(told_tick(2));
+  stream.send(merged_tick(3));
+  wait_for_ticks(world, before, 2);
+  world.device.open_gate();
+  local.apply(told_tick(1));
+  EXPECT_EQ(reply_hash(camera_of(stream)), local.step());
+  local.apply(told_tick(2));
+  const v1::CameraReply second = camera_of(stream);
+  EXPECT_EQ(second.sequence(), 2u);
+  EXPECT_EQ(reply_hash(second), local.step());
+  stream.send(told_tick(4));
+  local.apply(merged_tick(3));
+  local.apply(told_tick(4));
+  const v1::CameraReply third = camera_of(stream);
+  EXPECT_EQ(third.merged_ticks(), 1u);
+  EXPECT_EQ(reply_hash(third), local.step());
+}
+
+TEST(StepControl, ARefusedTickDoesNotEndTheWaitOfAMergedOne) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  Local local(open_with_boxes(kBoxes));
+  stream.send(merged_tick(1));
+  stream.send(move_tick(2, 4711, 0.0));
+  const auto refused = stream.read();
+  ASSERT_TRUE(refused && refused->has_rejected());
+  EXPECT_EQ(refused->rejected().sequence(), 2u);
+  stream.send(told_tick(3));
+  local.apply(merged_tick(1));
+  local.apply(told_tick(3));
+  const v1::CameraReply reply = camera_of(stream);
+  EXPECT_EQ(reply.merged_ticks(), 1u);
+  EXPECT_EQ(reply_hash(reply), local.step());
+}
+
+TEST(StepControl, ASessionCanEndWhileAMergedTickWaits) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  stream.send(merged_tick(1));
+  stream.half_close();
+  EXPECT_FALSE(stream.read());
+  EXPECT_TRUE(stream.finish().ok());
+}
+
+TEST(StepControl, TheToldLevelIsTheStepsEvenWhereNothingIsToBeDegraded) {
+  const ServiceWorld world;
+  v1::OpenSession open = open_with_boxes(kBoxes);
+  open.set_never_degrade(true);
+  Stream stream(world.channel());
+  stream.open(open);
+  Local local(open);
+  uint64_t sequence = 0;
+  for (const uint32_t level : {0u, 1u, 5u, 3u, 0u, 2u, 4u}) {
+    const v1::Tick tick = at_level(told_tick(++sequence), level);
+    stream.send(tick);
+    local.apply(tick);
+    const v1::CameraReply reply = camera_of(stream);
+    EXPECT_EQ(reply.flags().degraded(), level > 0);
+    EXPECT_EQ(reply.economy().level(), level);
+    EXPECT_EQ(reply_hash(reply), local.step(static_cast<int>(level))) << level;
+  }
+}
+
+TEST(StepControl, OfMergedTicksTheNewestSaysTheLevel) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  stream.send(at_level(merged_tick(1), 5));
+  stream.send(at_level(told_tick(2), 2));
+  EXPECT_EQ(camera_of(stream).economy().level(), 2u);
+  stream.send(at_level(merged_tick(3), 5));
+  stream.send(told_tick(4));
+  EXPECT_FALSE(camera_of(stream).has_economy()) << "absent: by the load, and there is none";
+}
+
+TEST(StepControl, ALevelThatThereIsNotIsRefusedByName) {
+  const ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(kBoxes));
+  Local local(open_with_boxes(kBoxes));
+  for (const uint32_t level : {6u, ~0u}) {
+    stream.send(at_level(told_tick(1), level));
+    const auto refused = stream.read();
+    ASSERT_TRUE(refused && refused->has_rejected());
+    ASSERT_EQ(refused->rejected().field_violations_size(), 1);
+    EXPECT_EQ(refused->rejected().field_violations(0).field(), "tick.step.economy_level");
+  }
+  stream.send(told_tick(1));
+  local.apply(told_tick(1));
+  EXPECT_EQ(reply_hash(camera_of(stream)), local.step()) << "nothing of them was applied";
+}
+
+// Whose budget is far too small for it, were its levels not its own affair.
+TEST(StepControl, ASessionThatTellsItsLevelsIsNotCutByItsBudget) {
+  BudgetRules budget;
+  budget.fixed_ns = 1;
+  const auto degraded = [&](bool tells) {
+    const ServiceWorld world({.real_time = true, .budget = budget});
+    Stream stream(world.channel());
+    stream.open(open_with_boxes(kBoxes));
+    // For longer than StepBudget waits before it raises a level.
+    const auto end =
+        std::chrono::steady_clock::now() + std::chrono::nanoseconds(3 * StepBudget::kRaiseAfterNs);
+    uint64_t sequence = 0, found = 0;
+    while (std::chrono::steady_clock::now() < end) {
+      const v1::Tick tick = told_tick(++sequence);
+      stream.send(tells ? at_level(tick, 0) : tick);
+      found += camera_of(stream).flags().degraded();
+    }
+    return found;
+  };
+  EXPECT_EQ(degraded(true), 0u);
+  EXPECT_GT(degraded(false), 0u) << "or the test shows nothing";
+}
+
+}  // namespace
+}  // namespace sightline
