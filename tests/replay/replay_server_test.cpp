@@ -43,6 +43,22 @@ TEST(ReplayAtDaemon, ThreadsChangeNoBit) {
   }
 }
 
+// Tick.step takes over what the recording's daemon decided by its clock.
+TEST(ReplayAtDaemon, MergesAndEconomyAreThoseOfTheRecording) {
+  for (const test::RecordedHallOptions& options :
+       {test::RecordedHallOptions{.ticks = 120, .merge_every = 2},
+        test::RecordedHallOptions{.ticks = 120, .merge_every = 3},
+        test::RecordedHallOptions{.ticks = 60, .economy_level = 4}}) {
+    const RecordedHall hall = record_hall(*make_embree_sampler_device(), options);
+    for (const char* threads : {"1", "2"}) {
+      const DaemonProcess daemon({"--sampler", "embree", "--threads", threads});
+      const Replayed replayed = replay_at(daemon.address(), hall);
+      EXPECT_EQ(replayed.hash, hall.hash) << replayed.text;
+      EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual);
+    }
+  }
+}
+
 TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
   const RecordedHall hall = record_hall(
       *make_embree_sampler_device(),
