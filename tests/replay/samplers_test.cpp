@@ -29,9 +29,12 @@ class BothSampler final : public Sampler {
     if (Status taken = second_->take(mirror, requests, others_); !taken) return taken;
     if (Status taken = first_->take(mirror, requests, maps); !taken) return taken;
     for (size_t i = 0; i < maps.size(); ++i) {
+      // What lies farther than was asked for need not be found.
+      const auto seen = [far_m = requests[i].far_m](const DepthMap& map, size_t texel) {
+        return map.distance_m[texel] <= far_m ? map.occluder[texel] : kNoOccluder;
+      };
       uint64_t same = 0;
-      for (size_t k = 0; k < maps[i].occluder.size(); ++k)
-        same += maps[i].occluder[k] == others_[i].occluder[k];
+      for (size_t k = 0; k < maps[i].occluder.size(); ++k) same += seen(maps[i], k) == seen(others_[i], k);
       agreement_.texels += maps[i].occluder.size();
       agreement_.same += same;
       agreement_.same_maps += same == maps[i].occluder.size();
