@@ -1,10 +1,10 @@
 // A recording that is kept, and the replies that it must give for ever: whatever changes a bit of a step shows here, and then
 // either is wrong or the hashes below are made anew, on purpose.
 //
-// "The same sampler" means here what README.md beside this file says it means. The hashes of Embree were the same for every
-// instruction set that Embree can choose (SSE2, SSE4.2, AVX, AVX2, AVX-512), with and without this program's own vector
-// clones; those of EGL are of llvmpipe, with 128 and with 256 bits. Another renderer is skipped: its maps may differ where a
-// silhouette passes through a texel.
+// What "the same sampler" means is in README.md beside this file. The hash was the same for every instruction set that
+// Embree can choose, for the C library with and without fused multiply-adds, and for llvmpipe with 128 and 256 bits: nothing
+// in this session hangs on a last bit. Another renderer is skipped: its maps may differ where a silhouette passes through a
+// texel.
 //
 //   SIGHTLINE_GOLDEN=new golden_test --gtest_also_run_disabled_tests     writes the recording anew, with replies of Embree
 #include <gtest/gtest.h>
