@@ -7,6 +7,7 @@
 // Files may come from anywhere: what cannot be decoded is counted and passed over, never believed.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -108,7 +109,8 @@ struct RecordedStep {
   uint64_t log_ns = 0;    // of the reply
   uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
   bool has_reply = true;  // false: the file ends with ticks that nothing answers
-  int economy_level() const { return static_cast<int>(reply.economy().level()); }
+  // Of the reply, [0, 5] whatever the file says.
+  int economy_level() const { return static_cast<int>(std::min(reply.economy().level(), 5u)); }
 };
 
 // Puts events together to steps. Feed it every event of a recording in order.

@@ -14,20 +14,20 @@
 namespace sightline {
 
 struct ReplayCommandOptions {
-  std::string file;
-  std::string server;          // host:port or unix:/path; empty: in this process
-  double wait_s = 30.0;        // for a server that is not there, or went away
-  std::optional<double> rate;  // 1: as fast as it was; none: as fast as possible
-  bool by_hand = false;        // step by step, as the input says
-  double start_s = 0.0;        // from here at that rate, or by hand; everything before as fast as possible
+  std::string file = {};
+  std::string server = {};          // host:port or unix:/path; empty: in this process
+  double wait_s = 30.0;             // for a server that is not there, or went away
+  std::optional<double> rate = {};  // 1: as fast as it was; none: as fast as possible
+  bool by_hand = false;             // step by step, as the input says
+  double start_s = 0.0;  // from here at that rate, or by hand; everything before as fast as possible
   double end_s = std::numeric_limits<double>::infinity();
   std::string sampler = "recorded";  // or "auto", "egl", "embree"
-  std::string scene_dir;
-  std::vector<std::string> scenes;  // files
-  std::vector<std::string> set;     // KEY=VALUE
+  std::string scene_dir = {};
+  std::vector<std::string> scenes = {};  // files
+  std::vector<std::string> set = {};     // KEY=VALUE
   bool truth = false;
   size_t truth_every = 6;
-  std::string out;  // a recording of what was answered; empty: none
+  std::string out = {};  // a recording of what was answered; empty: none
   bool progress = false;
 };
 

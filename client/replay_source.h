@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// One thread takes. The recording must outlive it, and nobody else may read it meanwhile.
+// One thread takes. The recording must outlive it; its head and its files may be read meanwhile.
 class StepSource {
  public:
   explicit StepSource(const Recording& recording, RecordedRange range = {});

@@ -34,6 +34,7 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
   const std::string scene_hash = to_hex((*asset)->hash);
   v1::OpenSession open = open_request(*scenario, scene_hash, options.seed);
   *open.mutable_settings() = options.settings;
+  if (options.change_open) options.change_open(open);
   auto session = LocalSession::open(open, world);
   EXPECT_TRUE(session.has_value());
 
@@ -48,6 +49,7 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
     EXPECT_TRUE(writer.write(message, log_ns).has_value());
   };
   uint64_t log_ns = kRecordedStartNs;
+  v1::CameraReply reply;
   put(open, log_ns);
   put((*session)->opened(), log_ns);
   if (options.attach_scene) {
@@ -56,12 +58,16 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
   }
   for (int i = 0; i < options.ticks; ++i) {
     log_ns += 16'666'667;
-    const v1::Tick tick = tick_at(*scenario, static_cast<uint64_t>(i) + 1, i / 60.0, 1.0 / 60.0);
+    v1::Tick tick = tick_at(*scenario, static_cast<uint64_t>(i) + 1, i / 60.0, 1.0 / 60.0);
+    if (options.change) options.change(i, reply, tick);
     v1::Rejection rejection;
     put(tick, log_ns);
-    EXPECT_TRUE((*session)->apply(tick, rejection)) << rejection.message();
+    if (!(*session)->apply(tick, rejection)) {
+      EXPECT_TRUE(options.change) << rejection.message();
+      put(rejection, log_ns);
+      continue;
+    }
     if (options.merge_every > 0 && i % options.merge_every == 0) continue;
-    v1::CameraReply reply;
     EXPECT_TRUE((*session)->step(options.economy_level, reply).has_value());
     put(reply, log_ns + 1'000'000);
     recorded.hash = reply_hash(reply, recorded.hash);

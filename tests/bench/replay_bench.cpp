@@ -1,0 +1,254 @@
+// What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
+// fast as possible, and what of that is not the step itself.
+//
+//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE]
+//
+// Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
+// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the default settings.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/compare_replies.h"
+#include "client/local_session.h"
+#include "client/recording_writer.h"
+#include "client/replay.h"
+#include "client/scenario.h"
+#include "client/scenario_session.h"
+#include "scenes/catalog.h"
+#include "server/gl/software_renderer.h"
+#include "server/sampler_choice.h"
+
+namespace sightline {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kRateHz = 60.0;
+constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
+
+struct Options {
+  double minutes = 60.0;
+  std::string scene = "hall";
+  int points = -1;
+  std::string sampler = "embree";
+  std::string file;
+};
+
+// Of this thread alone: what the machine does for others meanwhile does not count.
+double processor_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+std::unique_ptr<SamplerDevice> make_sampler(const std::string& name) {
+  auto chosen = choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+  return chosen ? std::move(chosen->device) : nullptr;
+}
+
+// A camera over the same scenario, again and again: each time it is put back with a cut.
+Status make_recording(const Options& options, const std::string& path) {
+  const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
+  if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
+  const auto glb = entry->make({});
+  const auto sampler = make_sampler(options.sampler);
+  if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
+  LocalWorld world("", *sampler);
+  const auto asset = world.scenes.add_uploaded(glb);
+  if (!asset) return tl::unexpected(asset.error());
+  const auto scenario = Scenario::from_asset(*asset);
+  if (!scenario) return tl::unexpected(scenario.error());
+  const std::string hash = to_hex((*asset)->hash);
+  v1::OpenSession open = open_request(*scenario, hash, 1);
+  if (options.points >= 0)
+    open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
+  const auto session = LocalSession::open(open, world);
+  if (!session) return tl::unexpected(session.error());
+  v1::RecordingInfo info;
+  info.set_sampler(sampler->kind());
+  info.set_session_id("replay-bench");
+  info.set_seed(1);
+  info.set_part(1);
+  info.set_start_time_ns(kStartNs);
+  auto writer = RecordingWriter::create(path, info);
+  if (!writer) return tl::unexpected(writer.error());
+  Status done = (*writer)->write(open, kStartNs);
+  if (done) done = (*writer)->write((*session)->opened(), kStartNs);
+  if (done)
+    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb.data()), glb.size()}},
+                             kStartNs);
+  const auto ticks = static_cast<uint64_t>(options.minutes * 60 * kRateHz);
+  const auto loop_ticks = std::max<uint64_t>(1, static_cast<uint64_t>(scenario->duration_s() * kRateHz));
+  v1::CameraReply reply;
+  for (uint64_t i = 0; done && i < ticks; ++i) {
+    v1::Tick tick = tick_at(*scenario, i + 1, static_cast<double>(i % loop_ticks) / kRateHz, 1 / kRateHz);
+    tick.set_time_s(static_cast<double>(i) / kRateHz);
+    if (i > 0 && i % loop_ticks == 0) {
+      *tick.mutable_observed_camera()->mutable_pose() = open.camera();
+      tick.mutable_observed_camera()->set_cut(true);
+    }
+    const uint64_t log_ns = kStartNs + static_cast<uint64_t>(static_cast<double>(i + 1) * 1e9 / kRateHz);
+    v1::Rejection rejection;
+    if (!(*session)->apply(tick, rejection)) return fail(ErrorCode::kInternal, "tick", rejection.message());
+    if (Status stepped = (*session)->step(0, reply); !stepped) return stepped;
+    done = (*writer)->write(tick, log_ns);
+    if (done) done = (*writer)->write(reply, log_ns + 1'000'000);
+  }
+  return done ? (*writer)->finish() : done;
+}
+
+struct Spread {
+  std::vector<double> values;
+  double median() {
+    std::sort(values.begin(), values.end());
+    return values[values.size() / 2];
+  }
+};
+
+// Of the file alone: from its name to a pose at `at_s`.
+void time_first_pose(const std::string& path, const char* what, double at_s) {
+  constexpr int kTimes = 9;
+  Spread open_s, pose_s;
+  uint64_t chunks = 0, all_chunks = 0, sequence = 0;
+  for (int i = 0; i < kTimes; ++i) {
+    const auto start = Clock::now();
+    const auto recording = Recording::open(path);
+    if (!recording) return;
+    open_s.values.push_back(seconds_since(start));
+    const RecordedReport report = recording->read({.start_s = at_s}, [&](RecordedEvent& event) {
+      if (event.topic != RecordTopic::kReply) return true;
+      sequence = std::get<v1::CameraReply>(event.message).sequence();
+      return false;
+    });
+    pose_s.values.push_back(seconds_since(start));
+    chunks = report.chunks_read;
+    all_chunks = recording->container().chunks.size();
+  }
+  std::printf(
+      "%-22s open %.4f s, first pose after %.4f s (medians of %d), reply %lu, %lu of %lu chunks read\n", what,
+      open_s.median(), pose_s.median(), kTimes, static_cast<unsigned long>(sequence),
+      static_cast<unsigned long>(chunks), static_cast<unsigned long>(all_chunks));
+}
+
+void time_reading(const Recording& recording) {
+  const auto start = Clock::now();
+  StepSource source(recording);
+  RecordedStep step;
+  uint64_t steps = 0;
+  while (source.next(step)) ++steps;
+  const double s = seconds_since(start);
+  std::printf("%-22s %.2f s, %.1f us a step, %.0f times real time\n", "read alone", s,
+              1e6 * s / static_cast<double>(steps), recording.duration_s() / s);
+}
+
+void time_hashing(const Recording& recording) {
+  std::vector<v1::CameraReply> replies;
+  StepSource source(recording);
+  RecordedStep step;
+  while (replies.size() < 3000 && source.next(step)) replies.push_back(std::move(step.reply));
+  const auto start = Clock::now();
+  uint64_t hash = 0;
+  PlainReply plain;
+  for (const v1::CameraReply& reply : replies)
+    hash = hash64_bytes(std::as_bytes(std::span(plain.bytes_of(reply))), hash);
+  std::printf("%-22s %.2f us a reply (%016lx)\n", "plain bytes and hash",
+              1e6 * seconds_since(start) / static_cast<double>(replies.size()),
+              static_cast<unsigned long>(hash));
+}
+
+Status time_replay(const Recording& recording, const std::string& sampler_name) {
+  auto sampler = make_sampler(sampler_name);
+  if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
+  const auto place = make_local_place(std::move(sampler));
+  ReplayScenes scenes(recording, {});
+  Replay replay(recording, *place, scenes, {});
+  const auto start = Clock::now();
+  if (Status opened = replay.open(); !opened) return opened;
+  const double open_s = seconds_since(start);
+  ReplyComparison comparison(replay.convention());
+  ReplayedStep step;
+  uint64_t steps = 0;
+  double stepped_us = 0.0;
+  const double processor_s = processor_seconds();
+  const auto begun = Clock::now();
+  while (true) {
+    const auto more = replay.next(step);
+    if (!more) return tl::unexpected(more.error());
+    if (!*more) break;
+    ++steps;
+    stepped_us += step.answer.reply.stage_times().total_us();
+    if (step.recorded.answer == StepAnswer::kRecorded && step.answer.has_reply)
+      comparison.add(step.recorded.step.reply, step.answer.reply);
+  }
+  const double on_processor_s = processor_seconds() - processor_s, s = seconds_since(begun),
+               n = static_cast<double>(steps);
+  std::printf("%-22s open %.2f s; %lu steps in %.1f s: %.0f a second, %.1f times real time; %lu equal\n",
+              "replay", open_s, static_cast<unsigned long>(steps), s, n / s, recording.duration_s() / s,
+              static_cast<unsigned long>(comparison.equal()));
+  std::printf(
+      "%-22s %.1f us a step, of which the step itself %.1f, all else %.1f; %.1f us of processor "
+      "time: %.1f times real time on a core of its own\n",
+      "", 1e6 * s / n, stepped_us / n, 1e6 * s / n - stepped_us / n, 1e6 * on_processor_s / n,
+      recording.duration_s() / on_processor_s);
+  return {};
+}
+
+Status run(const Options& options) {
+  const std::string path = options.file.empty()
+                               ? (std::filesystem::temp_directory_path() / "replay_bench.mcap").string()
+                               : options.file;
+  if (options.file.empty()) std::filesystem::remove(path);
+  if (!std::filesystem::exists(path)) {
+    const auto start = Clock::now();
+    if (Status made = make_recording(options, path); !made) return made;
+    std::printf("%-22s %.1f minutes in %.1f s\n", "made", options.minutes, seconds_since(start));
+  }
+  const auto recording = Recording::open(path);
+  if (!recording) return tl::unexpected(recording.error());
+  std::printf("%-22s %.1f s, %.1f MiB, %zu chunks, %s\n", "recording", recording->duration_s(),
+              static_cast<double>(std::filesystem::file_size(path)) / (1 << 20),
+              recording->container().chunks.size(), recording->info().sampler().c_str());
+  time_first_pose(path, "from the start", 0.0);
+  time_first_pose(path, "from the middle", recording->duration_s() / 2);
+  time_reading(*recording);
+  time_hashing(*recording);
+  if (Status done = time_replay(*recording, recording->info().sampler()); !done) return done;
+  if (options.file.empty()) std::filesystem::remove(path);
+  return {};
+}
+
+}  // namespace
+}  // namespace sightline
+
+int main(int argc, char** argv) {
+  sightline::prepare_software_rendering();
+  sightline::Options options;
+  CLI::App app("What a long recording costs who reads and replays it");
+  app.add_option("--minutes", options.minutes, "Of the recording that is made")
+      ->check(CLI::Range(0.01, 1e4))
+      ->capture_default_str();
+  app.add_option("--scene", options.scene, "Of the catalogue")->capture_default_str();
+  app.add_option("--points", options.points, "Surface points of each target; -1: the default")
+      ->check(CLI::Range(-1, 16));
+  app.add_option("--sampler", options.sampler, "embree or egl")
+      ->check(CLI::IsMember({"embree", "egl"}))
+      ->capture_default_str();
+  app.add_option("--file", options.file, "Keep the recording here, or take the one that is here");
+  CLI11_PARSE(app, argc, argv);
+  if (const sightline::Status done = sightline::run(options); !done) {
+    std::fprintf(stderr, "replay_bench: %s\n", to_string(done.error()).c_str());
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,264 @@
+// Recorded sessions taken again in this process: equal to the bit where they can be, and told apart where they are not.
+#include "client/replay.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "client/replay_command.h"
+#include "tests/replay/recorded_hall.h"
+#include "tests/replay/replayed.h"
+
+namespace sightline {
+namespace {
+
+using test::open_recording;
+using test::record_hall;
+using test::RecordedHall;
+using test::replay_here;
+using test::Replayed;
+using test::rewritten;
+using testing::HasSubstr;
+
+// The opening's camera is the player's own: what it does depends on nothing of the session.
+void put_camera(v1::Tick& tick, double x, bool cut) {
+  v1::ObservedCamera& observed = *tick.mutable_observed_camera();
+  observed.mutable_pose()->mutable_position()->set_x(x);
+  observed.mutable_pose()->mutable_position()->set_y(2.0);
+  observed.mutable_pose()->mutable_rotation()->set_w(1.0);
+  observed.set_cut(cut);
+}
+
+class ReplayHere : public testing::Test {
+ protected:
+  const std::unique_ptr<SamplerDevice> sampler_ = make_embree_sampler_device();
+};
+
+TEST_F(ReplayHere, EveryReplyIsEqualWithMergesAndEconomyToo) {
+  for (const test::RecordedHallOptions& options :
+       {test::RecordedHallOptions{.ticks = 90}, test::RecordedHallOptions{.merge_every = 2},
+        test::RecordedHallOptions{.economy_level = 5}}) {
+    const RecordedHall hall = record_hall(*sampler_, options);
+    const Replayed replayed = replay_here(hall.bytes);
+    EXPECT_EQ(replayed.replies, hall.replies);
+    EXPECT_EQ(replayed.equal, hall.replies);
+    EXPECT_EQ(replayed.hash, hall.hash);
+    EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual);
+  }
+}
+
+TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
+  const auto wrong_now_and_then = [](int i, const v1::CameraReply&, v1::Tick& tick) {
+    if (i == 5 || i == 6 || i == 20 || i == 59) tick.mutable_transforms()->add_id(77);  // without a position
+    if (i == 30) tick.set_sequence(30);  // the one before had it
+  };
+  for (const int merge_every : {0, 2, 3}) {
+    const RecordedHall hall =
+        record_hall(*sampler_, {.merge_every = merge_every, .change = wrong_now_and_then});
+    const Replayed replayed = replay_here(hall.bytes);
+    EXPECT_EQ(replayed.hash, hall.hash);
+    EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
+    EXPECT_THAT(replayed.text, HasSubstr("5 ticks as recorded, 0 only in the recording, 0 only now"));
+  }
+}
+
+// A reply that was changed by one bit in the file is found, with its tick, field and both values.
+TEST_F(ReplayHere, OneBitIsFound) {
+  const RecordedHall hall = record_hall(*sampler_);
+  const std::string changed = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter&) {
+    if (event.topic != RecordTopic::kReply) return true;
+    v1::CameraReply& reply = std::get<v1::CameraReply>(event.message);
+    if (reply.sequence() == 17)
+      reply.mutable_targets(1)->set_distance(std::nextafter(reply.targets(1).distance(), 1e9));
+    return true;
+  });
+  const Replayed replayed = replay_here(changed);
+  EXPECT_EQ(replayed.equal + 1, replayed.replies);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kDiffers);
+  EXPECT_THAT(replayed.text, HasSubstr("tick 17 at 0.267 s: targets[1].distance was "));
+}
+
+TEST_F(ReplayHere, ReplyThatIsMissingHasItsStepAllTheSame) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 60});
+  const std::string gappy = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter& writer) {
+    if (event.topic != RecordTopic::kReply) return true;
+    const uint64_t sequence = std::get<v1::CameraReply>(event.message).sequence();
+    if (sequence == 20 || sequence == 21) return false;
+    v1::Gap gap;
+    gap.set_messages(2);
+    gap.set_reason(v1::Gap::QUEUE_FULL);
+    return sequence != 22 || writer.write(gap, event.log_ns).has_value();
+  });
+  const Replayed replayed = replay_here(gappy);
+  EXPECT_EQ(replayed.replies, 58u);
+  EXPECT_EQ(replayed.equal, 58u);
+  EXPECT_THAT(replayed.text,
+              HasSubstr("2 messages are missing; 19 of 19 replies before the first are equal"));
+  EXPECT_THAT(replayed.text, HasSubstr("2 steps were taken whose replies are missing"));
+}
+
+TEST_F(ReplayHere, MissingTicksAreAlikeAndNotEqual) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 60});
+  const std::string gappy = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter& writer) {
+    const bool is_tick = event.topic == RecordTopic::kTick, is_reply = event.topic == RecordTopic::kReply;
+    const uint64_t sequence = is_tick    ? std::get<v1::Tick>(event.message).sequence()
+                              : is_reply ? std::get<v1::CameraReply>(event.message).sequence()
+                                         : 0;
+    if (sequence >= 30 && sequence < 33) return false;
+    v1::Gap gap;
+    gap.set_messages(6);
+    return !is_tick || sequence != 33 || writer.write(gap, event.log_ns).has_value();
+  });
+  const Replayed replayed = replay_here(gappy);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kAlike) << replayed.text;
+  EXPECT_LT(replayed.equal, replayed.replies);
+  EXPECT_THAT(replayed.text, HasSubstr("29 of 29 replies before the first are equal"));
+  EXPECT_THAT(replayed.text, HasSubstr("alike, not equal"));
+}
+
+TEST_F(ReplayHere, FoldedStartNeedNotBeEqual) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 30});
+  const std::string folded = rewritten(
+      hall.bytes, [](RecordedEvent&, RecordingWriter&) { return true; },
+      [](v1::RecordingInfo& info) { info.set_folded_ticks(100); });
+  // Here it is equal all the same, which is said.
+  EXPECT_EQ(replay_here(folded, {}, "folded").verdict, ReplayVerdict::kEqual);
+  const std::string other_seed = rewritten(record_hall(*sampler_, {.ticks = 30, .seed = 2}).bytes,
+                                           [](RecordedEvent&, RecordingWriter&) { return true; });
+  EXPECT_EQ(replay_here(other_seed, {"seed=3"}, "folded").verdict, ReplayVerdict::kAlike);
+  EXPECT_EQ(replay_here(other_seed, {"seed=3"}).verdict, ReplayVerdict::kDiffers);
+}
+
+TEST_F(ReplayHere, CamerasThatOnlyFollowedAreLeftOutUnderOtherSettings) {
+  const auto follow_and_cut = [](int i, const v1::CameraReply& newest, v1::Tick& tick) {
+    if (i > 10 && i < 40) *tick.mutable_observed_camera()->mutable_pose() = newest.pose();
+    if (i == 40) put_camera(tick, 3.0, true);
+    if (i == 50) put_camera(tick, 3.5, false);
+  };
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 60, .change = follow_and_cut});
+  const Replayed as_it_was = replay_here(hall.bytes);
+  EXPECT_EQ(as_it_was.hash, hall.hash);
+  EXPECT_EQ(as_it_was.observed_left_out, 0u);
+  const Replayed otherwise = replay_here(hall.bytes, {"limits.max_speed_mps=2"});
+  EXPECT_EQ(otherwise.observed_left_out, 29u);
+  EXPECT_EQ(otherwise.observed_kept, 2u);
+}
+
+TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
+  const RecordedHall bare = record_hall(*sampler_, {.ticks = 10, .attach_scene = false});
+  const RecordedFile file = open_recording(hall.bytes).files()->front();
+  const auto folder = std::filesystem::path(testing::TempDir()) / "replay-scenes" / "deep";
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder / "other.glb") << "no scene";
+  std::ofstream(folder / "the-hall.glb", std::ios::binary) << file.bytes;
+
+  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.files = {(folder / "the-hall.glb").string()}}).hash, hall.hash);
+  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = folder.parent_path().string()}).hash, hall.hash);
+
+  const Recording recording = open_recording(bare.bytes);
+  const auto place = make_local_place(make_embree_sampler_device());
+  ReplayScenes scenes(recording, {});
+  Replay replay(recording, *place, scenes, {});
+  const Status opened = replay.open();
+  ASSERT_FALSE(opened.has_value());
+  EXPECT_EQ(opened.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(opened.error().message, HasSubstr(file.name.substr(std::string("upload/").size())));
+  EXPECT_THAT(opened.error().message, HasSubstr("--scene-dir"));
+}
+
+// The whole command on files.
+class ReplayCommand : public ReplayHere {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(testing::TempDir()) /
+              testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  std::string keep(const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return (folder_ / name).string();
+  }
+  int run(ReplayCommandOptions options, const std::string& typed = {}) {
+    std::istringstream in(typed);
+    out_.str({});
+    err_.str({});
+    return run_replay_command(options, in, out_, err_);
+  }
+
+  std::filesystem::path folder_;
+  std::ostringstream out_, err_;
+};
+
+TEST_F(ReplayCommand, SaysEqualAndWritesWhatItAnswered) {
+  const RecordedHall hall = record_hall(*sampler_);
+  const std::string file = keep("hall.mcap", hall.bytes), again = (folder_ / "again.mcap").string();
+  ASSERT_EQ(run({.file = file, .out = again}), 0) << err_.str();
+  EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
+  ASSERT_EQ(run({.file = again}), 0) << err_.str() << out_.str();
+  EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
+  EXPECT_EQ(run({.file = file, .out = again}), 1);  // is there already
+  EXPECT_THAT(err_.str(), HasSubstr("again.mcap"));
+}
+
+TEST_F(ReplayCommand, StepsByHandFromTheStartThatIsAskedFor) {
+  const std::string file = keep("hall.mcap", record_hall(*sampler_).bytes);
+  ASSERT_EQ(run({.file = file, .by_hand = true, .start_s = 0.5}, "\nn 3\nwhat\nq\n"), 0);
+  EXPECT_THAT(out_.str(), HasSubstr("everything before is stepped"));
+  EXPECT_THAT(out_.str(), HasSubstr("33 compared, 33 equal"));  // 29 before 0.5 s, and four by hand
+  EXPECT_THAT(out_.str(), HasSubstr("tick 33 "));
+  EXPECT_THAT(out_.str(), testing::Not(HasSubstr("tick 29 ")));
+  EXPECT_THAT(out_.str(), HasSubstr("n 10: ten steps"));
+}
+
+TEST_F(ReplayCommand, EndsWhereItIsTold) {
+  const std::string file = keep("hall.mcap", record_hall(*sampler_).bytes);
+  ASSERT_EQ(run({.file = file, .end_s = 0.5}), 0);
+  EXPECT_THAT(out_.str(), HasSubstr("29 compared, 29 equal"));
+}
+
+TEST_F(ReplayCommand, OtherSettingsShowBothRunsAndTheTruth) {
+  const std::string file = keep("hall.mcap", record_hall(*sampler_).bytes),
+                    again = (folder_ / "slow.mcap").string();
+  ASSERT_EQ(run({.file = file,
+                 .set = {"limits.max_speed_mps=0.5"},
+                 .truth = true,
+                 .truth_every = 30,
+                 .out = again}),
+            0)
+      << err_.str();
+  for (const char* line : {"recorded      replayed", "travel", "peak speed", "0.50 m/s", "true: r_N",
+                           "true: body collisions", "2 pictures of each"})
+    EXPECT_THAT(out_.str(), HasSubstr(line));
+  // What was written holds the other settings, and replays to the same without them.
+  ASSERT_EQ(run({.file = again}), 0) << err_.str();
+  EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
+}
+
+TEST_F(ReplayCommand, WrongSettingsAndFilesAreNamed) {
+  const std::string file = keep("hall.mcap", record_hall(*sampler_, {.ticks = 2}).bytes);
+  EXPECT_NE(run({.file = file, .set = {"aggregate.filter.m=10"}}), 0);
+  EXPECT_THAT(err_.str(),
+              HasSubstr("aggregate.filter.m: there is no \"m\" here, only: mode, alpha, n, window_s"));
+  EXPECT_NE(run({.file = file, .set = {"sample.points=99"}}), 0);
+  EXPECT_THAT(err_.str(), HasSubstr("sample.points"));
+  EXPECT_NE(run({.file = keep("nothing.mcap", "nothing")}), 0);
+  EXPECT_THAT(err_.str(), HasSubstr("nothing.mcap"));
+  EXPECT_NE(run({.file = file, .server = "127.0.0.1:1", .wait_s = 0.1}), 0);
+  EXPECT_THAT(err_.str(), HasSubstr("address"));
+}
+
+TEST_F(ReplayCommand, RealTimeIsNeverEarly) {
+  const std::string file = keep("hall.mcap", record_hall(*sampler_, {.ticks = 13}).bytes);
+  const auto start = std::chrono::steady_clock::now();
+  ASSERT_EQ(run({.file = file, .rate = 2.0}), 0);
+  // The last tick is due a tenth of a second after the first.
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(99));
+}
+
+}  // namespace
+}  // namespace sightline
