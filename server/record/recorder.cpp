@@ -469,8 +469,8 @@ void RecordWriter::check(Book& book, const Status& done) {
     const std::lock_guard lock(mutex_);
     counts_.bytes += more;
   }
-  if (done && book.file->bytes() > book.head_bytes && book.file->waiting().messages == 0) {
-    // Something beyond the head is on the disk, and with it the gap.
+  if (done && book.file->has_chunk()) {
+    // What stands at the head is on the disk, and with it the gap.
     book.gap.Clear();
     if (std::exchange(book.warned, false))
       warn_({v1::Gap::REASON_UNSPECIFIED, book.session->info.session_id(), "it is written again", true});
