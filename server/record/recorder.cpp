@@ -237,6 +237,7 @@ struct RecordWriter::Book {
   bool dropping = false;                    // its queue was full since the last time but one
   std::optional<std::string> open, opened;  // for the head of the next part
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
+  uint64_t head_chunks = 0;                 // the same
   ViewerChannels viewers;
   std::array<uint32_t, kRecordTopics> sequences{};  // of what is made here
 };
@@ -439,6 +440,7 @@ bool RecordWriter::ensure_file(Book& book) {
   begin_attachments(book);
   write_head(book, info.part() > 1, now_ns);
   book.head_bytes = book.file->bytes();
+  book.head_chunks = book.file->chunks();
   {
     const std::lock_guard lock(mutex_);
     ++counts_.files;
@@ -469,8 +471,8 @@ void RecordWriter::check(Book& book, const Status& done) {
     const std::lock_guard lock(mutex_);
     counts_.bytes += more;
   }
-  if (done && book.file->has_chunk()) {
-    // What stands at the head is on the disk, and with it the gap.
+  if (done && book.file->chunks() > book.head_chunks) {
+    // Something beyond the head is on the disk, and with it the gap.
     book.gap.Clear();
     if (std::exchange(book.warned, false))
       warn_({v1::Gap::REASON_UNSPECIFIED, book.session->info.session_id(), "it is written again", true});

@@ -79,7 +79,7 @@ Status SessionFile::attach(const mcap::Attachment& attachment) {
 void SessionFile::chunk_ended() {
   waiting_ = {};
   chunk_since_ns_.reset();
-  has_chunk_ = true;
+  ++chunks_;
 }
 
 }  // namespace sightline

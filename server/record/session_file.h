@@ -42,10 +42,9 @@ class SessionFile {
     uint64_t last_time_ns = 0;
   };
   const Waiting& waiting() const { return waiting_; }
-  // Whether any was handed to the sink.
-  bool has_chunk() const { return has_chunk_; }
   uint64_t bytes() const { return writer_.bytes_written(); }
   const Status& status() const { return writer_.status(); }
+  uint64_t chunks() const { return chunks_; }  // handed to the sink
 
  private:
   void chunk_ended();
@@ -57,7 +56,7 @@ class SessionFile {
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
   Waiting waiting_;
-  bool has_chunk_ = false;
+  uint64_t chunks_ = 0;
   std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
 };
 
