@@ -2,6 +2,8 @@
 
 #include <grpcpp/server_context.h>
 
+#include "server/record/recorder.h"
+
 namespace sightline {
 namespace {
 

@@ -4,6 +4,7 @@
 
 #include "server/base/hash.h"
 #include "server/receive/server_info.h"
+#include "server/record/recorder.h"
 
 namespace sightline {
 namespace {
@@ -48,6 +49,16 @@ void for_each_mesh(const google::protobuf::RepeatedPtrField<v1::NewInstance>& in
 }
 
 }  // namespace
+
+SessionTape::SessionTape(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes,
+                         const Log& log)
+    : rules_(rules), clock_(clock), scenes_(scenes), log_(log) {}
+
+SessionTape::~SessionTape() = default;
+
+void SessionTape::close() {
+  recorder_.reset();
+}
 
 void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
   session_id_ = opened.session_id();

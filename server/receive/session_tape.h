@@ -10,12 +10,15 @@
 #include <string_view>
 
 #include "server/receive/log.h"
-#include "server/record/recorder.h"
 #include "server/scene/scene_folder.h"
 #include "server/step.h"
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
+
+class RecordWriter;
+class SessionRecorder;
+struct RecordTimes;
 
 // What the daemon records.
 struct RecordingRules {
@@ -34,8 +37,8 @@ struct RecordingRules {
 class SessionTape {
  public:
   // All must outlive it; `clock` is the one that arrival times are of.
-  SessionTape(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log)
-      : rules_(rules), clock_(clock), scenes_(scenes), log_(log) {}
+  SessionTape(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log);
+  ~SessionTape();
 
   // A session has opened. Begins the recording when it is to be one, says so in `opened`, which must hold everything
   // else already, and keeps both. Reads the scene files when they are to be attached: on a thread that may take long.
@@ -54,7 +57,7 @@ class SessionTape {
   void attach_scenes(const v1::Tick& tick);
 
   // Nothing more comes; what came is written, by others.
-  void close() { recorder_.reset(); }
+  void close();
 
   // The file of its first part, within the folder; empty: not recorded.
   const std::string& name() const { return name_; }

@@ -239,6 +239,7 @@ struct RecordWriter::Book {
   TickFold fold;                            // for it too
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
   uint64_t head_size = 0;                   // of the messages at its head, not packed
+  uint64_t head_chunks = 0;                 // the same
   ViewerChannels viewers;
   std::array<uint32_t, kRecordTopics> sequences{};  // of what is made here
 };
@@ -452,6 +453,7 @@ bool RecordWriter::ensure_file(Book& book) {
   begin_attachments(book);
   write_head(book, now_ns);
   book.head_bytes = book.file->bytes();
+  book.head_chunks = book.file->chunks();
   {
     const std::lock_guard lock(mutex_);
     ++counts_.files;
@@ -492,7 +494,7 @@ void RecordWriter::check(Book& book, const Status& done) {
     const std::lock_guard lock(mutex_);
     counts_.bytes += more;
   }
-  if (done && book.file->bytes() > book.head_bytes && book.file->waiting().messages == 0) {
+  if (done && book.file->chunks() > book.head_chunks) {
     // Something beyond the head is on the disk, and with it the gap.
     book.gap.Clear();
     if (std::exchange(book.warned, false))

@@ -54,7 +54,7 @@ Status SessionFile::write(const RecordMessage& message, uint64_t now_ns) {
   const Status done = writer_.write(
       {*channel, message.sequence, message.log_time_ns, message.publish_time_ns, message.bytes});
   if (!done) return done;
-  if (writer_.bytes_written() != before) waiting_ = {}, chunk_since_ns_.reset();
+  if (writer_.bytes_written() != before) chunk_ended();
   if (!writer_.has_open_chunk()) return done;
   if (!chunk_since_ns_) chunk_since_ns_ = now_ns;
   if (waiting_.messages++ == 0) waiting_.first_time_ns = message.log_time_ns;
@@ -65,8 +65,21 @@ Status SessionFile::write(const RecordMessage& message, uint64_t now_ns) {
 Status SessionFile::tend(uint64_t now_ns) {
   if (!chunk_since_ns_ || now_ns < *chunk_since_ns_ + chunk_time_ns_) return writer_.status();
   const Status done = writer_.end_chunk();
-  if (done) waiting_ = {}, chunk_since_ns_.reset();
+  if (done) chunk_ended();
   return done;
+}
+
+// The open chunk goes before it.
+Status SessionFile::attach(const mcap::Attachment& attachment) {
+  const Status done = writer_.attach(attachment);
+  if (done) chunk_ended();
+  return done;
+}
+
+void SessionFile::chunk_ended() {
+  waiting_ = {};
+  chunk_since_ns_.reset();
+  ++chunks_;
 }
 
 }  // namespace sightline

@@ -30,7 +30,7 @@ class SessionFile {
               McapWriterOptions options);
 
   Status write(const RecordMessage& message, uint64_t now_ns);
-  Status attach(const mcap::Attachment& attachment) { return writer_.attach(attachment); }
+  Status attach(const mcap::Attachment& attachment);
   // Closes the chunk when its first message has waited for `chunk_time`. To be called at least that often.
   Status tend(uint64_t now_ns);
   Status finish() { return writer_.finish(); }
@@ -46,8 +46,10 @@ class SessionFile {
   void forget_waiting() { waiting_ = {}; }
   uint64_t bytes() const { return writer_.bytes_written(); }
   const Status& status() const { return writer_.status(); }
+  uint64_t chunks() const { return chunks_; }  // handed to the sink
 
  private:
+  void chunk_ended();
   Result<uint16_t> channel_of(RecordTopic topic);
 
   const std::unique_ptr<ByteSink> sink_;
@@ -56,6 +58,7 @@ class SessionFile {
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
   Waiting waiting_;
+  uint64_t chunks_ = 0;
   std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
 };
 

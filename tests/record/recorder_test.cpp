@@ -291,6 +291,27 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
 }
 
+// Whichever way a chunk ends, by the clock or by a message that comes too late for it.
+TEST(Recorder, RecoveryIsNoticedWhileMessagesKeepComing) {
+  Studio studio;
+  auto recorder = studio.open();
+  const auto seconds = [&](int count) {
+    for (int i = 0; i < 60 * count; ++i) {
+      studio.tick(*recorder);
+      studio.writer->run_once();
+    }
+  };
+  seconds(1);
+  studio.files.disk_full = true;
+  seconds(3);
+  EXPECT_TRUE(recorder->degraded());
+  studio.files.disk_full = false;
+  seconds(3);
+  EXPECT_FALSE(recorder->degraded());
+  ASSERT_THAT(studio.warnings, SizeIs(2));
+  EXPECT_TRUE(studio.warnings[1].over);
+}
+
 TEST(Recorder, ARemovedFileAndAFolderThatCannotBeMadeAreNoticed) {
   Studio studio;
   auto recorder = studio.open();

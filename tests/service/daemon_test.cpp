@@ -35,7 +35,9 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
       {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
-      {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"}};
+      {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"},
+      {"--record", "some"},            {"--record-total-mib", "0"},
+      {"--record-age-h", "-1"},        {"--record-file-mib", "0"}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
@@ -48,7 +50,8 @@ TEST(DaemonFlags, EveryOneIsExplained) {
         "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
         "--version",        "--print-config",   "--check-config", "--config",       "devices",
         "--open-timeout-s", "--step-budget-ms", "--no-degrade",
-        "--egl-variant"}) {
+        "--egl-variant",    "--record-dir",     "--record ",      "--record-scenes", "--record-total-mib",
+        "--record-file-mib", "--record-age-h",  "--record-reserve-mib"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
@@ -58,9 +61,11 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
                        "--step-budget-ms", "2.5", "--no-degrade", "--log-format", "json",
-                       "--egl-variant", "clusters+per-map+ring", "--print-config"});
+                       "--egl-variant", "clusters+per-map+ring", "--record-dir", "/tmp/a b", "--record", "asked",
+                       "--record-scenes", "--record-total-mib", "77", "--record-age-h", "5", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
-  EXPECT_NE(first.output.find("max-sessions=7"), std::string::npos) << first.output;
+  for (const char* line : {"max-sessions=7", "record=\"asked\"", "record-scenes=true", "record-total-mib=77"})
+    EXPECT_NE(first.output.find(line), std::string::npos) << first.output;
   const ScratchFolder folder;
   std::ofstream(folder / "sightlined.conf") << first.output;
   const RunResult second = run_sightlined({"--config", folder / "sightlined.conf", "--print-config"});

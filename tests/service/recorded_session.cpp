@@ -5,6 +5,8 @@
 
 #include <csignal>
 
+#include "server/record/record_folder.h"
+
 namespace sightline::test {
 namespace {
 

@@ -206,12 +206,11 @@ struct Where {
 class RecordedReplay : public testing::TestWithParam<Where> {
  protected:
   static void SetUpTestSuite() { prepare_software_rendering(); }
-  RecordedReplay() {
-    sampler_ =
-        std::move(
-            *choose_sampler_device(
-                GetParam().sampler == std::string("egl") ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {}))
-            .device;
+  void SetUp() override {
+    const bool egl = GetParam().sampler == std::string("egl");
+    auto chosen = choose_sampler_device(egl ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+    if (!chosen) GTEST_SKIP() << to_string(chosen.error());
+    sampler_ = std::move(chosen->device);
   }
   std::vector<std::string> flags(std::vector<std::string> more = {}) const {
     std::vector<std::string> all{"--record-dir",     folder_,     "--sampler",
