@@ -29,7 +29,9 @@ void set_bit_where_enough(const uint8_t* __restrict seen, size_t count, uint8_t 
 
 // One after the other, as if each point came alone: a product would round differently.
 SIGHTLINE_VECTOR_CLONES
-void add_times(const uint8_t* __restrict times, size_t count, uint8_t most, double share, double* __restrict sums) {
+void add_times(const uint8_t* __restrict times, size_t count, double share, double* __restrict sums) {
+  uint8_t most = 0;
+  for (size_t i = 0; i < count; ++i) most = times[i] > most ? times[i] : most;
   for (uint8_t k = 0; k < most; ++k)
     for (size_t i = 0; i < count; ++i) sums[i] += times[i] > k ? share : 0.0;
 }
@@ -122,10 +124,9 @@ void Composer::compose_tile(const SampledPoints& sampled, Tile& tile, uint32_t* 
     count_points(sampled, asked, tile);
     if (visible) set_bit_where_enough(tile.seen, count, asked.least, 1u << asked.target, visible);
     if (!asked.hides) continue;
-    const auto points = static_cast<uint8_t>(asked.points.count);
-    count_staying(tile.seen, tile.passing, count, points, tile.staying);
-    add_times(tile.staying, count, points, asked.each, hidden->by_staying.data() + first);
-    if (tile.any_passing) add_times(tile.passing, count, points, asked.each, hidden->by_passing.data() + first);
+    count_staying(tile.seen, tile.passing, count, static_cast<uint8_t>(asked.points.count), tile.staying);
+    add_times(tile.staying, count, asked.each, hidden->by_staying.data() + first);
+    if (tile.any_passing) add_times(tile.passing, count, asked.each, hidden->by_passing.data() + first);
   }
 }
 

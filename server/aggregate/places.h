@@ -23,7 +23,8 @@ class PlaceView {
   PlaceView(std::span<const glm::dvec3> singles_m) : singles_m_(singles_m) {}
   PlaceView(const std::vector<glm::dvec3>& singles_m) : singles_m_(singles_m) {}
   // `in_runs`: how many places the runs have together.
-  PlaceView(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs, std::span<const glm::dvec3> singles_m)
+  PlaceView(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs,
+            std::span<const glm::dvec3> singles_m)
       : spacing_m_(spacing_m), runs_(runs), in_runs_(in_runs), singles_m_(singles_m) {}
 
   size_t size() const { return in_runs_ + singles_m_.size(); }

@@ -41,17 +41,20 @@ PlaceRow row_of(const glm::dvec3& slope, double at_origin) {
 // |c - t| <= (e_x + |t| e_d) / d, so by at most 2 (e_x + size e_d) / d where either lies in the window.
 void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) {
   const glm::dvec3 eye = view.eye_m - extent.middle_m, back = view.world_from_view[2];
-  const double per_width = view.width / (view.right - view.left), per_height = view.height / (view.top - view.bottom);
+  const double per_width = view.width / (view.right - view.left),
+               per_height = view.height / (view.top - view.bottom);
   const glm::dvec3 across = (view.world_from_view[0] + view.left * back) * per_width + 0.5 * back,
                    up = (view.world_from_view[1] + view.bottom * back) * per_height + 0.5 * back;
   const double across_0 = -glm::dot(across, eye), up_0 = -glm::dot(up, eye), depth_0 = glm::dot(back, eye);
   const double depth_error = error_of(back, depth_0, extent.reach_m);
   // A sum, which more than the greater of the two tells when one of them is not a number.
-  const double coordinate_error = error_of(across, across_0, extent.reach_m) + error_of(up, up_0, extent.reach_m) +
+  const double coordinate_error = error_of(across, across_0, extent.reach_m) +
+                                  error_of(up, up_0, extent.reach_m) +
                                   std::fmax(view.width, view.height) * depth_error;
   const glm::dvec3 apart = extent.reach_m + glm::abs(eye);
   out.across = row_of(across, across_0), out.up = row_of(up, up_0), out.depth = row_of(-back, depth_0);
-  out.eye_x = static_cast<float>(eye.x), out.eye_y = static_cast<float>(eye.y), out.eye_z = static_cast<float>(eye.z);
+  out.eye_x = static_cast<float>(eye.x), out.eye_y = static_cast<float>(eye.y),
+  out.eye_z = static_cast<float>(eye.z);
   out.last_column = static_cast<float>(view.width - 1), out.last_row = static_cast<float>(view.height - 1);
   out.least_depth = static_cast<float>(2.1 * depth_error);
   out.texel_error = static_cast<float>(2.1 * coordinate_error);
@@ -97,7 +100,8 @@ bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t s
     for (int x = 0; x < map.view.width; ++x) {
       float& limit_m2 = limits_m2[y * stride + x];
       const bool passing = of_texel(static_cast<size_t>(y * map.view.width + x));
-      if (!std::isinf(limit_m2)) limit_m2 = std::bit_cast<float>((std::bit_cast<uint32_t>(limit_m2) & ~1u) | passing);
+      if (!std::isinf(limit_m2))
+        limit_m2 = std::bit_cast<float>((std::bit_cast<uint32_t>(limit_m2) & ~1u) | passing);
     }
   return true;
 }
@@ -140,7 +144,8 @@ template <bool kPasses>
 }
 
 SIGHTLINE_VECTOR_CLONES
-bool look_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first, uint8_t* sights) {
+bool look_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                  uint8_t* sights) {
   return look<false>(map, limits_m2, tile, first, sights);
 }
 
@@ -171,23 +176,28 @@ SIGHTLINE_X86_V4 inline __m512i texel_at(__m512 coordinate, __m512 last) {
 
 // The limits of a small map lie in four registers, where a look costs a tenth of one into memory.
 template <bool kSmall, bool kBefore, bool kPasses>
-SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
-                              uint8_t* sights) {
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
+                              bool first, uint8_t* sights) {
   const RowV4 across = spread(map.across), up = spread(map.up), depth_row = spread(map.depth);
-  const __m512 eye_x = _mm512_set1_ps(map.eye_x), eye_y = _mm512_set1_ps(map.eye_y), eye_z = _mm512_set1_ps(map.eye_z),
-               last_column = _mm512_set1_ps(map.last_column), last_row = _mm512_set1_ps(map.last_row),
-               least_depth = _mm512_set1_ps(map.least_depth), square_error = _mm512_set1_ps(map.square_error),
+  const __m512 eye_x = _mm512_set1_ps(map.eye_x), eye_y = _mm512_set1_ps(map.eye_y),
+               eye_z = _mm512_set1_ps(map.eye_z), last_column = _mm512_set1_ps(map.last_column),
+               last_row = _mm512_set1_ps(map.last_row), least_depth = _mm512_set1_ps(map.least_depth),
+               square_error = _mm512_set1_ps(map.square_error),
                less_square_error = _mm512_set1_ps(-map.square_error), half = _mm512_set1_ps(0.5f);
   const __m512i stride = _mm512_set1_epi32(map.stride), one = _mm512_set1_epi32(1);
-  const __m512 limits_0 = _mm512_loadu_ps(limits_m2), limits_1 = kSmall ? _mm512_loadu_ps(limits_m2 + 16) : limits_0,
+  const __m512 limits_0 = _mm512_loadu_ps(limits_m2),
+               limits_1 = kSmall ? _mm512_loadu_ps(limits_m2 + 16) : limits_0,
                limits_2 = kSmall ? _mm512_loadu_ps(limits_m2 + 32) : limits_0,
                limits_3 = kSmall ? _mm512_loadu_ps(limits_m2 + 48) : limits_0;
-  __m512 within = _mm512_set1_ps(0.5f - map.greatest_error), without = _mm512_set1_ps(0.5f + map.greatest_error);
+  __m512 within = _mm512_set1_ps(0.5f - map.greatest_error),
+         without = _mm512_set1_ps(0.5f + map.greatest_error);
   __mmask16 any_unsure = 0;
   for (size_t i = 0; i < tile.count; i += PlaceTile::kTilePad) {
-    const __m512 px = _mm512_load_ps(tile.x_m + i), py = _mm512_load_ps(tile.y_m + i), pz = _mm512_load_ps(tile.z_m + i);
+    const __m512 px = _mm512_load_ps(tile.x_m + i), py = _mm512_load_ps(tile.y_m + i),
+                 pz = _mm512_load_ps(tile.z_m + i);
     const __m512 depth = at(depth_row, px, py, pz), per_depth = _mm512_div_ps(_mm512_set1_ps(1.0f), depth);
-    const __m512 x = _mm512_mul_ps(at(across, px, py, pz), per_depth), y = _mm512_mul_ps(at(up, px, py, pz), per_depth);
+    const __m512 x = _mm512_mul_ps(at(across, px, py, pz), per_depth),
+                 y = _mm512_mul_ps(at(up, px, py, pz), per_depth);
     const __m512i column = texel_at(x, last_column), row = texel_at(y, last_row);
     // The greater of the distances from the texel's middle, along either axis.
     const __m512 off = _mm512_range_ps(_mm512_sub_ps(x, _mm512_cvtepi32_ps(column)),
@@ -206,7 +216,8 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
 
     __mmask16 before = 0xFFFF, elsewhere = 0;
     if constexpr (!kBefore) {
-      const __m512 error = _mm512_fmadd_ps(_mm512_set1_ps(map.texel_error), per_depth, _mm512_set1_ps(map.texel_rounding));
+      const __m512 error =
+          _mm512_fmadd_ps(_mm512_set1_ps(map.texel_error), per_depth, _mm512_set1_ps(map.texel_rounding));
       within = _mm512_sub_ps(half, error), without = _mm512_add_ps(half, error);
       before = _mm512_cmp_ps_mask(depth, least_depth, _CMP_GT_OQ);
       elsewhere = _mm512_cmp_ps_mask(depth, _mm512_sub_ps(_mm512_setzero_ps(), least_depth), _CMP_LT_OQ);
@@ -219,8 +230,9 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
     __m128i sight = _mm_maskz_set1_epi8(visible, kVisibleSight);
     sight = _mm_mask_mov_epi8(sight, hidden, _mm_set1_epi8(kHiddenSight));
     if constexpr (kPasses)
-      sight = _mm_mask_mov_epi8(sight, _mm512_mask_test_epi32_mask(hidden, _mm512_castps_si512(limit_m2), one),
-                                _mm_set1_epi8(kPassingSight));
+      sight =
+          _mm_mask_mov_epi8(sight, _mm512_mask_test_epi32_mask(hidden, _mm512_castps_si512(limit_m2), one),
+                            _mm_set1_epi8(kPassingSight));
     sight = _mm_mask_mov_epi8(sight, unsure, _mm_set1_epi8(kUnsureSight));
     auto* const out = reinterpret_cast<__m128i*>(sights + i);
     if (!first) {
@@ -236,8 +248,8 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
 }
 
 template <bool kSmall>
-SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
-                              uint8_t* sights) {
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
+                              bool first, uint8_t* sights) {
   if (map.before)
     return map.passing ? look_v4<kSmall, true, true>(map, limits_m2, tile, first, sights)
                        : look_v4<kSmall, true, false>(map, limits_m2, tile, first, sights);
@@ -280,7 +292,8 @@ bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const P
                      : look_plainly(map, limits_m2, tile, first, sights);
 }
 
-bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first, uint8_t* sights) {
+bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                 uint8_t* sights) {
 #ifdef SIGHTLINE_X86_V4
   static const bool v4 = runs_x86_v4();
   if (v4) {

@@ -55,7 +55,8 @@ PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double r
 
 // The sights of a tile's places, which no former map has shown; without `first` there are former maps of the same point, and `sights`
 // is what they left. Writes up to kTilePad more. True when one may be kUnsureSight.
-bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first, uint8_t* sights);
+bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+                 uint8_t* sights);
 
 // The same, as it is on machines without AVX-512.
 bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,

@@ -9,13 +9,14 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "server/move/cell_box.h"
 
 namespace sightline {
 namespace {
 
-constexpr int64_t kFar = int64_t{1} << 40;  // larger than any squared distance on a run, far from overflow
+constexpr int32_t kFar = 1 << 29;  // larger than any squared distance on a run, and twice it still is an int
 
 uint32_t hash_cell(const glm::ivec3& c) {
   uint64_t h = static_cast<uint32_t>(c.x) * 0x9E3779B97F4A7C15ull;
@@ -24,12 +25,14 @@ uint32_t hash_cell(const glm::ivec3& c) {
   return static_cast<uint32_t>(h >> 32);
 }
 
-// Whether a table over the box around the cells is of the order of their number.
-bool is_compact(std::span<const glm::ivec3> cell) {
-  glm::dvec3 low(cell[0]), high(cell[0]);
-  for (const glm::ivec3& c : cell) low = glm::min(low, glm::dvec3(c)), high = glm::max(high, glm::dvec3(c));
-  const glm::dvec3 size = high - low + 3.0;
-  return size.x * size.y * size.z <= 16.0 * static_cast<double>(cell.size()) + 4096;
+// The box around the cells and one cell more on every side, where a table over it is of the order of their number.
+std::optional<CellBox> compact_box(std::span<const glm::ivec3> cell) {
+  if (cell.empty()) return std::nullopt;
+  glm::ivec3 low = cell[0], high = cell[0];
+  for (const glm::ivec3& c : cell) low = glm::min(low, c), high = glm::max(high, c);
+  const glm::dvec3 size = glm::dvec3(high) - glm::dvec3(low) + 3.0;
+  if (size.x * size.y * size.z > 16.0 * static_cast<double>(cell.size()) + 4096) return std::nullopt;
+  return CellBox{low - 1, high - low + 3};
 }
 
 class Finder {
@@ -51,6 +54,7 @@ class Finder {
 
   void link_neighbours() {
     s_.beside.resize(cell_.size());
+    if (box_) return link_in_box();
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
       for (int side = 0; side < 6; ++side) {
@@ -68,8 +72,8 @@ class Finder {
     g_.size_cells.reserve(cell_.size());
     s_.nearest_m.reserve(cell_.size());
     s_.queue.reserve(cell_.size());
-    s_.run.reserve(cell_.size());
-    s_.line.reserve(cell_.size() + 2);
+    s_.run.resize(cell_.size());
+    s_.line.resize(cell_.size() + 2);
     g_.group_of.assign(cell_.size(), kNoGroup);
     for (size_t i = 0; i < cell_.size(); ++i)
       if (owns_member_cell(i) && g_.group_of[i] == kNoGroup) flood(static_cast<int32_t>(i));
@@ -80,7 +84,7 @@ class Finder {
     for (size_t i = 0; i < cell_.size(); ++i) s_.distance[i] = owns_member_cell(i) ? kFar : 0;
     for (int axis = 0; axis < 3; ++axis)
       for (size_t i = 0; i < cell_.size(); ++i)
-        if (owns_member_cell(i) && s_.beside[i][2 * axis] < 0) transform_run(static_cast<int32_t>(i), axis);
+        if (s_.distance[i] != 0 && s_.beside[i][2 * axis] < 0) transform_run(static_cast<int32_t>(i), axis);
   }
 
   // Gives every member what its cell has: no group and no depth where the first candidate of the cell is no
@@ -104,15 +108,25 @@ class Finder {
 
   // A table over the box around the cells; where they are too scattered for that, a hash table.
   void choose_table() {
-    const size_t n = cell_.size();
-    dense_ = n > 0 && is_compact(cell_);
-    if (dense_) box_ = box_around(cell_, 1);
-    s_.slots.assign(dense_ ? box_.count() : std::bit_ceil(std::max<size_t>(2 * n, 8)), -1);
+    box_ = compact_box(cell_);
+    s_.slots.assign(box_ ? box_->count() : std::bit_ceil(std::max<size_t>(2 * cell_.size(), 8)), -1);
+  }
+
+  // The table keeps the cells of members alone; neighbours lie at fixed ways from each other in it.
+  void link_in_box() {
+    for (size_t i = 0; i < cell_.size(); ++i)
+      if (!member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i)) slot_of(cell_[i]) = -1;
+    const auto row = static_cast<ptrdiff_t>(box_->row()), slice = static_cast<ptrdiff_t>(box_->slice());
+    for (size_t i = 0; i < cell_.size(); ++i) {
+      if (!owns_member_cell(i)) continue;
+      const int32_t* const at = &slot_of(cell_[i]);
+      s_.beside[i] = {at[-1], at[1], at[-row], at[row], at[-slice], at[slice]};
+    }
   }
 
   // The slot that holds the cell's first candidate, or the free one where it would be put. The cell is a candidate's or beside one.
   int32_t& slot_of(const glm::ivec3& cell) {
-    if (dense_) return s_.slots[box_.address(cell)];
+    if (box_) return s_.slots[box_->address(cell)];
     const size_t mask = s_.slots.size() - 1;
     size_t k = hash_cell(cell) & mask;
     while (s_.slots[k] >= 0 && cell_[s_.slots[k]] != cell) k = (k + 1) & mask;
@@ -136,23 +150,26 @@ class Finder {
   // One axis of the transform for the run of members that begins at `first`. On the line, place 0 and the
   // last place are the cells of distance 0 that bound the run.
   void transform_run(int32_t first, int axis) {
-    s_.run.clear();
-    s_.line.assign(1, 0);
+    int32_t length = 0;
+    s_.line[0] = 0;
     for (int32_t i = first; i >= 0; i = s_.beside[i][2 * axis + 1]) {
-      s_.run.push_back(i);
-      s_.line.push_back(s_.distance[i]);
+      s_.run[length++] = i;
+      s_.line[length] = s_.distance[i];
     }
-    s_.line.push_back(0);
-    for (size_t u = 1; u <= s_.run.size(); ++u) s_.distance[s_.run[u - 1]] = least_around(u);
+    s_.line[length + 1] = 0;
+    for (int32_t u = 1; u <= length; ++u) {
+      // Along the first axis nothing but the ends is near.
+      const int32_t to_end = std::min(u, length + 1 - u);
+      s_.distance[s_.run[u - 1]] = axis == 0 ? to_end * to_end : least_around(u);
+    }
   }
 
   // The least of (distance of a place on the line) + (squared way to it). Ends where no farther place can have less: at the latest
   // at the nearer end of the line, whose distance is 0.
-  int64_t least_around(size_t place) const {
-    int64_t least = s_.line[place];
-    for (size_t way = 1; static_cast<int64_t>(way * way) < least; ++way)
-      least = std::min({least, s_.line[place - way] + static_cast<int64_t>(way * way),
-                        s_.line[place + way] + static_cast<int64_t>(way * way)});
+  int32_t least_around(int32_t place) const {
+    const int32_t* const at = &s_.line[place];
+    int32_t least = *at;
+    for (int32_t way = 1; way * way < least; ++way) least = std::min(least, std::min(at[-way], at[way]) + way * way);
     return least;
   }
 
@@ -160,8 +177,7 @@ class Finder {
   std::span<const uint8_t> member_;
   GroupScratch& s_;
   Groups& g_;
-  bool dense_ = false;
-  CellBox box_;  // when dense
+  std::optional<CellBox> box_;  // none where the cells are scattered
 };
 
 // Distances are measured when groups of one size leave the choice to them.

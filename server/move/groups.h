@@ -45,7 +45,7 @@ struct GroupScratch {
   std::vector<int32_t> first_in_cell;          // per candidate
   std::vector<std::array<int32_t, 6>> beside;  // per candidate: members at -x, +x, -y, +y, -z, +z, or -1
   std::vector<int32_t> queue;
-  std::vector<int64_t> line, distance;  // of one run of members along an axis
+  std::vector<int32_t> line, distance;  // of one run of members along an axis
   std::vector<int32_t> run;
   std::vector<double> nearest_m;  // per group
 };

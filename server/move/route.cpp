@@ -91,26 +91,34 @@ void RouteFinder::relax(const RouteNodes& nodes, const RouteSettings& settings, 
     }
 }
 
-// A heap of four children a node: half as deep as one of two, and the children lie in one or two cache lines.
+// A heap of four children a node: half as deep as one of two, and the children lie in one or two cache lines. Behind the last entry
+// come four that are greater than all, so that every node has four children, of which the least is found without a branch.
+void RouteFinder::clear_heap() {
+  heap_.assign(4, Entry{});
+  heap_size_ = 0;
+}
+
 void RouteFinder::push(const Entry& entry) {
-  size_t at = heap_.size();
-  heap_.push_back(entry);
+  size_t at = heap_size_++;
+  heap_.push_back(Entry{});
   for (; at > 0 && entry < heap_[(at - 1) / 4]; at = (at - 1) / 4) heap_[at] = heap_[(at - 1) / 4];
   heap_[at] = entry;
 }
 
 RouteFinder::Entry RouteFinder::pop() {
-  const Entry least = heap_.front(), last = heap_.back();
+  Entry* const heap = heap_.data();
+  const Entry least = heap[0], last = heap[--heap_size_];
+  heap[heap_size_] = Entry{};
   heap_.pop_back();
   size_t at = 0;
-  for (size_t child = 1; child < heap_.size(); child = 4 * at + 1) {
-    const auto first = heap_.begin() + static_cast<std::ptrdiff_t>(child);
-    const auto smallest = std::min_element(first, first + static_cast<std::ptrdiff_t>(std::min<size_t>(4, heap_.size() - child)));
-    if (!(*smallest < last)) break;
-    heap_[at] = *smallest;
-    at = static_cast<size_t>(smallest - heap_.begin());
+  for (size_t child = 1; child < heap_size_; child = 4 * at + 1) {
+    const size_t left = child + (heap[child + 1] < heap[child]), right = child + 2 + (heap[child + 3] < heap[child + 2]);
+    const size_t smallest = left + (right - left) * (heap[right] < heap[left]);
+    if (!(heap[smallest] < last)) break;
+    heap[at] = heap[smallest];
+    at = smallest;
   }
-  if (!heap_.empty()) heap_[at] = last;
+  if (heap_size_ > 0) heap[at] = last;
   return least;
 }
 
@@ -121,8 +129,9 @@ void RouteFinder::find(const RouteNodes& nodes, uint32_t start, const RouteSetti
   before_.assign(count, kNone);
   done_.assign(count, 0);
   cost_m_[start] = 0;
-  heap_.assign(1, {0.0, start});
-  while (!heap_.empty()) {
+  clear_heap();
+  push({0.0, start});
+  while (heap_size_ > 0) {
     const uint32_t node = pop().node;
     if (done_[node]) continue;
     done_[node] = 1;

@@ -53,13 +53,17 @@ class RouteFinder {
 
  private:
   struct Entry {
-    double cost;
-    uint32_t node;
-    bool operator<(const Entry& other) const { return cost != other.cost ? cost < other.cost : node < other.node; }
+    double cost = kUnreachable;
+    uint32_t node = UINT32_MAX;
+    // Without a branch, which nobody could foretell.
+    bool operator<(const Entry& other) const {
+      return static_cast<bool>((cost < other.cost) | ((cost == other.cost) & (node < other.node)));
+    }
   };
   void index(const RouteNodes& nodes, uint32_t start, double body_radius_m);
   void relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from);
   void try_leg(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from, uint32_t to);
+  void clear_heap();
   void push(const Entry& entry);
   Entry pop();
 
@@ -72,7 +76,8 @@ class RouteFinder {
   std::vector<double> cost_m_;
   std::vector<uint32_t> before_;
   std::vector<uint8_t> done_;
-  std::vector<Entry> heap_;
+  std::vector<Entry> heap_;  // and four more at its end
+  size_t heap_size_ = 0;
   std::vector<uint32_t> route_;
 };
 

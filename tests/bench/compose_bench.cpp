@@ -2,6 +2,8 @@
 // counts; both are taken in turn, in one process.
 #include <benchmark/benchmark.h>
 
+#include <array>
+
 #include "server/aggregate/compose.h"
 #include "server/base/random.h"
 #include "server/sample/plan.h"
@@ -96,6 +98,24 @@ void visibility_one_by_one(benchmark::State& state) {
     benchmark::DoNotOptimize(visible.data());
   }
 }
+
+// A tile of places in one map, by the widest vectors that the machine has or as elsewhere. r
+template <auto kLookAt>
+void one_map(benchmark::State& state) {
+  const Scene scene(kTilePlaces, 1, 1, static_cast<int>(state.range(0)));
+  const PlaceExtent extent = extent_of(scene.place_m);
+  std::vector<float> limits_m2;
+  const PreparedMap map = prepare_map(scene.maps[0], extent, kBias, {}, limits_m2);
+  PlaceTile tile;
+  fill_tile(scene.place_m, 0, extent.middle_m, tile);
+  std::array<uint8_t, kTilePlaces + PlaceTile::kTilePad> sights;
+  for (auto _ : state) {
+    kLookAt(map, limits_m2.data(), tile, true, sights.data());
+    benchmark::DoNotOptimize(sights);
+  }
+}
+BENCHMARK(one_map<look_at_map>)->Arg(7)->Arg(16);
+BENCHMARK(one_map<look_at_map_plainly>)->Arg(7)->Arg(16);
 
 // candidates, targets, points, r
 void sizes(benchmark::internal::Benchmark* row) {
