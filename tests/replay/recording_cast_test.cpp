@@ -132,6 +132,10 @@ TEST(RecordingCast, EveryFrameIsAsTheMirrorWas) {
         EXPECT_EQ(told.at(id).occludes, seen.occludes) << id << " in frame " << frame;
       }
     }
+    for (const PageMover& mover : page.movers) {
+      const PageInstance& instance = page.instances[mover.instance];
+      EXPECT_EQ(mover.poses.size(), std::min<size_t>(600, instance.end_frame) - instance.first_frame);
+    }
     for (const PageInstance& instance : page.instances)
       EXPECT_EQ(instance.name, instance.id == 1 ? "one" : "");
   }
