@@ -21,14 +21,37 @@ void RecordingCast::take_in(const SceneMirror& mirror, size_t frame) {
   static_version_ = mirror.static_version(), moving_version_ = mirror.moving_version();
   for (const uint32_t slot : mirror.moving_slots()) {
     const Instance& instance = mirror.instances()[slot];
-    const auto found = present_.find(instance.id);
-    if (!is_shown(instance) || found == present_.end()) continue;
-    Part& part = parts_[found->second];
-    // Told to be where it is: it has not moved yet.
-    if (!part.moving && stands_where(part.start, instance.pose)) continue;
-    if (!std::exchange(part.moving, true)) part.still_frames = frame - part.shown.first_frame;
-    part.poses.push_back(instance.pose);
+    if (is_shown(instance)) move(instance, frame);
   }
+}
+
+void RecordingCast::move(const Instance& instance, size_t frame) {
+  size_t& open = present_.at(instance.id);
+  if (!parts_[open].moving) {
+    // Told to be where it is: it has not moved yet.
+    if (stands_where(parts_[open].start, instance.pose)) return;
+    moved_.insert(instance.id);
+    if (frame - parts_[open].shown.first_frame > kRestFrames) {
+      parts_[open].shown.end_frame = frame;
+      begin(instance, frame);
+    }
+    parts_[open].moving = true;
+    parts_[open].still_frames = frame - parts_[open].shown.first_frame;
+  }
+  Part& part = parts_[open];
+  const bool rests = !part.poses.empty() && stands_where(part.poses.back(), instance.pose);
+  part.rest_frames = rests ? part.rest_frames + 1 : 0;
+  part.poses.push_back(instance.pose);
+  if (part.rest_frames >= kRestFrames) rest(instance, frame);
+}
+
+// What it has done for a while becomes a part of its own that stands.
+void RecordingCast::rest(const Instance& instance, size_t frame) {
+  Part& part = parts_[present_.at(instance.id)];
+  const size_t since = frame + 1 - part.rest_frames;
+  part.poses.resize(part.poses.size() - part.rest_frames);
+  part.shown.end_frame = since;
+  begin(instance, since);
 }
 
 bool RecordingCast::is_same(const Part& part, const Instance& instance) const {
@@ -53,7 +76,7 @@ void RecordingCast::compare(const SceneMirror& mirror, size_t frame) {
 }
 
 void RecordingCast::begin(const Instance& instance, size_t frame) {
-  present_.emplace(instance.id, parts_.size());
+  present_[instance.id] = parts_.size();
   Part& part = parts_.emplace_back();
   const auto named = names_.find(instance.id);
   part.shown = {.id = instance.id,
@@ -68,6 +91,7 @@ void RecordingCast::begin(const Instance& instance, size_t frame) {
 
 void RecordingCast::give(SessionPage& page) {
   for (Part& part : parts_) {
+    part.shown.moves = moved_.contains(part.shown.id);
     if (part.moving) {
       const glm::dmat3& linear = part.linear;
       part.shown.world_from_instance = Affine(linear[0], linear[1], linear[2], glm::dvec3(0.0));

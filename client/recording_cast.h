@@ -4,12 +4,16 @@
 #include <cstdint>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "client/session_page.h"
 #include "server/scene/mirror.h"
 
 namespace sightline {
+
+// So many frames without a movement are a rest: what rests is not told from frame to frame.
+inline constexpr size_t kRestFrames = 60;
 
 class RecordingCast {
  public:
@@ -23,23 +27,27 @@ class RecordingCast {
   void give(SessionPage& page);
 
  private:
-  // One stretch of frames in which an instance was shown and stayed what it is.
+  // One stretch of frames in which an instance was shown, stayed what it is, and did not rest between movements.
   struct Part {
     PageInstance shown;
     glm::dmat3 linear{1.0};
     Pose start;               // where it stood until it first moved
     size_t still_frames = 0;  // how many of its frames it stood there
     std::vector<Pose> poses;  // from then on
+    size_t rest_frames = 0;   // at their end, like the one before
     bool moving = false;
   };
 
   void compare(const SceneMirror& mirror, size_t frame);
   void begin(const Instance& instance, size_t frame);
+  void move(const Instance& instance, size_t frame);
+  void rest(const Instance& instance, size_t frame);
   bool is_same(const Part& part, const Instance& instance) const;
 
   std::unordered_map<uint64_t, std::string> names_;
   std::vector<Part> parts_;
   std::unordered_map<uint64_t, size_t> present_;  // by id: its open part
+  std::unordered_set<uint64_t> moved_;            // ids
   uint64_t static_version_ = UINT64_MAX, moving_version_ = UINT64_MAX;
 };
 

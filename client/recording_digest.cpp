@@ -150,20 +150,24 @@ class Digester {
     if (replies <= allowed) return;
     important_.front() = important_.back() = true;
     const auto count = static_cast<size_t>(std::count(important_.begin(), important_.end(), true));
-    keep_every(important_, count, allowed);
+    digest_.changes = count, digest_.kept_changes = std::min(count, allowed);
+    keep_some(important_, count, allowed);
     std::vector<bool> others(replies);
     for (size_t i = 0; i < replies; ++i) others[i] = !important_[i];
-    if (count < allowed) keep_every(others, replies - count, allowed - count);
+    if (count < allowed) keep_some(others, replies - count, allowed - count);
     digest_.kept.front() = digest_.kept.back() = true;
     digest_.frames = static_cast<size_t>(std::count(digest_.kept.begin(), digest_.kept.end(), true));
   }
 
-  // Of `count` replies every n-th, n being the least with which no more than `most` are.
-  void keep_every(const std::vector<bool>& of, size_t count, size_t most) {
-    const size_t n = (count + most - 1) / most;
+  // Of `count` replies as many as `most`, evenly spaced.
+  void keep_some(const std::vector<bool>& of, size_t count, size_t most) {
+    most = std::min(most, count);
     size_t k = 0;
-    for (size_t i = 0; i < of.size(); ++i)
-      if (of[i] && k++ % n == 0) digest_.kept[i] = true;
+    for (size_t i = 0; i < of.size(); ++i) {
+      if (!of[i]) continue;
+      if ((k + 1) * most / count != k * most / count) digest_.kept[i] = true;
+      ++k;
+    }
   }
 
   struct Arrival {

@@ -43,6 +43,8 @@ struct DigestFigures {
 struct RecordingDigest {
   std::vector<bool> kept;  // by reply of the range: whether it becomes a frame
   size_t frames = 0;       // how many do
+  size_t changes = 0,
+         kept_changes = 0;  // of replies with a change or a cut: all, and those that become frames
   uint64_t first_log_ns = 0;
   bool has_candidates = false;
   size_t candidates = 0;          // most of one reply
@@ -62,8 +64,8 @@ struct DigestOptions {
   std::function<void(size_t replies)> progress = {};
 };
 
-// Replies with a change of status, reason or flags, cuts, the first and the last are kept before others; of the others,
-// every n-th. Poses in ticks count as well: see kMaxPagePoses.
+// Replies with a change of status, reason or flags, cuts, the first and the last are kept before others; the others
+// evenly spaced. Poses in ticks count as well: see kMaxPagePoses.
 RecordingDigest digest_recording(const Recording& recording, const Convention& convention,
                                  const DigestOptions& options);
 

@@ -61,7 +61,9 @@ class Maker {
       : recording_(recording),
         options_(options),
         sampler_(sampler),
-        occluders_(embree_, EmbreeScene::Content::kOccluders) {}
+        occluders_(embree_, EmbreeScene::Content::kOccluders),
+        world_("", sampler),
+        scenes_(recording, options.scenes) {}
 
   Result<SessionPage> make() {
     if (Status ok = open(); !ok) return tl::unexpected(ok.error());
@@ -90,25 +92,26 @@ class Maker {
     auto convention = convention_of(recording_.open_session());
     if (!convention) return tl::unexpected(convention.error());
     convention_ = *convention;
-    auto scenes = RecordedScenes::find(recording_, options_.scenes, sampler_);
-    if (!scenes) return tl::unexpected(scenes.error());
-    scenes_ = std::move(*scenes);
-    for (const std::string& trouble : scenes_->troubles())
-      notice("An attachment cannot be used: " + trouble + ".");
-    stand_ins_.emplace(*scenes_, convention_);
+    scenes_.bring_to([this](std::span<const std::byte> bytes) -> Result<std::string> {
+      auto asset = world_.scenes.add_uploaded(bytes);
+      if (!asset) return tl::unexpected(asset.error());
+      held_.push_back(*asset);
+      return to_hex((*asset)->hash);
+    });
+    stand_ins_.emplace(scenes_, convention_);
     return open_session();
   }
 
   Status open_session() {
     v1::OpenSession request = recording_.open_session();
     stand_ins_->replace(request, false);
-    auto session = LocalSession::open(request, scenes_->world());
+    auto session = LocalSession::open(request, world_);
     if (!session) {
       notice("The scene does not fit the session, which is shown without it: " + to_string(session.error()) +
              ".");
       stand_ins_->replace(request, true);
       whole_scene_ = false;
-      session = LocalSession::open(request, scenes_->world());
+      session = LocalSession::open(request, world_);
     }
     if (!session) return tl::unexpected(session.error());
     session_ = std::move(*session);
@@ -119,16 +122,17 @@ class Maker {
           "The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
       whole_scene_ = false;
     }
-    cast_.emplace(names());
+    cast_.emplace(names(request.scene()));
     return {};
   }
 
-  std::unordered_map<uint64_t, std::string> names() {
+  // `scene` as the session was opened with it here: by hash, or not at all.
+  std::unordered_map<uint64_t, std::string> names(const v1::SceneRef& scene) const {
     std::unordered_map<uint64_t, std::string> names;
-    const v1::SceneRef& scene = recording_.open_session().scene();
-    if (const auto asset = recording_.open_session().has_scene() ? scenes_->asset(scene) : nullptr)
-      names = asset_names(*asset);
-    for (const v1::NodeBinding& binding : scene.bindings()) names[binding.id()] = binding.node();
+    for (const auto& asset : held_)
+      if (to_hex(asset->hash) == scene.hash()) names = asset_names(*asset);
+    for (const v1::NodeBinding& binding : recording_.open_session().scene().bindings())
+      names[binding.id()] = binding.node();
     return names;
   }
 
@@ -388,7 +392,9 @@ class Maker {
   EmbreeScene occluders_;
 
   Convention convention_;
-  std::unique_ptr<RecordedScenes> scenes_;
+  LocalWorld world_;
+  ReplayScenes scenes_;
+  std::vector<std::shared_ptr<const SceneAsset>> held_;
   std::optional<StandIns> stand_ins_;
   std::unique_ptr<LocalSession> session_;
   std::optional<RecordingCast> cast_;

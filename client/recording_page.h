@@ -6,8 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "client/recorded_scenes.h"
+#include "client/local_session.h"
 #include "client/recording.h"
+#include "client/replay_scenes.h"
 #include "client/session_page.h"
 
 namespace sightline {
@@ -22,7 +23,7 @@ enum class PageCells {
 struct RecordingPageOptions {
   RecordedRange range;
   PageCells cells = PageCells::kAuto;
-  ScenePlaces scenes;
+  ReplaySceneOptions scenes;
   size_t max_frames = 20'000;  // at least 2
   size_t pictures = 40;        // of what the camera saw, evenly spaced; 0: none
   int picture_width = 480;     // pixels; the height follows from the lens
@@ -31,8 +32,8 @@ struct RecordingPageOptions {
 };
 
 // `sampler` takes steps again: cells come of it only where it is of the recording's kind. Fails when the range holds no
-// reply, when a scene file named by hand cannot be read, and when even without its scene the session cannot be opened;
-// everything else that is missing or strange becomes a notice of the page.
+// reply, and when even without its scene the session cannot be opened; everything else that is missing or strange becomes a
+// notice of the page.
 Result<SessionPage> recording_page(const Recording& recording, const RecordingPageOptions& options,
                                    SamplerDevice& sampler);
 

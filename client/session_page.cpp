@@ -143,6 +143,7 @@ void write_scene(const SessionPage& session, Json& page, PageData& data) {
                          {"occludes", instance.occludes}});
     const auto [first, end] = life_of(instance, session);
     if (first > 0 || end < session.frames.size()) instances.back()["life"] = {first, end};
+    if (instance.moves) instances.back()["moves"] = true;
     for (int column = 0; column < 4; ++column)
       for (int row = 0; row < 3; ++row)
         transforms.push_back(static_cast<float>(instance.world_from_instance[column][row]));

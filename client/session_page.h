@@ -38,8 +38,9 @@ struct PageInstance {
   // before its pose.
   Affine world_from_instance = identity_affine();
   bool occludes = true;
-  // The frames in which it is there: [first_frame, end_frame). What is hidden or changed for a while stands in the list
-  // several times, under one id and in frames of its own each time.
+  bool moves = false;  // is drawn as what moves, also where no mover moves it
+  // The frames in which it is there: [first_frame, end_frame). What is hidden, changed or at rest for a while stands in
+  // the list several times, under one id and in frames of its own each time.
   size_t first_frame = 0, end_frame = std::numeric_limits<size_t>::max();
 };
 

@@ -41,27 +41,38 @@ v1::Shape StandIns::ball() const {
   return shape;
 }
 
-bool StandIns::lacks(const v1::MeshRef& mesh) {
+// Asked once for each file.
+bool StandIns::find(v1::NewInstance& instance) {
+  const v1::MeshRef& mesh = instance.mesh();
   const std::string& key = mesh.has_scene_hash() ? mesh.scene_hash() : mesh.scene_name();
-  const auto [entry, is_new] = lacks_.emplace(key, false);
-  if (!is_new) return entry->second;
-  const Status found = scenes_.look_up(mesh);
-  if (!found) missed_.push_back(key + ": " + found.error().message);
-  return entry->second = !found;
+  bool& lacks = lacks_[key];
+  if (lacks) return false;
+  v1::OpenSession alone;
+  *alone.add_instances() = instance;
+  const Status found = scenes_.name_by_hash(alone);
+  if (found) instance = alone.instances(0);
+  lacks = !found;
+  if (!found) missed_.push_back(found.error().message);
+  return found.has_value();
+}
+
+bool StandIns::find_scene(v1::OpenSession& open) {
+  v1::OpenSession alone;
+  *alone.mutable_scene() = open.scene();
+  const Status found = scenes_.name_by_hash(alone);
+  if (found) *open.mutable_scene() = alone.scene();
+  if (!found) missed_.push_back(found.error().message);
+  return found.has_value();
 }
 
 void StandIns::replace(v1::NewInstance& instance) {
-  if (instance.has_mesh() && lacks(instance.mesh())) *instance.mutable_shape() = ball();
+  if (instance.has_mesh() && !find(instance)) *instance.mutable_shape() = ball();
 }
 
 void StandIns::replace(v1::OpenSession& open, bool without_scene) {
   for (v1::NewInstance& instance : *open.mutable_instances()) replace(instance);
   if (!open.has_scene()) return;
-  const Status found = scenes_.look_up(open.scene());
-  if (!found)
-    missed_.push_back((open.scene().has_hash() ? open.scene().hash() : open.scene().name()) + ": " +
-                      found.error().message);
-  without_scene_ = without_scene || !found;
+  without_scene_ = without_scene || !find_scene(open);
   if (!without_scene_) return;
   for (const v1::NodeBinding& binding : open.scene().bindings()) {
     v1::NewInstance& stand_in = *open.add_instances();

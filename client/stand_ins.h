@@ -5,30 +5,33 @@
 #include <unordered_map>
 #include <vector>
 
-#include "client/recorded_scenes.h"
+#include "client/replay_scenes.h"
 #include "server/session/convention.h"
 
 namespace sightline {
 
-// Rewrites the messages of a session: a scene without a file leaves balls where its bound nodes were, and nothing where
-// its other nodes were; a mesh without a file is a ball. What is there stays as it is.
+// Rewrites the messages of a session so that they can be played. Scenes and meshes that are found are named by hash; a
+// scene that is not leaves balls where its bound nodes were, and nothing where its other nodes were; a mesh that is not
+// is a ball.
 class StandIns {
  public:
-  StandIns(RecordedScenes& scenes, const Convention& convention) : scenes_(scenes), convention_(convention) {}
+  // Both must outlive it; `scenes` knows where to bring files.
+  StandIns(ReplayScenes& scenes, const Convention& convention) : scenes_(scenes), convention_(convention) {}
 
   // `without_scene`: the scene is left out, though its file may be there.
   void replace(v1::OpenSession& open, bool without_scene);
   void replace(v1::Tick& tick);
 
-  // Which files are missed, each once: "hall.glb: no such file".
+  // What was not found and why, each once.
   const std::vector<std::string>& missed() const { return missed_; }
 
  private:
-  bool lacks(const v1::MeshRef& mesh);
   void replace(v1::NewInstance& instance);
+  bool find(v1::NewInstance& instance);
+  bool find_scene(v1::OpenSession& open);
   v1::Shape ball() const;
 
-  RecordedScenes& scenes_;
+  ReplayScenes& scenes_;
   const Convention& convention_;
   bool without_scene_ = false;
   std::unordered_map<std::string, bool> lacks_;  // by name or hash

@@ -4,7 +4,10 @@ import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
 import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
 import { colour, targetColour } from './dom.js';
-import { LOOKS, cellCount, cellRowAt, eachCell, look, sightAt, worstLook } from './session.js';
+import { LOOKS, cellCount, cellRowAt, eachCell, frameAt, look, sightAt, worstLook } from './session.js';
+
+// Of a longer session than twice this, paths reach so far before and after what is shown: all of them would hide the rest.
+const PATH_S = 60;
 
 function fatLines(width, options = {}) {
   return new LineSegments2(
@@ -49,7 +52,20 @@ export class SceneMarks {
 
   // ---- paths: the camera's in the colour of the worst target at the time, each target's in its own ----
 
+  showPaths(frame) {
+    const { session } = this,
+      now_s = session.time_s[frame];
+    const whole = session.end_s - session.start_s <= 2 * PATH_S;
+    if (this.pathsOf_s !== null && (whole || Math.abs(now_s - this.pathsOf_s) < PATH_S / 6)) return;
+    this.pathsOf_s = now_s;
+    this.pathFrames = whole
+      ? [0, session.frames - 1]
+      : [frameAt(session, now_s - PATH_S), frameAt(session, now_s + PATH_S)];
+    this.makePaths();
+  }
+
   makePaths() {
+    for (const lines of this.paths.children) (lines.geometry.dispose(), lines.material.dispose());
     this.paths.clear();
     const { session } = this,
       count = session.targets.length;
@@ -78,7 +94,8 @@ export class SceneMarks {
   pathOf(place, paint, width, joins) {
     const positions = [],
       colours = [];
-    for (let frame = 1; frame < this.session.frames; frame++) {
+    const [first, last] = this.pathFrames;
+    for (let frame = first + 1; frame <= last; frame++) {
       if (!joins(frame)) continue;
       const { r, g, b } = paint(frame);
       positions.push(...place(frame - 1), ...place(frame));
@@ -227,6 +244,6 @@ export class SceneMarks {
     this.chosen.material.color.set(colour('text'));
     for (const hit of this.hits) hit.material.color.set(colour('hidden'));
     this.cellRow = undefined;
-    this.makePaths();
+    this.pathsOf_s = null;
   }
 }

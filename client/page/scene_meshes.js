@@ -61,11 +61,13 @@ export class SceneMeshes {
     this.session.instances.forEach((instance, index) => {
       if (moving.has(index)) return;
       if (targetOf(this.session, index) >= 0) return this.addStillTarget(index);
-      if (!byMesh.has(instance.mesh)) byMesh.set(instance.mesh, []);
-      byMesh.get(instance.mesh).push(index);
+      const key = `${instance.mesh} ${instance.moves ? 'rests' : 'stands'}`;
+      if (!byMesh.has(key)) byMesh.set(key, []);
+      byMesh.get(key).push(index);
     });
-    this.stillMeshes = [...byMesh].map(([mesh, indices]) => {
-      const drawn = new THREE.InstancedMesh(this.geometries[mesh], this.still, indices.length);
+    this.stillMeshes = [...byMesh.values()].map((indices) => {
+      const { mesh, moves } = this.session.instances[indices[0]];
+      const drawn = new THREE.InstancedMesh(this.geometries[mesh], moves ? this.moving : this.still, indices.length);
       indices.forEach((index, i) => {
         drawn.setMatrixAt(i, this.matrixOf(index));
         if (this.session.instances[index].life) this.passing.push({ drawn, i, index, shown: true });

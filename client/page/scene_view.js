@@ -136,6 +136,7 @@ export class SceneView {
       .filter(({ present, distance }) => present && distance > 0)
       .map(({ distance }) => distance);
     this.marks.showRig(frame, 0.5 * Math.min(...away_m, 6));
+    if (this.shows.path) this.marks.showPaths(frame);
     this.marks.showCells(frame, this.shows.cells);
     this.marks.sight.visible = this.shows.sight;
     this.marks.showSight(frame, (k, from, to) => this.meet(frame, k, from, to));
@@ -252,7 +253,8 @@ export class SceneView {
       point = new THREE.Vector3();
     let best = PICK_PIXELS,
       found = null;
-    for (let frame = 0; frame < this.session.frames; frame++) {
+    const [first, last] = this.marks.pathFrames;
+    for (let frame = first; frame <= last; frame++) {
       point.fromArray(this.session.camera, 7 * frame).project(this.outside);
       if (point.z > 1) continue;
       const away = Math.hypot(

@@ -12,11 +12,13 @@ import os
 import pathlib
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
+import zlib
 
 SIGHTLINED, SIGHTLINE, MAKE_SCENES, MAKE_RECORDING, READER, OUT = sys.argv[1:7]
 OUT = pathlib.Path(OUT)
@@ -59,7 +61,8 @@ class Session:
             subprocess.run([MAKE_SCENES, "--out", folder, "arena"], check=True, capture_output=True, timeout=60)
             address = f"unix:{folder}/sock"
             daemon = subprocess.Popen([SIGHTLINED, "--listen", "none", "--listen-unix", f"{folder}/sock",
-                                       "--sampler", "embree", "--ready-file", folder / "ready"],
+                                       "--sampler", "embree", "--ready-file", folder / "ready",
+                                       "--record-dir", folder / "recordings", "--record-scenes"],
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:
                 wait_for((folder / "ready").exists)
@@ -74,6 +77,9 @@ class Session:
             finally:
                 daemon.terminate()
                 daemon.wait(timeout=30)
+            first = min((folder / "recordings").glob("*.mcap"))
+            self.report = OUT / "arena-report.html"
+            self.run(SIGHTLINE, "report", first, "--out", self.report, "--pictures", "4")
             self.rows, self.plain_rows = self.trace(folder / "out"), self.trace(folder / "plain")
             self.metrics = json.loads((folder / "out" / "metrics.json").read_text())
 
@@ -224,6 +230,18 @@ class PageTest(Browsing):
     def test_the_drive_says_where_the_page_is(self):
         self.assertIn(f"page    {self.session.page}", self.session.said)
         self.assertLess(self.session.page.stat().st_size, 20e6)
+
+    def test_the_report_of_the_daemons_recording_is_the_same_session(self):
+        ours, drives = PageArrays(self.session.report), PageArrays(self.page)
+        for name in ("sequence", "time_s", "camera", "fov_rad", "velocity_mps", "counts", "cut", "flags", "present", "steered",
+                     "visible_share", "filtered_share", "distance_m", "stage_us", "cell_frame", "cell_mask", "cell_chosen"):
+            with self.subTest(name=name):
+                self.assertGreater(len(drives.array(name)), 0)
+                self.assertEqual(ours.array(name), drives.array(name))
+        self.assertEqual([t["name"] for t in ours.page["targets"]], [t["name"] for t in drives.page["targets"]])
+        # Rotations cross the wire in single precision.
+        self.assertLess(max(abs(a - b) for a, b in zip(ours.array("aim_m"), drives.array("aim_m"))), 1e-5)
+        self.assertEqual({i["name"] for i in ours.page["instances"]}, {i["name"] for i in drives.page["instances"]})
 
     def test_a_page_changes_nothing_of_the_drive(self):
         decided = [column for column in self.rows[0] if not column.endswith(("_us", "_ms")) and "true_" not in column
@@ -506,6 +524,20 @@ class PageTest(Browsing):
             self.assertEqual(theme(), "light")
         finally:
             prefer(self.driver, light=False)
+
+
+class PageArrays:
+    """What a page carries, read by itself."""
+
+    def __init__(self, path):
+        text = path.read_text()
+        self.page = json.loads(re.search(r'id="session">(.*?)</script>', text, re.S).group(1))
+        self.data = zlib.decompress(base64.b64decode(re.search(r'id="data">(.*?)</script>', text, re.S).group(1)))
+
+    def array(self, name):
+        kind, offset, count = self.page["arrays"][name]
+        code = {"f64": "d", "f32": "f", "u32": "I", "i32": "i", "u16": "H", "u8": "B"}[kind]
+        return struct.unpack_from(f"<{count}{code}", self.data, offset)
 
 
 class Reader:

@@ -373,6 +373,17 @@ TEST_F(ReportPage, ThinnedFramesKeepEveryChange) {
               Contains(HasSubstr("of " + std::to_string(yard.replies.size()) + " replies are frames")));
 }
 
+TEST_F(ReportPage, MoreChangesThanFramesAreThinnedAndThePageSaysSo) {
+  const RecordedYard yard = record_yard(*sampler_);
+  RecordingPageOptions options = plain();
+  options.max_frames = 6;
+  const SessionPage page = page_of(yard.bytes, options);
+  EXPECT_LE(page.frames.size(), 8u);
+  EXPECT_EQ(page.frames.front().sequence, yard.replies.front().sequence());
+  EXPECT_EQ(page.frames.back().sequence, yard.replies.back().sequence());
+  EXPECT_THAT(page.notices, Contains(HasSubstr(": 6 of the ")));
+}
+
 TEST_F(ReportPage, ARangeHasItsOwnRepliesAndTheSceneOfThatTime) {
   const RecordedYard yard = record_yard(*sampler_);
   const SessionPage whole = page_of(yard.bytes);
