@@ -150,11 +150,13 @@ class Digester {
     if (replies <= allowed) return;
     important_.front() = important_.back() = true;
     const auto count = static_cast<size_t>(std::count(important_.begin(), important_.end(), true));
-    digest_.changes = count, digest_.kept_changes = std::min(count, allowed);
-    keep_some(important_, count, allowed);
+    // Where changes alone are too many, calm stretches still have their share.
+    const size_t for_changes = count <= allowed ? count : allowed * 3 / 4;
+    digest_.changes = count, digest_.kept_changes = for_changes;
+    keep_some(important_, count, for_changes);
     std::vector<bool> others(replies);
     for (size_t i = 0; i < replies; ++i) others[i] = !important_[i];
-    if (count < allowed) keep_some(others, replies - count, allowed - count);
+    keep_some(others, replies - count, allowed - for_changes);
     digest_.kept.front() = digest_.kept.back() = true;
     digest_.frames = static_cast<size_t>(std::count(digest_.kept.begin(), digest_.kept.end(), true));
   }

@@ -69,14 +69,14 @@ std::vector<std::string> recording_notices(const Recording& recording, const Rec
   std::vector<std::string> notices;
   const auto count = [](uint64_t n) { return std::to_string(n); };
   const size_t replies = digest.kept.size();
-  if (digest.frames < replies)
-    notices.push_back(
-        count(digest.frames) + " of " + count(replies) + " replies are frames here: " +
-        (digest.kept_changes < digest.changes
-             ? count(digest.kept_changes) + " of the " + count(digest.changes) +
-                   " with a change of status, reason or flags or a cut"
-             : "every change of status, reason or flags and every cut, and an even share of the others") +
-        "; the figures are of all.");
+  if (digest.frames < replies) {
+    const std::string changes = "change of status, reason or flags or a cut";
+    notices.push_back(count(digest.frames) + " of " + count(replies) + " replies are frames here: " +
+                      (digest.kept_changes < digest.changes ? count(digest.kept_changes) + " of the " +
+                                                                  count(digest.changes) + " with a " + changes
+                                                            : "every one with a " + changes) +
+                      ", and an even share of the others; the figures are of all.");
+  }
   if (!recording.container().finished)
     notices.push_back("The file has no end: its writer was stopped, and up to a second may be missing.");
   if (!recording.container().loss.none() || !digest.read.loss.none())

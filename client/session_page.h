@@ -8,8 +8,8 @@
 //
 // How the page carries it: names and texts as JSON; every row of numbers as one typed array, all arrays together
 // deflated (zlib) and in base64, which the page inflates by itself (page_data.h has the layout). Mesh positions take 16
-// bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame, what moves single precision;
-// the camera, times, shares and stage times are kept as they are.
+// bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame; what moves has single
+// precision; the camera, times, shares and stage times are kept as they are.
 #pragma once
 
 #include <cstdint>

@@ -381,7 +381,7 @@ TEST_F(ReportPage, MoreChangesThanFramesAreThinnedAndThePageSaysSo) {
   EXPECT_LE(page.frames.size(), 8u);
   EXPECT_EQ(page.frames.front().sequence, yard.replies.front().sequence());
   EXPECT_EQ(page.frames.back().sequence, yard.replies.back().sequence());
-  EXPECT_THAT(page.notices, Contains(HasSubstr(": 6 of the ")));
+  EXPECT_THAT(page.notices, Contains(HasSubstr(": 4 of the ")));
 }
 
 TEST_F(ReportPage, ARangeHasItsOwnRepliesAndTheSceneOfThatTime) {
