@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <condition_variable>
 #include <deque>
 
 namespace sightline {
@@ -67,10 +68,32 @@ class AttachedFiles {
   std::atomic<uint64_t> bytes_{0};
 };
 
+// Calls the writer before its time.
+struct Bell {
+  // Waits for nobody: one that comes as the writer is about to sleep is heard at the end of its period.
+  void ring() {
+    if (!rung.load(std::memory_order_relaxed) && !rung.exchange(true)) heard.notify_one();
+  }
+  void ring_surely() {
+    const std::lock_guard lock(mutex);
+    rung.store(true);
+    heard.notify_one();
+  }
+  void wait(std::chrono::nanoseconds timeout) {
+    std::unique_lock lock(mutex);
+    heard.wait_for(lock, timeout, [this] { return rung.load(); });
+    rung.store(false);
+  }
+
+  std::atomic<bool> rung{false};
+  std::mutex mutex;
+  std::condition_variable heard;
+};
+
 // What both ends share.
 struct Session {
-  Session(v1::RecordingInfo told, size_t queue_bytes, std::shared_ptr<std::atomic<bool>> wake)
-      : info(std::move(told)), ring(queue_bytes), woken(std::move(wake)) {}
+  Session(v1::RecordingInfo told, size_t queue_bytes, std::shared_ptr<Bell> of_writer)
+      : info(std::move(told)), ring(queue_bytes), bell(std::move(of_writer)) {}
 
   // constant after construction
   v1::RecordingInfo info;
@@ -82,7 +105,7 @@ struct Session {
   std::atomic<uint64_t> dropped_by_writer{0};
   LargeMessages large;
   AttachedFiles attached;
-  const std::shared_ptr<std::atomic<bool>> woken;
+  const std::shared_ptr<Bell> bell;
 
   // The writer's alone, of the file that it writes:
   size_t attachments_done = 0;    // of `attached`, that are in it or are not to be
@@ -179,7 +202,7 @@ bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::s
 void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, bool beside) {
   session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
                          sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
-  if (session_->ring.half_full()) session_->woken->store(true, std::memory_order_relaxed);
+  if (session_->ring.half_full()) session_->bell->ring();
 }
 
 // What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full
@@ -249,7 +272,7 @@ RecordWriter::RecordWriter(RecordSettings settings, RecordFileSystem& files, Clo
       now_ns_(std::move(now_ns)),
       warn_(std::move(warn)),
       folder_(settings_.folder, settings_.limits, files),
-      woken_(std::make_shared<std::atomic<bool>>(false)) {}
+      bell_(std::make_shared<record_internal::Bell>()) {}
 
 RecordWriter::~RecordWriter() {
   run_once();
@@ -259,7 +282,7 @@ RecordWriter::~RecordWriter() {
 std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
   info.set_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
-  auto session = std::make_shared<Session>(std::move(info), settings_.queue_bytes, woken_);
+  auto session = std::make_shared<Session>(std::move(info), settings_.queue_bytes, bell_);
   const std::lock_guard lock(mutex_);
   new_sessions_.push_back(session);
   ++counts_.open_sessions;
@@ -272,15 +295,11 @@ RecordCounts RecordWriter::counts() const {
 }
 
 void RecordWriter::wait(std::chrono::nanoseconds timeout) {
-  // The queues ask by a flag alone, so that asking costs them nothing: it is looked at a few times a period.
-  constexpr int kLooks = 10;
-  std::unique_lock lock(mutex_);
-  for (int i = 0; i < kLooks && !woken_->exchange(false); ++i) wake_.wait_for(lock, timeout / kLooks);
+  bell_->wait(timeout);
 }
 
 void RecordWriter::wake() {
-  woken_->store(true);
-  wake_.notify_all();
+  bell_->ring_surely();
 }
 
 void RecordWriter::adopt_new_sessions() {

@@ -16,7 +16,6 @@
 #include <array>
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <functional>
 #include <list>
 #include <memory>
@@ -76,6 +75,7 @@ struct RecordCounts {
 };
 
 namespace record_internal {
+struct Bell;
 struct Session;
 }
 
@@ -178,12 +178,11 @@ class RecordWriter {
   uint64_t bytes_since_housekeeping_ = 0;
 
   mutable std::mutex mutex_;
-  std::condition_variable wake_;
   // guarded by mutex_
   std::vector<std::shared_ptr<record_internal::Session>> new_sessions_;
   RecordCounts counts_;
 
-  const std::shared_ptr<std::atomic<bool>> woken_;  // shared with sessions: one of them asks for the writer
+  const std::shared_ptr<record_internal::Bell> bell_;  // shared with sessions: one of them asks for the writer
 };
 
 // Runs a writer until it is destroyed.
