@@ -127,6 +127,7 @@ RecordedReport Recording::read(const RecordedRange& range,
     event.topic = *topic;
     event.log_ns = m.message.log_time_ns;
     event.publish_ns = m.message.publish_time_ns;
+    event.sequence = m.message.sequence;
     ++report.events;
     return visit(event);
   });
@@ -147,7 +148,18 @@ Result<std::vector<RecordedFile>> Recording::files() const {
 
 // --- steps
 
+// A message that stands again at the head of a later part has the number 1: the next one is far behind it.
+void StepAssembler::count_missing(const RecordedEvent& event) {
+  uint32_t& last = last_[static_cast<size_t>(event.topic)];
+  if (event.topic == RecordTopic::kGap)
+    last_ = {};  // it says by itself how many are missing
+  else if (last > 1 && event.sequence > last + 1)
+    step_.missing += event.sequence - last - 1;
+  last = event.sequence;
+}
+
 bool StepAssembler::add(RecordedEvent& event) {
+  count_missing(event);
   switch (event.topic) {
     case RecordTopic::kTick:
       step_.ticks.push_back(std::move(std::get<v1::Tick>(event.message)));
@@ -176,7 +188,8 @@ RecordedStep StepAssembler::take() {
 }
 
 bool StepAssembler::take_rest(RecordedStep& rest) {
-  if (step_.ticks.empty() && step_.rejections.empty() && step_.faults.empty() && step_.missing == 0) return false;
+  if (step_.ticks.empty() && step_.rejections.empty() && step_.faults.empty() && step_.missing == 0)
+    return false;
   rest = take();
   rest.has_reply = false;
   return true;

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -32,6 +33,7 @@ struct RecordedEvent {
   RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kRejection, kFault or kGap, as `message` holds
   uint64_t log_ns = 0;                     // when the server had it, since 1970 (UTC)
   uint64_t publish_ns = 0;                 // when its sender sent it, or log_ns
+  uint32_t sequence = 0;                   // of its topic: numbers that are missing were lost
   RecordedMessage message;
 };
 
@@ -48,7 +50,7 @@ struct RecordedReport {
   uint64_t events = 0;
   uint64_t undecodable = 0;  // messages of a topic of ours that are not what its schema says
   uint64_t chunks_read = 0;
-  McapLoss loss;             // as McapReader::read counts it
+  McapLoss loss;  // as McapReader::read counts it
 };
 
 // A scene file that travels in the recording.
@@ -113,7 +115,8 @@ struct RecordedStep {
   int economy_level() const { return static_cast<int>(std::min(reply.economy().level(), 5u)); }
 };
 
-// Puts events together to steps. Feed it every event of a recording in order.
+// Puts events together to steps. Feed it every event of a recording in order. What is missing without a Gap (a damaged
+// chunk) is told by the numbers of the topics.
 class StepAssembler {
  public:
   // Whether `step` is whole now; it is then to be taken with take().
@@ -123,7 +126,10 @@ class StepAssembler {
   bool take_rest(RecordedStep& rest);
 
  private:
+  void count_missing(const RecordedEvent& event);
+
   RecordedStep step_;
+  std::array<uint32_t, kRecordTopics> last_{};  // number by topic; 0: what comes next need not follow
 };
 
 // 64 bits of all that a reply says but the times that its stages took and what it says of the recording: equal inputs

@@ -165,7 +165,7 @@ class Command {
 
   // Why replies need not be equal; empty: they must be.
   std::string never_equal() const {
-    if (!settings_.empty()) return "other settings";
+    if (!settings_.empty()) return kOtherSettings;
     if (replay_->opened().sampler() != recording_->info().sampler())
       return "recorded with " + recording_->info().sampler() + ", replayed with " +
              replay_->opened().sampler();

@@ -114,7 +114,9 @@ std::vector<FigureRow> side_by_side(const ReplayFigures& recorded, const ReplayF
     row("reason " + name_of(static_cast<v1::Reason>(reason)),
         [reason](const Run& run) { return percent(share(count_of(run.reasons_, reason), run.replies())); });
 
-  const auto motion = [](const Run& run) { return summarize(std::vector<TargetMetrics>{}, run.frames_, {}, CameraLimits{}); };
+  const auto motion = [](const Run& run) {
+    return summarize(std::vector<TargetMetrics>{}, run.frames_, {}, CameraLimits{});
+  };
   const RunMetrics motions[] = {motion(recorded), motion(replayed)};
   const auto figure = [&](const char* label, const char* format, double RunMetrics::*value) {
     rows.push_back({label, {formatted(format, motions[0].*value), formatted(format, motions[1].*value)}});

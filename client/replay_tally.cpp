@@ -122,6 +122,7 @@ void ReplayTally::print(std::ostream& out) const {
     line(out, "", counted(lost_replies_) + " steps were taken whose replies are missing");
   if (unanswered_ticks_ > 0)
     line(out, "", "the recording ends before the answer to " + counted(unanswered_ticks_) + " ticks");
+  if (never_equal_ == kOtherSettings) return line(out, "result", never_equal_);
   std::string verdict = to_string(this->verdict());
   if (!never_equal_.empty() && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");
   line(out, "result", verdict);

@@ -16,6 +16,9 @@ namespace sightline {
 // kPopRad) of where it was.
 enum class ReplayVerdict { kEqual, kAlike, kDiffers };
 
+// A reason why no reply need be equal: then the result is no verdict.
+inline constexpr const char* kOtherSettings = "other settings";
+
 // Not thread-safe.
 class ReplayTally {
  public:

@@ -119,6 +119,21 @@ TEST_F(ReplayHere, MissingTicksAreAlikeAndNotEqual) {
   EXPECT_THAT(replayed.text, HasSubstr("alike, not equal"));
 }
 
+// A chunk that was damaged on disk is a gap without a word of it in the file.
+TEST_F(ReplayHere, DamagedChunkIsAGap) {
+  std::string bytes = record_hall(*sampler_, {.ticks = 120}).bytes;
+  const std::vector<mcap::ChunkIndex> chunks = open_recording(bytes).container().chunks;
+  ASSERT_GE(chunks.size(), 4u);
+  const mcap::ChunkIndex& third = chunks[2];
+  bytes[third.chunk_start + third.chunk_length - 100] ^= 0x55;
+  const Replayed replayed = replay_here(bytes);
+  EXPECT_LT(replayed.replies, 100u);
+  EXPECT_GT(replayed.replies, 60u);
+  EXPECT_THAT(replayed.text, HasSubstr("gaps        1, "));
+  EXPECT_THAT(replayed.text, HasSubstr("replies before the first are equal"));
+  EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual);
+}
+
 TEST_F(ReplayHere, FoldedStartNeedNotBeEqual) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 30});
   const std::string folded = rewritten(

@@ -47,8 +47,7 @@ inline std::string rewritten(const std::string& bytes,
   EXPECT_TRUE(writer.write(recording.open_session(), recording.start_ns()).has_value());
   EXPECT_TRUE(writer.write(recording.opened(), recording.start_ns()).has_value());
   const auto files = recording.files();
-  for (const RecordedFile& file : *files)
-    EXPECT_TRUE(writer.attach(file, recording.start_ns()).has_value());
+  for (const RecordedFile& file : *files) EXPECT_TRUE(writer.attach(file, recording.start_ns()).has_value());
   recording.read({}, [&](RecordedEvent& event) {
     if (!change(event, writer)) return true;
     std::visit([&](const auto& message) { EXPECT_TRUE(writer.write(message, event.log_ns).has_value()); },
