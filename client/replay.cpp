@@ -75,6 +75,7 @@ void ReplayFeed::split(RecordedStep& recorded) {
     --left;
     if (lost == 0) continue;
     --lost;
+    if (now.ticks.back().step().merge_into_next()) continue;  // never had a reply: what a file begins with
     now.has_reply = false;
     ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
   }

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "client/recording_cut.h"
 #include "client/replay_command.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
@@ -22,6 +23,7 @@ using test::replay_here;
 using test::Replayed;
 using test::rewritten;
 using testing::HasSubstr;
+using testing::Not;
 
 // The opening's camera is the player's own: what it does depends on nothing of the session.
 void put_camera(v1::Tick& tick, double x, bool cut) {
@@ -145,6 +147,19 @@ TEST_F(ReplayHere, FoldedStartNeedNotBeEqual) {
                                            [](RecordedEvent&, RecordingWriter&) { return true; });
   EXPECT_EQ(replay_here(other_seed, {"seed=3"}, "folded").verdict, ReplayVerdict::kAlike);
   EXPECT_EQ(replay_here(other_seed, {"seed=3"}).verdict, ReplayVerdict::kDiffers);
+}
+
+// A cut from the middle begins with a tick that stands for all before and that no reply answers.
+TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 90});
+  MemorySink sink;
+  const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 0.5}, sink);
+  ASSERT_TRUE(cut.has_value()) << to_string(cut.error());
+  EXPECT_EQ(cut->folded_ticks, 29u);
+  const Replayed replayed = replay_here(sink.bytes(), {}, "folded");
+  EXPECT_EQ(replayed.replies, 61u);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kAlike);
+  EXPECT_THAT(replayed.text, Not(HasSubstr("missing")));
 }
 
 TEST_F(ReplayHere, CamerasThatOnlyFollowedAreLeftOutUnderOtherSettings) {
