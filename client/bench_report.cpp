@@ -1,22 +1,15 @@
 // A load's result as a table and as JSON.
-#include <cstdio>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 
 #include "client/bench_result.h"
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
 
 // In the file's own order: it is read by people too.
 using Json = nlohmann::ordered_json;
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 // Three figures that mean something, whatever the size.
 std::string micros(double us) {

@@ -11,18 +11,12 @@
 
 #include "client/compare_recordings.h"
 #include "client/progress_bar.h"
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
 
 using nlohmann::ordered_json;
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 std::string hex(uint64_t hash) {
   return formatted("%016lx", static_cast<unsigned long>(hash));

@@ -1,20 +1,13 @@
 // The figures of a recording as texts.
 #include <algorithm>
-#include <cstdio>
 
 #include "client/metrics.h"
 #include "client/page_reply.h"
 #include "client/recording_digest.h"
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 std::string percent(size_t part, size_t of) {
   return formatted("%.1f %%", of == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(of));

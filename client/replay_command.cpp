@@ -17,19 +17,13 @@
 #include "client/replay_figures.h"
 #include "client/replay_tally.h"
 #include "client/replay_truth.h"
+#include "client/text_table.h"
 #include "client/trace.h"
 
 namespace sightline {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();

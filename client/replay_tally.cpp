@@ -1,20 +1,13 @@
 #include "client/replay_tally.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <numbers>
 
 #include "client/metrics.h"
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 void line(std::ostream& out, const char* label, const std::string& text) {
   out << formatted("%-11s ", label) << text << '\n';

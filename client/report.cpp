@@ -1,20 +1,13 @@
 #include "client/report.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <iomanip>
 
+#include "client/text_table.h"
 #include "client/trace.h"
 
 namespace sightline {
 namespace {
-
-template <typename... Values>
-std::string formatted(const char* format, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
 
 std::string percent(double share) {
   return formatted("%.1f %%", 100 * share);

@@ -5,24 +5,9 @@
 #include "client/scenario.h"
 #include "client/scenario_session.h"
 #include "scenes/hall.h"
+#include "tests/replay/string_sink.h"
 
 namespace sightline::test {
-namespace {
-
-// A sink whose bytes outlive the writer that owns it.
-class StringSink final : public ByteSink {
- public:
-  explicit StringSink(std::string& out) : out_(out) {}
-  Status write(std::string_view bytes) override {
-    out_.append(bytes);
-    return {};
-  }
-
- private:
-  std::string& out_;
-};
-
-}  // namespace
 
 RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& options) {
   const auto glb = scenes::make_hall({.seed = 1, .duration_s = options.ticks / 60.0 + 1.0});

@@ -8,21 +8,9 @@
 
 #include "client/local_session.h"
 #include "client/recording_writer.h"
+#include "tests/replay/string_sink.h"
 
 namespace sightline::test {
-
-// Bytes that outlive the writer that owns the sink.
-class StringSink final : public ByteSink {
- public:
-  explicit StringSink(std::string& out) : out_(out) {}
-  Status write(std::string_view bytes) override {
-    out_.append(bytes);
-    return {};
-  }
-
- private:
-  std::string& out_;
-};
 
 struct RecordedYardOptions {
   v1::Convention::Preset convention = v1::Convention::GLTF;

@@ -23,6 +23,7 @@
 #include "tests/record/pretended_files.h"
 #include "tests/record/small_file.h"
 #include "tests/replay/recorded_hall.h"
+#include "tests/replay/string_sink.h"
 
 namespace sightline {
 namespace {
@@ -30,6 +31,7 @@ namespace {
 using nlohmann::json;
 using test::kRecordedStartNs;
 using test::PlainMessage;
+using test::StringSink;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -38,18 +40,6 @@ using ::testing::SizeIs;
 struct Said {
   int status = -1;
   std::string out, err;
-};
-
-class StringSink final : public ByteSink {
- public:
-  explicit StringSink(std::string& out) : out_(out) {}
-  Status write(std::string_view bytes) override {
-    out_.append(bytes);
-    return {};
-  }
-
- private:
-  std::string& out_;
 };
 
 class Verbs : public testing::Test {

@@ -13,6 +13,7 @@
 #include "client/replay.h"
 #include "client/replay_tally.h"
 #include "server/sample/embree_sampler.h"
+#include "tests/replay/string_sink.h"
 
 namespace sightline::test {
 
@@ -22,18 +23,6 @@ inline Recording open_recording(const std::string& bytes) {
   EXPECT_TRUE(recording.has_value());
   return std::move(*recording);
 }
-
-class StringSink final : public ByteSink {
- public:
-  explicit StringSink(std::string& out) : out_(out) {}
-  Status write(std::string_view bytes) override {
-    out_.append(bytes);
-    return {};
-  }
-
- private:
-  std::string& out_;
-};
 
 // The same recording with other events: `change` answers false to leave one out, and may write others before it.
 inline std::string rewritten(const std::string& bytes,
