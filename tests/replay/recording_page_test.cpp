@@ -287,7 +287,8 @@ TEST_F(ReportPage, AnyTruncationIsAPageOrAnError) {
   options.cells = PageCells::kNone;
   size_t pages = 0, errors = 0;
   for (size_t size = 0; size < bytes.size(); size += 1 + bytes.size() / 150) {
-    const auto recording = Recording::open(std::make_shared<MemorySource>(bytes.substr(0, size)), "cut");
+    const std::string part = bytes.substr(0, size);  // which the source only refers to
+    const auto recording = Recording::open(std::make_shared<MemorySource>(part), "cut");
     if (!recording) {
       EXPECT_FALSE(recording.error().message.empty());
       ++errors;
