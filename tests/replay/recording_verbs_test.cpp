@@ -440,7 +440,8 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
 TEST_F(Verbs, ACutOfACutIsTheCut) {
   const std::string file = put("hall.mcap", hall());
   EXPECT_EQ(cut(file, path("a.mcap"), 0.4).status, 0);
-  const Recording a = recording_of(bytes_of(path("a.mcap")));
+  const std::string a_bytes = bytes_of(path("a.mcap"));
+  const Recording a = recording_of(a_bytes);
   const double later_s = 1.0 - static_cast<double>(a.start_ns() - kRecordedStartNs) * 1e-9;
   EXPECT_EQ(cut(path("a.mcap"), path("b.mcap"), later_s).status, 0);
   EXPECT_EQ(cut(file, path("c.mcap"), 1.0).status, 0);
