@@ -30,6 +30,8 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 // Scenes are read beside the steps, one large file at a time and a small one next to it.
+// One loop moves some twenty thousand ticks a second, more than so many threads can step.
+constexpr unsigned kThreadsALoop = 8;
 constexpr unsigned kLoaderThreads = 2;
 constexpr milliseconds kStopGrace{500};
 constexpr milliseconds kDrainPoll{10};
@@ -59,12 +61,13 @@ EglOptions egl_options(const Flags& flags) {
   return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu, .variant = flags.egl_variant};
 }
 
-ListenOptions listen_options(const Flags& flags) {
+ListenOptions listen_options(const Flags& flags, unsigned threads) {
   ListenOptions options;
   options.tcp = flags.listen == "none" ? "" : flags.listen;
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
+  options.loops = (threads + kThreadsALoop - 1) / kThreadsALoop;
   return options;
 }
 
@@ -222,7 +225,7 @@ int serve(const Flags& flags) {
       ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares, stats, log,
                    monotonic_ns, start_name(), chosen->reason, budget, recorded},
       service_limits(flags));
-  const auto listener = Listener::start(listen_options(flags), service);
+  const auto listener = Listener::start(listen_options(flags, steppers.threads()), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 

@@ -19,13 +19,6 @@ constexpr std::chrono::seconds kRetryDelay{5};
 constexpr int64_t kShortStepNs = 1'000'000;
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
-// The reactor of a call that is not taken.
-class RefusedStream final : public ControlStream::Reactor {
- public:
-  explicit RefusedStream(const grpc::Status& status) { Finish(status); }
-  void OnDone() override { delete this; }
-};
-
 grpc::Status refusal(Admission admission, size_t max_streams) {
   if (admission == Admission::kDraining) return {grpc::StatusCode::UNAVAILABLE, "the server is going away"};
   return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)",
@@ -47,24 +40,27 @@ size_t ask_to_be_merged(const std::deque<Inbox::Message>& messages) {
 
 }  // namespace
 
-ControlStream::Reactor* ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits,
-                                             std::string session_id) {
-  const auto stream = std::make_shared<ControlStream>(parts, limits, std::move(session_id));
+void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+                          std::unique_ptr<Incoming> incoming, std::string session_id) {
+  const auto stream =
+      std::make_shared<ControlStream>(parts, limits, loop, std::move(incoming), std::move(session_id));
   // Once registered it may be drained, from another thread: not before it is whole.
   const std::lock_guard lock(stream->mutex_);
+  stream->self_ = stream;
   if (const Admission admission = parts.streams.add(stream); admission != Admission::kAdmitted) {
     parts.log.warn("session refused", {{"reason", admission == Admission::kFull ? "full" : "draining"}});
-    return new RefusedStream(refusal(admission, parts.streams.max_streams()));
+    stream->finished_ = true;
+    return stream->finish_call(refusal(admission, parts.streams.max_streams()));
   }
-  stream->self_ = stream;
   stream->reading_ = true;
-  stream->StartRead(&stream->request_);
+  stream->start_read(stream->request_);
   stream->wait_for_first_message(limits.open_timeout);
-  return stream.get();
 }
 
-ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id)
-    : parts_(parts),
+ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+                             std::unique_ptr<Incoming> incoming, std::string session_id)
+    : ControlCall(loop, std::move(incoming)),
+      parts_(parts),
       session_id_(std::move(session_id)),
       tape_(parts.recording, parts.clock, parts.scenes, parts.log),
       inbox_(limits.inbox_messages, limits.inbox_bytes) {}
@@ -72,7 +68,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
 
-void ControlStream::OnReadDone(bool ok) {
+void ControlStream::on_read(bool ok) {
   std::shared_ptr<ControlStream> here;
   {
     const std::lock_guard lock(mutex_);
@@ -91,7 +87,7 @@ void ControlStream::OnReadDone(bool ok) {
       advance();
     }
   }
-  if (here) step_here(here);
+  if (here) loop().soon(std::move(here));
 }
 
 // A short step is taken where its tick was read, when a thread would be free for it: another one need not be woken.
@@ -101,10 +97,13 @@ bool ControlStream::may_step_here() const {
   return last_cost_ns_ > 0 && last_cost_ns_ <= kShortStepNs;
 }
 
-void ControlStream::step_here(const std::shared_ptr<ControlStream>& self) {
-  if (parts_.steppers.try_here(*self)) return;
+void ControlStream::do_here() {
+  if (!parts_.steppers.try_here(*this)) pass_on();
+}
+
+void ControlStream::pass_on() {
   const std::lock_guard lock(mutex_);
-  parts_.steppers.post(self, due_ns_);
+  parts_.steppers.post(self_, due_ns_);
 }
 
 void ControlStream::take_in(int64_t arrival_ns) {
@@ -124,7 +123,7 @@ std::optional<double> ControlStream::told_dt_s(const v1::Tick& tick) {
   return former_s ? std::optional(time_s - *former_s) : std::nullopt;
 }
 
-void ControlStream::OnWriteDone(bool ok) {
+void ControlStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
   writing_ = false;
   outbox_.pop_front();
@@ -132,13 +131,13 @@ void ControlStream::OnWriteDone(bool ok) {
   advance();
 }
 
-void ControlStream::OnCancel() {
+void ControlStream::on_cancel() {
   const std::lock_guard lock(mutex_);
   cancelled_ = true;
   advance();
 }
 
-void ControlStream::OnDone() {
+void ControlStream::on_done() {
   // A worker may still be on its way out of `run` with a reference of its own; the last one destroys this.
   std::shared_ptr<ControlStream> last;
   const std::lock_guard lock(mutex_);
@@ -157,12 +156,15 @@ void ControlStream::end(const grpc::Status& status) {
   advance();
 }
 
-// The alarm outlives neither the stream nor, by the weak reference, keeps it alive.
 void ControlStream::wait_for_first_message(std::chrono::milliseconds timeout) {
-  const std::weak_ptr<ControlStream> weak = self_;
-  silence_.Set(std::chrono::system_clock::now() + timeout, [weak](bool ran_out) {
-    if (const auto stream = weak.lock(); stream && ran_out) stream->end_if_silent();
-  });
+  begin();
+  silence_alarm_.Set(&loop().queue(), std::chrono::system_clock::now() + timeout, &silence_);
+}
+
+// `close` cancels the alarm, or it would keep the call.
+void ControlStream::Silence::ready(bool ran_out) {
+  if (ran_out) stream.end_if_silent();
+  stream.over();
 }
 
 void ControlStream::end_if_silent() {
@@ -177,11 +179,11 @@ void ControlStream::end_if_silent() {
 // ---------------------------------------------------------------------------------------------
 
 // gRPC is called with the lock held, so that the order of its operations is the order of our decisions. That
-// is safe because it never runs a reaction inside such a call: reactions come from its own threads.
+// is safe because it never runs a reaction inside such a call: reactions come from the loop.
 void ControlStream::read_if_room() {
   if (reading_ || reads_done_ || finished_ || inbox_.full()) return;
   reading_ = true;
-  StartRead(&request_);
+  start_read(request_);
 }
 
 bool ControlStream::has_work() const {
@@ -199,7 +201,7 @@ void ControlStream::advance() {
   if (cancelled_) return close(grpc::Status::CANCELLED);
   if (!outbox_.empty()) {
     writing_ = true;
-    return StartWrite(&outbox_.front());
+    return start_write(outbox_.front());
   }
   if (end_status_) return close(*end_status_);
   if (has_work()) {
@@ -231,7 +233,8 @@ void ControlStream::close(const grpc::Status& status) {
                    {"step_us", budget_ ? std::to_string(std::lround(budget_->full_cost_ns() * 1e-3)) : "0"},
                    {"rejections", std::to_string(tally_.rejections)},
                    {"recording", tape_.name().empty() ? "none" : tape_.name()}});
-  Finish(status);
+  silence_alarm_.Cancel();
+  finish_call(status);
 }
 
 // --- on a worker

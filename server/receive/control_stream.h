@@ -12,18 +12,17 @@
 // are applied and nothing is answered. What asks so behind a tick that wants its answer stays in the inbox until that
 // is given.
 //
-// Threads. Reactions (OnReadDone, OnWriteDone, OnCancel, OnDone) run on gRPC's threads, may run at the same time, and
-// only move messages, but for a short step (below). `plan` and `finish` run on a worker, one after the other for one
-// stream (`busy_`): a thread of the scheduler; the thread that read the tick, when the last step was short and a turn is
-// free (`may_step_here`); or a loader, when it may take long. drain and end come from the thread that stops the server,
-// the alarm of a client that never speaks from one of gRPC's. All meet in `advance`, which decides what comes next.
+// Threads. Reactions (on_read, on_write, on_cancel, on_done) run on the loop's thread and only move messages. `plan` and
+// `finish` run on a worker, one after the other for one stream (`busy_`): a thread of the scheduler; the loop's, when the
+// last step was short, nothing else is to be read and a turn is free (`may_step_here`, `do_here`); or a loader, when it may
+// take long. drain and end come from the thread that stops the server. All meet in `advance`, which decides what comes next.
 //
-// Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). Finish is
+// Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). `finish_call` is
 // called once, when no worker is busy and no write is under way; nothing is started after it.
 #pragma once
 
 #include <grpcpp/alarm.h>
-#include <grpcpp/support/server_callback.h>
+#include <grpcpp/support/async_stream.h>
 
 #include <deque>
 #include <memory>
@@ -31,6 +30,7 @@
 #include <optional>
 #include <string>
 
+#include "server/receive/call.h"
 #include "server/receive/inbox.h"
 #include "server/receive/parts.h"
 #include "server/receive/session_tape.h"
@@ -41,17 +41,17 @@
 
 namespace sightline {
 
-class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>,
-                            public Drainable,
-                            public Scheduled {
+using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlReply, v1::ControlRequest>>;
+
+class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortWork {
  public:
-  using Reactor = grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>;
+  // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the call
+  // is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). On the loop's thread.
+  static void start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+                    std::unique_ptr<Incoming> incoming, std::string session_id);
 
-  // The reactor of a new call. It is registered and lives until gRPC is done with it. When the registry is
-  // full or drains, it is one that refuses (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE).
-  static Reactor* start(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
-
-  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, std::string session_id);
+  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+                std::unique_ptr<Incoming> incoming, std::string session_id);
   ~ControlStream() override = default;
 
   void drain(const std::string& reason) override;
@@ -75,11 +75,18 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
     uint64_t ticks = 0, steps = 0, degraded = 0, late = 0, rejections = 0;
   };
 
+  // A client that does not speak.
+  struct Silence final : Event {
+    explicit Silence(ControlStream& its_stream) : stream(its_stream) {}
+    void ready(bool ran_out) override;
+    ControlStream& stream;
+  };
+
   // Reactions.
-  void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
-  void OnCancel() override;
-  void OnDone() override;
+  void on_read(bool ok) override;
+  void on_write(bool ok) override;
+  void on_cancel() override;
+  void on_done() override;
 
   void wait_for_first_message(std::chrono::milliseconds timeout);
   void end_if_silent();
@@ -94,7 +101,9 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   bool has_work() const;
   void close(const grpc::Status& status);
 
-  void step_here(const std::shared_ptr<ControlStream>& self);  // needs busy_, not mutex_
+  // A step on the loop's thread, or not; while busy_.
+  void do_here() override;
+  void pass_on() override;
 
   // On a worker, while busy_.
   TakeJob plan() override;
@@ -139,7 +148,8 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   // By gRPC while reading_, else guarded by mutex_.
   v1::ControlRequest request_;
 
-  grpc::Alarm silence_;  // set once, at the start
+  Silence silence_{*this};
+  grpc::Alarm silence_alarm_;  // set once, at the start
 
   std::mutex mutex_;
   // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
@@ -160,7 +170,7 @@ class ControlStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v
   bool finished_ = false;
   std::optional<std::string> drain_reason_;  // still to be told
   std::optional<grpc::Status> end_status_;   // close with it once everything in outbox_ is written
-  std::shared_ptr<ControlStream> self_;      // from the start until OnDone
+  std::shared_ptr<ControlStream> self_;      // from the start until on_done
 };
 
 }  // namespace sightline

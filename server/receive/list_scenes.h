@@ -1,16 +1,14 @@
 // RPC ListScenes: the names that a session can be opened with.
 #pragma once
 
-#include <grpcpp/support/server_callback.h>
-
-#include "server/receive/parts.h"
+#include "server/scene/scene_folder.h"
 #include "sightline/v1/scene.pb.h"
 
 namespace sightline {
 
 inline constexpr size_t kMaxListedScenes = 1000;
 
-grpc::ServerUnaryReactor* list_scenes(grpc::CallbackServerContext* context, const ServiceParts& parts,
-                                      v1::ListScenesReply& reply);
+// Reads a folder, which may be on a slow disk.
+void list_scenes(const SceneLibrary& scenes, v1::ListScenesReply& reply);
 
 }  // namespace sightline

@@ -2,12 +2,12 @@
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
-#include <grpcpp/health_check_service_interface.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -18,6 +18,8 @@ namespace {
 
 // How far one client can fill the server's queues.
 constexpr int kMaxCallsPerConnection = 1024;
+// For the RPCs that take one each while they are under way.
+constexpr int kMaxThreads = 64;
 
 Result<sockaddr_un> socket_address(const std::string& path) {
   sockaddr_un address{};
@@ -71,17 +73,23 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Clients may ping as often as we do.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1'000);
+  builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
+  builder.SetResourceQuota(grpc::ResourceQuota("listener").SetMaxThreads(kMaxThreads));
 }
 
 }  // namespace
 
-Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, grpc::Service& service) {
+Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
+                                                  CameraControlService& service) {
   if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "no address to listen at");
-  grpc::EnableDefaultHealthCheckService(true);
+  std::unique_ptr<Listener> listener(new Listener);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   configure(builder, options);
   builder.RegisterService(&service);
+  builder.RegisterService(&listener->health_);
+  std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
+  for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
 
   int port = 0;
   if (!options.tcp.empty()) builder.AddListeningPort(options.tcp, grpc::InsecureServerCredentials(), &port);
@@ -92,40 +100,46 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
   }
   // The socket must at no moment be open to more than its mode says.
   const mode_t former_umask = ::umask(0777 & ~options.unix_mode);
-  std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
+  listener->server_ = builder.BuildAndStart();
   ::umask(former_umask);
-  if (!server) {
+  if (!listener->server_) {
+    for (const auto& queue : queues) queue->Shutdown();
     const bool tcp_failed = !options.tcp.empty() && port == 0;
     return fail(ErrorCode::kUnavailable, tcp_failed ? "--listen" : "--listen-unix",
                 "cannot listen at " + (tcp_failed ? options.tcp : options.unix_path) +
                     ": the address is in use or not valid on this machine");
   }
-  std::vector<std::string> addresses;
+  listener->port_ = port;
   if (port != 0)
-    addresses.push_back(options.tcp.substr(0, options.tcp.rfind(':') + 1) + std::to_string(port));
-  if (!options.unix_path.empty()) addresses.push_back("unix:" + options.unix_path);
-  grpc::HealthCheckServiceInterface& health = *server->GetHealthCheckService();
-  health.SetServingStatus(v1::CameraControl::service_full_name(), true);
-  health.SetServingStatus(true);
-  return std::unique_ptr<Listener>(new Listener(std::move(server), std::move(addresses), port));
+    listener->addresses_.push_back(options.tcp.substr(0, options.tcp.rfind(':') + 1) + std::to_string(port));
+  if (!options.unix_path.empty()) listener->addresses_.push_back("unix:" + options.unix_path);
+  for (auto& queue : queues) {
+    listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
+    service.take_calls(*listener->loops_.back());
+  }
+  listener->health_.take_calls(*listener->loops_.front());
+  listener->set_serving(true);
+  return listener;
 }
 
-Listener::Listener(std::unique_ptr<grpc::Server> server, std::vector<std::string> addresses, int port)
-    : server_(std::move(server)), addresses_(std::move(addresses)), port_(port) {}
-
 Listener::~Listener() {
-  stop(std::chrono::milliseconds(0));
+  if (server_) stop(std::chrono::milliseconds(0));
+}
+
+void Listener::set_serving(bool serving) {
+  health_.set(v1::CameraControl::service_full_name(), serving);
+  health_.set("", serving);
 }
 
 void Listener::set_not_serving() {
-  grpc::HealthCheckServiceInterface& health = *server_->GetHealthCheckService();
-  health.SetServingStatus(v1::CameraControl::service_full_name(), false);
-  health.SetServingStatus(false);
+  set_serving(false);
 }
 
 void Listener::stop(std::chrono::milliseconds grace) {
+  health_.end_watches();
   server_->Shutdown(std::chrono::system_clock::now() + grace);
   server_->Wait();
+  loops_.clear();
 }
 
 }  // namespace sightline

@@ -9,6 +9,9 @@
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/receive/event_loop.h"
+#include "server/receive/health.h"
+#include "server/receive/service.h"
 
 namespace sightline {
 
@@ -17,6 +20,7 @@ struct ListenOptions {
   std::string unix_path;                // empty: no unix socket
   unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;
+  unsigned loops = 1;  // event loops; one moves the messages of hundreds of sessions
   // A peer that has been silent for `keepalive_time` is pinged; without an answer its calls end after the
   // timeout.
   std::chrono::milliseconds keepalive_time{10'000};
@@ -29,7 +33,7 @@ class Listener {
  public:
   // Serves from now on. `service` must outlive it. Fails (fields "--listen", "--listen-unix") with
   // kUnavailable or kInvalidArgument.
-  static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, grpc::Service& service);
+  static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, CameraControlService& service);
   // As stop with no grace.
   ~Listener();
 
@@ -44,11 +48,14 @@ class Listener {
   void stop(std::chrono::milliseconds grace);
 
  private:
-  Listener(std::unique_ptr<grpc::Server> server, std::vector<std::string> addresses, int port);
+  Listener() = default;
+  void set_serving(bool serving);
 
-  const std::unique_ptr<grpc::Server> server_;
-  const std::vector<std::string> addresses_;
-  const int port_;
+  HealthService health_;
+  std::unique_ptr<grpc::Server> server_;
+  std::vector<std::unique_ptr<EventLoop>> loops_;  // go before the server, which must have shut down
+  std::vector<std::string> addresses_;
+  int port_ = 0;
 };
 
 }  // namespace sightline

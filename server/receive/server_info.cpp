@@ -1,7 +1,5 @@
 #include "server/receive/server_info.h"
 
-#include <grpcpp/server_context.h>
-
 #include "server/record/recorder.h"
 
 namespace sightline {
@@ -20,8 +18,7 @@ void set(const RecordCounts& counts, v1::RecordingCounts& out) {
 
 }  // namespace
 
-grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
-                                          v1::ServerInfo& info) {
+void get_server_info(const ServiceParts& parts, v1::ServerInfo& info) {
   info.set_version(kVersion);
   info.set_sampler(parts.sampler.kind());
   info.set_renderer(parts.sampler.description());
@@ -38,9 +35,6 @@ grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, 
   info.set_queue_p50_us(parts.stats.queue.quantile_us(0.5));
   info.set_queue_p99_us(parts.stats.queue.quantile_us(0.99));
   if (parts.recording.writer) set(parts.recording.writer->counts(), *info.mutable_recording());
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(grpc::Status::OK);
-  return reactor;
 }
 
 }  // namespace sightline

@@ -1,8 +1,6 @@
 // RPC GetServerInfo: what runs here and what it holds.
 #pragma once
 
-#include <grpcpp/support/server_callback.h>
-
 #include "server/receive/parts.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -12,7 +10,6 @@ inline constexpr const char* kVersion = SIGHTLINE_VERSION;
 // Compiler and options, as far as they can change a reply.
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
-grpc::ServerUnaryReactor* get_server_info(grpc::CallbackServerContext* context, const ServiceParts& parts,
-                                          v1::ServerInfo& info);
+void get_server_info(const ServiceParts& parts, v1::ServerInfo& info);
 
 }  // namespace sightline

@@ -7,26 +7,34 @@
 
 namespace sightline {
 
-grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>* CameraControlService::Control(
-    grpc::CallbackServerContext*) {
-  return ControlStream::start(parts_, limits_, parts_.id_prefix + "-" + std::to_string(++calls_));
+void CameraControlService::take_calls(EventLoop& loop) {
+  using Incoming = ControlStream::Incoming;
+  const auto ask = [&](Incoming& incoming, void* tag) {
+    RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.queue(), tag);
+  };
+  Door<Incoming>::open(ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_calls(loop);
+    ControlStream::start(parts_, limits_, loop, std::move(incoming),
+                         parts_.id_prefix + "-" + std::to_string(++calls_));
+  });
 }
 
-grpc::ServerReadReactor<v1::UploadSceneRequest>* CameraControlService::UploadScene(
-    grpc::CallbackServerContext* context, v1::UploadSceneReply* reply) {
-  return new class UploadScene(*context, parts_, limits_, open_uploads_, *reply);
+grpc::Status CameraControlService::UploadScene(grpc::ServerContext* context,
+                                               grpc::ServerReader<v1::UploadSceneRequest>* reader,
+                                               v1::UploadSceneReply* reply) {
+  return upload_scene(*context, *reader, parts_, limits_, open_uploads_, *reply);
 }
 
-grpc::ServerUnaryReactor* CameraControlService::ListScenes(grpc::CallbackServerContext* context,
-                                                           const v1::ListScenesRequest*,
-                                                           v1::ListScenesReply* reply) {
-  return list_scenes(context, parts_, *reply);
+grpc::Status CameraControlService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest*,
+                                              v1::ListScenesReply* reply) {
+  list_scenes(parts_.scenes, *reply);
+  return grpc::Status::OK;
 }
 
-grpc::ServerUnaryReactor* CameraControlService::GetServerInfo(grpc::CallbackServerContext* context,
-                                                              const v1::GetServerInfoRequest*,
-                                                              v1::ServerInfo* info) {
-  return get_server_info(context, parts_, *info);
+grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+                                                 v1::ServerInfo* info) {
+  get_server_info(parts_, *info);
+  return grpc::Status::OK;
 }
 
 }  // namespace sightline

@@ -1,10 +1,12 @@
 #include "server/receive/upload_scene.h"
 
-#include <grpcpp/server_context.h>
+#include <grpcpp/impl/codegen/proto_utils.h>
 
 #include <exception>
 #include <new>
+#include <semaphore>
 #include <span>
+#include <vector>
 
 #include "server/receive/retry_info.h"
 #include "server/reply/error_to_proto.h"
@@ -19,66 +21,68 @@ grpc::Status too_large(const std::string& what, size_t limit_bytes) {
                             what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
 }
 
-}  // namespace
+class Place {
+ public:
+  explicit Place(std::atomic<size_t>& taken) : taken_(taken), number_(++taken) {}
+  ~Place() { --taken_; }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+  size_t number() const { return number_; }
 
-UploadScene::UploadScene(grpc::CallbackServerContext& context, const ServiceParts& parts,
-                         const ServiceLimits& limits, std::atomic<size_t>& open_uploads,
-                         v1::UploadSceneReply& reply)
-    : context_(context), parts_(parts), limits_(limits), open_uploads_(open_uploads), reply_(reply) {
-  if (++open_uploads_ > limits_.max_uploads) {
-    Finish(exhausted_status("too many uploads at the same time", kRetryDelay));
-    return;
-  }
-  StartRead(&request_);
-}
+ private:
+  std::atomic<size_t>& taken_;
+  const size_t number_;
+};
 
-UploadScene::~UploadScene() {
-  --open_uploads_;
-}
-
-grpc::Status UploadScene::check_chunk() const {
-  if (request_.chunk().size() > limits_.max_chunk_bytes) return too_large("a chunk", limits_.max_chunk_bytes);
-  if (bytes_.size() + request_.chunk().size() > limits_.max_upload_bytes) {
-    return too_large("the file", limits_.max_upload_bytes);
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits,
+                     std::vector<std::byte>& bytes) {
+  for (v1::UploadSceneRequest request; reader.Read(&request);) {
+    const auto chunk = std::as_bytes(std::span(request.chunk()));
+    if (chunk.size() > limits.max_chunk_bytes) return too_large("a chunk", limits.max_chunk_bytes);
+    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large("the file", limits.max_upload_bytes);
+    bytes.insert(bytes.end(), chunk.begin(), chunk.end());
   }
   return grpc::Status::OK;
 }
 
-void UploadScene::OnReadDone(bool ok) {
-  if (context_.IsCancelled()) {
-    Finish(grpc::Status::CANCELLED);
-    return;
+grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
+                  v1::UploadSceneReply& reply) try {
+  const auto asset = parts.scenes.add_uploaded(bytes);
+  if (!asset) {
+    parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
+    return status_from_error(asset.error());
   }
-  if (!ok) {  // the client has sent everything
-    parts_.loaders.post([this] { load(); });
-    return;
-  }
-  if (grpc::Status status = check_chunk(); !status.ok()) {
-    Finish(std::move(status));
-    return;
-  }
-  const auto chunk = std::as_bytes(std::span(request_.chunk()));
-  bytes_.insert(bytes_.end(), chunk.begin(), chunk.end());
-  StartRead(&request_);
+  reply.set_hash(to_hex((*asset)->hash));
+  reply.set_triangles((*asset)->triangle_count());
+  for (const std::string& warning : (*asset)->warnings) reply.add_warnings(warning);
+  parts.log.info("scene uploaded", {{"hash", reply.hash()}, {"bytes", std::to_string(bytes.size())}});
+  return grpc::Status::OK;
+} catch (const std::bad_alloc&) {
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory while reading the scene"};
+} catch (const std::exception& trouble) {
+  parts.log.error("upload failed", {{"reason", trouble.what()}});
+  return {grpc::StatusCode::INTERNAL, "the file could not be read; the server's log says why"};
 }
 
-void UploadScene::load() try {
-  const auto asset = parts_.scenes.add_uploaded(bytes_);
-  if (!asset) {
-    parts_.log.info("upload refused", {{"reason", to_string(asset.error())}});
-    Finish(status_from_error(asset.error()));
-    return;
-  }
-  reply_.set_hash(to_hex((*asset)->hash));
-  reply_.set_triangles((*asset)->triangle_count());
-  for (const std::string& warning : (*asset)->warnings) reply_.add_warnings(warning);
-  parts_.log.info("scene uploaded", {{"hash", reply_.hash()}, {"bytes", std::to_string(bytes_.size())}});
-  Finish(grpc::Status::OK);
-} catch (const std::bad_alloc&) {
-  Finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory while reading the scene"});
-} catch (const std::exception& trouble) {
-  parts_.log.error("upload failed", {{"reason", trouble.what()}});
-  Finish({grpc::StatusCode::INTERNAL, "the file could not be read; the server's log says why"});
+}  // namespace
+
+grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
+                          const ServiceParts& parts, const ServiceLimits& limits,
+                          std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply) {
+  const Place place(open_uploads);
+  if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
+  std::vector<std::byte> bytes;
+  if (grpc::Status status = collect(reader, limits, bytes); !status.ok()) return status;
+  // Half of a file may be a whole one.
+  if (context.IsCancelled()) return grpc::Status::CANCELLED;
+  grpc::Status status;
+  std::binary_semaphore loaded(0);
+  parts.loaders.post([&] {
+    status = load(parts, bytes, reply);
+    loaded.release();
+  });
+  loaded.acquire();
+  return status;
 }
 
 }  // namespace sightline

@@ -7,6 +7,7 @@
 
 #include <thread>
 
+#include "grpc/health/v1/health.grpc.pb.h"
 #include "tests/service/raw_call.h"
 #include "tests/service/service_world.h"
 
@@ -23,6 +24,52 @@ TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
   for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 2) << service;
 }
 
+// Someone who watches the health of one service.
+class HealthWatch {
+ public:
+  HealthWatch(const ServiceWorld& world, const std::string& service)
+      : stub_(grpc::health::v1::Health::NewStub(world.channel())) {
+    context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    grpc::health::v1::HealthCheckRequest request;
+    request.set_service(service);
+    reader_ = stub_->Watch(&context_, request);
+  }
+  // The next status that is told; -1: none comes any more.
+  int next() {
+    grpc::health::v1::HealthCheckResponse response;
+    return reader_->Read(&response) ? response.status() : -1;
+  }
+  grpc::StatusCode end() { return reader_->Finish().error_code(); }
+  void cancel() { context_.TryCancel(); }
+
+ private:
+  const std::unique_ptr<grpc::health::v1::Health::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<grpc::health::v1::HealthCheckResponse>> reader_;
+};
+
+TEST(Lifecycle, HealthIsToldToThoseWhoWatch) {
+  const ServiceWorld world;
+  HealthWatch server(world, ""), service(world, kService), unknown(world, "no.such.Service");
+  HealthWatch gone(world, kService);
+  EXPECT_EQ(server.next(), 1);
+  EXPECT_EQ(service.next(), 1);
+  EXPECT_EQ(unknown.next(), 3);  // SERVICE_UNKNOWN: one may come yet
+  EXPECT_EQ(gone.next(), 1);
+  gone.cancel();
+  EXPECT_EQ(gone.next(), -1);
+
+  world.listener->set_not_serving();
+  EXPECT_EQ(server.next(), 2);
+  EXPECT_EQ(service.next(), 2);
+
+  // Those who watch do not keep the server: it would wait for this long.
+  world.listener->stop(std::chrono::hours(1));
+  EXPECT_EQ(server.next(), -1);
+  EXPECT_EQ(unknown.next(), -1);
+  EXPECT_EQ(server.end(), grpc::StatusCode::CANCELLED);
+}
+
 TEST(Lifecycle, ReflectionListsTheService) {
   const ServiceWorld world;
   // ServerReflectionRequest: field 7 (list_services), a string.
@@ -31,6 +78,7 @@ TEST(Lifecycle, ReflectionListsTheService) {
                std::string("\x3a\x01*", 3));
   ASSERT_TRUE(reply.status.ok()) << reply.status.error_message();
   EXPECT_NE(reply.bytes.find(kService), std::string::npos);
+  EXPECT_NE(reply.bytes.find("grpc.health.v1.Health"), std::string::npos);
 }
 
 TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {

@@ -1,0 +1,72 @@
+// The thread that moves the messages of streams: one completion queue of gRPC's and one thread that waits at it.
+//
+// One thread, since of several at one queue (as gRPC's callback API has them) each wakes the next one whenever something
+// happens: with a hundred sessions that is half of what a message costs. A machine with many cores has several loops, each
+// with calls of its own.
+//
+// A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
+// comes in, those that wait are passed on to threads that step, so that this one keeps reading.
+#pragma once
+
+#include <grpcpp/completion_queue.h>
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+namespace sightline {
+
+// What an operation of gRPC's is tagged with: told once, when the operation is over.
+class Event {
+ public:
+  // On the loop's thread. `ok`: as gRPC says for the operation.
+  virtual void ready(bool ok) = 0;
+
+ protected:
+  ~Event() = default;
+};
+
+// Work that can be done on the loop's thread or on another.
+class ShortWork {
+ public:
+  virtual ~ShortWork() = default;
+  virtual void do_here() = 0;
+  virtual void pass_on() = 0;  // returns at once
+};
+
+class EventLoop {
+ public:
+  // Starts its thread.
+  explicit EventLoop(std::unique_ptr<grpc::ServerCompletionQueue> queue);
+  // The server must have shut down. Returns once every call has ended and every event was told.
+  ~EventLoop();
+  EventLoop(const EventLoop&) = delete;
+  EventLoop& operator=(const EventLoop&) = delete;
+
+  grpc::ServerCompletionQueue& queue() { return *queue_; }
+
+  // For when nothing is left to be read. On the loop's thread only.
+  void soon(std::shared_ptr<ShortWork> work);
+
+  // A call that may still start operations. From any thread.
+  void call_begins();
+  void call_ends();
+
+ private:
+  void run();
+  bool next(Event*& event, bool& ok);
+
+  const std::unique_ptr<grpc::ServerCompletionQueue> queue_;
+  std::deque<std::shared_ptr<ShortWork>> waiting_;  // the loop's thread only
+
+  std::mutex mutex_;
+  std::condition_variable none_left_;
+  size_t calls_ = 0;  // guarded by mutex_
+
+  std::thread thread_;
+};
+
+}  // namespace sightline

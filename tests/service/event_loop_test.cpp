@@ -1,0 +1,149 @@
+// The event loop: what it does itself, what it passes on, and how it ends. Its events are alarms; no call is made.
+#include "server/receive/event_loop.h"
+
+#include <grpcpp/alarm.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <future>
+#include <thread>
+#include <vector>
+
+namespace sightline {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::system_clock;
+
+// A loop needs a queue, and a queue a server, if only one that nobody can reach.
+class EventLoopTest : public testing::Test {
+ protected:
+  EventLoopTest() {
+    grpc::ServerBuilder builder;
+    std::unique_ptr<grpc::ServerCompletionQueue> queue = builder.AddCompletionQueue();
+    server_ = builder.BuildAndStart();
+    loop_ = std::make_unique<EventLoop>(std::move(queue));
+  }
+  ~EventLoopTest() override { stop(); }
+  void stop() {
+    if (loop_) server_->Shutdown();
+    loop_.reset();
+  }
+  EventLoop& loop() { return *loop_; }
+
+ private:
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<EventLoop> loop_;
+};
+
+// Runs something on a loop's thread, once.
+class Once final : public Event {
+ public:
+  Once(EventLoop& loop, std::function<void()> what, milliseconds after = milliseconds(0)) : what_(std::move(what)) {
+    alarm_.Set(&loop.queue(), system_clock::now() + after, this);
+  }
+  void ready(bool) override {
+    what_();
+    done_.set_value();
+  }
+  void wait() { done_.get_future().wait(); }
+
+ private:
+  const std::function<void()> what_;
+  std::promise<void> done_;
+  grpc::Alarm alarm_;
+};
+
+struct Noted {
+  std::vector<int> here, passed_on;
+  std::thread::id thread;
+};
+
+class NotedWork final : public ShortWork {
+ public:
+  NotedWork(int number, Noted& noted) : number_(number), noted_(noted) {}
+  void do_here() override {
+    noted_.here.push_back(number_);
+    noted_.thread = std::this_thread::get_id();
+  }
+  void pass_on() override { noted_.passed_on.push_back(number_); }
+
+ private:
+  const int number_;
+  Noted& noted_;
+};
+
+TEST_F(EventLoopTest, DoesShortWorkItselfOnceTheEventIsOver) {
+  Noted noted;
+  std::thread::id loops_thread;
+  bool during = true;
+  Once once(loop(), [&] {
+    loop().soon(std::make_shared<NotedWork>(1, noted));
+    loops_thread = std::this_thread::get_id();
+    during = !noted.here.empty();
+  });
+  once.wait();
+  stop();
+  EXPECT_FALSE(during);
+  EXPECT_EQ(noted.here, std::vector<int>{1});
+  EXPECT_EQ(noted.thread, loops_thread);
+}
+
+TEST_F(EventLoopTest, PassesOnTheEldestWhileMoreComes) {
+  constexpr int kMany = 50;
+  Noted noted;
+  Once once(loop(), [&] {
+    for (int i = 0; i < kMany; ++i) loop().soon(std::make_shared<NotedWork>(i, noted));
+  });
+  once.wait();
+  stop();
+  ASSERT_FALSE(noted.passed_on.empty());
+  ASSERT_FALSE(noted.here.empty());
+  std::vector<int> all = noted.passed_on;
+  all.insert(all.end(), noted.here.begin(), noted.here.end());
+  for (int i = 0; i < kMany; ++i) EXPECT_EQ(all[i], i);
+  EXPECT_EQ(all.size(), static_cast<size_t>(kMany));
+}
+
+// What is ready to be read goes before work that waits.
+TEST_F(EventLoopTest, ReadsOnBeforeItWorks) {
+  Noted noted;
+  std::vector<size_t> done_before;
+  std::promise<void> both_ready;
+  Once first(loop(), [&] {
+    loop().soon(std::make_shared<NotedWork>(1, noted));
+    both_ready.get_future().wait();
+  });
+  Once second(loop(), [&] { done_before.push_back(noted.here.size()); });
+  // Both alarms have gone off long before the first reaction ends.
+  std::this_thread::sleep_for(milliseconds(100));
+  both_ready.set_value();
+  second.wait();
+  stop();
+  EXPECT_EQ(noted.here, std::vector<int>{1});
+  ASSERT_EQ(done_before.size(), 1u);
+  EXPECT_EQ(done_before[0], 0u);
+}
+
+TEST_F(EventLoopTest, EndsOnlyAfterTheLastCall) {
+  EventLoop& ending = loop();
+  ending.call_begins();
+  std::atomic<bool> ended{false};
+  Once event(ending, [] {}, milliseconds(50));
+  std::thread call([&] {
+    event.wait();  // events are told until the end
+    std::this_thread::sleep_for(milliseconds(50));
+    ended = true;
+    ending.call_ends();
+  });
+  stop();
+  EXPECT_TRUE(ended);
+  call.join();
+}
+
+}  // namespace
+}  // namespace sightline
