@@ -1,6 +1,5 @@
 #include "client/bench_echo.h"
 
-#include <grpcpp/generic/async_generic_service.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,8 +7,12 @@
 #include <iostream>
 #include <vector>
 
+#include "server/receive/call.h"
+
 namespace sightline {
 namespace {
+
+using EchoCall = AsyncCall<grpc::GenericServerAsyncReaderWriter, NoRequest, grpc::GenericServerContext>;
 
 constexpr size_t kSequenceBytes = 8;
 
@@ -47,53 +50,63 @@ uint64_t sequence_of(const uint8_t* bytes) {
 }
 
 // One request, one answer, one request ...
-class EchoServer::Call final : public grpc::ServerGenericBidiReactor {
+class EchoServer::Call final : public EchoCall {
  public:
-  Call() { StartRead(&request_); }
+  Call(EventLoop& loop, std::unique_ptr<Incoming> incoming) : EchoCall(loop, std::move(incoming)) {
+    start_read(request_);
+  }
 
  private:
-  void OnReadDone(bool ok) override {
+  void on_read(bool ok) override {
     uint8_t header[kEchoHeaderBytes];
-    if (!ok || !first_bytes(request_, sizeof header, header)) return Finish(grpc::Status::OK);
+    if (!ok || !first_bytes(request_, sizeof header, header)) return finish_call(grpc::Status::OK);
     const auto asked =
         static_cast<uint32_t>(little_endian(header + kSequenceBytes, sizeof header - kSequenceBytes));
     answer_.resize(std::clamp<size_t>(asked, kSequenceBytes, kMostEchoBytes));
     std::memcpy(answer_.data(), header, kSequenceBytes);
     const grpc::Slice slice(answer_.data(), answer_.size());
     reply_ = grpc::ByteBuffer(&slice, 1);
-    StartWrite(&reply_);
+    start_write(reply_);
   }
-  void OnWriteDone(bool ok) override {
-    if (!ok) return Finish(grpc::Status::OK);
+  void on_write(bool ok) override {
+    if (!ok) return finish_call(grpc::Status::OK);
     request_.Clear();
-    StartRead(&request_);
+    start_read(request_);
   }
-  void OnDone() override { delete this; }
+  void on_done() override { delete this; }
 
   grpc::ByteBuffer request_, reply_;
   std::vector<uint8_t> answer_;
 };
 
-class EchoServer::Service final : public grpc::CallbackGenericService {
- public:
-  grpc::ServerGenericBidiReactor* CreateReactor(grpc::GenericCallbackServerContext*) override {
-    return new Call;
-  }
-};
+EchoServer::EchoServer() = default;
 
-EchoServer::EchoServer() : service_(std::make_unique<Service>()) {}
+void EchoServer::take_calls() {
+  const auto ask = [this](EchoCall::Incoming& incoming, void* tag) {
+    service_.RequestCall(&incoming.context, &incoming.responder, &loop_->queue(), &loop_->server_queue(), tag);
+  };
+  Door<EchoCall::Incoming>::open(ask, [this](std::unique_ptr<EchoCall::Incoming> incoming) {
+    take_calls();
+    new Call(*loop_, std::move(incoming));
+  });
+}
 
 Result<std::unique_ptr<EchoServer>> EchoServer::start(const std::string& address) {
   std::unique_ptr<EchoServer> echo(new EchoServer);
   grpc::ServerBuilder builder;
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // as server/receive/listener.cpp
-  builder.RegisterCallbackGenericService(echo->service_.get());
+  builder.RegisterAsyncGenericService(&echo->service_);
+  std::unique_ptr<grpc::ServerCompletionQueue> queue = builder.AddCompletionQueue();
   int port = 0;
   builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
   echo->server_ = builder.BuildAndStart();
-  if (!echo->server_ || port == 0)
+  if (!echo->server_ || port == 0) {
+    queue->Shutdown();
     return fail(ErrorCode::kUnavailable, "echo", "cannot listen at " + address);
+  }
+  echo->loop_ = std::make_unique<EventLoop>(std::move(queue));
+  echo->take_calls();
   echo->address_ = address.starts_with("unix:")
                        ? address
                        : address.substr(0, address.rfind(':') + 1).append(std::to_string(port));
@@ -104,6 +117,7 @@ EchoServer::~EchoServer() {
   if (!server_) return;
   server_->Shutdown(std::chrono::system_clock::now());
   server_->Wait();
+  loop_.reset();
 }
 
 int run_echo_command(const std::string& address) {

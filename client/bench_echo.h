@@ -1,14 +1,16 @@
-// A bare gRPC echo: the floor under every round trip. Bytes in, bytes out, nothing between; the callback API, and the same
-// channel arguments as the daemon's listener, so that what it costs is what gRPC costs.
+// A bare gRPC echo: the floor under every round trip. Bytes in, bytes out, nothing between; the same event
+// loop and channel arguments as the daemon's listener, so that what it costs is what gRPC costs.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
 
+#include <grpcpp/generic/async_generic_service.h>
 #include <grpcpp/grpcpp.h>
 
 #include "server/base/error.h"
+#include "server/receive/event_loop.h"
 
 namespace sightline {
 
@@ -37,11 +39,13 @@ class EchoServer {
   const std::string& address() const { return address_; }
 
  private:
-  class Service;
   class Call;
   EchoServer();
-  std::unique_ptr<Service> service_;
+  void take_calls();
+
+  grpc::AsyncGenericService service_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<EventLoop> loop_;  // goes when the server has shut down, and before it
   std::string address_;
 };
 

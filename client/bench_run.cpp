@@ -198,11 +198,11 @@ class Bench {
 
   template <typename MakeDialect>
   void add_streams(const std::string& address, size_t until, MakeDialect make_dialect, Streams& streams,
-                   std::shared_ptr<grpc::Channel>& channel) const {
+                   std::shared_ptr<grpc::Channel>& channel) {
     const int64_t late_ns = to_ns(schedule_.interval_s());
     while (streams.size() < until) {
       if (streams.size() % options_.sessions_per_channel == 0) channel = channel_to(address);
-      streams.push_back(std::make_unique<BenchStream>(channel, make_dialect(streams.size()), late_ns));
+      streams.push_back(std::make_unique<BenchStream>(*loop_, channel, make_dialect(streams.size()), late_ns));
     }
   }
 
@@ -461,6 +461,7 @@ class Bench {
   std::string scene_hash_;
   BenchOpened opened_;
   std::shared_ptr<grpc::Channel> daemon_channel_;
+  const std::unique_ptr<EventLoop> loop_ = std::make_unique<EventLoop>(std::make_unique<grpc::CompletionQueue>());
   Streams sessions_, echoes_;  // each echo speaks as its session does
   std::optional<BenchGenerator> generator_;
   std::vector<MeasuredWindow> windows_;

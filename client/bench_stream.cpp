@@ -17,21 +17,21 @@ int64_t BenchStream::monotonic_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
 }
 
-BenchStream::BenchStream(std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchDialect> dialect,
-                         int64_t late_ns)
-    : dialect_(std::move(dialect)), late_ns_(late_ns), channel_(std::move(channel)), stub_(channel_) {
-  stub_.PrepareBidiStreamingCall(&context_, dialect_->method(), {}, this);
-  // Writes start outside the reactions (in send_tick), so the stream must be held open until the last of them.
-  AddHold();
+BenchStream::BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel,
+                         std::unique_ptr<BenchDialect> dialect, int64_t late_ns)
+    : dialect_(std::move(dialect)),
+      late_ns_(late_ns),
+      channel_(std::move(channel)),
+      stub_(channel_),
+      call_(stub_.PrepareCall(&context_, dialect_->method(), &loop.queue())) {
   const std::lock_guard lock(mutex_);
-  if (dialect_->opening(unsent_.emplace_back())) {
-    start_next_write();
-  } else {
+  if (!dialect_->opening(unsent_.emplace_back())) {
     unsent_.pop_back();
     opened_.emplace();
   }
-  StartRead(&reply_);
-  StartCall();
+  writing_ = true;  // until it has started
+  under_way_ = 1;
+  call_->StartCall(&start_);
 }
 
 BenchStream::~BenchStream() {
@@ -42,16 +42,46 @@ BenchStream::~BenchStream() {
   changed_.wait(lock, [&] { return ended_; });
 }
 
+void BenchStream::on_start(bool ok) {
+  const std::lock_guard lock(mutex_);
+  ++under_way_;
+  call_->Read(&reply_, &read_);  // fails when the call did not start
+  write_on(ok);
+  over();
+}
+
+// What comes after an operation that kept others from writing.
+void BenchStream::write_on(bool ok) {
+  writing_ = false;
+  if (!ok) {
+    closing_ = true;
+    unsent_.clear();
+  }
+  if (!unsent_.empty())
+    start_next_write();
+  else if (closing_)
+    finish_writing();
+}
+
 void BenchStream::start_next_write() {
   writing_ = true;
-  StartWrite(&unsent_.front());
+  ++under_way_;
+  call_->Write(unsent_.front(), &written_);
 }
 
 void BenchStream::finish_writing() {
   if (writes_done_) return;
   writes_done_ = true;
-  StartWritesDone();
-  RemoveHold();
+  ++under_way_;
+  call_->WritesDone(&writes_done_event_);
+}
+
+void BenchStream::over() {
+  if (--under_way_ > 0) return;
+  ended_ = true;
+  closing_ = true;
+  ledger_.give_up();
+  changed_.notify_all();
 }
 
 Result<BenchOpened> BenchStream::wait_opened(std::chrono::nanoseconds timeout) {
@@ -81,27 +111,32 @@ void BenchStream::send_tick(int64_t due_ns, int window) {
   if (!writing_) start_next_write();
 }
 
-void BenchStream::OnWriteDone(bool ok) {
+void BenchStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
-  writing_ = false;
   unsent_.pop_front();
-  if (!ok) {
-    closing_ = true;
-    unsent_.clear();
-  }
-  if (!unsent_.empty())
-    start_next_write();
-  else if (closing_)
-    finish_writing();
+  write_on(ok);
+  over();
 }
 
-void BenchStream::OnReadDone(bool ok) {
+void BenchStream::on_writes_done(bool) {
+  const std::lock_guard lock(mutex_);
+  over();
+}
+
+void BenchStream::on_end(bool) {
+  const std::lock_guard lock(mutex_);
+  over();
+}
+
+void BenchStream::on_read(bool ok) {
   const int64_t now_ns = monotonic_ns();
   if (!ok) {
     const std::lock_guard lock(mutex_);
     closing_ = true;
     if (!writing_) finish_writing();
-    return;
+    ++under_way_;
+    call_->Finish(&end_status_, &end_event_);
+    return over();
   }
   const size_t bytes = reply_.Length();
   const BenchAnswer answer = dialect_->read(reply_);
@@ -110,7 +145,7 @@ void BenchStream::OnReadDone(bool ok) {
     take_answer(answer, bytes, now_ns);
   }
   reply_.Clear();
-  StartRead(&reply_);
+  call_->Read(&reply_, &read_);
 }
 
 void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t now_ns) {
@@ -163,15 +198,6 @@ BenchWindow& BenchStream::window_at(int window) {
   const auto at = static_cast<size_t>(window - first_window_);
   if (windows_.size() <= at) windows_.resize(at + 1);
   return windows_[at];
-}
-
-void BenchStream::OnDone(const grpc::Status& status) {
-  const std::lock_guard lock(mutex_);
-  end_status_ = status;
-  closing_ = true;
-  ledger_.give_up();
-  ended_ = true;
-  changed_.notify_all();
 }
 
 int64_t BenchStream::oldest_pending_ns() const {

@@ -1,7 +1,7 @@
 // One session under load: a bidirectional stream of bytes, the ledger of its ticks, and what was measured of them.
 //
 // Messages are bytes here (the dialect knows what they mean), so that a daemon and a bare echo are driven, timed and counted by
-// the very same code. gRPC's callback API; messages are reused by the dialects.
+// the very same code. gRPC's asynchronous API; messages are reused by the dialects.
 #pragma once
 
 #include <grpcpp/generic/generic_stub.h>
@@ -19,6 +19,7 @@
 #include "client/bench_ledger.h"
 #include "client/bench_window.h"
 #include "server/base/error.h"
+#include "server/receive/event_loop.h"
 
 namespace sightline {
 
@@ -54,15 +55,17 @@ class BenchDialect {
   virtual bool opening(grpc::ByteBuffer& message) = 0;
   // Tick 1, 2, ...: in that order, on one thread.
   virtual void tick(uint64_t sequence, grpc::ByteBuffer& message) = 0;
-  // On gRPC's threads, one call at a time, beside `tick`. May empty `message`.
+  // On the loop's thread, beside `tick`. May empty `message`.
   virtual BenchAnswer read(grpc::ByteBuffer& message) = 0;
 };
 
-class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
+class BenchStream {
  public:
-  // Starts the call and sends the opening. `late_ns`: round trips above this are late.
-  BenchStream(std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchDialect> dialect, int64_t late_ns);
-  ~BenchStream() override;  // cancels what is still open, and waits until gRPC is done with it
+  // Starts the call and sends the opening. `loop` moves its messages and must outlive it. `late_ns`: round trips above this are
+  // late.
+  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchDialect> dialect,
+              int64_t late_ns);
+  ~BenchStream();  // cancels what is still open, and waits until gRPC is done with it
   BenchStream(const BenchStream&) = delete;
   BenchStream& operator=(const BenchStream&) = delete;
 
@@ -96,13 +99,24 @@ class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc
   static int64_t monotonic_ns();
 
  private:
-  void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
-  void OnDone(const grpc::Status& status) override;
+  // An operation of the call, and what is to be done when it is over. On the loop's thread.
+  template <void (BenchStream::*reaction)(bool)>
+  struct Reaction final : Event {
+    explicit Reaction(BenchStream& its_stream) : stream(its_stream) {}
+    void ready(bool ok) override { (stream.*reaction)(ok); }
+    BenchStream& stream;
+  };
+  void on_start(bool ok);
+  void on_read(bool ok);
+  void on_write(bool ok);
+  void on_writes_done(bool ok);
+  void on_end(bool ok);
 
   // Need mutex_.
   void start_next_write();
+  void write_on(bool ok);
   void finish_writing();
+  void over();  // of an operation
   void take_answer(const BenchAnswer& answer, size_t bytes, int64_t now_ns);
   void count_reply(const BenchAnswer& answer, size_t bytes, int64_t now_ns);
   BenchWindow& window_at(int window);
@@ -114,7 +128,13 @@ class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc
   grpc::GenericStub stub_;
 
   grpc::ClientContext context_;
-  grpc::ByteBuffer reply_;  // owned by gRPC between StartRead and OnReadDone
+  std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
+  grpc::ByteBuffer reply_;  // gRPC's while a read is under way
+  Reaction<&BenchStream::on_start> start_{*this};
+  Reaction<&BenchStream::on_read> read_{*this};
+  Reaction<&BenchStream::on_write> written_{*this};
+  Reaction<&BenchStream::on_writes_done> writes_done_event_{*this};
+  Reaction<&BenchStream::on_end> end_event_{*this};
 
   std::atomic<uint64_t> next_sequence_{1};
   std::atomic<size_t> last_tick_bytes_{0}, last_reply_bytes_{0};
@@ -131,9 +151,10 @@ class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc
   std::optional<BenchOpened> opened_;
   bool writing_ = false;
   bool closing_ = false;
-  bool writes_done_ = false;  // the hold is released
-  bool ended_ = false;        // OnDone has run
-  grpc::Status end_status_;
+  int under_way_ = 0;         // operations
+  bool writes_done_ = false;  // no more are written
+  bool ended_ = false;        // nothing more happens on the loop
+  grpc::Status end_status_;   // gRPC's until then
 };
 
 }  // namespace sightline

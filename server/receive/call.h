@@ -18,14 +18,14 @@ namespace sightline {
 // What gRPC fills in when a client calls: the context of the call, and what it is answered by. `Request`: of an RPC that takes one
 // message, else nothing.
 struct NoRequest {};
-template <typename Responder, typename Request = NoRequest>
+template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>
 struct IncomingCall {
   // Told when the call has ended, however it did.
   struct End final : Event {
     Event* to = nullptr;
     void ready(bool ok) override { to->ready(ok); }
   };
-  grpc::ServerContext context;
+  Context context;
   Responder responder{&context};
   Request request;
   End end;
@@ -56,15 +56,15 @@ class Door final : public Event {
   std::unique_ptr<Incoming> incoming_;
 };
 
-// One call. Responder: grpc::ServerAsyncReaderWriter, or another that writes.
+// One call. Responder: grpc::ServerAsyncReaderWriter, or another that writes. Context: another than usual for calls of any method.
 //
 // Reactions come on the loop's thread, one at a time, and never inside one of the start functions, which may be called from any
 // thread. At most one operation of a kind may be under way. `finish_call` must be called once, whatever becomes of the call; nothing
 // may be started after it. `on_done` is the last reaction, after which nothing refers to the call.
-template <typename Responder, typename Request = NoRequest>
+template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>
 class AsyncCall {
  public:
-  using Incoming = IncomingCall<Responder, Request>;
+  using Incoming = IncomingCall<Responder, Request, Context>;
 
   AsyncCall(EventLoop& loop, std::unique_ptr<Incoming> incoming) : loop_(loop), incoming_(std::move(incoming)) {
     incoming_->end.to = &ended_;

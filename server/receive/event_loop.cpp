@@ -11,7 +11,7 @@ constexpr size_t kMostWaiting = 6;
 
 }  // namespace
 
-EventLoop::EventLoop(std::unique_ptr<grpc::ServerCompletionQueue> queue)
+EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue)
     : queue_(std::move(queue)), thread_([this] { run(); }) {}
 
 // A call that is stepping would start its last operations at a queue that takes none.

@@ -2,7 +2,7 @@
 //
 // One thread, since of several at one queue (as gRPC's callback API has them) each wakes the next one whenever something
 // happens: with a hundred sessions that is half of what a message costs. A machine with many cores has several loops, each
-// with calls of its own.
+// with calls of its own. `sightline bench` drives its load by one too.
 //
 // A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
 // comes in, those that wait are passed on to threads that step, so that this one keeps reading.
@@ -40,13 +40,15 @@ class ShortWork {
 class EventLoop {
  public:
   // Starts its thread.
-  explicit EventLoop(std::unique_ptr<grpc::ServerCompletionQueue> queue);
-  // The server must have shut down. Returns once every call has ended and every event was told.
+  explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue);
+  // The server, if it is one's, must have shut down. Returns once every call has ended and every event was told.
   ~EventLoop();
   EventLoop(const EventLoop&) = delete;
   EventLoop& operator=(const EventLoop&) = delete;
 
-  grpc::ServerCompletionQueue& queue() { return *queue_; }
+  grpc::CompletionQueue& queue() { return *queue_; }
+  // Of a loop that was made with one of a server.
+  grpc::ServerCompletionQueue& server_queue() { return static_cast<grpc::ServerCompletionQueue&>(*queue_); }
 
   // For when nothing is left to be read. On the loop's thread only.
   void soon(std::shared_ptr<ShortWork> work);
@@ -59,7 +61,7 @@ class EventLoop {
   void run();
   bool next(Event*& event, bool& ok);
 
-  const std::unique_ptr<grpc::ServerCompletionQueue> queue_;
+  const std::unique_ptr<grpc::CompletionQueue> queue_;
   std::deque<std::shared_ptr<ShortWork>> waiting_;  // the loop's thread only
 
   std::mutex mutex_;

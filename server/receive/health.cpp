@@ -68,7 +68,7 @@ class HealthService::Watcher final : public WatchCall {
 void HealthService::take_calls(EventLoop& loop) {
   using Incoming = Watcher::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.queue(), tag);
+    RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
   Door<Incoming>::open(ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);

@@ -10,7 +10,7 @@ namespace sightline {
 void CameraControlService::take_calls(EventLoop& loop) {
   using Incoming = ControlStream::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.queue(), tag);
+    RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
   Door<Incoming>::open(ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
