@@ -76,14 +76,15 @@ void ControlStream::on_read(bool ok) {
     if (ok) {
       heard_ = true;
       take_in(parts_.clock());
-      read_if_room();
     } else {
       reads_done_ = true;
     }
     if (may_step_here()) {
       ask_for_turn();
+      here_ = true;
       here = self_;
     } else {
+      read_if_room();
       advance();
     }
   }
@@ -97,12 +98,19 @@ bool ControlStream::may_step_here() const {
   return last_cost_ns_ > 0 && last_cost_ns_ <= kShortStepNs;
 }
 
+// To ask for the next message tells the client how much it may send, at once and before the reply: so it is asked for after the
+// step, for this thread would not read it before.
 void ControlStream::do_here() {
-  if (!parts_.steppers.try_here(*this)) pass_on();
+  if (!parts_.steppers.try_here(*this)) return pass_on();
+  const std::lock_guard lock(mutex_);
+  here_ = false;
+  read_if_room();
 }
 
 void ControlStream::pass_on() {
   const std::lock_guard lock(mutex_);
+  here_ = false;
+  read_if_room();
   parts_.steppers.post(self_, due_ns_);
 }
 
@@ -181,7 +189,7 @@ void ControlStream::end_if_silent() {
 // gRPC is called with the lock held, so that the order of its operations is the order of our decisions. That
 // is safe because it never runs a reaction inside such a call: reactions come from the loop.
 void ControlStream::read_if_room() {
-  if (reading_ || reads_done_ || finished_ || inbox_.full()) return;
+  if (reading_ || reads_done_ || finished_ || here_ || inbox_.full()) return;
   reading_ = true;
   start_read(request_);
 }

@@ -161,6 +161,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   bool opened_ = false;        // session_ exists
   bool needs_loader_ = false;  // the oldest tick takes long (takes_long)
   bool busy_ = false;          // a worker runs, or is about to
+  bool here_ = false;          // on the loop's thread, and reads no further meanwhile
   int64_t last_cost_ns_ = 0;   // of the last step, of a thread's time; 0 before the first
   int64_t due_ns_ = 0;         // by when it is to be done
   bool reading_ = false;       // a read is under way
