@@ -2,6 +2,7 @@
 // writes (recorder.cpp). For these two alone; server/record/recorder.h is what others use.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -96,11 +97,17 @@ struct Bell {
 
 // What both ends share.
 struct Session {
-  Session(v1::RecordingInfo told, size_t queue_bytes, std::shared_ptr<Bell> of_writer)
-      : info(std::move(told)), ring(queue_bytes), bell(std::move(of_writer)) {}
+  Session(v1::RecordingInfo told, const RecordSettings& settings, std::shared_ptr<Bell> of_writer)
+      : info(std::move(told)),
+        max_message_bytes(settings.max_message_bytes),
+        ring(settings.queue_bytes),
+        bell(std::move(of_writer)) {}
+  // What is larger goes beside the ring, or is refused there.
+  size_t max_in_ring() const { return std::min<size_t>(ring.max_message(), max_message_bytes); }
 
   // constant after construction
   v1::RecordingInfo info;
+  const uint64_t max_message_bytes;
 
   RecordRing ring;
   std::atomic<bool> closed{false};   // by the recorder: nothing more comes

@@ -32,6 +32,14 @@ const char* reason_text(v1::Gap::Reason reason) {
   }
 }
 
+// In the place of a folded tick that is too large. Its ticks are in the parts before, so they do not count as dropped.
+v1::Gap unsaid(const TickFold& fold, const Session& session) {
+  v1::Gap gap;
+  add_to_gap(gap, v1::Gap::TOO_LARGE, fold.ticks(), session.info.start_time_ns(), fold.stamp().log_ns);
+  gap.set_text("what these ticks changed is too much for the one that should stand for them");
+  return gap;
+}
+
 }  // namespace
 
 struct RecordWriter::Book {
@@ -71,7 +79,7 @@ RecordWriter::~RecordWriter() {
 std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
   info.set_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
-  auto session = std::make_shared<Session>(std::move(info), settings_.queue_bytes, bell_);
+  auto session = std::make_shared<Session>(std::move(info), settings_, bell_);
   const std::lock_guard lock(mutex_);
   new_sessions_.push_back(session);
   ++counts_.open_sessions;
@@ -241,7 +249,6 @@ bool RecordWriter::ensure_file(Book& book) {
   for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
        ++tries) {
     info.set_part(++book.part);
-    info.set_folded_ticks(book.fold.ticks());
     book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
     sink = folder_.create(book.file_name);
   }
@@ -255,11 +262,15 @@ bool RecordWriter::ensure_file(Book& book) {
   options.chunk_bytes = settings_.chunk_bytes;
   options.chunk_time = settings_.chunk_time;
   options.zstd_level = settings_.zstd_level;
+  options.max_message_bytes = settings_.max_message_bytes;
+  // The info comes first, and must not tell of a tick that does not follow.
+  const std::string folded = folded_tick(book);
+  info.set_folded_ticks(folded.empty() ? 0 : book.fold.ticks());
   book.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
   being_written_.insert(book.file_name);
   book.counted_bytes = 0;
   begin_attachments(book);
-  write_head(book, now_ns);
+  write_head(book, folded, now_ns);
   book.head_bytes = book.file->bytes();
   book.head_chunks = book.file->chunks();
   {
@@ -270,9 +281,16 @@ bool RecordWriter::ensure_file(Book& book) {
   return book.file != nullptr;
 }
 
+// All ticks that were answered, in one; empty: none were, or one message cannot say it.
+std::string RecordWriter::folded_tick(const Book& book) const {
+  if (book.fold.ticks() == 0) return {};
+  std::string bytes = book.fold.tick().SerializeAsString();
+  return bytes.size() <= settings_.max_message_bytes ? std::move(bytes) : std::string();
+}
+
 // So that a part which begins within a session can be read by itself, and says what is missing before it: the opening,
 // what all ticks since then have changed, and those that are not answered yet.
-void RecordWriter::write_head(Book& book, uint64_t now_ns) {
+void RecordWriter::write_head(Book& book, const std::string& folded, uint64_t now_ns) {
   book.head_size = 0;
   const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
     book.head_size += bytes.size();
@@ -286,8 +304,10 @@ void RecordWriter::write_head(Book& book, uint64_t now_ns) {
       (void)write(topic, {++book.sequences[static_cast<size_t>(topic)], now_ns, now_ns},
                   made.SerializeAsString());
     });
-  if (book.fold.ticks() > 0)
-    (void)write(RecordTopic::kTick, book.fold.stamp(), book.fold.tick().SerializeAsString());
+  if (!folded.empty())
+    (void)write(RecordTopic::kTick, book.fold.stamp(), folded);
+  else if (book.fold.ticks() > 0)
+    (void)write(RecordTopic::kGap, again, unsaid(book.fold, *book.session).SerializeAsString());
   for (const WaitingTick& waiting : book.fold.waiting())
     (void)write(RecordTopic::kTick, waiting.stamp, waiting.tick.SerializeAsString());
   if (book.gap.messages() > 0) (void)write(RecordTopic::kGap, again, book.gap.SerializeAsString());

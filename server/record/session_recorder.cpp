@@ -21,7 +21,7 @@ SessionRecorder::~SessionRecorder() {
 bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
                              const google::protobuf::MessageLite& message) {
   const size_t size = message.ByteSizeLong();
-  if (size > session_->ring.max_message()) return record_beside(topic, times, message.SerializeAsString());
+  if (size > session_->max_in_ring()) return record_beside(topic, times, message.SerializeAsString());
   char* at = reserve(topic, times, size);
   if (at == nullptr) return false;
   message.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
@@ -30,7 +30,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
 }
 
 bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_view serialised) {
-  if (serialised.size() > session_->ring.max_message())
+  if (serialised.size() > session_->max_in_ring())
     return record_beside(topic, times, std::string(serialised));
   char* at = reserve(topic, times, serialised.size());
   if (at == nullptr) return false;
@@ -52,7 +52,7 @@ char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size
 bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::string serialised) {
   if (reserve(topic, times, 0) == nullptr) return false;
   // An entry that is not committed is none.
-  const bool too_large = serialised.size() > kMaxMessageBytes;
+  const bool too_large = serialised.size() > session_->max_message_bytes;
   if (too_large || !session_->large.put(std::move(serialised))) {
     drop(times, too_large ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
     return false;

@@ -73,6 +73,7 @@ struct Contents {
   uint64_t folded_ticks = 0;
   uint64_t replies = 0;
   uint64_t gap_messages = 0;
+  std::set<v1::Gap::Reason> gap_reasons;
   std::vector<std::string> topics;  // of every message
   uint64_t missing = 0;             // by the sequence numbers of the tick's topic
 };
@@ -100,6 +101,7 @@ Contents contents_of(const std::string& bytes, bool sound = true) {
       v1::Gap gap;
       EXPECT_TRUE(gap.ParseFromString(std::string(m.message.data)));
       found.gap_messages += gap.messages();
+      found.gap_reasons.insert(gap.reason());
     }
     return true;
   });
@@ -469,6 +471,50 @@ TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
   EXPECT_EQ(found.folded_ticks, 5u);
   EXPECT_EQ(found.ticks, (std::vector<uint64_t>{6, 8}));
   EXPECT_EQ(found.replies, 1u);
+}
+
+// Every tick is small; all that they changed comes to more than a message may be.
+TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
+  constexpr uint64_t kInstances = 200;
+  Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
+                 .chunk_bytes = 500,
+                 .max_message_bytes = 2000,
+                 .for_viewers = false});
+  auto recorder = studio.open();
+  v1::OpenSession open;
+  for (uint64_t id = 1; id <= kInstances; ++id) open.add_instances()->set_id(id);
+  EXPECT_TRUE(recorder->record(RecordTopic::kOpen, {1, 1}, open));
+  for (uint64_t id = 1; id <= kInstances; ++id) {
+    v1::Tick tick;
+    tick.set_sequence(++studio.ticks);
+    tick.mutable_transforms()->add_id(id);
+    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_position(1.0);
+    studio.files.now_ns += kSecondNs / 60;
+    EXPECT_TRUE(recorder->record(RecordTopic::kTick, {studio.files.now_ns, studio.files.now_ns}, tick));
+    studio.answer(*recorder);
+    studio.writer->run_once();
+  }
+  recorder.reset();
+  studio.writer->run_once();
+  EXPECT_EQ(studio.writer->counts().dropped_messages, 0u) << "every tick is in a part";
+
+  size_t folded = 0, too_large = 0;
+  for (const auto& [name, file] : studio.files.files) {
+    const Contents found = contents_of(*file.bytes);
+    if (found.ticks.empty() || found.ticks.front() == 1) continue;  // from the start
+    if (found.folded_ticks > 0) {
+      EXPECT_EQ(too_large, 0u) << "all that there is only grows";
+      EXPECT_EQ(found.gap_messages, 0u);
+      ++folded;
+      continue;
+    }
+    ++too_large;
+    EXPECT_EQ(found.topics.at(2), "/sightline/gap");
+    EXPECT_EQ(found.gap_messages, found.ticks.front() - 1);
+    EXPECT_EQ(found.gap_reasons, std::set{v1::Gap::TOO_LARGE});
+  }
+  EXPECT_GT(folded, 0u);
+  EXPECT_GT(too_large, 0u);
 }
 
 TEST(Recorder, AFirstFileThatComesLateHasTheOpeningAllTheSame) {
