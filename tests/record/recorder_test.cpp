@@ -14,6 +14,7 @@
 #include "server/record/mcap_reader.h"
 #include "server/record/mcap_verify.h"
 #include "tests/record/pretended_files.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -641,8 +642,7 @@ TEST(Recorder, ChunksCloseByTheClockThoughNothingMoreComes) {
 
 // The process is killed while it records; what is on the disk then is looked at.
 TEST(Recorder, AKillLosesLessThanASecond) {
-  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "recorder_kill";
-  std::filesystem::remove_all(folder);
+  const test::TemporaryFolder folder;
   int pipe_ends[2];
   ASSERT_EQ(pipe(pipe_ends), 0);
   const auto wall_ns = [] {
@@ -652,7 +652,7 @@ TEST(Recorder, AKillLosesLessThanASecond) {
   if (child == 0) {
     const auto files = system_files();
     RecordSettings settings;
-    settings.folder = folder.string();
+    settings.folder = folder.path();
     settings.limits.free_reserve_bytes = 0;
     RecordWriter writer(settings, *files, wall_ns, [](const RecordWarning&) {});
     RecordThread thread(writer, std::chrono::milliseconds(50));
@@ -675,7 +675,7 @@ TEST(Recorder, AKillLosesLessThanASecond) {
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
 
-  const auto entry = std::filesystem::directory_iterator(folder);
+  const auto entry = std::filesystem::directory_iterator(folder.path());
   const auto source = open_file_source(entry->path().string()).value();
   const McapReader reader = McapReader::open(*source, {}).value();
   EXPECT_FALSE(reader.info().finished);
@@ -691,7 +691,6 @@ TEST(Recorder, AKillLosesLessThanASecond) {
   EXPECT_EQ(ticks, numbers(1, ticks.size()));
   EXPECT_LT(last_ns - std::min(last_ns, newest_ns), kSecondNs);
   close(pipe_ends[0]), close(pipe_ends[1]);
-  std::filesystem::remove_all(folder);
 }
 
 TEST(RecordRing, GivesBackEveryMessageInOrderToAnotherThread) {

@@ -24,6 +24,7 @@
 #include "tests/record/small_file.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/string_sink.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -44,12 +45,6 @@ struct Said {
 
 class Verbs : public testing::Test {
  protected:
-  Verbs() {
-    std::string name = (std::filesystem::temp_directory_path() / "recording_verbs-XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-  }
-  ~Verbs() override { std::filesystem::remove_all(folder_); }
-
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::string put(const std::string& name, const std::string& bytes) const {
     std::ofstream(path(name), std::ios::binary) << bytes;
@@ -107,7 +102,7 @@ class Verbs : public testing::Test {
     return lines;
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 // A session that is told message by message.
@@ -479,7 +474,7 @@ TEST_F(Verbs, ForeignFilesAreReadAsFarAsTheyCanBe) {
 
 TEST_F(Verbs, WhatIsNoRecordingIsRefusedByName) {
   const std::vector<std::string> files = {put("empty.mcap", ""), put("words.mcap", "not a recording at all"),
-                                          path("nowhere.mcap"), folder_.string()};
+                                          path("nowhere.mcap"), folder_.path().string()};
   for (const std::string& file : files) {
     const std::vector<Said> all = {info({file}), verify(file), dump({.file = file}),
                                    recover(file, path("x.mcap")), cut(file, path("x.mcap"), 0)};

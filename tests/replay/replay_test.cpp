@@ -16,6 +16,7 @@
 #include "tests/record/pretended_files.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -186,11 +187,12 @@ TEST_F(ReplayHere, APartWhoseFoldWasTooLargeIsNotTakenForTheSession) {
   test::PretendedFiles disk;
   disk.now_ns = test::kRecordedStartNs;
   {
-    RecordWriter writer({.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0},
-                         .chunk_bytes = 1000,
-                         .max_message_bytes = largest,
-                         .for_viewers = false},
-                        disk, [&] { return disk.now_ns; }, [](const RecordWarning&) {});
+    RecordWriter writer(
+        {.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0},
+         .chunk_bytes = 1000,
+         .max_message_bytes = largest,
+         .for_viewers = false},
+        disk, [&] { return disk.now_ns; }, [](const RecordWarning&) {});
     v1::RecordingInfo info = recording.info();
     const auto recorder = writer.open_session(info);
     const auto put = [&](RecordTopic topic, const auto& message) {
@@ -240,13 +242,14 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
   const RecordedHall bare = record_hall(*sampler_, {.ticks = 10, .attach_scene = false});
   const RecordedFile file = open_recording(hall.bytes).files()->front();
-  const auto folder = std::filesystem::path(testing::TempDir()) / "replay-scenes" / "deep";
+  const test::TemporaryFolder scenes_folder;
+  const auto folder = scenes_folder / "deep";
   std::filesystem::create_directories(folder);
   std::ofstream(folder / "other.glb") << "no scene";
   std::ofstream(folder / "the-hall.glb", std::ios::binary) << file.bytes;
 
   EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.files = {(folder / "the-hall.glb").string()}}).hash, hall.hash);
-  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = folder.parent_path().string()}).hash, hall.hash);
+  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = scenes_folder.path()}).hash, hall.hash);
 
   const Recording recording = open_recording(bare.bytes);
   const auto place = make_local_place(make_embree_sampler_device());
@@ -262,12 +265,6 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
 // The whole command on files.
 class ReplayCommand : public ReplayHere {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
   std::string keep(const std::string& name, const std::string& bytes) {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
     return (folder_ / name).string();
@@ -279,7 +276,7 @@ class ReplayCommand : public ReplayHere {
     return run_replay_command(options, in, out_, err_);
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
   std::ostringstream out_, err_;
 };
 
