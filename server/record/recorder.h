@@ -45,7 +45,7 @@ struct RecordSettings {
   std::chrono::nanoseconds chunk_time{500'000'000};
   uint64_t chunk_bytes = uint64_t{1} << 20;
   int zstd_level = 1;
-  uint64_t max_message_bytes = kMaxMessageBytes;  // larger ones are dropped; no more than that, tests have less
+  uint64_t max_message_bytes = kMaxMessageBytes;  // larger ones are dropped; tests have less
   bool for_viewers = true;  // also topics that ordinary viewers understand, made on the writing thread
 };
 
