@@ -218,6 +218,9 @@ TEST_F(ReplayHere, APartWhoseFoldWasTooLargeIsNotTakenForTheSession) {
   const auto summary = summarise_recording(std::make_shared<MemorySource>(last), "part");
   ASSERT_TRUE(summary.has_value());
   EXPECT_THAT(summary->missing, testing::ElementsAre(testing::Key("TOO_LARGE")));
+  MemorySink cut;
+  ASSERT_TRUE(cut_recording(part, {.start_s = 0.01}, cut));
+  EXPECT_EQ(check_session(open_recording(cut.bytes())).gap_messages, check_session(part).gap_messages);
   const Replayed replayed = replay_here(last);
   EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
   EXPECT_THAT(replayed.text, HasSubstr("gaps        1, "));
