@@ -21,11 +21,10 @@ BenchStream::BenchStream(std::shared_ptr<grpc::Channel> channel, std::unique_ptr
                          int64_t late_ns)
     : dialect_(std::move(dialect)), late_ns_(late_ns), channel_(std::move(channel)), stub_(channel_) {
   stub_.PrepareBidiStreamingCall(&context_, dialect_->method(), {}, this);
-  // Writes start outside the reactions (in send_tick), so the stream must be held open until the last of them.
-  AddHold();
+  hold_open();
   const std::lock_guard lock(mutex_);
   if (dialect_->opening(unsent_.emplace_back())) {
-    start_next_write();
+    send_queued();
   } else {
     unsent_.pop_back();
     opened_.emplace();
@@ -37,21 +36,8 @@ BenchStream::BenchStream(std::shared_ptr<grpc::Channel> channel, std::unique_ptr
 BenchStream::~BenchStream() {
   context_.TryCancel();
   std::unique_lock lock(mutex_);
-  closing_ = true;
-  if (!writing_) finish_writing();
+  stop_writing();
   changed_.wait(lock, [&] { return ended_; });
-}
-
-void BenchStream::start_next_write() {
-  writing_ = true;
-  StartWrite(&unsent_.front());
-}
-
-void BenchStream::finish_writing() {
-  if (writes_done_) return;
-  writes_done_ = true;
-  StartWritesDone();
-  RemoveHold();
 }
 
 Result<BenchOpened> BenchStream::wait_opened(std::chrono::nanoseconds timeout) {
@@ -78,29 +64,14 @@ void BenchStream::send_tick(int64_t due_ns, int window) {
   if (ended_) ledger_.give_up();
   if (closing_) return;  // not ended yet: it is given up then
   unsent_.push_back(std::move(message));
-  if (!writing_) start_next_write();
-}
-
-void BenchStream::OnWriteDone(bool ok) {
-  const std::lock_guard lock(mutex_);
-  writing_ = false;
-  unsent_.pop_front();
-  if (!ok) {
-    closing_ = true;
-    unsent_.clear();
-  }
-  if (!unsent_.empty())
-    start_next_write();
-  else if (closing_)
-    finish_writing();
+  send_queued();
 }
 
 void BenchStream::OnReadDone(bool ok) {
   const int64_t now_ns = monotonic_ns();
   if (!ok) {
     const std::lock_guard lock(mutex_);
-    closing_ = true;
-    if (!writing_) finish_writing();
+    stop_writing();
     return;
   }
   const size_t bytes = reply_.Length();
@@ -209,8 +180,7 @@ std::optional<Error> BenchStream::end() const {
 
 Status BenchStream::close(std::chrono::nanoseconds timeout) {
   std::unique_lock lock(mutex_);
-  closing_ = true;
-  if (!writing_) finish_writing();
+  stop_writing();
   const bool in_time = changed_.wait_for(lock, timeout, [&] { return ended_; });
   if (in_time && end_status_.ok()) return {};
   if (in_time) return tl::unexpected(error_from_status(end_status_));

@@ -11,13 +11,13 @@
 #include <condition_variable>
 #include <deque>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "client/bench_ledger.h"
 #include "client/bench_window.h"
+#include "client/queued_stream.h"
 #include "server/base/error.h"
 
 namespace sightline {
@@ -58,7 +58,7 @@ class BenchDialect {
   virtual BenchAnswer read(grpc::ByteBuffer& message) = 0;
 };
 
-class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
+class BenchStream final : private QueuedStream<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:
   // Starts the call and sends the opening. `late_ns`: round trips above this are late.
   BenchStream(std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchDialect> dialect, int64_t late_ns);
@@ -97,12 +97,9 @@ class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc
 
  private:
   void OnReadDone(bool ok) override;
-  void OnWriteDone(bool ok) override;
   void OnDone(const grpc::Status& status) override;
 
   // Need mutex_.
-  void start_next_write();
-  void finish_writing();
   void take_answer(const BenchAnswer& answer, size_t bytes, int64_t now_ns);
   void count_reply(const BenchAnswer& answer, size_t bytes, int64_t now_ns);
   BenchWindow& window_at(int window);
@@ -119,20 +116,15 @@ class BenchStream final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc
   std::atomic<uint64_t> next_sequence_{1};
   std::atomic<size_t> last_tick_bytes_{0}, last_reply_bytes_{0};
 
-  mutable std::mutex mutex_;
   std::condition_variable changed_;
   // Guarded by mutex_.
-  std::deque<grpc::ByteBuffer> unsent_;  // the front is on its way while writing_
   TickLedger ledger_;
   std::vector<SettledTick> settled_;  // by one reply: kept for its memory
   std::deque<BenchWindow> windows_;   // from first_window_ on
   int first_window_ = 0;
   std::string trouble_;
   std::optional<BenchOpened> opened_;
-  bool writing_ = false;
-  bool closing_ = false;
-  bool writes_done_ = false;  // the hold is released
-  bool ended_ = false;        // OnDone has run
+  bool ended_ = false;  // OnDone has run
   grpc::Status end_status_;
 };
 

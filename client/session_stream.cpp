@@ -10,43 +10,16 @@ ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const v1::
       stub_(v1::CameraControl::NewStub(channel_)),
       handler_(std::move(handler)) {
   stub_->async()->Control(&context_, this);
-  // Writes start outside the reactions (in send), so the stream must be held open until the last of them.
-  AddHold();
+  hold_open();
   const std::lock_guard lock(mutex_);
   *unsent_.emplace_back().mutable_open() = request;
-  start_next_write();
+  send_queued();
   StartRead(&reply_);
   StartCall();
 }
 
 ClientSession::Stream::~Stream() {
   cancel_and_wait();
-}
-
-void ClientSession::Stream::start_next_write() {
-  writing_ = true;
-  StartWrite(&unsent_.front());
-}
-
-void ClientSession::Stream::finish_writing() {
-  if (writes_done_) return;
-  writes_done_ = true;
-  StartWritesDone();
-  RemoveHold();
-}
-
-void ClientSession::Stream::OnWriteDone(bool ok) {
-  const std::lock_guard lock(mutex_);
-  writing_ = false;
-  unsent_.pop_front();
-  if (!ok) {
-    closing_ = true;
-    unsent_.clear();
-  }
-  if (!unsent_.empty())
-    start_next_write();
-  else if (closing_)
-    finish_writing();
 }
 
 std::optional<SessionEvent> ClientSession::Stream::take_reply() {
@@ -83,8 +56,7 @@ void ClientSession::Stream::OnReadDone(bool ok) {
   if (!ok) {
     // The server has said its last word: nothing that we send can be answered any more.
     const std::lock_guard lock(mutex_);
-    closing_ = true;
-    if (!writing_) finish_writing();
+    stop_writing();
     return;
   }
   std::optional<SessionEvent> event;
@@ -168,7 +140,7 @@ Status ClientSession::Stream::send(const v1::Tick& tick) {
   v1::Tick& queued = *unsent_.emplace_back().mutable_tick();
   queued = tick;
   take_changes(changes_, queued);
-  if (!writing_) start_next_write();
+  send_queued();
   return {};
 }
 
@@ -187,8 +159,7 @@ Result<std::optional<SessionEvent>> ClientSession::Stream::receive(std::chrono::
 Status ClientSession::Stream::close(std::chrono::nanoseconds timeout) {
   {
     std::unique_lock lock(mutex_);
-    closing_ = true;
-    if (!writing_) finish_writing();
+    stop_writing();
     if (changed_.wait_for(lock, timeout, [&] { return ended_; })) {
       if (end_status_.ok()) return {};
       return tl::unexpected(end_error());
@@ -201,8 +172,7 @@ Status ClientSession::Stream::close(std::chrono::nanoseconds timeout) {
 void ClientSession::Stream::cancel_and_wait() {
   context_.TryCancel();
   std::unique_lock lock(mutex_);
-  closing_ = true;
-  if (!writing_) finish_writing();
+  stop_writing();
   changed_.wait(lock, [&] { return ended_; });
 }
 
