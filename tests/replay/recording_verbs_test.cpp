@@ -1,5 +1,6 @@
 // The verbs on recordings, as the command runs them: on sound, unfinished, damaged, foreign and empty files.
 #include <gmock/gmock.h>
+#include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -452,6 +453,27 @@ TEST_F(Verbs, ARangeWithNothingInItIsNoCut) {
   EXPECT_FALSE(std::filesystem::exists(path("part.mcap")));
   EXPECT_EQ(cut(file, file, 0.5).status, 1);
   EXPECT_EQ(bytes_of(file), hall()) << "nothing is overwritten";
+}
+
+// Only the older language has such fields.
+TEST_F(Verbs, DumpRefusesAMessageWithoutAFieldThatItsSchemaRequires) {
+  google::protobuf::UninterpretedOption::NamePart part;
+  MemorySink sink;
+  McapWriter writer(sink, {});
+  const std::string name(part.GetDescriptor()->full_name());
+  const auto schema = writer.add_schema(name, "protobuf", descriptor_set_of(*part.GetDescriptor()));
+  const uint16_t channel = writer.add_channel("/part", *schema, "protobuf", {}).value();
+  part.set_name_part("lens");
+  ASSERT_TRUE(writer.write(channel, 1, 1, part.SerializePartialAsString()));
+  part.set_is_extension(true);
+  ASSERT_TRUE(writer.write(channel, 2, 2, part.SerializeAsString()));
+  ASSERT_TRUE(writer.finish());
+  const Said done = dump({.file = put("parts.mcap", sink.bytes())});
+  EXPECT_EQ(done.status, 1);
+  const std::vector<json> lines = lines_of(done.out);
+  ASSERT_THAT(lines, SizeIs(2));
+  EXPECT_THAT(lines[0].value("error", ""), HasSubstr("is not what its schema says"));
+  EXPECT_EQ(lines[1]["message"], (json{{"name_part", "lens"}, {"is_extension", true}}));
 }
 
 TEST_F(Verbs, ForeignFilesAreReadAsFarAsTheyCanBe) {
