@@ -4,8 +4,9 @@
 #include <array>
 #include <cassert>
 #include <charconv>
-#include <cstdio>
 #include <nlohmann/json.hpp>
+
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
@@ -235,9 +236,7 @@ std::string quoted(const std::string& text) {
 }
 
 std::string fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
+  return formatted("%.*f", digits, value);
 }
 
 std::string percent(double share) {

@@ -30,6 +30,7 @@ int run_info_command(const InfoOptions& options, std::ostream& out, std::ostream
   for (const std::string& path : options.files) {
     const auto summary = summary_of(path, bar);
     if (!summary) {
+      bar.clear();
       err << error_text(path, summary.error()) << '\n';
       status = 1;
       continue;

@@ -25,9 +25,9 @@ class MessageJson {
 
  private:
   struct Types;
-  Result<const Types*> types_of(const mcap::Schema& schema);
+  Result<Types*> types_of(const mcap::Schema& schema);
 
-  std::map<const mcap::Schema*, Result<std::unique_ptr<const Types>>> types_;
+  std::map<const mcap::Schema*, Result<std::unique_ptr<Types>>> types_;
   std::string text_;
 };
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "client/svg.h"
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
@@ -23,15 +23,11 @@ std::string color_of(const std::string& policy, size_t number) {
 }
 
 std::string short_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
+  return formatted("%.3g", value);
 }
 
 std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f %%", 100 * share);
-  return text;
+  return formatted("%.1f %%", 100 * share);
 }
 
 std::string title_of(const std::string& scene, uint64_t seed) {

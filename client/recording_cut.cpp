@@ -108,6 +108,8 @@ class Cutter {
         return parsed<v1::CameraReply>(m, [&](const v1::CameraReply& reply) { fold_.take_reply(reply); });
       case RecordTopic::kRejection:
         return parsed<v1::Rejection>(m, [&](const v1::Rejection& refused) { fold_.take_rejection(refused); });
+      case RecordTopic::kGap:
+        return parsed<v1::Gap>(m, [&](const v1::Gap& gap) { take_gap(gap, m); });
       default:
         return;
     }
@@ -137,6 +139,17 @@ class Cutter {
       fold_.take_tick(std::move(tick), stamp);
   }
 
+  // What the folded tick knows nothing of: one Gap for all, with the reason of the first.
+  void take_gap(const v1::Gap& gap, const McapMessage& m) {
+    keep(RecordTopic::kGap, m);
+    if (lost_.messages() == 0) {
+      lost_ = gap;
+      return;
+    }
+    lost_.set_last_time_ns(gap.last_time_ns());
+    lost_.set_messages(lost_.messages() + gap.messages());
+  }
+
   void write_head() {
     const bool folded = fold_.ticks() > 0;
     const uint64_t now_ns = folded ? fold_.stamp().log_ns : start_ns_;
@@ -146,12 +159,19 @@ class Cutter {
       told.set_folded_ticks(fold_.ticks());
       info->bytes = told.SerializeAsString();
     }
+    auto gap = std::exchange(kept_[static_cast<size_t>(RecordTopic::kGap)], std::nullopt);
     for (const auto& kept : kept_)
-      if (kept)
-        note(write(kept->channel, kept->schema ? &*kept->schema : nullptr,
-                   {0, kept->sequence, now_ns, kept->publish_ns, kept->bytes}));
+      if (kept) write_kept(*kept, now_ns);
     if (folded) write_tick(fold_.tick(), fold_.stamp());
     for (const WaitingTick& waiting : fold_.waiting()) write_tick(waiting.tick, waiting.stamp);
+    if (!gap) return;
+    gap->bytes = lost_.SerializeAsString();
+    write_kept(*gap, now_ns);
+  }
+
+  void write_kept(const KeptMessage& kept, uint64_t now_ns) {
+    note(write(kept.channel, kept.schema ? &*kept.schema : nullptr,
+               {0, kept.sequence, now_ns, kept.publish_ns, kept.bytes}));
   }
 
   void write_tick(const v1::Tick& tick, const TickStamp& stamp) {
@@ -207,6 +227,7 @@ class Cutter {
   bool fold_next_;  // the next tick stands for others
   bool within_ = false;
   TickFold fold_;
+  v1::Gap lost_;  // before the range
   uint16_t tick_channel_id_ = 0;
   std::array<std::optional<KeptMessage>, kRecordTopics> kept_{};  // in the order of a head
   std::map<uint16_t, uint16_t> schemas_, channels_;               // the cut's ids by the recording's

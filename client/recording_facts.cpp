@@ -1,24 +1,11 @@
 #include "client/recording_facts.h"
 
-#include <cstdio>
 #include <filesystem>
 
 #include "client/text_table.h"
 
 namespace sightline {
 namespace {
-
-std::string seconds_text(double seconds) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f s", seconds);
-  return text;
-}
-
-std::string hex_text(uint64_t value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
 
 std::string part_text(const v1::RecordingInfo& info) {
   std::string text = std::to_string(info.part());
@@ -42,7 +29,7 @@ std::vector<std::pair<std::string, std::string>> recording_facts(const Recording
   const DigestFigures& figures = digest.figures;
   std::vector<std::pair<std::string, std::string>> facts = {
       {"start", utc_text(info.start_time_ns() != 0 ? info.start_time_ns() : recording.start_ns())},
-      {"duration", seconds_text(recording.duration_s())},
+      {"duration", formatted("%.2f s", recording.duration_s())},
       {"sampler", info.sampler()},
       {"ticks", std::to_string(figures.ticks)},
       {"replies", std::to_string(figures.replies)},
@@ -59,7 +46,7 @@ std::vector<std::pair<std::string, std::string>> recording_facts(const Recording
       {"convention", convention_text(recording.open_session().convention())},
       {"instances", std::to_string(opened.instances())},
       {"triangles", std::to_string(opened.triangles())},
-      {"mirror", hex_text(opened.hash())}};
+      {"mirror", formatted("%016llx", static_cast<unsigned long long>(opened.hash()))}};
   for (const std::string& warning : opened.warnings()) facts.emplace_back("warning", warning);
   std::erase_if(facts, [](const auto& fact) { return fact.second.empty(); });
   return facts;

@@ -26,15 +26,10 @@ class LocalPlace final : public ReplayPlace {
   Result<v1::SessionOpened> open(const v1::OpenSession& open) override {
     session_.reset();
     waiting_ = false;
-    auto session = LocalSession::open(open, world_, monotonic_ns);
-    if (!session) return tl::unexpected(std::move(session.error()));
-    session_ = std::move(*session);
-    return session_->opened();
+    return keep_opened(LocalSession::open(open, world_, monotonic_ns), session_);
   }
 
   Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) override {
-    answer.rejections.clear();
-    answer.has_reply = false;
     for (const v1::Tick& tick : ticks) {
       v1::Rejection rejection;
       if (session_->apply(tick, rejection))

@@ -32,13 +32,22 @@ class ReplayPlace {
   // A new session; a former one ends.
   virtual Result<v1::SessionOpened> open(const v1::OpenSession& open) = 0;
   // Applies the ticks, oldest first, and takes one step for the last of them, at this level of economy; where that is refused,
-  // those before it are part of the next step. kUnavailable: the place is gone, and what was applied there is lost.
+  // those before it are part of the next step. `answer` comes empty. kUnavailable: the place is gone, and what was applied there
+  // is lost.
   virtual Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) = 0;
   // Whether it comes back when it is gone (open() then works again); waits for it for no longer than it was told to.
   virtual bool wait_until_back() { return false; }
   // Of the session here; null: it is elsewhere.
   virtual const Session* session() const { return nullptr; }
 };
+
+// For places: keeps the session that was opened; answers what it says of itself.
+template <typename Opened>
+Result<v1::SessionOpened> keep_opened(Result<std::unique_ptr<Opened>> opened, std::unique_ptr<Opened>& kept) {
+  if (!opened) return tl::unexpected(std::move(opened.error()));
+  kept = std::move(*opened);
+  return kept->opened();
+}
 
 // In this process. `sampler` is the place's own.
 std::unique_ptr<ReplayPlace> make_local_place(std::unique_ptr<SamplerDevice> sampler);

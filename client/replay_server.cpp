@@ -30,15 +30,10 @@ class ServerPlace final : public ReplayPlace {
   Result<v1::SessionOpened> open(const v1::OpenSession& open) override {
     session_.reset();
     unanswered_ = 0;
-    auto session = client_.open_session(open, kOpenTimeout);
-    if (!session) return tl::unexpected(std::move(session.error()));
-    session_ = std::move(*session);
-    return session_->opened();
+    return keep_opened(client_.open_session(open, kOpenTimeout), session_);
   }
 
   Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) override {
-    answer.rejections.clear();
-    answer.has_reply = false;
     if (!session_) return fail(ErrorCode::kUnavailable, "session", "is not open");
     for (size_t i = 0; i < ticks.size(); ++i) {
       const bool last = i + 1 == ticks.size();

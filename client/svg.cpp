@@ -1,16 +1,15 @@
 #include "client/svg.h"
 
 #include <cmath>
-#include <cstdio>
 #include <initializer_list>
+
+#include "client/text_table.h"
 
 namespace sightline {
 namespace {
 
 std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f", std::abs(value) < 0.005 ? 0.0 : value);
-  return text;
+  return formatted("%.2f", std::abs(value) < 0.005 ? 0.0 : value);
 }
 
 void add(std::string& out, std::initializer_list<std::string_view> parts) {

@@ -87,7 +87,7 @@ Status McapWriter::write(const mcap::Message& message) {
   if (!trouble_) return trouble_;
   ChannelState* state = find(message.channel_id);
   if (state == nullptr) return fail(ErrorCode::kNotFound, "channel_id", "no such channel was added");
-  if (Status ok = check_size("message", message.data.size(), kMaxMessageBytes); !ok) return ok;
+  if (Status ok = check_size("message", message.data.size(), options_.max_message_bytes); !ok) return ok;
 
   const uint64_t apart_ns =
       std::max(message.log_time_ns, first_time_ns_) - std::min(message.log_time_ns, first_time_ns_);

@@ -38,6 +38,7 @@ struct McapWriterOptions {
   uint64_t chunk_bytes = uint64_t{1} << 20;  // [1, 32 MiB]
   std::chrono::nanoseconds chunk_time{500'000'000};
   int zstd_level = 1;  // [1, 19]; 0: not packed
+  uint64_t max_message_bytes = kMaxMessageBytes;  // no more than that; tests have less
 };
 
 // Not thread-safe. Errors of the sink stick: once a call has failed so, every later one fails in the same way and
@@ -54,7 +55,7 @@ class McapWriter {
                                std::map<std::string, std::string> metadata);
 
   // The channel's own count, from 1 on, becomes the sequence. kNotFound for a channel that was not added,
-  // kResourceExhausted over kMaxMessageBytes.
+  // kResourceExhausted over `max_message_bytes`.
   Status write(uint16_t channel_id, uint64_t log_time_ns, uint64_t publish_time_ns, std::string_view data);
   // The same with a sequence from elsewhere (a copy of a recording).
   Status write(const mcap::Message& message);

@@ -1,122 +1,16 @@
+// The end that writes: files of all sessions, from one thread.
 #include "server/record/recorder.h"
 
 #include <google/protobuf/message_lite.h>
 
 #include <algorithm>
-#include <cassert>
-#include <condition_variable>
-#include <deque>
+
+#include "server/record/record_session.h"
 
 namespace sightline {
-
-namespace record_internal {
-
-struct Attached {
-  mcap::Attachment head;  // its data are those below
-  std::shared_ptr<const std::string> data;
-};
-
-// Messages that the ring has no room for, in the order of their entries in it.
-class LargeMessages {
- public:
-  bool put(std::string message) {
-    const std::lock_guard lock(mutex_);
-    if (bytes_ + message.size() > kMaxMessageBytes) return false;
-    bytes_ += message.size();
-    messages_.push_back(std::move(message));
-    return true;
-  }
-  std::string take() {
-    const std::lock_guard lock(mutex_);
-    std::string message = std::move(messages_.front());
-    messages_.pop_front();
-    bytes_ -= message.size();
-    return message;
-  }
-
- private:
-  std::mutex mutex_;
-  // guarded by mutex_
-  std::deque<std::string> messages_;
-  uint64_t bytes_ = 0;
-};
-
-// What a session asked to be attached. It only grows.
-class AttachedFiles {
- public:
-  bool add(std::shared_ptr<const Attached> file) {
-    const std::lock_guard lock(mutex_);
-    const uint64_t bytes = bytes_.load(std::memory_order_relaxed) + file->data->size();
-    if (files_.size() >= SessionRecorder::kMaxAttachments || bytes > kMaxAttachmentBytes) return false;
-    files_.push_back(std::move(file));
-    bytes_.store(bytes, std::memory_order_relaxed);
-    count_.store(files_.size(), std::memory_order_release);
-    return true;
-  }
-  size_t count() const { return count_.load(std::memory_order_acquire); }
-  uint64_t bytes() const { return bytes_.load(std::memory_order_relaxed); }
-  std::shared_ptr<const Attached> at(size_t index) const {
-    const std::lock_guard lock(mutex_);
-    return files_[index];
-  }
-
- private:
-  mutable std::mutex mutex_;
-  std::vector<std::shared_ptr<const Attached>> files_;  // guarded by mutex_
-  // Written under it, read without.
-  std::atomic<size_t> count_{0};
-  std::atomic<uint64_t> bytes_{0};
-};
-
-// Calls the writer before its time.
-struct Bell {
-  // Waits for nobody: one that comes as the writer is about to sleep is heard at the end of its period.
-  void ring() {
-    if (!rung.load(std::memory_order_relaxed) && !rung.exchange(true)) heard.notify_one();
-  }
-  void ring_surely() {
-    const std::lock_guard lock(mutex);
-    rung.store(true);
-    heard.notify_one();
-  }
-  void wait(std::chrono::nanoseconds timeout) {
-    std::unique_lock lock(mutex);
-    heard.wait_for(lock, timeout, [this] { return rung.load(); });
-    rung.store(false);
-  }
-
-  std::atomic<bool> rung{false};
-  std::mutex mutex;
-  std::condition_variable heard;
-};
-
-// What both ends share.
-struct Session {
-  Session(v1::RecordingInfo told, size_t queue_bytes, std::shared_ptr<Bell> of_writer)
-      : info(std::move(told)), ring(queue_bytes), bell(std::move(of_writer)) {}
-
-  // constant after construction
-  v1::RecordingInfo info;
-
-  RecordRing ring;
-  std::atomic<bool> closed{false};   // by the recorder: nothing more comes
-  std::atomic<bool> failing{false};  // by the writer: there is no file
-  std::atomic<uint64_t> dropped_by_recorder{0};
-  std::atomic<uint64_t> dropped_by_writer{0};
-  LargeMessages large;
-  AttachedFiles attached;
-  const std::shared_ptr<Bell> bell;
-
-  // The writer's alone, of the file that it writes:
-  size_t attachments_done = 0;    // of `attached`, that are in it or are not to be
-  uint64_t attachment_bytes = 0;  // that are in it
-};
-
-}  // namespace record_internal
-
 namespace {
 
-using record_internal::Attached;
+using record_internal::add_to_gap;
 using record_internal::Session;
 
 constexpr uint64_t kHousekeepingNs = 1'000'000'000;
@@ -138,112 +32,15 @@ const char* reason_text(v1::Gap::Reason reason) {
   }
 }
 
-void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns,
-                uint64_t last_ns) {
-  if (gap.messages() == 0) {
-    gap.set_first_time_ns(first_ns);
-    gap.set_reason(reason);
-  }
-  gap.set_last_time_ns(last_ns);
-  gap.set_messages(gap.messages() + messages);
+// In the place of a folded tick that is too large. Its ticks are in the parts before, so they do not count as dropped.
+v1::Gap unsaid(const TickFold& fold, const Session& session) {
+  v1::Gap gap;
+  add_to_gap(gap, v1::Gap::TOO_LARGE, fold.ticks(), session.info.start_time_ns(), fold.stamp().log_ns);
+  gap.set_text("what these ticks changed is too much for the one that should stand for them");
+  return gap;
 }
 
 }  // namespace
-
-SessionRecorder::SessionRecorder(std::shared_ptr<Session> session) : session_(std::move(session)) {}
-
-SessionRecorder::~SessionRecorder() {
-  session_->closed.store(true, std::memory_order_release);
-}
-
-bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
-                             const google::protobuf::MessageLite& message) {
-  const size_t size = message.ByteSizeLong();
-  if (size > session_->ring.max_message()) return record_beside(topic, times, message.SerializeAsString());
-  char* at = reserve(topic, times, size);
-  if (at == nullptr) return false;
-  message.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
-  commit(topic, times, size);
-  return true;
-}
-
-bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_view serialised) {
-  if (serialised.size() > session_->ring.max_message())
-    return record_beside(topic, times, std::string(serialised));
-  char* at = reserve(topic, times, serialised.size());
-  if (at == nullptr) return false;
-  std::copy(serialised.begin(), serialised.end(), at);
-  commit(topic, times, serialised.size());
-  return true;
-}
-
-char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
-  assert(topic <= RecordTopic::kGap);
-  // The number is used up even when the message is dropped, so that it is missed.
-  ++sequences_[static_cast<size_t>(topic)];
-  char* at = nullptr;
-  if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
-  if (at == nullptr) drop(times, v1::Gap::QUEUE_FULL);
-  return at;
-}
-
-bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::string serialised) {
-  if (reserve(topic, times, 0) == nullptr) return false;
-  // An entry that is not committed is none.
-  const bool too_large = serialised.size() > kMaxMessageBytes;
-  if (too_large || !session_->large.put(std::move(serialised))) {
-    drop(times, too_large ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
-    return false;
-  }
-  commit(topic, times, 0, true);
-  return true;
-}
-
-void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, bool beside) {
-  session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
-                         sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
-  if (session_->ring.half_full()) session_->bell->ring();
-}
-
-// What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full
-// would fill with gaps.
-bool SessionRecorder::record_gap(RecordTimes times) {
-  if (session_->ring.half_full()) return false;
-  const size_t size = gap_.ByteSizeLong();
-  char* at = session_->ring.reserve(size);
-  if (at == nullptr) return false;
-  gap_.SerializeWithCachedSizesToArray(reinterpret_cast<uint8_t*>(at));
-  ++sequences_[static_cast<size_t>(RecordTopic::kGap)];
-  commit(RecordTopic::kGap, times, size);
-  gap_.Clear();
-  return true;
-}
-
-void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
-  add_to_gap(gap_, reason, 1, times.log_ns, times.log_ns);
-  session_->dropped_by_recorder.fetch_add(1, std::memory_order_relaxed);
-}
-
-bool SessionRecorder::attach(std::string name, std::string content_type, uint64_t log_time_ns,
-                             std::shared_ptr<const std::string> data) {
-  auto attached = std::make_shared<Attached>();
-  attached->head = {log_time_ns, 0, std::move(name), std::move(content_type), *data, 0};
-  attached->data = std::move(data);
-  return session_->attached.add(std::move(attached));
-}
-
-std::string SessionRecorder::file_name() const {
-  return recording_name(session_->info.start_time_ns(), session_->info.session_id(), 1);
-}
-
-bool SessionRecorder::degraded() const {
-  return gap_.messages() > 0 || session_->failing.load(std::memory_order_relaxed);
-}
-
-uint64_t SessionRecorder::dropped() const {
-  return session_->dropped_by_recorder.load(std::memory_order_relaxed) +
-         session_->dropped_by_writer.load(std::memory_order_relaxed);
-}
 
 struct RecordWriter::Book {
   explicit Book(std::shared_ptr<Session> of) : session(std::move(of)) {}
@@ -282,7 +79,7 @@ RecordWriter::~RecordWriter() {
 std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
   info.set_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
-  auto session = std::make_shared<Session>(std::move(info), settings_.queue_bytes, bell_);
+  auto session = std::make_shared<Session>(std::move(info), settings_, bell_);
   const std::lock_guard lock(mutex_);
   new_sessions_.push_back(session);
   ++counts_.open_sessions;
@@ -452,7 +249,6 @@ bool RecordWriter::ensure_file(Book& book) {
   for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
        ++tries) {
     info.set_part(++book.part);
-    info.set_folded_ticks(book.fold.ticks());
     book.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
     sink = folder_.create(book.file_name);
   }
@@ -466,11 +262,15 @@ bool RecordWriter::ensure_file(Book& book) {
   options.chunk_bytes = settings_.chunk_bytes;
   options.chunk_time = settings_.chunk_time;
   options.zstd_level = settings_.zstd_level;
+  options.max_message_bytes = settings_.max_message_bytes;
+  // The info comes first, and must not tell of a tick that does not follow.
+  const std::string folded = folded_tick(book);
+  info.set_folded_ticks(folded.empty() ? 0 : book.fold.ticks());
   book.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
   being_written_.insert(book.file_name);
   book.counted_bytes = 0;
   begin_attachments(book);
-  write_head(book, now_ns);
+  write_head(book, folded, now_ns);
   book.head_bytes = book.file->bytes();
   book.head_chunks = book.file->chunks();
   {
@@ -481,9 +281,16 @@ bool RecordWriter::ensure_file(Book& book) {
   return book.file != nullptr;
 }
 
+// All ticks that were answered, in one; empty: none were, or one message cannot say it.
+std::string RecordWriter::folded_tick(const Book& book) const {
+  if (book.fold.ticks() == 0) return {};
+  std::string bytes = book.fold.tick().SerializeAsString();
+  return bytes.size() <= settings_.max_message_bytes ? std::move(bytes) : std::string();
+}
+
 // So that a part which begins within a session can be read by itself, and says what is missing before it: the opening,
 // what all ticks since then have changed, and those that are not answered yet.
-void RecordWriter::write_head(Book& book, uint64_t now_ns) {
+void RecordWriter::write_head(Book& book, const std::string& folded, uint64_t now_ns) {
   book.head_size = 0;
   const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
     book.head_size += bytes.size();
@@ -497,8 +304,10 @@ void RecordWriter::write_head(Book& book, uint64_t now_ns) {
       (void)write(topic, {++book.sequences[static_cast<size_t>(topic)], now_ns, now_ns},
                   made.SerializeAsString());
     });
-  if (book.fold.ticks() > 0)
-    (void)write(RecordTopic::kTick, book.fold.stamp(), book.fold.tick().SerializeAsString());
+  if (!folded.empty())
+    (void)write(RecordTopic::kTick, book.fold.stamp(), folded);
+  else if (book.fold.ticks() > 0)
+    (void)write(RecordTopic::kGap, again, unsaid(book.fold, *book.session).SerializeAsString());
   for (const WaitingTick& waiting : book.fold.waiting())
     (void)write(RecordTopic::kTick, waiting.stamp, waiting.tick.SerializeAsString());
   if (book.gap.messages() > 0) (void)write(RecordTopic::kGap, again, book.gap.SerializeAsString());

@@ -45,6 +45,7 @@ struct RecordSettings {
   std::chrono::nanoseconds chunk_time{500'000'000};
   uint64_t chunk_bytes = uint64_t{1} << 20;
   int zstd_level = 1;
+  uint64_t max_message_bytes = kMaxMessageBytes;  // larger ones are dropped; tests have less
   bool for_viewers = true;  // also topics that ordinary viewers understand, made on the writing thread
 };
 
@@ -91,7 +92,7 @@ class SessionRecorder {
   SessionRecorder& operator=(const SessionRecorder&) = delete;
 
   // Of the topics only those up to kFault. False: dropped, and counted: the queue is full, or the message is over
-  // kMaxMessageBytes. The message is serialised here and not held.
+  // `max_message_bytes`. The message is serialised here and not held.
   bool record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message);
   // The same with the bytes at hand.
   bool record(RecordTopic topic, RecordTimes times, std::string_view serialised);
@@ -158,7 +159,8 @@ class RecordWriter {
   void write_attachments(Book& book);
   void begin_attachments(Book& book);
   bool ensure_file(Book& book);
-  void write_head(Book& book, uint64_t now_ns);
+  std::string folded_tick(const Book& book) const;
+  void write_head(Book& book, const std::string& folded, uint64_t now_ns);
   void close_file(Book& book);
   void lose_file(Book& book, const Error& error);
   void lose_message(Book& book, const RecordHead& head);

@@ -13,6 +13,7 @@
 #include "client/bench_echo.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
 #include "tests/client/daemon_process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -160,7 +161,7 @@ TEST(BenchEcho, AnswersWithTheSequenceAndAsManyBytesAsAsked) {
 
 class BenchCommandTest : public testing::Test {
  protected:
-  BenchCommandTest() : options_(quick_options()) { options_.json = folder_.path() + "/bench.json"; }
+  BenchCommandTest() : options_(quick_options()) { options_.json = folder_ / "bench.json"; }
   int run() { return run_bench_command(options_, out_, err_); }
   Json json() const { return Json::parse(std::ifstream(options_.json)); }
   void expect_error(const std::string& part) {

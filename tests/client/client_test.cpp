@@ -13,6 +13,7 @@
 #include "scenes/glb_writer.h"
 #include "server/scene/primitives.h"
 #include "tests/client/daemon_process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -374,7 +375,7 @@ TEST(ClientAndDaemon, AGameThatPausesKeepsItsSession) {
 
 TEST(ClientAndDaemon, AUnixSocketWorksAsWell) {
   const test::TemporaryFolder folder;
-  const std::string socket = folder.path() + "/sightline.sock";
+  const std::string socket = folder / "sightline.sock";
   DaemonProcess daemon({"--sampler", "embree", "--listen-unix", socket});
   auto client = Client::connect("unix:" + socket, 10s);
   ASSERT_TRUE(client) << to_string(client.error());

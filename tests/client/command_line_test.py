@@ -1,4 +1,5 @@
 """The command `sightline` as typed: command_line_test.py SIGHTLINE."""
+import pathlib
 import subprocess
 import sys
 import tempfile
@@ -6,9 +7,34 @@ import unittest
 
 SIGHTLINE = sys.argv[1]
 
+# What each sub-command needs at least; FILE is one that is there, NEW one that is not.
+COMMANDS = {
+    "drive": ("FILE",),
+    "evaluate": (),
+    "bench": (),
+    "echo": ("--listen", "unix:NEW"),
+    "scene": ("FILE",),
+    "info": ("FILE",),
+    "verify": ("FILE",),
+    "recover": ("FILE", "--out", "NEW"),
+    "dump": ("FILE",),
+    "cut": ("FILE", "--out", "NEW", "--start", "1"),
+    "replay": ("FILE",),
+    "compare": ("FILE", "FILE"),
+    "report": ("FILE",),
+}
+ON_RECORDINGS = ("info", "verify", "recover", "dump", "cut", "replay", "compare", "report")
+
 
 def run(*arguments):
     return subprocess.run([SIGHTLINE, *arguments], capture_output=True, text=True, timeout=60)
+
+
+def run_on(command, file, *more):
+    """With what it needs at least, and more; and the file that it could have made."""
+    new = f"{file}.new"
+    needed = [argument.replace("FILE", file).replace("NEW", new) for argument in COMMANDS[command]]
+    return run(command, *needed, *more), pathlib.Path(new)
 
 
 class CommandLineTest(unittest.TestCase):
@@ -18,17 +44,33 @@ class CommandLineTest(unittest.TestCase):
         self.assertRegex(result.stdout, r"^sightline \d+\.\d+\.\d+$")
 
     def test_every_sub_command_has_a_help_text(self):
-        for command in ("drive", "evaluate", "bench", "echo", "scene"):
-            self.assertIn(command, run("--help").stdout)
-            result = run(command, "--help")
-            self.assertEqual(result.returncode, 0)
-            self.assertGreater(len(result.stdout.splitlines()), 3)
+        # Those in the list, one a line, are those that are tested here.
+        listed = run("--help").stdout.split("Subcommands:")[1].splitlines()
+        self.assertEqual({line.split()[0] for line in listed if line.startswith("  ") and line[2] != " "}, set(COMMANDS))
+        for command in COMMANDS:
+            with self.subTest(command=command):
+                result = run(command, "--help")
+                self.assertEqual(result.returncode, 0)
+                self.assertGreater(len(result.stdout.splitlines()), 3)
+
+    def test_a_flag_that_no_sub_command_has_is_an_error_that_names_it(self):
+        with tempfile.NamedTemporaryFile(suffix=".glb") as file:
+            for command in COMMANDS:
+                with self.subTest(command=command):
+                    result, new = run_on(command, file.name, "--warp")
+                    self.assertGreater(result.returncode, 0)
+                    self.assertIn("--warp", result.stderr)
+                    self.assertFalse(new.exists())
 
     def test_nothing_and_the_unknown_are_errors(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for arguments in ((), ("fly",), ("--fast",), ("drive",), ("drive", file.name, "--warp"),
                               ("drive", file.name, "--rate", "0"), ("drive", file.name, "--preset", "magic"),
-                              ("drive", "/nowhere.glb"), ("scene",),
+                              ("drive", "/nowhere.glb"), ("scene",), *((command,) for command in ON_RECORDINGS),
+                              ("cut", file.name, "--out", "/nowhere/new.mcap", "--start", "-1"),
+                              ("dump", file.name, "--end", "soon"), ("replay", file.name, "--rate", "0"),
+                              ("replay", file.name, "--sampler", "eyes"), ("report", file.name, "--cells", "some"),
+                              ("compare", file.name), ("recover", file.name),
                               ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "1"),
                               ("bench", "--address", "unix:/nowhere", "--tcp"), ("echo",)):
                 result = run(*arguments)
@@ -41,6 +83,17 @@ class CommandLineTest(unittest.TestCase):
                 result = run(command, file.name)
                 self.assertGreater(result.returncode, 0, result.stdout)
                 self.assertTrue(result.stderr)
+
+    def test_a_file_that_is_no_recording_is_an_error_and_not_a_crash(self):
+        with tempfile.NamedTemporaryFile(suffix=".mcap") as file:
+            file.write(b"no recording")
+            file.flush()
+            for command in ON_RECORDINGS:
+                with self.subTest(command=command):
+                    result, new = run_on(command, file.name)
+                    self.assertGreater(result.returncode, 0, result.stdout)
+                    self.assertIn(file.name, result.stderr)
+                    self.assertFalse(new.exists())
 
 
 if __name__ == "__main__":

@@ -7,22 +7,13 @@
 
 #include <chrono>
 #include <csignal>
-#include <filesystem>
 #include <fstream>
 #include <thread>
 
 namespace sightline::test {
-namespace {
 
-std::string make_folder() {
-  std::string path = (std::filesystem::temp_directory_path() / "sightline-test-XXXXXX").string();
-  return mkdtemp(path.data()) ? path : std::string();
-}
-
-}  // namespace
-
-DaemonProcess::DaemonProcess(std::vector<std::string> flags) : folder_(make_folder()) {
-  const std::string ready_file = folder_ + "/ready";
+DaemonProcess::DaemonProcess(std::vector<std::string> flags) {
+  const std::string ready_file = folder_ / "ready";
   std::vector<std::string> arguments{SIGHTLINED_PATH, "--listen",    "127.0.0.1:0", "--ready-file",
                                      ready_file,      "--log-level", "warning"};
   arguments.insert(arguments.end(), flags.begin(), flags.end());
@@ -70,14 +61,6 @@ int DaemonProcess::stop() {
 
 DaemonProcess::~DaemonProcess() {
   stop();
-  std::error_code ignored;
-  std::filesystem::remove_all(folder_, ignored);
-}
-
-TemporaryFolder::TemporaryFolder() : path_(make_folder()) {}
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
 }
 
 }  // namespace sightline::test

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
+
 namespace sightline::test {
 
 class DaemonProcess {
@@ -31,20 +33,8 @@ class DaemonProcess {
   void wait_ready(const std::string& ready_file);
 
   pid_t pid_ = -1;
-  std::string folder_, address_;
-};
-
-// A new folder below the system's temporary one, removed with everything in it at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
+  const TemporaryFolder folder_;
+  std::string address_;
 };
 
 }  // namespace sightline::test

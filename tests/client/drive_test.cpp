@@ -12,6 +12,7 @@
 #include "scenes/rooms.h"
 #include "tests/client/daemon_process.h"
 #include "tests/client/drive_support.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -67,13 +68,13 @@ TEST_F(DriveTest, TheSameScenarioAndSeedGiveTheSamePathBitForBit) {
 class DriveCommandTest : public DriveTest {
  protected:
   DriveCommandTest() {
-    options_.scenario = folder_.path() + "/hall.glb";
+    options_.scenario = folder_ / "hall.glb";
     options_.server = daemon_->address();
     options_.duration_s = 2.0;
     options_.rate_hz = 30.0;
     options_.lockstep = true;
     options_.picture_every = 10;
-    options_.out = folder_.path() + "/new/out";
+    options_.out = folder_ / "new/out";
     const auto glb = scenes::make_hall({.duration_s = 3.0});
     std::ofstream(options_.scenario, std::ios::binary)
         .write(reinterpret_cast<const char*>(glb.data()), static_cast<std::streamsize>(glb.size()));

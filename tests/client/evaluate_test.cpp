@@ -23,6 +23,7 @@
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
 #include "tests/client/table_files.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -407,13 +408,6 @@ TEST(Reaction, AMomentaryOcclusionIsPassedOver) {
 
 class EvaluateCommand : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::remove_all(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   EvaluateOptions short_options(const std::string& name) const {
     EvaluateOptions options;
     options.scenes = {"hall"};
@@ -423,7 +417,7 @@ class EvaluateCommand : public testing::Test {
     options.out = folder_ / name;
     return options;
   }
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 TEST_F(EvaluateCommand, WritesTheSameBytesWithOneJobAndWithMany) {

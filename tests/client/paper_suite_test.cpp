@@ -11,6 +11,7 @@
 #include "server/gl/software_renderer.h"
 #include "server/presets.h"
 #include "tests/client/table_files.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -144,13 +145,7 @@ TEST(Table2, HoldsTheModelsThePaperHasAndThoseItLacks) {
 
 class PaperSuite : public testing::Test {
  protected:
-  void SetUp() override {
-    prepare_software_rendering();
-    std::string name = testing::TempDir() + "paper-XXXXXX";
-    ASSERT_TRUE(mkdtemp(name.data()));
-    folder_ = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void SetUp() override { prepare_software_rendering(); }
 
   std::map<std::string, std::string> play(const std::string& name, int jobs) const {
     EvaluateOptions options;
@@ -165,7 +160,7 @@ class PaperSuite : public testing::Test {
     return files_in(options.out);
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 bool is_time(const std::string& column) {

@@ -9,6 +9,7 @@
 #include "server/record/mcap_recover.h"
 #include "server/record/mcap_verify.h"
 #include "tests/record/small_file.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -294,8 +295,8 @@ TEST(Mcap, TheWorkedExampleOfTheFormatPageIsWhatIsWritten) {
 }
 
 TEST(Mcap, FilesOnDiskAreNewOnes) {
-  const std::string path = ::testing::TempDir() + "mcap_test.mcap";
-  std::filesystem::remove(path);
+  const test::TemporaryFolder folder;
+  const std::string path = folder / "mcap_test.mcap";
   {
     const auto sink = create_file_sink(path).value();
     ASSERT_TRUE(sink->write(test::make_small_file().bytes));

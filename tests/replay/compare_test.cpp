@@ -15,6 +15,7 @@
 #include "client/compare_recordings.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -281,8 +282,7 @@ TEST_F(CompareRecordings, InputsThatDifferAreTold) {
 }
 
 TEST_F(CompareRecordings, CommandSaysItInWordsAndInJson) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "compare";
-  std::filesystem::create_directories(folder);
+  const test::TemporaryFolder folder;
   const std::string a = folder / "a.mcap", b = folder / "b.mcap";
   std::ofstream(a, std::ios::binary) << hall();
   std::ofstream(b, std::ios::binary) << with_replies([](v1::CameraReply& reply) {

@@ -5,19 +5,15 @@
 // Embree can choose, for the C library with and without fused multiply-adds, and for llvmpipe with 128 and 256 bits: nothing
 // in this session hangs on a last bit. Another renderer is skipped: its maps may differ where a silhouette passes through a
 // texel.
-//
-//   SIGHTLINE_GOLDEN=new golden_test --gtest_also_run_disabled_tests     writes the recording anew, with replies of Embree
+// make_golden writes the recording anew, with replies of Embree.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 
 #include "client/compare_replies.h"
 #include "server/gl/software_renderer.h"
 #include "server/sampler_choice.h"
-#include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
 
 namespace sightline {
@@ -25,7 +21,6 @@ namespace {
 
 constexpr uint64_t kEmbreeHash = 0x4bdd21df7433f1c5;
 constexpr uint64_t kLlvmpipeHash = 0x4bdd21df7433f1c5;
-constexpr uint64_t kGoldenTicks = 120;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
@@ -37,23 +32,6 @@ const std::string& golden() {
     return std::string(std::istreambuf_iterator<char>(in), {});
   }();
   return bytes;
-}
-
-// Turns, a merged tick now and then, a cut, other settings and a lower speed on the way: all that a tick can say of a step.
-test::RecordedHallOptions golden_options() {
-  test::RecordedHallOptions options{.ticks = static_cast<int>(kGoldenTicks), .merge_every = 7};
-  options.settings.mutable_sample()->set_points(2);
-  options.change = [](int i, const v1::CameraReply&, v1::Tick& tick) {
-    if (i == 40) {
-      tick.mutable_observed_camera()->mutable_pose()->mutable_position()->set_y(3.0);
-      tick.mutable_observed_camera()->mutable_pose()->mutable_rotation()->set_w(1.0);
-      tick.mutable_observed_camera()->set_cut(true);
-    }
-    if (i == 60) tick.mutable_settings()->mutable_aggregate()->mutable_filter()->set_mode(v1::Filter::JOINT);
-    if (i == 80) tick.mutable_limits()->set_max_speed_mps(2.0);
-    if (i == 100) tick.mutable_settings()->set_preset(v1::Settings::PAPER);
-  };
-  return options;
 }
 
 test::Replayed replay_golden(std::unique_ptr<SamplerDevice> sampler) {
@@ -83,15 +61,6 @@ TEST(Golden, LlvmpipeAnswersTheSameForEver) {
     GTEST_SKIP() << "the hash is llvmpipe's, this is " << chosen->device->renderer();
   const test::Replayed replayed = replay_golden(std::move(chosen->device));
   EXPECT_EQ(replayed.hash, kLlvmpipeHash) << std::hex << replayed.hash << '\n' << replayed.text;
-}
-
-TEST(Golden, DISABLED_IsWrittenAnew) {
-  if (!std::getenv("SIGHTLINE_GOLDEN")) GTEST_SKIP() << "only when asked for";
-  std::filesystem::create_directories(std::filesystem::path(golden_path()).parent_path());
-  const test::RecordedHall hall = test::record_hall(*make_embree_sampler_device(), golden_options());
-  std::ofstream(golden_path(), std::ios::binary) << hall.bytes;
-  std::printf("%016lx, %zu replies, %zu bytes\n", static_cast<unsigned long>(hall.hash), hall.replies,
-              hall.bytes.size());
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "server/sample/embree_sampler.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/recorded_yard.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline::test {
 namespace {
@@ -459,13 +460,12 @@ TEST_F(ReportPage, ASceneByHandIsAsGoodAsAnAttachedOne) {
   const RecordedHall attached = record_hall(*sampler_, {.ticks = 10});
   const auto files = read(attached.bytes).files();
   ASSERT_TRUE(files.has_value());
-  const auto folder = std::filesystem::path(testing::TempDir()) / "report-scenes";
-  std::filesystem::create_directories(folder);
+  const TemporaryFolder folder;
   std::ofstream(folder / "any.glb", std::ios::binary) << files->at(0).bytes;
   const std::string lost = record_hall(*sampler_, {.ticks = 10, .attach_scene = false}).bytes;
   RecordingPageOptions by_file = plain(), by_folder = plain();
   by_file.scenes.files = {folder / "any.glb"};
-  by_folder.scenes.folder = folder;
+  by_folder.scenes.folder = folder.path();
   for (const RecordingPageOptions& options : {by_file, by_folder}) {
     const SessionPage page = page_of(lost, options);
     EXPECT_THAT(page.notices, IsEmpty());
@@ -509,7 +509,7 @@ TEST_F(ReportPage, AnotherSamplerTakesNoStepAgain) {
 }
 
 TEST_F(ReportPage, TheCommandWritesThePageAndNamesWhatIsWrong) {
-  const auto folder = std::filesystem::path(testing::TempDir());
+  const TemporaryFolder folder;
   const std::string file = folder / "command.mcap", text = folder / "text.mcap";
   std::ofstream(file, std::ios::binary) << record_yard(*sampler_, {.ticks = 5, .eventful = false}).bytes;
   std::ofstream(text) << "no recording";

@@ -1,5 +1,6 @@
 // The verbs on recordings, as the command runs them: on sound, unfinished, damaged, foreign and empty files.
 #include <gmock/gmock.h>
+#include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -24,6 +25,7 @@
 #include "tests/record/small_file.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/string_sink.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -44,12 +46,6 @@ struct Said {
 
 class Verbs : public testing::Test {
  protected:
-  Verbs() {
-    std::string name = (std::filesystem::temp_directory_path() / "recording_verbs-XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-  }
-  ~Verbs() override { std::filesystem::remove_all(folder_); }
-
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::string put(const std::string& name, const std::string& bytes) const {
     std::ofstream(path(name), std::ios::binary) << bytes;
@@ -107,7 +103,7 @@ class Verbs : public testing::Test {
     return lines;
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 // A session that is told message by message.
@@ -459,6 +455,27 @@ TEST_F(Verbs, ARangeWithNothingInItIsNoCut) {
   EXPECT_EQ(bytes_of(file), hall()) << "nothing is overwritten";
 }
 
+// Only the older language has such fields.
+TEST_F(Verbs, DumpRefusesAMessageWithoutAFieldThatItsSchemaRequires) {
+  google::protobuf::UninterpretedOption::NamePart part;
+  MemorySink sink;
+  McapWriter writer(sink, {});
+  const std::string name(part.GetDescriptor()->full_name());
+  const auto schema = writer.add_schema(name, "protobuf", descriptor_set_of(*part.GetDescriptor()));
+  const uint16_t channel = writer.add_channel("/part", *schema, "protobuf", {}).value();
+  part.set_name_part("lens");
+  ASSERT_TRUE(writer.write(channel, 1, 1, part.SerializePartialAsString()));
+  part.set_is_extension(true);
+  ASSERT_TRUE(writer.write(channel, 2, 2, part.SerializeAsString()));
+  ASSERT_TRUE(writer.finish());
+  const Said done = dump({.file = put("parts.mcap", sink.bytes())});
+  EXPECT_EQ(done.status, 1);
+  const std::vector<json> lines = lines_of(done.out);
+  ASSERT_THAT(lines, SizeIs(2));
+  EXPECT_THAT(lines[0].value("error", ""), HasSubstr("is not what its schema says"));
+  EXPECT_EQ(lines[1]["message"], (json{{"name_part", "lens"}, {"is_extension", true}}));
+}
+
 TEST_F(Verbs, ForeignFilesAreReadAsFarAsTheyCanBe) {
   const std::string file = put("foreign.mcap", test::make_small_file().bytes);
   const Said told = info({file});
@@ -479,7 +496,7 @@ TEST_F(Verbs, ForeignFilesAreReadAsFarAsTheyCanBe) {
 
 TEST_F(Verbs, WhatIsNoRecordingIsRefusedByName) {
   const std::vector<std::string> files = {put("empty.mcap", ""), put("words.mcap", "not a recording at all"),
-                                          path("nowhere.mcap"), folder_.string()};
+                                          path("nowhere.mcap"), folder_.path().string()};
   for (const std::string& file : files) {
     const std::vector<Said> all = {info({file}), verify(file), dump({.file = file}),
                                    recover(file, path("x.mcap")), cut(file, path("x.mcap"), 0)};

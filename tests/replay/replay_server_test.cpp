@@ -7,6 +7,7 @@
 #include "tests/client/daemon_process.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -75,7 +76,7 @@ TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
 TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
   const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .settings = light()});
   test::TemporaryFolder folder;
-  const std::string socket = folder.path() + "/daemon.sock";
+  const std::string socket = folder / "daemon.sock";
   const auto start = [&] {
     return std::make_unique<DaemonProcess>(
         std::vector<std::string>{"--sampler", "embree", "--listen-unix", socket});

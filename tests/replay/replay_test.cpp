@@ -8,10 +8,15 @@
 #include <fstream>
 #include <sstream>
 
+#include "client/recording_check.h"
 #include "client/recording_cut.h"
+#include "client/recording_summary.h"
 #include "client/replay_command.h"
+#include "server/record/recorder.h"
+#include "tests/record/pretended_files.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -162,6 +167,65 @@ TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
   EXPECT_THAT(replayed.text, Not(HasSubstr("missing")));
 }
 
+// All that the ticks added is more than one message may say: a later part cannot begin where the session was.
+TEST_F(ReplayHere, APartWhoseFoldWasTooLargeIsNotTakenForTheSession) {
+  const auto add_one = [](int i, const v1::CameraReply&, v1::Tick& tick) {
+    v1::NewInstance& added = *tick.mutable_delta()->add_add();
+    added.set_id(1000 + static_cast<uint64_t>(i));
+    added.mutable_shape()->mutable_sphere()->set_radius(0.1);
+    added.mutable_pose()->mutable_position()->set_y(100.0);
+  };
+  const std::string hall = record_hall(*sampler_, {.ticks = 200, .change = add_one}).bytes;
+  const Recording recording = open_recording(hall);
+  size_t largest = std::max(recording.open_session().ByteSizeLong(), recording.opened().ByteSizeLong());
+  recording.read({}, [&](RecordedEvent& event) {
+    std::visit([&](const auto& message) { largest = std::max(largest, message.ByteSizeLong()); },
+               event.message);
+    return true;
+  });
+
+  test::PretendedFiles disk;
+  disk.now_ns = test::kRecordedStartNs;
+  {
+    RecordWriter writer(
+        {.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0},
+         .chunk_bytes = 1000,
+         .max_message_bytes = largest,
+         .for_viewers = false},
+        disk, [&] { return disk.now_ns; }, [](const RecordWarning&) {});
+    v1::RecordingInfo info = recording.info();
+    const auto recorder = writer.open_session(info);
+    const auto put = [&](RecordTopic topic, const auto& message) {
+      disk.now_ns += 1'000'000;
+      EXPECT_TRUE(recorder->record(topic, {disk.now_ns, disk.now_ns}, message));
+      writer.run_once();
+    };
+    put(RecordTopic::kOpen, recording.open_session());
+    put(RecordTopic::kOpened, recording.opened());
+    const auto files = recording.files();
+    for (const RecordedFile& file : *files)
+      recorder->attach(file.name, "", 1, std::make_shared<std::string>(file.bytes));
+    recording.read({}, [&](RecordedEvent& event) {
+      std::visit([&](const auto& message) { put(event.topic, message); }, event.message);
+      return true;
+    });
+  }
+  const std::string& last = *std::prev(disk.files.end())->second.bytes;
+  const Recording part = open_recording(last);
+  EXPECT_GT(part.info().part(), 1u);
+  EXPECT_EQ(part.info().folded_ticks(), 0u);
+  EXPECT_GT(check_session(part).gap_messages, 100u);
+  const auto summary = summarise_recording(std::make_shared<MemorySource>(last), "part");
+  ASSERT_TRUE(summary.has_value());
+  EXPECT_THAT(summary->missing, testing::ElementsAre(testing::Key("TOO_LARGE")));
+  MemorySink cut;
+  ASSERT_TRUE(cut_recording(part, {.start_s = 0.01}, cut));
+  EXPECT_EQ(check_session(open_recording(cut.bytes())).gap_messages, check_session(part).gap_messages);
+  const Replayed replayed = replay_here(last);
+  EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
+  EXPECT_THAT(replayed.text, HasSubstr("gaps        1, "));
+}
+
 TEST_F(ReplayHere, CamerasThatOnlyFollowedAreLeftOutUnderOtherSettings) {
   const auto follow_and_cut = [](int i, const v1::CameraReply& newest, v1::Tick& tick) {
     if (i > 10 && i < 40) *tick.mutable_observed_camera()->mutable_pose() = newest.pose();
@@ -181,13 +245,14 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
   const RecordedHall bare = record_hall(*sampler_, {.ticks = 10, .attach_scene = false});
   const RecordedFile file = open_recording(hall.bytes).files()->front();
-  const auto folder = std::filesystem::path(testing::TempDir()) / "replay-scenes" / "deep";
+  const test::TemporaryFolder scenes_folder;
+  const auto folder = scenes_folder / "deep";
   std::filesystem::create_directories(folder);
   std::ofstream(folder / "other.glb") << "no scene";
   std::ofstream(folder / "the-hall.glb", std::ios::binary) << file.bytes;
 
   EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.files = {(folder / "the-hall.glb").string()}}).hash, hall.hash);
-  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = folder.parent_path().string()}).hash, hall.hash);
+  EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = scenes_folder.path()}).hash, hall.hash);
 
   const Recording recording = open_recording(bare.bytes);
   const auto place = make_local_place(make_embree_sampler_device());
@@ -203,12 +268,6 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
 // The whole command on files.
 class ReplayCommand : public ReplayHere {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
   std::string keep(const std::string& name, const std::string& bytes) {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
     return (folder_ / name).string();
@@ -220,7 +279,7 @@ class ReplayCommand : public ReplayHere {
     return run_replay_command(options, in, out_, err_);
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
   std::ostringstream out_, err_;
 };
 

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <meshoptimizer.h>
-#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -16,6 +15,7 @@
 #include "server/scene/gltf.h"
 #include "tests/scene/packed_mesh.h"
 #include "tests/support/peak_memory.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/triangles.h"
 
 namespace sightline {
@@ -334,12 +334,12 @@ TEST(Packed, TheSceneCommandSaysWhatAPackedFileHolds) {
   file.meshopt_node(hills(6), 2);
   file.draco_node(hills(4), {});
   const auto glb = file.packed_glb();
-  const auto path = std::filesystem::temp_directory_path() / (std::to_string(getpid()) + "-packed.glb");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "packed.glb";
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(glb.data()), static_cast<std::streamsize>(glb.size()));
   std::ostringstream out, err;
   EXPECT_EQ(run_scene_command(path.string(), out, err), 0) << err.str();
-  std::filesystem::remove(path);
   EXPECT_THAT(out.str(), HasSubstr("104 stored, 104 as instanced"));
   EXPECT_THAT(out.str(), HasSubstr("EXT_meshopt_compression, KHR_draco_mesh_compression"));
   EXPECT_THAT(out.str(), testing::ContainsRegex("positions and indices [0-9.]+ KiB, clusters [0-9.]+ KiB"));

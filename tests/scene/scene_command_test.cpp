@@ -2,13 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -20,8 +20,6 @@ using testing::HasSubstr;
 
 class SceneCommand : public testing::Test {
  protected:
-  ~SceneCommand() override { fs::remove(path); }
-
   std::string print(const std::vector<std::byte>& bytes) {
     std::ofstream(path, std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -30,8 +28,8 @@ class SceneCommand : public testing::Test {
     return out.str();
   }
 
-  const fs::path path =
-      fs::temp_directory_path() / (std::to_string(getpid()) + "-scene-command.glb");
+  const test::TemporaryFolder folder;
+  const fs::path path = folder / "scene.glb";
   std::ostringstream err;
   int status = -1;
 };

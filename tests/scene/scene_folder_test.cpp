@@ -3,13 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <thread>
 
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -27,18 +27,12 @@ std::vector<std::byte> triangle_glb(float x) {
 class SceneFolder : public testing::Test {
  protected:
   SceneFolder() {
+    fs::create_directories(root / "scenes/levels");
     write("secret.glb", triangle_glb(9));
     write("scenes/hall.glb", triangle_glb(1));
     write("scenes/levels/one.glb", triangle_glb(2));
   }
-  ~SceneFolder() override { fs::remove_all(root); }
 
-  static fs::path make_folders() {
-    std::string pattern = (fs::temp_directory_path() / "sightline-scenes-XXXXXX").string();
-    const fs::path made = mkdtemp(pattern.data());
-    fs::create_directories(made / "scenes/levels");
-    return made;
-  }
   void write(const std::string& path, const std::vector<std::byte>& bytes) {
     std::ofstream out(root / path, std::ios::binary);
     out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -52,7 +46,7 @@ class SceneFolder : public testing::Test {
     return asset ? Error{ErrorCode::kInternal, "", "was loaded"} : asset.error();
   }
 
-  const fs::path root = make_folders();
+  const test::TemporaryFolder root;
   GeometryStore store;
   SceneLibrary library{(root / "scenes").string(), GltfLimits{}, store};
 };

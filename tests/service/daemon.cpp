@@ -43,18 +43,8 @@ std::string read_text(const std::string& path) {
   return text.str();
 }
 
-ScratchFolder::ScratchFolder() {
-  std::string pattern = std::filesystem::temp_directory_path() / "sightline-XXXXXX";
-  path_ = ::mkdtemp(pattern.data());
-}
-
-ScratchFolder::~ScratchFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
 RunResult run_sightlined(const std::vector<std::string>& arguments) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   int status = 0;
   ::waitpid(spawn(arguments, folder / "out", folder / "err"), &status, 0);
   return {exit_code_of(status), read_text(folder / "out"), read_text(folder / "err")};

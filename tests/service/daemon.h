@@ -6,18 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
+
 namespace sightline {
-
-// An empty folder of its own, removed with everything in it.
-class ScratchFolder {
- public:
-  ScratchFolder();
-  ~ScratchFolder();
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
 
 struct RunResult {
   int exit_code = -1;
@@ -45,7 +36,7 @@ class Daemon {
   std::string errors() const;
 
  private:
-  ScratchFolder folder_;
+  const test::TemporaryFolder folder_;
   pid_t pid_ = -1;
 };
 

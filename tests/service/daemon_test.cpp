@@ -11,6 +11,7 @@
 #include "tests/service/daemon.h"
 #include "tests/service/raw_call.h"
 #include "tests/service/service_world.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -66,7 +67,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   for (const char* line : {"max-sessions=7", "record=\"asked\"", "record-scenes=true", "record-total-mib=77"})
     EXPECT_NE(first.output.find(line), std::string::npos) << first.output;
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   std::ofstream(folder / "sightlined.conf") << first.output;
   const RunResult second = run_sightlined({"--config", folder / "sightlined.conf", "--print-config"});
   EXPECT_EQ(second.exit_code, 0) << second.errors;
@@ -75,7 +76,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
 }
 
 TEST(DaemonFlags, AConfigurationFileWithAnUnknownEntryIsAnError) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   std::ofstream(folder / "sightlined.conf") << "max-sesions=7\n";
   EXPECT_EQ(run_sightlined({"--config", folder / "sightlined.conf", "--check-config"}).exit_code, 2);
 }
@@ -90,7 +91,7 @@ TEST(DaemonFlags, DevicesReportsEmbreeAlways) {
 // ---------------------------------------------------------------------------------------------------
 
 TEST(Daemon, ListensAtTcpAndAtAUnixSocketWithItsMode) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   Daemon daemon({"--listen", "127.0.0.1:0", "--listen-unix", folder / "s.sock", "--unix-mode", "0600"});
   ASSERT_TRUE(daemon.wait_until_ready()) << daemon.errors();
   ASSERT_EQ(daemon.addresses().size(), 2u);
@@ -116,7 +117,7 @@ TEST(Daemon, ASecondOneAtTheSamePortEndsAndTheFirstGoesOn) {
 }
 
 TEST(Daemon, ASecondOneAtTheSameSocketEndsAndTheFirstGoesOn) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   const std::vector<std::string> arguments{"--listen", "none", "--listen-unix", folder / "s.sock"};
   Daemon first(arguments);
   ASSERT_TRUE(first.wait_until_ready()) << first.errors();
@@ -127,7 +128,7 @@ TEST(Daemon, ASecondOneAtTheSameSocketEndsAndTheFirstGoesOn) {
 }
 
 TEST(Daemon, ASocketLeftBehindByAKilledOneIsTakenOver) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   const std::vector<std::string> arguments{"--listen", "none", "--listen-unix", folder / "s.sock"};
   Daemon killed(arguments);
   ASSERT_TRUE(killed.wait_until_ready()) << killed.errors();
@@ -140,7 +141,7 @@ TEST(Daemon, ASocketLeftBehindByAKilledOneIsTakenOver) {
 }
 
 TEST(Daemon, AFileThatIsNoSocketIsLeftAlone) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   std::ofstream(folder / "precious") << "data";
   const RunResult result =
       run_sightlined({"--sampler", "embree", "--listen", "none", "--listen-unix", folder / "precious"});

@@ -12,6 +12,7 @@
 #include "server/gl/software_renderer.h"
 #include "server/sampler_choice.h"
 #include "tests/service/recorded_session.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -61,7 +62,7 @@ Heard talk(const Host& host, const v1::OpenSession& open, uint64_t ticks = 20) {
 
 class RecordingDaemon : public testing::Test {
  protected:
-  const ScratchFolder scratch_;
+  const test::TemporaryFolder scratch_;
   const std::string folder_ = scratch_ / "recordings";
 };
 
@@ -219,7 +220,7 @@ class RecordedReplay : public testing::TestWithParam<Where> {
     return all;
   }
 
-  const ScratchFolder scratch_;
+  const test::TemporaryFolder scratch_;
   const std::string folder_ = scratch_ / "recordings";
   std::unique_ptr<SamplerDevice> sampler_;
 };

@@ -9,6 +9,7 @@
 
 #include "tests/service/recorded_session.h"
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -102,7 +103,7 @@ class RecordedScenes : public testing::Test {
     return heard;
   }
 
-  const ScratchFolder scratch_;
+  const test::TemporaryFolder scratch_;
   const std::string folder_ = scratch_ / "recordings";
   const fs::path scenes_ = scratch_ / "scenes";
   const fs::path elsewhere_ = scratch_ / "elsewhere";

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/service/recorded_session.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -72,7 +73,7 @@ class RecordingTrouble : public testing::Test {
     EXPECT_EQ(test::hash_of(heard_->replies), hash_without_recording());
   }
 
-  const ScratchFolder scratch_;
+  const test::TemporaryFolder scratch_;
   const std::string folder_ = scratch_ / "recordings";
   std::unique_ptr<Daemon> daemon_;
   std::unique_ptr<Heard> heard_;

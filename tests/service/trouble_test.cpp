@@ -8,6 +8,7 @@
 #include "server/receive/inbox.h"
 #include "tests/service/service_world.h"
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -31,19 +32,13 @@ class SceneFolder {
     builder.triangle_node();
     builder.json["meshes"][0]["name"] = "triangle";
     const std::vector<std::byte> file = builder.glb();
-    std::ofstream(path_ / "one.glb")
+    std::ofstream(folder_ / "one.glb")
         .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
   }
-  ~SceneFolder() { std::filesystem::remove_all(path_); }
-  std::string path() const { return path_.string(); }
+  std::string path() const { return folder_.path(); }
 
  private:
-  // Tests run beside each other: each has a folder of its own.
-  static std::filesystem::path make_folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "sightline-trouble-XXXXXX").string();
-    return mkdtemp(pattern.data());
-  }
-  const std::filesystem::path path_ = make_folder();
+  const test::TemporaryFolder folder_;
 };
 
 v1::Tick spawn_tick(uint64_t sequence, uint64_t id) {

@@ -8,6 +8,7 @@
 
 #include "tests/service/service_world.h"
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -146,14 +147,14 @@ TEST(UploadScene, ACancelledUploadGivesItsPlaceBack) {
 }
 
 TEST(ListScenes, NamesWhatTheFolderHolds) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "list-scenes";
+  const test::TemporaryFolder folder;
   std::filesystem::create_directories(folder / "levels");
   const std::vector<std::byte> file = triangle_file();
   for (const char* name : {"b.glb", "a.glb", "levels/one.glb", "notes.txt"}) {
     std::ofstream(folder / name)
         .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
   }
-  const ServiceWorld world({.scene_dir = folder.string()});
+  const ServiceWorld world({.scene_dir = folder.path()});
   grpc::ClientContext context;
   v1::ListScenesReply reply;
   ASSERT_TRUE(v1::CameraControl::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
@@ -163,7 +164,6 @@ TEST(ListScenes, NamesWhatTheFolderHolds) {
   open.mutable_scene()->set_name("levels/one.glb");
   Stream stream(world.channel());
   EXPECT_EQ(stream.open(open).instances(), 2u);
-  std::filesystem::remove_all(folder);
 }
 
 TEST(ListScenes, IsEmptyWithoutAFolder) {

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <stdexcept>
@@ -14,6 +12,7 @@
 #include "server/receive/from_proto.h"
 #include "tests/session/wire.h"
 #include "tests/support/glb_builder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline::test {
 
@@ -34,11 +33,6 @@ class FromProto : public testing::Test {
     std::ofstream out(folder / "town.glb", std::ios::binary);
     const auto bytes = town_glb();
     out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  }
-  ~FromProto() override { std::filesystem::remove_all(folder); }
-  static std::filesystem::path make_folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "sightline-wire-XXXXXX").string();
-    return mkdtemp(pattern.data());
   }
   Result<SessionOptions> read(const v1::OpenSession& open) {
     return session_options_from_proto(open, source, warnings);
@@ -66,9 +60,9 @@ class FromProto : public testing::Test {
     return *input;
   }
 
-  const std::filesystem::path folder = make_folder();
+  const TemporaryFolder folder;
   GeometryStore store;
-  SceneLibrary library{folder.string(), GltfLimits{}, store};
+  SceneLibrary library{folder.path(), GltfLimits{}, store};
   SceneSource source{library, store};
   std::vector<std::string> warnings;
 };

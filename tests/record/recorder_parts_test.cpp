@@ -1,0 +1,193 @@
+// A session in several files: what stands at the head of each, and which of them have its scenes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tests/record/studio.h"
+
+namespace sightline {
+namespace {
+
+using test::Contents;
+using test::contents_of;
+using test::kSecondNs;
+using test::numbers;
+using test::Studio;
+using ::testing::SizeIs;
+
+TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
+  Studio studio({.limits = {.max_file_bytes = 3000, .free_reserve_bytes = 0}, .chunk_bytes = 500});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  for (int i = 0; i < 300; ++i) {
+    studio.tick(*recorder);
+    studio.answer(*recorder);
+    studio.writer->run_once();
+  }
+  recorder.reset();
+  studio.writer.reset();
+  EXPECT_GT(studio.files.files.size(), 3u);
+  std::vector<uint64_t> all;
+  for (const auto& [name, file] : studio.files.files) {  // in the order of their names
+    const Contents found = contents_of(*file.bytes);
+    EXPECT_EQ(found.topics.at(1), "/sightline/open");
+    EXPECT_EQ(found.missing, 0u);
+    if (found.ticks.empty()) continue;
+    // Whoever has only this part has all ticks: those before it in one, the rest as they were.
+    EXPECT_EQ(found.ticks, numbers(found.folded_ticks + 1, found.ticks.back()));
+    // A tick that was not answered yet stands in both.
+    const bool again = !all.empty() && found.ticks.front() == all.back();
+    all.insert(all.end(), found.ticks.begin() + (again ? 1 : 0), found.ticks.end());
+  }
+  EXPECT_EQ(all, numbers(1, 300));
+}
+
+TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
+  Studio studio({.limits = {.free_reserve_bytes = 0}});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  for (int i = 0; i < 5; ++i) studio.tick(*recorder), studio.answer(*recorder);
+  for (int i = 0; i < 3; ++i) studio.tick(*recorder);
+  v1::Rejection refused;
+  refused.set_sequence(7);
+  refused.add_field_violations()->set_field("tick.dt_s");
+  recorder->record(RecordTopic::kRejection, {studio.files.now_ns, studio.files.now_ns}, refused);
+  studio.later(1);
+  studio.files.files.clear();  // so that the next part begins
+  studio.later(2);
+  studio.later(2);
+  studio.answer(*recorder);
+  recorder.reset();
+  studio.writer.reset();
+  ASSERT_THAT(studio.files.files, SizeIs(1));
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
+  EXPECT_EQ(found.folded_ticks, 5u);
+  EXPECT_EQ(found.ticks, (std::vector<uint64_t>{6, 8}));
+  EXPECT_EQ(found.replies, 1u);
+}
+
+// Every tick is small; all that they changed comes to more than a message may be.
+TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
+  constexpr uint64_t kInstances = 200;
+  Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
+                 .chunk_bytes = 500,
+                 .max_message_bytes = 2000,
+                 .for_viewers = false});
+  auto recorder = studio.open();
+  v1::OpenSession open;
+  for (uint64_t id = 1; id <= kInstances; ++id) open.add_instances()->set_id(id);
+  EXPECT_TRUE(recorder->record(RecordTopic::kOpen, {1, 1}, open));
+  for (uint64_t id = 1; id <= kInstances; ++id) {
+    v1::Tick tick;
+    tick.set_sequence(++studio.ticks);
+    tick.mutable_transforms()->add_id(id);
+    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_position(1.0);
+    studio.files.now_ns += kSecondNs / 60;
+    EXPECT_TRUE(recorder->record(RecordTopic::kTick, {studio.files.now_ns, studio.files.now_ns}, tick));
+    studio.answer(*recorder);
+    studio.writer->run_once();
+  }
+  recorder.reset();
+  studio.writer->run_once();
+  EXPECT_EQ(studio.writer->counts().dropped_messages, 0u) << "every tick is in a part";
+
+  size_t folded = 0, too_large = 0;
+  for (const auto& [name, file] : studio.files.files) {
+    const Contents found = contents_of(*file.bytes);
+    if (found.ticks.empty() || found.ticks.front() == 1) continue;  // from the start
+    if (found.folded_ticks > 0) {
+      EXPECT_EQ(too_large, 0u) << "all that there is only grows";
+      EXPECT_EQ(found.gap_messages, 0u);
+      ++folded;
+      continue;
+    }
+    ++too_large;
+    EXPECT_EQ(found.topics.at(2), "/sightline/gap");
+    EXPECT_EQ(found.gap_messages, found.ticks.front() - 1);
+    EXPECT_EQ(found.gap_reasons, std::set{v1::Gap::TOO_LARGE});
+  }
+  EXPECT_GT(folded, 0u);
+  EXPECT_GT(too_large, 0u);
+}
+
+TEST(Recorder, AFirstFileThatComesLateHasTheOpeningAllTheSame) {
+  Studio studio;
+  studio.files.folder_forbidden = true;
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  studio.tick(*recorder), studio.answer(*recorder);
+  studio.writer->run_once();
+  studio.files.folder_forbidden = false;
+  studio.later(2);
+  studio.tick(*recorder);
+  recorder.reset();
+  studio.writer.reset();
+  ASSERT_THAT(studio.files.files, SizeIs(1));
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
+  EXPECT_EQ(found.topics.at(1), "/sightline/open");
+  EXPECT_EQ(found.folded_ticks, 1u);
+  EXPECT_EQ(found.ticks, numbers(2, 2));
+  EXPECT_EQ(found.gap_messages, 3u);
+}
+
+std::vector<std::pair<std::string, std::string>> attachments_of(const std::string& bytes) {
+  const MemorySource source(bytes);
+  const McapReader reader = McapReader::open(source, {}).value();
+  std::vector<std::pair<std::string, std::string>> found;
+  for (const auto& index : reader.info().attachments)
+    found.emplace_back(index.name, reader.attachment(index).value());
+  return found;
+}
+
+TEST(Recorder, ScenesGoInAsAttachments) {
+  Studio studio;
+  auto recorder = studio.open();
+  const auto scene = std::make_shared<const std::string>(3'000'000, 'g');
+  const auto more = std::make_shared<const std::string>("more");
+  EXPECT_TRUE(recorder->attach("hall.glb", "model/gltf-binary", 5, scene));
+  EXPECT_TRUE(recorder->attach("more.glb", "model/gltf-binary", 5, more));
+  studio.tick(*recorder);
+  studio.writer->run_once();
+  EXPECT_TRUE(recorder->attach("late.glb", "model/gltf-binary", 5, more));
+  recorder.reset();
+  studio.writer.reset();
+  using Pair = std::pair<std::string, std::string>;
+  EXPECT_THAT(
+      attachments_of(*studio.files.files.begin()->second.bytes),
+      ::testing::ElementsAre(Pair("hall.glb", *scene), Pair("more.glb", "more"), Pair("late.glb", "more")));
+}
+
+TEST(Recorder, EveryPartHasTheScenesUnlessTheyAreLarge) {
+  for (const size_t scene_bytes : {size_t{20'000}, size_t{200'000}}) {
+    Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
+                   .chunk_bytes = 500,
+                   .for_viewers = false});
+    auto recorder = studio.open();
+    EXPECT_TRUE(recorder->attach("hall.glb", "", 5, std::make_shared<const std::string>(scene_bytes, 'g')));
+    for (int i = 0; i < 6000; ++i) {
+      studio.tick(*recorder);
+      studio.writer->run_once();
+    }
+    recorder.reset();
+    studio.writer.reset();
+    EXPECT_GT(studio.files.files.size(), 3u);
+    EXPECT_LT(studio.files.files.size(), 60u) << "a scene does not end a part by itself";
+    for (const auto& [name, file] : studio.files.files) {
+      const bool has = scene_bytes == 20'000 || name.ends_with("-p001.mcap");
+      EXPECT_THAT(attachments_of(*file.bytes), SizeIs(has ? 1 : 0)) << name;
+    }
+  }
+}
+
+TEST(Recorder, AttachmentsOfASessionAreBounded) {
+  Studio studio;
+  auto recorder = studio.open();
+  const auto none = std::make_shared<const std::string>();
+  for (size_t i = 0; i < SessionRecorder::kMaxAttachments; ++i)
+    ASSERT_TRUE(recorder->attach(std::to_string(i), "", 5, none));
+  EXPECT_FALSE(recorder->attach("more", "", 5, none));
+}
+
+}  // namespace
+}  // namespace sightline
