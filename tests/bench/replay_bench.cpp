@@ -167,6 +167,15 @@ void time_hashing(const Recording& recording) {
               static_cast<unsigned long>(hash));
 }
 
+// Sums over steps.
+struct StageTimes {
+  double total_us = 0.0, scene_us = 0.0, bound_us = 0.0, sample_us = 0.0, aggregate_us = 0.0, move_us = 0.0;
+  void add(const v1::StageTimes& step) {
+    total_us += step.total_us(), scene_us += step.scene_us(), bound_us += step.bound_us();
+    sample_us += step.sample_us(), aggregate_us += step.aggregate_us(), move_us += step.move_us();
+  }
+};
+
 Status time_replay(const Recording& recording, const std::string& sampler_name) {
   auto sampler = make_sampler(sampler_name);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
@@ -179,7 +188,7 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
   ReplyComparison comparison(replay.convention());
   ReplayedStep step;
   uint64_t steps = 0;
-  double stepped_us = 0.0;
+  StageTimes stages;
   const double processor_s = processor_seconds();
   const auto begun = Clock::now();
   while (true) {
@@ -187,7 +196,7 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
     if (!more) return tl::unexpected(more.error());
     if (!*more) break;
     ++steps;
-    stepped_us += step.answer.reply.stage_times().total_us();
+    stages.add(step.answer.reply.stage_times());
     if (step.recorded.answer == StepAnswer::kRecorded && step.answer.has_reply)
       comparison.add(step.recorded.step.reply, step.answer.reply);
   }
@@ -199,8 +208,11 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
   std::printf(
       "%-22s %.1f us a step, of which the step itself %.1f, all else %.1f; %.1f us of processor "
       "time: %.1f times real time on a core of its own\n",
-      "", 1e6 * s / n, stepped_us / n, 1e6 * s / n - stepped_us / n, 1e6 * on_processor_s / n,
+      "", 1e6 * s / n, stages.total_us / n, 1e6 * s / n - stages.total_us / n, 1e6 * on_processor_s / n,
       recording.duration_s() / on_processor_s);
+  std::printf("%-22s scene %.1f, bound %.1f, sample %.1f, aggregate %.1f, move %.1f us\n", "",
+              stages.scene_us / n, stages.bound_us / n, stages.sample_us / n, stages.aggregate_us / n,
+              stages.move_us / n);
   return {};
 }
 
