@@ -1,7 +1,7 @@
 // What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
 // fast as possible, and what of that is not the step itself.
 //
-//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE]
+//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
 // Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
 // there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the default settings.
@@ -39,6 +39,7 @@ struct Options {
   int points = -1;
   std::string sampler = "embree";
   std::string file;
+  size_t threads = replay_threads();
 };
 
 // Of this thread alone: what the machine does for others meanwhile does not count.
@@ -52,8 +53,9 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-std::unique_ptr<SamplerDevice> make_sampler(const std::string& name) {
-  auto chosen = choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+std::unique_ptr<SamplerDevice> make_sampler(const std::string& name, size_t threads) {
+  auto chosen =
+      choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {}, threads);
   return chosen ? std::move(chosen->device) : nullptr;
 }
 
@@ -62,7 +64,7 @@ Status make_recording(const Options& options, const std::string& path) {
   const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
   if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
   const auto glb = entry->make({});
-  const auto sampler = make_sampler(options.sampler);
+  const auto sampler = make_sampler(options.sampler, options.threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   LocalWorld world("", *sampler);
   const auto asset = world.scenes.add_uploaded(glb);
@@ -176,8 +178,8 @@ struct StageTimes {
   }
 };
 
-Status time_replay(const Recording& recording, const std::string& sampler_name) {
-  auto sampler = make_sampler(sampler_name);
+Status time_replay(const Recording& recording, size_t threads) {
+  auto sampler = make_sampler(recording.info().sampler(), threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   const auto place = make_local_place(std::move(sampler));
   ReplayScenes scenes(recording, {});
@@ -235,7 +237,7 @@ Status run(const Options& options) {
   time_first_pose(path, "from the middle", recording->duration_s() / 2);
   time_reading(*recording);
   time_hashing(*recording);
-  if (Status done = time_replay(*recording, recording->info().sampler()); !done) return done;
+  if (Status done = time_replay(*recording, options.threads); !done) return done;
   if (options.file.empty()) std::filesystem::remove(path);
   return {};
 }
@@ -257,6 +259,9 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"embree", "egl"}))
       ->capture_default_str();
   app.add_option("--file", options.file, "Keep the recording here, or take the one that is here");
+  app.add_option("--threads", options.threads, "That a replay takes its maps on")
+      ->check(CLI::Range(size_t{1}, size_t{64}))
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (const sightline::Status done = sightline::run(options); !done) {
     std::fprintf(stderr, "replay_bench: %s\n", to_string(done.error()).c_str());
