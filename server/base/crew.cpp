@@ -13,6 +13,8 @@ namespace {
 // Longer than a step does other things than what its helpers help with.
 constexpr std::chrono::microseconds kWatch(500);
 constexpr int kLooksBetweenClocks = 32;
+// So many runs are without helpers when one lost its core: what was lost then, some milliseconds, is little beside them.
+constexpr int kAloneAfterLoss = 256;
 
 void breathe() {
 #if defined(__x86_64__)
@@ -22,16 +24,17 @@ void breathe() {
 #endif
 }
 
-// Looks until it is so, or for kWatch. Going to sleep and being woken would take longer than most of what is waited for.
+// Looks until it is so, or for kWatch: then false. Going to sleep and being woken would take longer than most of what is waited for.
 template <typename IsSo>
-void look_until(IsSo is_so) {
+bool look_until(IsSo is_so) {
   const auto end = std::chrono::steady_clock::now() + kWatch;
   do {
     for (int i = 0; i < kLooksBetweenClocks; ++i) {
-      if (is_so()) return;
+      if (is_so()) return true;
       breathe();
     }
   } while (std::chrono::steady_clock::now() < end);
+  return false;
 }
 
 }  // namespace
@@ -57,6 +60,10 @@ Crew::~Crew() {
 }
 
 void Crew::run(const std::function<void(size_t)>& work) {
+  if (alone_ > 0) {
+    --alone_;
+    return work(0);
+  }
   {
     const std::lock_guard lock(mutex_);
     work_ = &work;
@@ -68,7 +75,8 @@ void Crew::run(const std::function<void(size_t)>& work) {
     const std::lock_guard lock(mutex_);
     work_ = nullptr;
   }
-  look_until([this] { return inside_ == 0; });
+  if (look_until([this] { return inside_ == 0; })) return;
+  alone_ = kAloneAfterLoss;
   std::unique_lock lock(mutex_);
   left_.wait(lock, [this] { return inside_ == 0; });
 }

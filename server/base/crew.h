@@ -14,7 +14,8 @@
 namespace sightline {
 
 // Used by one thread at a time. After work its helpers watch for more for half a millisecond, which keeps their cores busy; then they
-// sleep.
+// sleep. One that loses its core amid work is waited for; then the work to come is done without helpers for a while, so that on a
+// machine where others want the cores little is lost.
 class Crew {
  public:
   // So many hands, at least 1, that of the caller among them. Where no thread can be had there are fewer.
@@ -26,7 +27,7 @@ class Crew {
   size_t hands() const { return helpers_.size() + 1; }
 
   // Calls work(0) here, and work(k), k < hands(), on each helper that comes before that has returned; returns when all are done. Nobody
-  // waits for a helper that has no core to run on: so each takes its share from what is left until nothing is. `work` throws nothing.
+  // waits for a helper to come: so each takes its share from what is left until nothing is. `work` throws nothing.
   void run(const std::function<void(size_t hand)>& work);
 
  private:
@@ -38,6 +39,7 @@ class Crew {
   bool ended_ = false;                                 // guarded by mutex_
   std::atomic<uint64_t> calls_{0};                     // changes under mutex_
   std::atomic<size_t> inside_{0};                      // helpers at work; changes under mutex_
+  int alone_ = 0;                                      // so many runs to come are without helpers
   std::vector<std::thread> helpers_;
 };
 
