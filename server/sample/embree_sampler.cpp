@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <functional>
+#include <iterator>
 
 #include "server/base/crew.h"
 #include "server/sample/embree_maps.h"
@@ -17,8 +18,8 @@ double common_ahead_s(std::span<const MapRequest> requests) {
   return ahead_s;
 }
 
-// Maps that a hand takes at a time: few enough that all hands end together, and enough that they seldom ask for more.
-constexpr size_t kMapsAtATime = 4;
+// For fewer maps no helper is called.
+constexpr size_t kWorthTheCall = 4;
 
 class EmbreeSampler final : public Sampler {
  public:
@@ -32,16 +33,15 @@ class EmbreeSampler final : public Sampler {
     maps.resize(requests.size());
     // What is new to the device is built here, once; the others find it.
     takers_[0]->take_in(mirror, ahead_s);
-    std::atomic<size_t> next{0};
-    // A map depends on the mirror and its request alone (embree_maps.h): whoever takes it.
+    // A map depends on the mirror and its request alone (embree_maps.h): whoever takes it. The last first: a step's last are those of
+    // the survey, of which each costs as much as three others, so that the hands end together.
+    std::atomic<ptrdiff_t> left{std::ssize(requests)};
     const auto work = [&](size_t hand) {
       if (hand > 0) takers_[hand]->take_in(mirror, ahead_s);
-      for (size_t first = next.fetch_add(kMapsAtATime); first < requests.size();
-           first = next.fetch_add(kMapsAtATime))
-        for (size_t i = first; i < std::min(first + kMapsAtATime, requests.size()); ++i)
-          takers_[hand]->take(mirror, requests[i], maps[i]);
+      for (ptrdiff_t i = --left; i >= 0; i = --left)
+        takers_[hand]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
     };
-    if (crew_.hands() > 1 && requests.size() > kMapsAtATime)
+    if (crew_.hands() > 1 && requests.size() > kWorthTheCall)
       crew_.run(std::cref(work));
     else
       work(0);
