@@ -1,10 +1,10 @@
 // What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
 // fast as possible, and what of that is not the step itself.
 //
-//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE] [--threads N]
+//   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
 // Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
-// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the default settings.
+// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the preset's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -21,6 +21,7 @@
 #include "client/replay.h"
 #include "client/scenario.h"
 #include "client/scenario_session.h"
+#include "client/wire_presets.h"
 #include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
 #include "server/sampler_choice.h"
@@ -36,6 +37,7 @@ constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
 struct Options {
   double minutes = 60.0;
   std::string scene = "hall";
+  std::string preset = "sightline";
   int points = -1;
   std::string sampler = "embree";
   std::string file;
@@ -73,6 +75,7 @@ Status make_recording(const Options& options, const std::string& path) {
   if (!scenario) return tl::unexpected(scenario.error());
   const std::string hash = to_hex((*asset)->hash);
   v1::OpenSession open = open_request(*scenario, hash, 1);
+  open.mutable_settings()->set_preset(preset_named(options.preset).value());
   if (options.points >= 0)
     open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
   const auto session = LocalSession::open(open, world);
@@ -253,7 +256,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.01, 1e4))
       ->capture_default_str();
   app.add_option("--scene", options.scene, "Of the catalogue")->capture_default_str();
-  app.add_option("--points", options.points, "Surface points of each target; -1: the default")
+  app.add_option("--preset", options.preset, "That the settings start from")
+      ->check(CLI::IsMember(sightline::preset_names()))
+      ->capture_default_str();
+  app.add_option("--points", options.points, "Surface points of each target; -1: the preset's")
       ->check(CLI::Range(-1, 16));
   app.add_option("--sampler", options.sampler, "embree or egl")
       ->check(CLI::IsMember({"embree", "egl"}))
