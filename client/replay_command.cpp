@@ -146,7 +146,8 @@ class Command {
     const SamplerChoice choice = wanted == "egl"      ? SamplerChoice::kEgl
                                  : wanted == "embree" ? SamplerChoice::kEmbree
                                                       : SamplerChoice::kAuto;
-    auto sampler = choose_sampler_device(choice, {});
+    auto sampler =
+        choose_sampler_device(choice, {}, options_.threads > 0 ? options_.threads : replay_threads());
     if (!sampler) {
       Error error = std::move(sampler.error());
       if (options_.sampler == "recorded") error.message += "; --sampler embree needs no OpenGL";
@@ -383,6 +384,11 @@ Verb add_replay_verb(CLI::App& app) {
   command->add_option("--sampler", options->sampler, "recorded, auto, egl or embree")
       ->check(CLI::IsMember({"recorded", "auto", "egl", "embree"}))
       ->capture_default_str()
+      ->excludes(server);
+  command
+      ->add_option("--threads", options->threads,
+                   "Threads that take the maps of a step, of Embree (default: one a core, at most 4)")
+      ->check(CLI::Range(size_t{1}, size_t{64}))
       ->excludes(server);
   command->add_option("--scene-dir", options->scene_dir, "Folder of the scenes that are not attached")
       ->check(CLI::ExistingDirectory);

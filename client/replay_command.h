@@ -22,6 +22,7 @@ struct ReplayCommandOptions {
   double start_s = 0.0;  // from here at that rate, or by hand; everything before as fast as possible
   double end_s = std::numeric_limits<double>::infinity();
   std::string sampler = "recorded";  // or "auto", "egl", "embree"
+  size_t threads = 0;                // that the maps of a step are taken on, Embree's; 0: replay_threads()
   std::string scene_dir = {};
   std::vector<std::string> scenes = {};  // files
   std::vector<std::string> set = {};     // KEY=VALUE

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <chrono>
+#include <thread>
 #include <utility>
 
 #include "client/replay_place.h"
@@ -56,6 +58,10 @@ class LocalPlace final : public ReplayPlace {
 };
 
 }  // namespace
+
+size_t replay_threads() {
+  return std::clamp<size_t>(std::thread::hardware_concurrency(), 1, 4);
+}
 
 std::unique_ptr<ReplayPlace> make_local_place(std::unique_ptr<SamplerDevice> sampler) {
   return std::make_unique<LocalPlace>(std::move(sampler), true);

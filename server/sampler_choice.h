@@ -33,7 +33,7 @@ struct ChosenSampler {
   std::unique_ptr<SamplerDevice> device;
   std::string reason;
 };
-// Decides and makes it. Fails as make_egl_sampler_device does.
-Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options);
+// Decides and makes it. Fails as make_egl_sampler_device does. `hands`: see make_embree_sampler_device; EGL's device has but one.
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t hands = 1);
 
 }  // namespace sightline

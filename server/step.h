@@ -28,6 +28,7 @@
 #include "server/move/body.h"
 #include "server/move/choose.h"
 #include "server/move/decision.h"
+#include "server/move/depths.h"
 #include "server/move/framing.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
@@ -126,7 +127,9 @@ struct GoalSearch {
   std::vector<double> hidden;   // by candidate: what counts as hidden, [0, 1]
   Standoff standoff;
   std::vector<float> clearance_m;  // by candidate, to what stands, 0 where a mover is about to be
+  Depths depths;                   // among the places that see all
   RouteFinder routes;
+  bool lost = false;  // nothing is seen from any place that can be reached
   Trail trail;
   ClearanceField trail_colliders;    // along it; those of the body's own reach stay apart
   std::optional<glm::dvec3> goal_m;  // the former step's
@@ -176,10 +179,10 @@ struct StepMemory {
   ShotSearch shot;
   GoalSearch goal;
   GroupScratch group_scratch;
-  Groups groups;
+  Groups groups;  // strategy robust only
   ShelterScratch shelter_scratch;
   std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
-  std::vector<double> cost;  // by candidate; not of strategy kBasic, which costs distance
+  std::vector<double> cost;               // by candidate; strategy robust only
   ChoiceScratch choice_scratch;
   std::vector<glm::vec3> picked;
   std::vector<uint64_t> target_ids;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/move/goal.h"
 #include "server/step_work.h"
 
 namespace sightline {
@@ -9,8 +10,6 @@ namespace {
 
 // What is foretold with all its points counts this share of the future; the rest are the futures of aim points.
 constexpr double kForetoldShare = 0.5;
-// Places outside the limits come after all inside.
-constexpr double kOutsideLimits = 1e4;
 // Nothing at all is seen from a place.
 constexpr double kAllHidden = 0.999;
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
@@ -33,31 +32,22 @@ void give_way(StepWork& w, double body_radius_m) {
     if (soon.clearance_m(places[i], body_radius_m) < body_radius_m) w.memory.goal.clearance_m[i] = 0;
 }
 
-void find_routes(StepWork& w) {
+void measure_clearances(StepWork& w, double body_radius_m) {
   StepMemory& m = w.memory;
-  const double body_radius_m = body_m(w) + kRouteRoomM;
   const std::span<const float> standoff = m.goal.standoff.measure(
       w.input.scene, m.lattice, m.bound, m.place_m, w.on_lattice, body_radius_m);
   m.goal.clearance_m.assign(standoff.begin(), standoff.end());
   give_way(w, body_radius_m);
-  const RouteNodes nodes{.position_m = m.place_m,
-                         .cell = m.cells,
-                         .clearance_m = m.goal.clearance_m,
-                         .hidden = m.goal.hidden,
-                         .first_leg_is_free = [&](uint32_t node) {
-                           return path_is_free(m.colliders, m.camera.pose.position_m,
-                                               m.place_m[node], body_m(w));
-                         },
-                         .spacing_m = m.lattice.spacing_m()};
-  m.goal.routes.find(nodes, static_cast<uint32_t>(w.own_candidate),
-                     {.body_radius_m = body_radius_m, .exposure = w.input.settings.move.blend.exposure});
 }
 
-bool is_lost(const StepWork& w) {
+// From no place that can be reached anything is seen. Finds further ways until one is.
+bool is_lost(StepWork& w) {
   const auto& hidden = w.memory.goal.hidden;
-  const auto& route_m = w.memory.goal.routes.cost_m();
-  for (size_t i = 0; i < hidden.size(); ++i)
-    if (hidden[i] < kAllHidden && !std::isinf(route_m[i])) return false;
+  RouteFinder& routes = w.memory.goal.routes;
+  for (uint32_t i = 0; i < hidden.size(); ++i)
+    if (hidden[i] < kAllHidden && routes.is_settled(i)) return false;
+  while (const auto node = routes.settle_next())
+    if (hidden[*node] < kAllHidden) return false;
   return true;
 }
 
@@ -167,31 +157,42 @@ void expect_hidden(StepWork& w) {
 
 Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
   StepMemory& m = w.memory;
+  GoalSearch& goal = m.goal;
   const MoveSettings& settings = w.input.settings.move;
-  find_groups_of_all_visible(w, desired_m);
-  find_routes(w);
+  const double body_radius_m = body_m(w) + kRouteRoomM;
+  list_all_visible(w);
+  goal.depths.begin(m.cells, m.members);
+  measure_clearances(w, body_radius_m);
+  const RouteNodes nodes{.position_m = m.place_m,
+                         .cell = m.cells,
+                         .clearance_m = goal.clearance_m,
+                         .hidden = goal.hidden,
+                         .first_leg_is_free =
+                             [&](uint32_t node) {
+                               return path_is_free(m.colliders, m.camera.pose.position_m, m.place_m[node],
+                                                   body_m(w));
+                             },
+                         .spacing_m = m.lattice.spacing_m()};
+  goal.routes.begin(nodes, static_cast<uint32_t>(w.own_candidate),
+                    {.body_radius_m = body_radius_m, .exposure = settings.blend.exposure});
   BlendSettings blend = settings.blend;
   if (targets_stand(w)) blend.tolerance = std::max(blend.tolerance, settings.survey.content);
-  blend_costs({.position_m = m.place_m,
-               .hidden = m.goal.hidden,
-               .route_m = m.goal.routes.cost_m(),
-               .groups = m.groups,
-               .spacing_m = m.lattice.spacing_m(),
-               .desired_m = desired_m,
-               .former_goal_m = m.goal.goal_m},
-              blend, m.cost);
+  const BlendCosts costs({.position_m = m.place_m,
+                          .hidden = goal.hidden,
+                          .spacing_m = m.lattice.spacing_m(),
+                          .desired_m = desired_m,
+                          .former_goal_m = goal.goal_m},
+                         blend);
   const PlaceLimits limits(m.target_views, settings);
-  for (size_t i = 0; i < m.cost.size(); ++i)
-    if (!limits.hold(m.place_m[i])) m.cost[i] += kOutsideLimits;
-  const Choice choice = choose_least(m.candidates, m.target_views, m.cost, desired_m);
-  m.goal.goal_m.reset();
-  if (choice.candidate >= 0) m.goal.goal_m = m.place_m[static_cast<size_t>(choice.candidate)];
-  return choice;
+  const uint32_t found = find_goal({costs, goal.depths, limits, m.place_m}, goal.routes);
+  goal.lost = is_lost(w);
+  goal.goal_m = m.place_m[found];
+  return choice_of(found, m.candidates, m.target_views, desired_m);
 }
 
 glm::dvec3 velocity_to_goal(StepWork& w, Choice& choice) {
   Leg leg{w.memory.camera.pose.position_m, 0};
-  if (w.steered != 0 && is_lost(w) && follow_trail(w, leg)) {
+  if (w.steered != 0 && w.memory.goal.lost && follow_trail(w, leg)) {
     w.result.status = MoveStatus::kEscaping;
     w.result.reason = MoveReason::kOnTrail;
     choice.candidate = w.result.chosen_candidate = -1;

@@ -39,6 +39,9 @@ void leave_out_hidden_ahead(StepWork& w) {
 
 void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
   StepMemory& m = w.memory;
+  list_all_visible(w);
+  leave_out_hidden_ahead(w);
+  find_groups(m.cells, m.place_m, m.members, desired, m.group_scratch, m.groups);
   measure_shelter(m.cells, m.members, m.shelter_scratch, m.shelter_squared);
   robust_costs(m.place_m, desired, m.groups, m.shelter_squared, m.cost);
 }
@@ -54,9 +57,8 @@ Choice choose(StepWork& w) {
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
   if (w.input.settings.move.strategy == Strategy::kBasic)
-    return choose_basic(w.memory.candidates, w.memory.target_views, desired, ahead_weight, w.input.settings.move,
-                        reachable, w.memory.choice_scratch);
-  find_groups_of_all_visible(w, desired);
+    return choose_basic(w.memory.candidates, w.memory.target_views, desired, ahead_weight,
+                        w.input.settings.move, reachable, w.memory.choice_scratch);
   set_robust_costs(w, desired);
   return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
                       w.input.settings.move, reachable, w.memory.choice_scratch);
@@ -116,14 +118,11 @@ glm::dvec3 group_velocity(const StepWork& w) {
   return weight > 0 ? sum / weight : sum;
 }
 
-void find_groups_of_all_visible(StepWork& w, const glm::dvec3& desired_m) {
+void list_all_visible(StepWork& w) {
   const std::span<const uint32_t> seen = w.memory.candidates.filtered();
   lattice_cells(w.memory.candidates.position_m, w.memory.lattice.spacing_m(), w.memory.cells);
   w.memory.members.resize(seen.size());
   for (size_t i = 0; i < seen.size(); ++i) w.memory.members[i] = (seen[i] & w.steered) == w.steered;
-  if (w.input.settings.move.strategy == Strategy::kRobust) leave_out_hidden_ahead(w);
-  find_groups(w.memory.cells, w.memory.place_m, w.memory.members, desired_m, w.memory.group_scratch,
-              w.memory.groups);
 }
 
 void move(StepWork& w) {

@@ -37,8 +37,8 @@ glm::dvec3 group_velocity(const StepWork& work);
 SampledPoints as_input(const StepWork& work, const Sampled& sampled);
 // Nobody walks: what is seen now will be seen, but for what passes.
 bool targets_stand(const StepWork& work);
-// Finds memory.groups: the groups of places that see all steered targets.
-void find_groups_of_all_visible(StepWork& work, const glm::dvec3& desired_m);
+// Lists memory.cells, and which candidates see all steered targets: memory.members.
+void list_all_visible(StepWork& work);
 
 // The place that the camera wants now.
 glm::dvec3 desired_place(const StepWork& work);

@@ -332,19 +332,16 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
                    reachable, scratch);
 }
 
-Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
-                    std::span<const double> cost, const glm::dvec3& desired_m) {
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TargetView> targets,
+                 const glm::dvec3& desired_m) {
   const uint32_t steered = steered_mask(targets);
-  if (steered == 0 || cost.empty()) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
-  const auto best = std::min_element(cost.begin(), cost.end()) - cost.begin();
-  if (std::isinf(cost[best])) return {MoveStatus::kHolding, MoveReason::kBlockedByGeometry, -1};
-  const auto candidate = static_cast<int>(best);
-  const uint32_t seen = candidates.filtered()[static_cast<size_t>(best)] & steered;
-  if (seen == 0) return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, candidate};
-  if (seen != steered) return {MoveStatus::kPartial, MoveReason::kBestPartial, candidate};
-  const bool desired = glm::distance(candidates.position_m[static_cast<size_t>(best)], desired_m) < 1e-6;
-  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible,
-          candidate};
+  if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
+  const auto index = static_cast<int>(candidate);
+  const uint32_t seen = candidates.filtered()[candidate] & steered;
+  if (seen == 0) return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, index};
+  if (seen != steered) return {MoveStatus::kPartial, MoveReason::kBestPartial, index};
+  const bool desired = glm::distance(candidates.position_m[candidate], desired_m) < 1e-6;
+  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible, index};
 }
 
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,

@@ -118,9 +118,9 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> 
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch);
 
-// The reachable candidate of least cost, whatever it sees: for costs that hold what is hidden. Unreachable ones cost infinity.
-Choice choose_least(const CandidateSet& candidates, std::span<const TargetView> targets,
-                    std::span<const double> cost, const glm::dvec3& desired_m);
+// What it means to go to this candidate, whatever it sees: for goals whose costs hold what is hidden. Holds without targets.
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TargetView> targets,
+                 const glm::dvec3& desired_m);
 
 // Basic alone: choose_place by the distance to the desired place, without looking at all candidates where those near it do.
 Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,

@@ -52,21 +52,33 @@ Status validate(const BlendSettings& s) {
                            {s.hidden, s.distance, s.shelter, s.route});
 }
 
-void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost) {
-  cost.resize(input.position_m.size());
-  for (size_t i = 0; i < cost.size(); ++i) {
-    const double depth_m = input.groups.depth_steps(i) * input.spacing_m;
-    const double bare = 1.0 - std::min(depth_m / settings.full_depth_m, 1.0);
-    const double missed = std::max(0.0, input.hidden[i] - settings.tolerance);
-    cost[i] = settings.hidden * missed +
-              settings.distance * glm::distance(input.position_m[i], input.desired_m) +
-              settings.shelter * bare;
-    // Kept apart: no weight times infinity.
-    cost[i] += std::isinf(input.route_m[i]) ? input.route_m[i] : settings.route * input.route_m[i];
-    if (input.former_goal_m)
-      cost[i] +=
-          settings.steadiness * std::min(glm::distance(input.position_m[i], *input.former_goal_m), 1.0);
-  }
+double BlendCosts::missed_and_far(size_t candidate) const {
+  const double missed = std::max(0.0, input_.hidden[candidate] - settings_.tolerance);
+  return settings_.hidden * missed +
+         settings_.distance * glm::distance(input_.position_m[candidate], input_.desired_m);
+}
+
+double BlendCosts::of(size_t candidate, double route_m, uint32_t depth_squared) const {
+  const double depth_m = std::sqrt(static_cast<double>(depth_squared)) * input_.spacing_m;
+  const double bare = 1.0 - std::min(depth_m / settings_.full_depth_m, 1.0);
+  double cost = missed_and_far(candidate) + settings_.shelter * bare;
+  cost += settings_.route * route_m;
+  if (input_.former_goal_m)
+    cost += settings_.steadiness *
+            std::min(glm::distance(input_.position_m[candidate], *input_.former_goal_m), 1.0);
+  return cost;
+}
+
+double BlendCosts::least_of(size_t candidate, double route_m) const {
+  return missed_and_far(candidate) + settings_.route * route_m;
+}
+
+uint32_t BlendCosts::full_depth_steps() const {
+  constexpr uint32_t kMost =
+      1 << 15;  // more than any group of candidates has, and its square is a number still
+  auto steps = static_cast<uint32_t>(std::min(settings_.full_depth_m / input_.spacing_m, double{kMost}));
+  while (steps < kMost && steps * input_.spacing_m / settings_.full_depth_m < 1.0) ++steps;
+  return steps;
 }
 
 }  // namespace sightline

@@ -40,17 +40,33 @@ struct BlendSettings {
 };
 Status validate(const BlendSettings& settings);
 
-// What a blend is made of; spans as long as the candidates.
+// What a blend is made of; spans as long as the candidates. What it refers to must outlive what is made of it.
 struct BlendInput {
   std::span<const glm::dvec3> position_m;
-  std::span<const double> hidden;   // [0, 1]: expected hidden share of the targets
-  std::span<const double> route_m;  // the way there; infinite: none
-  const Groups& groups;             // of the places that see all
-  double spacing_m = 1.0;           // of the groups' grid
+  std::span<const double> hidden;  // [0, 1]: expected hidden share of the targets
+  double spacing_m = 1.0;          // of the grid of which depths are told
   glm::dvec3 desired_m{0.0};
   std::optional<glm::dvec3> former_goal_m;
 };
-// cost[i]: the sum of the weighed terms, metres; infinite where there is no way. O(candidates).
-void blend_costs(const BlendInput& input, const BlendSettings& settings, std::vector<double>& cost);
+
+// What one candidate costs, metres: the sum of the weighed terms.
+class BlendCosts {
+ public:
+  BlendCosts(const BlendInput& input, const BlendSettings& settings) : input_(input), settings_(settings) {}
+
+  // `route_m`: of the way there, finite. `depth_squared`: grid steps squared, as Groups has them. With a longer way, or less depth,
+  // it is never less, not in the last bit.
+  double of(size_t candidate, double route_m, uint32_t depth_squared) const;
+  // No more than `of` with any depth, and quick.
+  double least_of(size_t candidate, double route_m) const;
+  // So many grid steps deep or deeper is all the same.
+  uint32_t full_depth_steps() const;
+
+ private:
+  double missed_and_far(size_t candidate) const;
+
+  const BlendInput input_;
+  const BlendSettings settings_;
+};
 
 }  // namespace sightline

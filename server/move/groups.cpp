@@ -5,35 +5,14 @@
 #include "server/move/groups.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <optional>
-
-#include "server/move/cell_box.h"
 
 namespace sightline {
 namespace {
 
 constexpr int32_t kFar = 1 << 29;  // larger than any squared distance on a run, and twice it still is an int
-
-uint32_t hash_cell(const glm::ivec3& c) {
-  uint64_t h = static_cast<uint32_t>(c.x) * 0x9E3779B97F4A7C15ull;
-  h = (h ^ (h >> 29) ^ static_cast<uint32_t>(c.y)) * 0xBF58476D1CE4E5B9ull;
-  h = (h ^ (h >> 31) ^ static_cast<uint32_t>(c.z)) * 0x94D049BB133111EBull;
-  return static_cast<uint32_t>(h >> 32);
-}
-
-// The box around the cells and one cell more on every side, where a table over it is of the order of their number.
-std::optional<CellBox> compact_box(std::span<const glm::ivec3> cell) {
-  if (cell.empty()) return std::nullopt;
-  glm::ivec3 low = cell[0], high = cell[0];
-  for (const glm::ivec3& c : cell) low = glm::min(low, c), high = glm::max(high, c);
-  const glm::dvec3 size = glm::dvec3(high) - glm::dvec3(low) + 3.0;
-  if (size.x * size.y * size.z > 16.0 * static_cast<double>(cell.size()) + 4096) return std::nullopt;
-  return CellBox{low - 1, high - low + 3};
-}
 
 class Finder {
  public:
@@ -43,10 +22,10 @@ class Finder {
 
   void index_cells() {
     const size_t n = cell_.size();
-    choose_table();
+    s_.table.clear(cell_);
     s_.first_in_cell.resize(n);
     for (size_t i = 0; i < n; ++i) {
-      int32_t& slot = slot_of(cell_[i]);
+      int32_t& slot = s_.table.slot_of(cell_[i]);
       if (slot < 0) slot = static_cast<int32_t>(i);
       s_.first_in_cell[i] = slot;
     }
@@ -54,13 +33,13 @@ class Finder {
 
   void link_neighbours() {
     s_.beside.resize(cell_.size());
-    if (box_) return link_in_box();
+    if (s_.table.box()) return link_in_box(*s_.table.box());
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
       for (int side = 0; side < 6; ++side) {
         glm::ivec3 at = cell_[i];
         at[side / 2] += side % 2 == 0 ? -1 : 1;
-        const int32_t other = slot_of(at);
+        const int32_t other = s_.table.slot_of(at);
         s_.beside[i][side] = other >= 0 && member_[other] ? other : -1;
       }
     }
@@ -106,31 +85,16 @@ class Finder {
     return member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i);
   }
 
-  // A table over the box around the cells; where they are too scattered for that, a hash table.
-  void choose_table() {
-    box_ = compact_box(cell_);
-    s_.slots.assign(box_ ? box_->count() : std::bit_ceil(std::max<size_t>(2 * cell_.size(), 8)), -1);
-  }
-
   // The table keeps the cells of members alone; neighbours lie at fixed ways from each other in it.
-  void link_in_box() {
+  void link_in_box(const CellBox& box) {
     for (size_t i = 0; i < cell_.size(); ++i)
-      if (!member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i)) slot_of(cell_[i]) = -1;
-    const auto row = static_cast<ptrdiff_t>(box_->row()), slice = static_cast<ptrdiff_t>(box_->slice());
+      if (!member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i)) s_.table.slot_of(cell_[i]) = -1;
+    const auto row = static_cast<ptrdiff_t>(box.row()), slice = static_cast<ptrdiff_t>(box.slice());
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
-      const int32_t* const at = &slot_of(cell_[i]);
+      const int32_t* const at = &s_.table.slot_of(cell_[i]);
       s_.beside[i] = {at[-1], at[1], at[-row], at[row], at[-slice], at[slice]};
     }
-  }
-
-  // The slot that holds the cell's first candidate, or the free one where it would be put. The cell is a candidate's or beside one.
-  int32_t& slot_of(const glm::ivec3& cell) {
-    if (box_) return s_.slots[box_->address(cell)];
-    const size_t mask = s_.slots.size() - 1;
-    size_t k = hash_cell(cell) & mask;
-    while (s_.slots[k] >= 0 && cell_[s_.slots[k]] != cell) k = (k + 1) & mask;
-    return s_.slots[k];
   }
 
   void flood(int32_t from) {
@@ -177,7 +141,6 @@ class Finder {
   std::span<const uint8_t> member_;
   GroupScratch& s_;
   Groups& g_;
-  std::optional<CellBox> box_;  // none where the cells are scattered
 };
 
 // Distances are measured when groups of one size leave the choice to them.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "server/aggregate/places.h"
+#include "server/move/cell_table.h"
 
 namespace sightline {
 
@@ -41,7 +42,7 @@ struct Groups {
 
 // Working memory of find_groups, grown as needed and then kept: no allocation in the steady state.
 struct GroupScratch {
-  std::vector<int32_t> slots;                  // table from cell to the first candidate in it
+  CellTable table;                             // of the first candidates
   std::vector<int32_t> first_in_cell;          // per candidate
   std::vector<std::array<int32_t, 6>> beside;  // per candidate: members at -x, +x, -y, +y, -z, +z, or -1
   std::vector<int32_t> queue;

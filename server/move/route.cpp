@@ -45,7 +45,11 @@ void RouteFinder::index(const RouteNodes& nodes, uint32_t start, double body_rad
   on_lattice_.assign(count, 0);
   for (uint32_t i = 0; i < count; ++i) {
     on_lattice_[i] = stands_on_lattice(nodes, i);
-    if (i == start || nodes.clearance_m[i] < body_radius_m) continue;
+    if (i == start) continue;
+    if (nodes.clearance_m[i] < body_radius_m) {
+      state_[i] = kNoRoom;
+      continue;
+    }
     const size_t cell = box_.address(nodes.cell[i]);
     if (first_in_cell_[cell] != kNone) on_lattice_[i] = on_lattice_[first_in_cell_[cell]] = 0;
     next_in_cell_[i] = first_in_cell_[cell];
@@ -54,14 +58,14 @@ void RouteFinder::index(const RouteNodes& nodes, uint32_t start, double body_rad
   }
 }
 
-void RouteFinder::try_leg(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from, uint32_t to) {
-  if (done_[to]) return;
+void RouteFinder::try_leg(const RouteNodes& nodes, uint32_t from, uint32_t to) {
+  if (state_[to] != kOpen) return;
   const bool from_start = before_[from] == kNone;
   const double length = glm::distance(nodes.position_m[from], nodes.position_m[to]);
   const double cost =
-      cost_m_[from] + length * (1 + settings.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
-  if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings.body_radius_m, from_start)) return;
-  if (from_start && !first_leg_fits(nodes, from, to, length, settings.body_radius_m)) return;
+      cost_m_[from] + length * (1 + settings_.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
+  if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings_.body_radius_m, from_start)) return;
+  if (from_start && !first_leg_fits(nodes, from, to, length, settings_.body_radius_m)) return;
   cost_m_[to] = cost;
   before_[to] = from;
   if (on_lattice_[to]) open_below_m_[box_.address(nodes.cell[to])] = cost;
@@ -70,8 +74,8 @@ void RouteFinder::try_leg(const RouteNodes& nodes, const RouteSettings& settings
 
 // The least that a leg can cost is its length, with what it costs to start it from here. Each operation rounds towards the same
 // side for the lesser operand, so that no leg is passed over that would have been cheaper.
-void RouteFinder::relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from) {
-  const double share = 1 + settings.exposure * nodes.hidden[from] / 2;
+void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
+  const double share = 1 + settings_.exposure * nodes.hidden[from] / 2;
   const double spacing_m = on_lattice_[from] ? nodes.spacing_m : 0.0;
   std::array<double, 4> least_m;  // by how many axes the leg runs along
   for (size_t axes = 0; axes < least_m.size(); ++axes)
@@ -86,7 +90,7 @@ void RouteFinder::relax(const RouteNodes& nodes, const RouteSettings& settings, 
         const size_t there = row + static_cast<size_t>(x);
         if (least_m[axes + (x != 0)] >= open_below_m_[there]) continue;
         for (uint32_t to = first_in_cell_[there]; to != kNone; to = next_in_cell_[to])
-          if (to != from) try_leg(nodes, settings, from, to);
+          if (to != from) try_leg(nodes, from, to);
       }
     }
 }
@@ -122,21 +126,27 @@ RouteFinder::Entry RouteFinder::pop() {
   return least;
 }
 
-void RouteFinder::find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
+void RouteFinder::begin(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
+  nodes_ = &nodes, settings_ = settings;
   const size_t count = nodes.position_m.size();
-  index(nodes, start, settings.body_radius_m);
   cost_m_.assign(count, kUnreachable);
   before_.assign(count, kNone);
-  done_.assign(count, 0);
+  state_.assign(count, kOpen);
+  index(nodes, start, settings.body_radius_m);
   cost_m_[start] = 0;
   clear_heap();
   push({0.0, start});
+}
+
+std::optional<uint32_t> RouteFinder::settle_next() {
   while (heap_size_ > 0) {
     const uint32_t node = pop().node;
-    if (done_[node]) continue;
-    done_[node] = 1;
-    relax(nodes, settings, node);
+    if (state_[node] != kOpen) continue;
+    state_[node] = kSettled;
+    relax(*nodes_, node);
+    return node;
   }
+  return std::nullopt;
 }
 
 const std::vector<uint32_t>& RouteFinder::to(uint32_t goal) {

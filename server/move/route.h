@@ -5,13 +5,14 @@
 // The candidates of the lattice are the nodes; neighbours (26 of them) are joined where the body fits. What a leg costs is its
 // length, more where the targets are hidden on the way, so that a detour in sight of them is preferred to a short cut behind a
 // wall (Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weigh their road map alike).
-// Dijkstra from the camera's own place: exact on the graph.
+// Dijkstra from the camera's own place: exact on the graph, and as far as it is asked for (move/goal.h asks for little).
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -43,12 +44,19 @@ struct RouteSettings {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class RouteFinder {
  public:
-  // Ways from node `start`, which is a node whatever its clearance. O(n log n).
-  void find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings);
+  // Ways from node `start`, which is a node whatever its clearance. `nodes` must outlive the search, that is the last settle_next.
+  // O(n), and O(log n) for each node that is settled.
+  void begin(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings);
+  // Settles the node that is the cheapest to go to of those that are left, `start` first: what it costs, and the way, are known from
+  // now on. None: no other can be reached.
+  std::optional<uint32_t> settle_next();
 
-  // By node: metres, with what exposure adds; kUnreachable.
-  const std::vector<double>& cost_m() const { return cost_m_; }
-  // The nodes from the one after `start` to `goal`, which is reachable; empty for `start` itself. Valid until the next call.
+  // What it costs to go to a settled node: metres, with what exposure adds. No less than to any that was settled before.
+  double cost_m(uint32_t node) const { return cost_m_[node]; }
+  bool is_settled(uint32_t node) const { return state_[node] == kSettled; }
+  // Neither settled nor known to be out of reach.
+  bool is_open(uint32_t node) const { return state_[node] == kOpen; }
+  // The nodes from the one after `start` to `goal`, which is settled; empty for `start` itself. Valid until the next call.
   const std::vector<uint32_t>& to(uint32_t goal);
 
  private:
@@ -61,12 +69,14 @@ class RouteFinder {
     }
   };
   void index(const RouteNodes& nodes, uint32_t start, double body_radius_m);
-  void relax(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from);
-  void try_leg(const RouteNodes& nodes, const RouteSettings& settings, uint32_t from, uint32_t to);
+  void relax(const RouteNodes& nodes, uint32_t from);
+  void try_leg(const RouteNodes& nodes, uint32_t from, uint32_t to);
   void clear_heap();
   void push(const Entry& entry);
   Entry pop();
 
+  const RouteNodes* nodes_ = nullptr;  // of the search
+  RouteSettings settings_;
   CellBox box_;
   std::vector<uint32_t> first_in_cell_, next_in_cell_;  // of the nodes that can be gone to
   // By cell: what a leg to the cell has to be cheaper than. That is its node's cost; without bound where that takes a closer look,
@@ -75,7 +85,8 @@ class RouteFinder {
   std::vector<uint8_t> on_lattice_;  // by node: alone in its cell, and where the lattice has it
   std::vector<double> cost_m_;
   std::vector<uint32_t> before_;
-  std::vector<uint8_t> done_;
+  enum : uint8_t { kOpen, kSettled, kNoRoom };
+  std::vector<uint8_t> state_;
   std::vector<Entry> heap_;  // and four more at its end
   size_t heap_size_ = 0;
   std::vector<uint32_t> route_;

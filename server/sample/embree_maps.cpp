@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "server/base/vector_clones.h"
+
 namespace sightline {
 namespace {
 
@@ -53,6 +55,24 @@ class SingleRay {
   RTCRayHit query_ = {};
 };
 
+// Directions first + right * x + up * y in double precision, rounded, and their lengths.
+SIGHTLINE_VECTOR_CLONES
+void set_directions(const glm::dvec3& first, const glm::dvec3& right, const glm::dvec3& up,
+                    const double* __restrict x, const double* __restrict y, RTCRay16& rays,
+                    float* __restrict length) {
+  const double first_x = first.x, first_y = first.y, first_z = first.z, right_x = right.x, right_y = right.y,
+               right_z = right.z, up_x = up.x, up_y = up.y, up_z = up.z;
+  for (int i = 0; i < kRays; ++i) {
+    const auto dx = static_cast<float>(first_x + right_x * x[i] + up_x * y[i]);
+    const auto dy = static_cast<float>(first_y + right_y * x[i] + up_y * y[i]);
+    const auto dz = static_cast<float>(first_z + right_z * x[i] + up_z * y[i]);
+    rays.dir_x[i] = dx;
+    rays.dir_y[i] = dy;
+    rays.dir_z[i] = dz;
+    length[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
+  }
+}
+
 template <typename T>
 void fill(T (&lanes)[kRays], T value) {
   std::fill(std::begin(lanes), std::end(lanes), value);
@@ -82,6 +102,7 @@ struct EmbreeMaps::Packet {
   alignas(64) float length[kRays];  // of the directions
   alignas(64) uint32_t slot[kRays];
   alignas(64) double x[kRays], y[kRays];  // of the shape's texels
+  uint32_t texel[kRays];                  // of a map, from the shape's first
   RTCIntersectContext mover_context;
   int map_width = 0, map_height = 0;
   PacketShape shape;  // of maps of this size
@@ -117,20 +138,13 @@ void EmbreeMaps::Packet::take_shape(int width, int height) {
   for (int i = 0; i < kRays; ++i) {
     x[i] = i % shape.width;
     y[i] = i / shape.width;
+    texel[i] = static_cast<uint32_t>(i / shape.width * width + i % shape.width);
   }
 }
 
 void EmbreeMaps::Packet::aim(const MapRequest& request, const TexelRays& texels, int x0, int y0) {
   const glm::dvec3 first = texels.first + texels.right * double(x0) + texels.up * double(y0);
-  for (int i = 0; i < kRays; ++i) {
-    const auto dx = static_cast<float>(first.x + texels.right.x * x[i] + texels.up.x * y[i]);
-    const auto dy = static_cast<float>(first.y + texels.right.y * x[i] + texels.up.y * y[i]);
-    const auto dz = static_cast<float>(first.z + texels.right.z * x[i] + texels.up.z * y[i]);
-    rays.ray.dir_x[i] = dx;
-    rays.ray.dir_y[i] = dy;
-    rays.ray.dir_z[i] = dz;
-    length[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
-  }
+  set_directions(first, texels.right, texels.up, x, y, rays.ray, length);
   const auto far_m = static_cast<float>(request.far_m);
   const int columns = std::min(shape.width, request.view.width - x0),
             rows = std::min(shape.height, request.view.height - y0);
@@ -179,11 +193,11 @@ float EmbreeMaps::Packet::farthest_m() const {
 }
 
 void EmbreeMaps::Packet::store(int x0, int y0, DepthMap& map) const {
+  const size_t first = static_cast<size_t>(y0) * map.view.width + x0;
   for (int i = 0; i < kRays; ++i) {
     if (valid[i] == 0) continue;
-    const size_t texel = static_cast<size_t>(y0 + i / shape.width) * map.view.width + x0 + i % shape.width;
-    map.distance_m[texel] = slot[i] == kNoOccluder ? kInfinity : rays.ray.tfar[i] * length[i];
-    map.occluder[texel] = slot[i];
+    map.distance_m[first + texel[i]] = slot[i] == kNoOccluder ? kInfinity : rays.ray.tfar[i] * length[i];
+    map.occluder[first + texel[i]] = slot[i];
   }
 }
 
@@ -274,7 +288,8 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
     for (int x = 0; x < view.width; x += packet.shape.width) {
       packet.aim(request, texels, x, y);
       if (top.scene) packet.meet_static(top, context);
-      if (!near_.empty()) {
+      // They ascend: beyond one that is too far all are.
+      if (!near_.empty() && near_.front().nearest_m <= packet.farthest_m()) {
         const RayCone part = texels.cone(x, y, packet.shape.width, packet.shape.height);
         for (const NearMover& mover : near_)
           if (part.may_meet(mover.center_from_eye_m, mover.radius_m) &&

@@ -1,6 +1,7 @@
 #include "server/sample/embree_movers.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace sightline {
@@ -12,11 +13,11 @@ constexpr float kRounding = 1e-6f;
 }  // namespace
 
 RayCone RayCone::around(std::span<const glm::vec3, 4> corners) {
+  std::array<glm::vec3, 4> unit;
   glm::vec3 sum(0.0f);
-  for (const glm::vec3& corner : corners) sum += glm::normalize(corner);
+  for (size_t i = 0; i < unit.size(); ++i) sum += unit[i] = glm::normalize(corners[i]);
   RayCone cone{.axis = glm::normalize(sum)};
-  for (const glm::vec3& corner : corners)
-    cone.cosine = std::min(cone.cosine, glm::dot(cone.axis, glm::normalize(corner)));
+  for (const glm::vec3& corner : unit) cone.cosine = std::min(cone.cosine, glm::dot(cone.axis, corner));
   cone.cosine = std::max(0.0f, cone.cosine - kRounding);
   cone.sine = std::sqrt(1.0f - cone.cosine * cone.cosine);
   return cone;

@@ -8,6 +8,8 @@
 
 namespace sightline {
 
-std::unique_ptr<SamplerDevice> make_embree_sampler_device();
+// `hands`: threads that each of its samplers takes the maps of a step on, at least 1, its caller's among them. The maps are the same
+// bits for any. More than one is for who steps one session alone: those of many sessions fill the cores by themselves.
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t hands = 1);
 
 }  // namespace sightline

@@ -1,10 +1,10 @@
 // What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
 // fast as possible, and what of that is not the step itself.
 //
-//   replay_bench [--minutes 60] [--scene hall] [--points -1] [--sampler embree] [--file FILE]
+//   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
 // Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
-// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the default settings.
+// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the preset's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -21,6 +21,7 @@
 #include "client/replay.h"
 #include "client/scenario.h"
 #include "client/scenario_session.h"
+#include "client/wire_presets.h"
 #include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
 #include "server/sampler_choice.h"
@@ -36,9 +37,11 @@ constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
 struct Options {
   double minutes = 60.0;
   std::string scene = "hall";
+  std::string preset = "sightline";
   int points = -1;
   std::string sampler = "embree";
   std::string file;
+  size_t threads = replay_threads();
 };
 
 // Of this thread alone: what the machine does for others meanwhile does not count.
@@ -52,8 +55,9 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-std::unique_ptr<SamplerDevice> make_sampler(const std::string& name) {
-  auto chosen = choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+std::unique_ptr<SamplerDevice> make_sampler(const std::string& name, size_t threads) {
+  auto chosen =
+      choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {}, threads);
   return chosen ? std::move(chosen->device) : nullptr;
 }
 
@@ -62,7 +66,7 @@ Status make_recording(const Options& options, const std::string& path) {
   const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
   if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
   const auto glb = entry->make({});
-  const auto sampler = make_sampler(options.sampler);
+  const auto sampler = make_sampler(options.sampler, options.threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   LocalWorld world("", *sampler);
   const auto asset = world.scenes.add_uploaded(glb);
@@ -71,6 +75,7 @@ Status make_recording(const Options& options, const std::string& path) {
   if (!scenario) return tl::unexpected(scenario.error());
   const std::string hash = to_hex((*asset)->hash);
   v1::OpenSession open = open_request(*scenario, hash, 1);
+  open.mutable_settings()->set_preset(preset_named(options.preset).value());
   if (options.points >= 0)
     open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
   const auto session = LocalSession::open(open, world);
@@ -167,8 +172,17 @@ void time_hashing(const Recording& recording) {
               static_cast<unsigned long>(hash));
 }
 
-Status time_replay(const Recording& recording, const std::string& sampler_name) {
-  auto sampler = make_sampler(sampler_name);
+// Sums over steps.
+struct StageTimes {
+  double total_us = 0.0, scene_us = 0.0, bound_us = 0.0, sample_us = 0.0, aggregate_us = 0.0, move_us = 0.0;
+  void add(const v1::StageTimes& step) {
+    total_us += step.total_us(), scene_us += step.scene_us(), bound_us += step.bound_us();
+    sample_us += step.sample_us(), aggregate_us += step.aggregate_us(), move_us += step.move_us();
+  }
+};
+
+Status time_replay(const Recording& recording, size_t threads) {
+  auto sampler = make_sampler(recording.info().sampler(), threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   const auto place = make_local_place(std::move(sampler));
   ReplayScenes scenes(recording, {});
@@ -179,7 +193,7 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
   ReplyComparison comparison(replay.convention());
   ReplayedStep step;
   uint64_t steps = 0;
-  double stepped_us = 0.0;
+  StageTimes stages;
   const double processor_s = processor_seconds();
   const auto begun = Clock::now();
   while (true) {
@@ -187,7 +201,7 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
     if (!more) return tl::unexpected(more.error());
     if (!*more) break;
     ++steps;
-    stepped_us += step.answer.reply.stage_times().total_us();
+    stages.add(step.answer.reply.stage_times());
     if (step.recorded.answer == StepAnswer::kRecorded && step.answer.has_reply)
       comparison.add(step.recorded.step.reply, step.answer.reply);
   }
@@ -199,8 +213,11 @@ Status time_replay(const Recording& recording, const std::string& sampler_name) 
   std::printf(
       "%-22s %.1f us a step, of which the step itself %.1f, all else %.1f; %.1f us of processor "
       "time: %.1f times real time on a core of its own\n",
-      "", 1e6 * s / n, stepped_us / n, 1e6 * s / n - stepped_us / n, 1e6 * on_processor_s / n,
+      "", 1e6 * s / n, stages.total_us / n, 1e6 * s / n - stages.total_us / n, 1e6 * on_processor_s / n,
       recording.duration_s() / on_processor_s);
+  std::printf("%-22s scene %.1f, bound %.1f, sample %.1f, aggregate %.1f, move %.1f us\n", "",
+              stages.scene_us / n, stages.bound_us / n, stages.sample_us / n, stages.aggregate_us / n,
+              stages.move_us / n);
   return {};
 }
 
@@ -223,7 +240,7 @@ Status run(const Options& options) {
   time_first_pose(path, "from the middle", recording->duration_s() / 2);
   time_reading(*recording);
   time_hashing(*recording);
-  if (Status done = time_replay(*recording, recording->info().sampler()); !done) return done;
+  if (Status done = time_replay(*recording, options.threads); !done) return done;
   if (options.file.empty()) std::filesystem::remove(path);
   return {};
 }
@@ -239,12 +256,18 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.01, 1e4))
       ->capture_default_str();
   app.add_option("--scene", options.scene, "Of the catalogue")->capture_default_str();
-  app.add_option("--points", options.points, "Surface points of each target; -1: the default")
+  app.add_option("--preset", options.preset, "That the settings start from")
+      ->check(CLI::IsMember(sightline::preset_names()))
+      ->capture_default_str();
+  app.add_option("--points", options.points, "Surface points of each target; -1: the preset's")
       ->check(CLI::Range(-1, 16));
   app.add_option("--sampler", options.sampler, "embree or egl")
       ->check(CLI::IsMember({"embree", "egl"}))
       ->capture_default_str();
   app.add_option("--file", options.file, "Keep the recording here, or take the one that is here");
+  app.add_option("--threads", options.threads, "That a replay takes its maps on")
+      ->check(CLI::Range(size_t{1}, size_t{64}))
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (const sightline::Status done = sightline::run(options); !done) {
     std::fprintf(stderr, "replay_bench: %s\n", to_string(done.error()).c_str());

@@ -70,9 +70,8 @@ class Digest {
     list_places(m.candidates.position_m, place_m_);
     add(std::span<const glm::dvec3>(place_m_));
     add(std::span<const uint32_t>(m.candidates.visible_targets)), add(m.candidates.filtered()), add(m.candidates.ahead());
-    add(std::span<const double>(m.goal.hidden)), add(std::span<const double>(m.cost));
-    add(std::span<const double>(m.goal.routes.cost_m()));
-    add_one(m.desired_offset_m);
+    add(std::span<const double>(m.goal.hidden));
+    add_one(m.desired_offset_m), add_one(m.goal.goal_m.value_or(glm::dvec3(0.0)));
   }
   uint64_t value() const { return hash_; }
 

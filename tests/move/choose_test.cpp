@@ -247,61 +247,46 @@ TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
   EXPECT_NEAR(std::atan2(place.y, place.z), 0.5, 1e-9);
 }
 
-// The cheapest, whatever it sees; the state says what that is.
-TEST(ChooseLeast, TakesTheCheapestAndSaysWhatItSees) {
+TEST(ChoiceOf, SaysWhatTheCandidateSees) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11), c.place({1, 0, 5}, 0b11), c.place({2, 0, 5}, 0b10), c.place({3, 0, 5}, 0b00);
-  const auto with = [&](std::vector<double> costs) {
-    return choose_least(c.candidates, c.targets, costs, c.desired);
+  const auto of = [&](uint32_t candidate) {
+    return choice_of(candidate, c.candidates, c.targets, c.desired);
   };
-  Choice choice = with({1, 2, 3, 4});
+  Choice choice = of(0);
   EXPECT_EQ(choice.candidate, 0);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
   EXPECT_EQ(choice.reason, MoveReason::kAtDesiredPlace);
-  choice = with({9, 2, 3, 4});
+  choice = of(1);
   EXPECT_EQ(choice.candidate, 1);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
   EXPECT_EQ(choice.reason, MoveReason::kBestAllVisible);
-  choice = with({9, 9, 3, 4});
+  choice = of(2);
   EXPECT_EQ(choice.candidate, 2);
   EXPECT_EQ(choice.status, MoveStatus::kPartial);
   EXPECT_EQ(choice.reason, MoveReason::kBestPartial);
-  choice = with({9, 9, 9, -4});
+  choice = of(3);
   EXPECT_EQ(choice.candidate, 3);
   EXPECT_EQ(choice.status, MoveStatus::kEscaping);
   EXPECT_EQ(choice.reason, MoveReason::kHorizonGrown);
-  EXPECT_EQ(with({5, 5, 5, 5}).candidate, 0) << "of equals the first";
 }
 
-TEST(ChooseLeast, HoldsWhenNothingCanBeReached) {
+TEST(ChoiceOf, HoldsWithoutTargets) {
   Case c = two_targets();
-  c.place({0, 0, 5}, 0b11), c.place({1, 0, 5}, 0b11);
-  const std::vector<double> costs(2, INFINITY);
-  const Choice choice = choose_least(c.candidates, c.targets, costs, c.desired);
-  EXPECT_EQ(choice.candidate, -1);
-  EXPECT_EQ(choice.status, MoveStatus::kHolding);
-  EXPECT_EQ(choice.reason, MoveReason::kBlockedByGeometry);
-}
-
-TEST(ChooseLeast, HoldsWithoutTargetsOrPlaces) {
-  Case c = two_targets();
-  EXPECT_EQ(choose_least(c.candidates, c.targets, {}, c.desired).reason, MoveReason::kNoTargets);
   c.place({0, 0, 5}, 0b11);
-  const std::vector<double> costs(1, 0.0);
   for (TargetView& t : c.targets) t.weight = 0;
-  EXPECT_EQ(choose_least(c.candidates, c.targets, costs, c.desired).reason, MoveReason::kNoTargets);
-  EXPECT_EQ(choose_least(c.candidates, {}, costs, c.desired).candidate, -1);
+  EXPECT_EQ(choice_of(0, c.candidates, c.targets, c.desired).reason, MoveReason::kNoTargets);
+  EXPECT_EQ(choice_of(0, c.candidates, {}, c.desired).candidate, -1);
 }
 
-TEST(ChooseLeast, ATargetWithoutWeightCountsForNothing) {
+TEST(ChoiceOf, ATargetWithoutWeightCountsForNothing) {
   for (const auto& [seen, status] :
        {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
         std::pair(0b10u, MoveStatus::kEscaping)}) {
     Case c = two_targets();
     c.targets[1].weight = 0;
     c.place({1, 0, 5}, seen);
-    const std::vector<double> costs(1, 0.0);
-    EXPECT_EQ(choose_least(c.candidates, c.targets, costs, c.desired).status, status) << seen;
+    EXPECT_EQ(choice_of(0, c.candidates, c.targets, c.desired).status, status) << seen;
   }
 }
 

@@ -3,38 +3,39 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
+#include <optional>
+#include <vector>
 
 #include "server/base/random.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 // Candidates with everything that a blend reads.
 struct Blend {
   std::vector<glm::dvec3> position_m;
   std::vector<double> hidden, route_m, cost;
-  Groups groups;
+  std::vector<uint32_t> depth_squared;
   double spacing_m = 0.5;
   glm::dvec3 desired_m{0.0};
   std::optional<glm::dvec3> former_goal_m;
 
-  void add(const glm::dvec3& at, double share, double way_m, uint32_t depth_squared) {
+  void add(const glm::dvec3& at, double share, double way_m, uint32_t deep_squared) {
     position_m.push_back(at), hidden.push_back(share), route_m.push_back(way_m);
-    groups.depth_squared.push_back(depth_squared),
-        groups.group_of.push_back(depth_squared > 0 ? 0 : kNoGroup);
+    depth_squared.push_back(deep_squared);
+  }
+  BlendCosts costs(const BlendSettings& settings) const {
+    return {{.position_m = position_m,
+             .hidden = hidden,
+             .spacing_m = spacing_m,
+             .desired_m = desired_m,
+             .former_goal_m = former_goal_m},
+            settings};
   }
   const std::vector<double>& of(const BlendSettings& settings) {
-    blend_costs({.position_m = position_m,
-                 .hidden = hidden,
-                 .route_m = route_m,
-                 .groups = groups,
-                 .spacing_m = spacing_m,
-                 .desired_m = desired_m,
-                 .former_goal_m = former_goal_m},
-                settings, cost);
+    cost.clear();
+    for (size_t i = 0; i < position_m.size(); ++i)
+      cost.push_back(costs(settings).of(i, route_m[i], depth_squared[i]));
     return cost;
   }
 };
@@ -83,14 +84,12 @@ TEST(BlendCosts, ShelterCountsUpToTheFullDepth) {
   EXPECT_EQ(blend.of(settings), (std::vector<double>{3, 3 * 0.75, 3 * 0.5, 0})) << "steps of half a metre";
 }
 
-TEST(BlendCosts, TheWayCountsAndNoWayIsInfiniteWhateverItsWeight) {
+TEST(BlendCosts, TheWayCounts) {
   Blend blend;
-  blend.add({}, 0, 0, 0), blend.add({}, 0, 7, 0), blend.add({}, 0, kInfinity, 0);
+  blend.add({}, 0, 0, 0), blend.add({}, 0, 7, 0);
   BlendSettings settings = nothing();
   settings.route = 0.5;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 3.5, kInfinity}));
-  settings.route = 0, settings.hidden = 1;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 0, kInfinity}));
+  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 3.5}));
 }
 
 TEST(BlendCosts, SteadinessCountsUpToAMetreFromTheFormerGoalIfThereIsOne) {
@@ -103,13 +102,18 @@ TEST(BlendCosts, SteadinessCountsUpToAMetreFromTheFormerGoalIfThereIsOne) {
   EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 2, 4}));
 }
 
-TEST(BlendCosts, AreTheSumOfTheirTerms) {
-  CounterRandom random(41, 0, RandomPurpose::kTest);
+Blend random_blend(uint64_t seed) {
+  CounterRandom random(seed, 0, RandomPurpose::kTest);
   Blend blend;
   blend.desired_m = {1, 1, 1}, blend.former_goal_m = glm::dvec3(0.5, 0, 0);
   for (int i = 0; i < 200; ++i)
     blend.add({random.next_in(-2, 2), random.next_in(-2, 2), random.next_in(-2, 2)}, random.next_unit(),
               random.next_in(0, 20), random.next_below(9));
+  return blend;
+}
+
+TEST(BlendCosts, AreTheSumOfTheirTerms) {
+  Blend blend = random_blend(41);
   const BlendSettings all{
       .hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5};
   std::vector<double> sum(200, 0.0);
@@ -126,10 +130,33 @@ TEST(BlendCosts, AreTheSumOfTheirTerms) {
   for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(blend.cost[i], sum[i], 1e-9);
 }
 
-TEST(BlendCosts, OfNoCandidatesAreNone) {
+// What the search for a goal rests on: bounds that hold to the last bit.
+TEST(BlendCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
+  const Blend blend = random_blend(42);
+  const BlendCosts costs = blend.costs(
+      {.hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5});
+  for (size_t i = 0; i < blend.position_m.size(); ++i)
+    for (double shorter_m = blend.route_m[i]; shorter_m > 1e-3; shorter_m = shorter_m * 0.9) {
+      ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, std::nextafter(shorter_m, 100.0), 4));
+      ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, blend.route_m[i], 3));
+      for (uint32_t depth_squared = 0; depth_squared < 9; ++depth_squared)
+        ASSERT_LE(costs.least_of(i, shorter_m), costs.of(i, shorter_m, depth_squared));
+    }
+}
+
+TEST(BlendCosts, FullDepthIsTheLeastNumberOfStepsThatCostsNothing) {
   Blend blend;
-  blend.cost = {1, 2, 3};
-  EXPECT_TRUE(blend.of({}).empty());
+  blend.add({}, 0, 0, 0);
+  BlendSettings settings = nothing();
+  settings.shelter = 1;
+  for (const double spacing_m : {0.05, 0.1, 0.2, std::exp2(-1.5), 0.6, 7.0}) {
+    blend.spacing_m = spacing_m, settings.full_depth_m = 0.6;
+    const BlendCosts costs = blend.costs(settings);
+    const uint32_t steps = costs.full_depth_steps();
+    EXPECT_EQ(costs.of(0, 0, steps * steps), 0.0) << spacing_m;
+    EXPECT_EQ(costs.of(0, 0, (steps + 1) * (steps + 1)), 0.0) << spacing_m;
+    EXPECT_GT(costs.of(0, 0, (steps - 1) * (steps - 1)), 0.0) << spacing_m;
+  }
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "server/base/random.h"
+#include "server/move/depths.h"
 
 namespace sightline {
 namespace {
@@ -252,14 +253,42 @@ TEST(Groups, MemoryIsReusedFromCallToCall) {
   Grid grid = random_grid(11);
   grid.find();
   const auto* group = grid.groups.group_of.data();
-  const auto* slots = grid.scratch.slots.data();
+  const auto* slot = &grid.scratch.table.slot_of(grid.cells[0]);
   const auto* queue = grid.scratch.queue.data();
   const auto* line = grid.scratch.line.data();
   for (int i = 0; i < 5; ++i) grid.find();
   EXPECT_EQ(group, grid.groups.group_of.data());
-  EXPECT_EQ(slots, grid.scratch.slots.data());
+  EXPECT_EQ(slot, &grid.scratch.table.slot_of(grid.cells[0]));
   EXPECT_EQ(queue, grid.scratch.queue.data());
   EXPECT_EQ(line, grid.scratch.line.data());
+}
+
+// Candidate by candidate the depth is that of all together, as far as it is asked for.
+void expect_depths_of_groups(Grid& grid, Depths& depths) {
+  const std::vector<uint32_t>& all = grid.find().depth_squared;
+  depths.begin(grid.cells, grid.members);
+  for (const uint32_t enough_steps : {1u, 2u, 3u, 100u})
+    for (size_t i = 0; i < all.size(); ++i)
+      ASSERT_EQ(depths.squared(i, enough_steps), std::min(all[i], enough_steps * enough_steps))
+          << "candidate " << i << ", enough " << enough_steps;
+}
+
+TEST(Depths, AreThoseOfGroups) {
+  Depths depths;
+  for (uint64_t seed = 2000; seed < 2080; ++seed) {
+    Grid grid = random_grid(seed);
+    // Places off the grid, in cells of others.
+    for (size_t i = 0; i + 3 < grid.cells.size(); i += 5) grid.add(grid.cells[i], i % 2 == 0);
+    expect_depths_of_groups(grid, depths);
+  }
+}
+
+TEST(Depths, OfScatteredCandidatesAreThoseOfGroups) {
+  Depths depths;
+  Grid grid = random_grid(3);
+  grid.fill(-3, 3, [](const glm::ivec3&) { return true; });
+  grid.add({2'000'000'000, -2'000'000'000, 7}, true);
+  expect_depths_of_groups(grid, depths);
 }
 
 TEST(Groups, LatticeCellsAreTheRoundedMultiplesOfTheSpacing) {

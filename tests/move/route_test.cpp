@@ -8,6 +8,7 @@
 
 #include "server/move/groups.h"
 #include "server/scene/clearance.h"
+#include "tests/move/random_nodes.h"
 #include "tests/support/triangle_soup.h"
 
 namespace sightline {
@@ -15,37 +16,26 @@ namespace {
 
 using namespace test;
 
-struct Nodes {
-  std::vector<glm::dvec3> position_m;
-  std::vector<glm::ivec3> cell;
-  std::vector<float> clearance_m;
-  std::vector<double> hidden;
-
-  void add(const glm::ivec3& at, const glm::dvec3& place, double clearance, double share) {
-    cell.push_back(at), position_m.push_back(place);
-    clearance_m.push_back(static_cast<float>(clearance)), hidden.push_back(share);
+// All ways, as a search that goes on to the end finds them.
+class Ways {
+ public:
+  void find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
+    finder_.begin(nodes, start, settings);
+    cost_m_.assign(nodes.cell.size(), kUnreachable);
+    double last_m = 0;
+    while (const auto node = finder_.settle_next()) {
+      cost_m_[*node] = finder_.cost_m(*node);
+      EXPECT_GE(cost_m_[*node], last_m) << "the cheapest first";
+      last_m = cost_m_[*node];
+    }
   }
-  size_t size() const { return cell.size(); }
-  RouteNodes view() const { return {position_m, cell, clearance_m, hidden}; }
-};
+  const std::vector<double>& cost_m() const { return cost_m_; }
+  const std::vector<uint32_t>& to(uint32_t goal) { return finder_.to(goal); }
 
-// A node stands anywhere in its cell; cells hold none, one or several, a few stand far off as an island.
-Nodes random_nodes(Draw& draw) {
-  Nodes nodes;
-  const double filled = draw.in(0.3, 1.0), widest = draw.in(0.5, 2.0);
-  const auto add = [&](const glm::ivec3& cell) {
-    const glm::dvec3 place = glm::dvec3(cell) + (draw.in(0, 1) < 0.5 ? glm::dvec3(0.0) : draw.vec(0.5));
-    const double hidden = draw.in(0, 1) < 0.3 ? std::round(draw.in(0, 1)) : draw.in(0, 1);
-    nodes.add(cell, place, draw.in(0, 1) < 0.2 ? 0.0 : draw.in(0, widest), hidden);
-  };
-  for (int z = -2; z <= 2; ++z)
-    for (int y = -1; y <= 1; ++y)
-      for (int x = -2; x <= 2; ++x)
-        for (int copy = 0; copy < 3; ++copy)
-          if (draw.in(0, 1) < (copy == 0 ? filled : 0.1)) add({x, y, z});
-  for (int i = 0; i < 3; ++i) add({6 + i, 0, 0});
-  return nodes;
-}
+ private:
+  RouteFinder finder_;
+  std::vector<double> cost_m_;
+};
 
 // The rule as route.h words it, with one exception named there: the start is a node whatever its clearance.
 double leg_cost(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, const RouteSettings& s) {
@@ -76,13 +66,9 @@ std::vector<double> reference_costs(const Nodes& n, uint32_t start, const RouteS
   return cost;
 }
 
-RouteSettings random_settings(Draw& draw) {
-  return {.body_radius_m = draw.in(0, 0.6), .exposure = draw.in(0, 1) < 0.3 ? 0.0 : draw.in(0, 10)};
-}
-
 TEST(Route, CostsAreThoseOfBellmanFordOnRandomNodes) {
   Draw draw(11);
-  RouteFinder finder;
+  Ways finder;
   int reached = 0, unreached = 0;
   for (int trial = 0; trial < 150; ++trial) {
     const Nodes nodes = random_nodes(draw);
@@ -109,7 +95,7 @@ TEST(Route, CostsAreThoseOfBellmanFordOnRandomNodes) {
 // The nodes' cells are those of a lattice of spacing 1: told so, the finder passes legs over, which must change nothing.
 TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
   Draw draw(17);
-  RouteFinder plain, knowing;
+  Ways plain, knowing;
   size_t routes = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const Nodes nodes = random_nodes(draw);
@@ -129,9 +115,37 @@ TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
   EXPECT_GT(routes, 3000u);
 }
 
+// A search that ends early knows what it has settled as one that goes on to the end does.
+TEST(Route, WhatIsSettledIsFinal) {
+  Draw draw(18);
+  Ways all;
+  RouteFinder some;
+  size_t open = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    const Nodes nodes = random_nodes(draw);
+    const RouteNodes view = nodes.view();
+    const RouteSettings settings = random_settings(draw);
+    all.find(view, 0, settings);
+    some.begin(view, 0, settings);
+    for (int settled = 0; settled < 8; ++settled) {
+      const auto node = some.settle_next();
+      if (!node) break;
+      ASSERT_TRUE(some.is_settled(*node) && !some.is_open(*node));
+      ASSERT_EQ(some.cost_m(*node), all.cost_m()[*node]);
+      ASSERT_EQ(some.to(*node), all.to(*node));
+    }
+    for (uint32_t i = 0; i < nodes.size(); ++i) {
+      open += some.is_open(i);
+      const bool known = some.is_settled(i) || some.is_open(i);
+      ASSERT_TRUE(known || std::isinf(all.cost_m()[i])) << "what is given up is out of reach";
+    }
+  }
+  EXPECT_GT(open, 1000u);
+}
+
 TEST(Route, ARouteLeadsOverNeighboursAndCostsWhatIsSaid) {
   Draw draw(12);
-  RouteFinder finder;
+  Ways finder;
   size_t longest = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Nodes nodes = random_nodes(draw);
@@ -159,7 +173,7 @@ TEST(Route, StartsFromAPlaceWithoutRoomButEntersNone) {
   for (int x = 0; x < 4; ++x) nodes.add({x, 0, 0}, {x, 0, 0}, 1.0, 0.0);
   const RouteSettings settings{.body_radius_m = 0.5, .exposure = 0};
   nodes.clearance_m[0] = 0.2f;
-  RouteFinder finder;
+  Ways finder;
   finder.find(nodes.view(), 0, settings);
   EXPECT_DOUBLE_EQ(finder.cost_m()[3], 3.0) << "out of a tight place";
   finder.find(nodes.view(), 3, settings);
@@ -170,7 +184,7 @@ TEST(Route, StartsFromAPlaceWithoutRoomButEntersNone) {
 TEST(Route, AClearanceAtTheLimitFitsAndASumAtTheLengthDoesNot) {
   Nodes nodes;
   nodes.add({0, 0, 0}, {0, 0, 0}, 0.5, 0), nodes.add({1, 0, 0}, {1, 0, 0}, 0.5, 0);
-  RouteFinder finder;
+  Ways finder;
   finder.find(nodes.view(), 0, {.body_radius_m = 0.25});
   EXPECT_EQ(finder.cost_m()[1], kUnreachable) << "a wall may touch both balls half way";
   nodes.clearance_m = {0.75f, 0.5f};
@@ -183,7 +197,7 @@ TEST(Route, ExposureBuysADetourInSight) {
   Nodes nodes;
   for (int x = 0; x < 5; ++x)
     for (int z = 0; z < 2; ++z) nodes.add({x, 0, z}, {x, 0, z}, 2.0, z == 0 && x > 0 && x < 4 ? 1.0 : 0.0);
-  RouteFinder finder;
+  Ways finder;
   const auto passes_hidden = [&](double exposure) {
     finder.find(nodes.view(), 0, {.body_radius_m = 0.3, .exposure = exposure});
     const auto& route = finder.to(8);
@@ -196,7 +210,7 @@ TEST(Route, ExposureBuysADetourInSight) {
 TEST(Route, OneNodeIsItsOwnRoute) {
   Nodes nodes;
   nodes.add({-40'000, 7, 40'000}, {-10'000, 2, 10'000}, 0.0, 1.0);
-  RouteFinder finder;
+  Ways finder;
   finder.find(nodes.view(), 0, {});
   EXPECT_EQ(finder.cost_m(), std::vector<double>{0.0});
   EXPECT_TRUE(finder.to(0).empty());
@@ -205,11 +219,11 @@ TEST(Route, OneNodeIsItsOwnRoute) {
 // What an earlier, larger or smaller, set left behind changes nothing, not in the last bit.
 TEST(Route, MemoryOfFormerCallsChangesNothing) {
   Draw draw(13);
-  RouteFinder reused;
+  Ways reused;
   for (int trial = 0; trial < 40; ++trial) {
     const Nodes nodes = random_nodes(draw);
     const RouteSettings settings = random_settings(draw);
-    RouteFinder fresh;
+    Ways fresh;
     reused.find(nodes.view(), 0, settings);
     fresh.find(nodes.view(), 0, settings);
     ASSERT_EQ(reused.cost_m(), fresh.cost_m());
@@ -253,7 +267,7 @@ TEST(Route, NoLegPassesThroughATriangle) {
     lattice_cells(std::span(&camera, 1), spacing, cell);
     const auto start = static_cast<uint32_t>(nodes.size());
     nodes.add(cell[0], camera, field.clearance_m(camera, cut_m), 0.0);
-    RouteFinder finder;
+    Ways finder;
     finder.find(nodes.view(), start, {.body_radius_m = 0.02, .exposure = 3});
     std::set<std::pair<uint32_t, uint32_t>> tried;
     for (uint32_t goal = 0; goal < nodes.size(); ++goal) {

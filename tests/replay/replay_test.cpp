@@ -57,6 +57,15 @@ TEST_F(ReplayHere, EveryReplyIsEqualWithMergesAndEconomyToo) {
   }
 }
 
+TEST_F(ReplayHere, AnyNumberOfThreadsAnswersAlike) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 120});
+  for (const size_t threads : {1, 2, 3}) {
+    const Replayed replayed = replay_here(hall.bytes, {}, {}, {}, threads);
+    EXPECT_EQ(replayed.hash, hall.hash) << threads;
+    EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << threads;
+  }
+}
+
 TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
   const auto wrong_now_and_then = [](int i, const v1::CameraReply&, v1::Tick& tick) {
     if (i == 5 || i == 6 || i == 20 || i == 59) tick.mutable_transforms()->add_id(77);  // without a position
@@ -287,6 +296,8 @@ TEST_F(ReplayCommand, SaysEqualAndWritesWhatItAnswered) {
   const RecordedHall hall = record_hall(*sampler_);
   const std::string file = keep("hall.mcap", hall.bytes), again = (folder_ / "again.mcap").string();
   ASSERT_EQ(run({.file = file, .out = again}), 0) << err_.str();
+  EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
+  ASSERT_EQ(run({.file = file, .threads = 3}), 0) << err_.str();
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
   ASSERT_EQ(run({.file = again}), 0) << err_.str() << out_.str();
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));

@@ -93,8 +93,9 @@ inline Replayed replay_on(ReplayPlace& place, const Recording& recording,
 }
 
 inline Replayed replay_here(const std::string& bytes, const std::vector<std::string>& set = {},
-                            const std::string& never_equal = {}, ReplaySceneOptions scene_options = {}) {
-  const auto place = make_local_place(make_embree_sampler_device());
+                            const std::string& never_equal = {}, ReplaySceneOptions scene_options = {},
+                            size_t threads = 1) {
+  const auto place = make_local_place(make_embree_sampler_device(threads));
   return replay_on(*place, open_recording(bytes), set, never_equal, std::move(scene_options));
 }
 

@@ -122,6 +122,30 @@ TEST_F(EmbreeMapsTest, ShowManyMoversAsBruteForceDoes) {
   EXPECT_LE(different, count_texels(maps) / 2000);
 }
 
+TEST_F(EmbreeMapsTest, AreTheSameBitsOnAnyNumberOfHandsWhileTheSceneChanges) {
+  const auto with_hands = make_embree_sampler_device(3);
+  for (uint64_t seed = 500; seed < 506; ++seed) {
+    SceneMaker maker(seed);
+    SceneMirror mirror;
+    ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+    const auto alone = device_->make_sampler(), together = with_hands->make_sampler();
+    std::vector<DepthMap> want, maps;
+    for (int round = 0; round < 30; ++round) {
+      const Requests requests(maker, mirror.instances().size(), round % 3 == 0 ? 3 : 60, 0.3);
+      ASSERT_TRUE(alone->take(mirror, requests.all, want));
+      ASSERT_TRUE(together->take(mirror, requests.all, maps));
+      ASSERT_EQ(maps.size(), want.size());
+      for (size_t i = 0; i < maps.size(); ++i) ASSERT_TRUE(same_bits(maps[i], want[i])) << "map " << i;
+      ASSERT_EQ(together->maps_taken(), alone->maps_taken());
+      SceneDelta delta;
+      const uint64_t victim = 1 + maker.random().next_below(12);
+      if (round % 5 == 0) delta.change.push_back({victim, maker.attributes()});
+      if (round % 5 == 1) delta.remove.push_back(victim), delta.add.push_back(maker.instance(victim));
+      ASSERT_TRUE(mirror.apply(delta, maker.moves(mirror, 12)));
+    }
+  }
+}
+
 TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
   constexpr double kAheadS = 0.4;
   size_t different = 0, texels = 0;
