@@ -18,8 +18,8 @@ double common_ahead_s(std::span<const MapRequest> requests) {
   return ahead_s;
 }
 
-// For fewer maps no helper is called.
-constexpr size_t kWorthTheCall = 4;
+// For so many maps no helper is called: preset `paper` takes less than 0.03 ms for all of a step's.
+constexpr size_t kNotWorthTheCall = 16;
 
 class EmbreeSampler final : public Sampler {
  public:
@@ -41,7 +41,7 @@ class EmbreeSampler final : public Sampler {
       for (ptrdiff_t i = --left; i >= 0; i = --left)
         takers_[hand]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
     };
-    if (crew_.hands() > 1 && requests.size() > kWorthTheCall)
+    if (crew_.hands() > 1 && requests.size() > kNotWorthTheCall)
       crew_.run(std::cref(work));
     else
       work(0);
