@@ -6,13 +6,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <set>
 
+#include "foxglove/camera.pb.h"
 #include "server/base/random.h"
 #include "server/record/mcap_reader.h"
 #include "server/record/mcap_verify.h"
+#include "server/record/viewer_channels.h"
 #include "tests/record/pretended_files.h"
 
 namespace sightline {
@@ -646,6 +649,23 @@ TEST(Recorder, AKillLosesLessThanASecond) {
   EXPECT_LT(last_ns - std::min(last_ns, newest_ns), kSecondNs);
   close(pipe_ends[0]), close(pipe_ends[1]);
   std::filesystem::remove_all(folder);
+}
+
+TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
+  std::vector<uint32_t> heights;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic == RecordTopic::kCalibration)
+      heights.push_back(dynamic_cast<const foxglove::CameraCalibration&>(made).height());
+  };
+  ViewerChannels viewers;
+  viewers.take_open({}, 1, emit);
+  for (const double aspect : {0.0, 2.0, 1e-300, -1.0, std::nan(""), 1e300, 0.0}) {
+    v1::Tick tick;
+    tick.mutable_lens()->set_aspect(aspect);
+    viewers.take_tick(tick, 1, emit);
+    viewers.take_reply({}, 1, emit);
+  }
+  EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
 }
 
 TEST(RecordRing, GivesBackEveryMessageInOrderToAnotherThread) {
