@@ -100,6 +100,11 @@ class Recording {
   uint64_t start_ns_ = 0;
 };
 
+// How much the step of a reply left out, [0, 5] whatever the file says: what Session::step takes.
+inline int economy_level_of(const v1::CameraReply& reply) {
+  return static_cast<int>(std::min(reply.economy().level(), 5u));
+}
+
 // One step as it was taken: the ticks that were applied for it, oldest first, then its reply.
 struct RecordedStep {
   // Refused ticks among them, with their refusals: a replay refuses them again.
@@ -111,8 +116,7 @@ struct RecordedStep {
   uint64_t log_ns = 0;    // of the reply
   uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
   bool has_reply = true;  // false: the file ends with ticks that nothing answers
-  // Of the reply, [0, 5] whatever the file says.
-  int economy_level() const { return static_cast<int>(std::min(reply.economy().level(), 5u)); }
+  int economy_level() const { return economy_level_of(reply); }
 };
 
 // Puts events together to steps. Feed it every event of a recording in order. What is missing without a Gap (a damaged

@@ -201,7 +201,7 @@ class Maker {
   }
 
   void step_again(const v1::CameraReply& reply, v1::CameraReply& again) {
-    const Status stepped = session_->step(static_cast<int>(reply.economy().level()), again);
+    const Status stepped = session_->step(economy_level_of(reply), again);
     v1::Candidates cells;
     cells.Swap(again.mutable_candidates());
     again.clear_candidates();

@@ -6,6 +6,9 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${PRESET:-release}
+# Read by the sanitizers alone: undefined behaviour fails the test that met it, and what is not ours is left out.
+export UBSAN_OPTIONS=${UBSAN_OPTIONS:-halt_on_error=1:print_stacktrace=1}
+export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/service/tsan.supp}
 
 deploy/install-packages.sh test
 cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null

@@ -207,8 +207,10 @@ void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t time_ns, const Emi
   if (tick.has_delta()) emit_still(time_ns, emit);
 }
 
-void ViewerChannels::take_lens(const v1::Lens& lens) {
-  aspect_ = lens.aspect() > 0 ? lens.aspect() : 16.0 / 9.0;
+// A tick stands in the file before it is refused: what no session takes must not become the height of a picture.
+void ViewerChannels::take_lens(const v1::Lens& wire) {
+  Lens lens;
+  if (read_lens(wire, client_, "lens", lens)) aspect_ = lens.aspect;
 }
 
 void ViewerChannels::take_delta(const v1::SceneDelta& delta) {

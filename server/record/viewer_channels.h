@@ -49,7 +49,7 @@ class ViewerChannels {
   void add_instance(const v1::NewInstance& wire);
   void move_instances(const v1::Transforms& wire);
   void take_delta(const v1::SceneDelta& delta);
-  void take_lens(const v1::Lens& lens);
+  void take_lens(const v1::Lens& wire);
   void emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_sight(const v1::CameraReply& reply, const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_calibration(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) const;

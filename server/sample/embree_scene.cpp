@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -18,6 +19,15 @@ glm::vec3 transform_normal(const glm::mat3& linear, const glm::vec3& normal) {
                            glm::cross(linear[0], linear[1]));
   const glm::vec3 out = cofactor * normal;
   return glm::dot(linear[0], cofactor[0]) < 0 ? -out : out;
+}
+
+// Embree asserts that rays stay below 1.8e18; no scene reaches a billionth of it. False for NaN.
+bool is_traceable(const glm::dvec3& origin_m, const glm::vec3& direction) {
+  const auto is_near = [](const glm::dvec3& v) {
+    constexpr double kMost = 1e18;
+    return std::abs(v.x) <= kMost && std::abs(v.y) <= kMost && std::abs(v.z) <= kMost;
+  };
+  return is_near(origin_m) && is_near(direction);
 }
 
 // Replaces `hit` when something nearer than it is hit.
@@ -189,6 +199,7 @@ void EmbreeScene::take_in(const SceneMirror& mirror, double ahead_s) {
 RayHit EmbreeScene::trace(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
                           const RayFilter& filter) const {
   RayHit hit;
+  if (!is_traceable(origin_m, direction)) return hit;
   trace_top(impl_->fixed->top, origin_m, direction, near, far, filter, hit);
   trace_top(filter.ahead ? impl_->ahead.top : impl_->moving.top, origin_m, direction, near, far, filter, hit);
   return hit;

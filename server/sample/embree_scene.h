@@ -77,7 +77,7 @@ class EmbreeScene {
   void take_in(const SceneMirror& mirror, double ahead_s = 0.0);
 
   // First hit in (near, far], distances in multiples of |direction|. Both sides of a triangle count.
-  // `far` may be infinity.
+  // `far` may be infinity. A ray that is not finite, or beyond 1e18, hits nothing.
   RayHit trace(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
                const RayFilter& filter = {}) const;
   // Distance in metres to the nearest surface, or `reach_m` when none is nearer (by rtcPointQuery).

@@ -102,7 +102,8 @@ TEST(Mcap, ChunksAreBoundedByTimeAndBySize) {
   const test::SmallFile by_size =
       test::make_small_file({.chunk_bytes = 200, .chunk_time = std::chrono::hours(1)});
   const MemorySource other(by_size.bytes);
-  for (const mcap::ChunkIndex& chunk : McapReader::open(other, {}).value().info().chunks)
+  const McapReader small = McapReader::open(other, {}).value();
+  for (const mcap::ChunkIndex& chunk : small.info().chunks)
     EXPECT_LT(chunk.uncompressed_size, 200u + 9 + 22 + 50 + 200)
         << "no more than one message over, and a chunk's own definitions";
 }

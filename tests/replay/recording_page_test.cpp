@@ -256,6 +256,16 @@ TEST_F(ReportPage, CellsEndWhereTheRecordingDiffersFromTheStepsTakenAgain) {
   EXPECT_THAT(page.notices, ElementsAre(HasSubstr("differ from the recording from tick 100 on")));
 }
 
+TEST_F(ReportPage, ALevelOfEconomyThatThereIsNotEndsTheCells) {
+  const RecordedYard yard = record_yard(*sampler_, {.ticks = 20, .eventful = false});
+  for (const uint32_t level : {6u, 1u << 20, UINT32_MAX}) {
+    const SessionPage page = page_of(rewritten(yard.bytes, [&](v1::CameraReply& reply) {
+      if (reply.sequence() == 10) reply.mutable_economy()->set_level(level);
+    }));
+    EXPECT_EQ(frames_with_cells(page), 9u) << level;
+  }
+}
+
 TEST_F(ReportPage, RepliesThatMakeNoSenseAreLeftOutOrShownAsFarAsTheyDo) {
   const RecordedYard yard = record_yard(*sampler_, {.ticks = 60, .eventful = false, .candidates = true});
   const SessionPage page = page_of(rewritten(yard.bytes, [](v1::CameraReply& reply) {

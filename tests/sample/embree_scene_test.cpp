@@ -98,6 +98,23 @@ TEST_F(EmbreeSceneTest, DistancesHoldTenKilometresFromTheOrigin) {
   EXPECT_LE(count_differences(mirror, scene, true, maker, {}, 2000), 2);
 }
 
+TEST_F(EmbreeSceneTest, RaysFromNowhereMeetNothing) {
+  SceneMaker maker(1);
+  SceneMirror mirror;
+  ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+  EmbreeScene scene(device_, EmbreeScene::Content::kOccluders);
+  scene.take_in(mirror);
+  const double nan = std::nan("");
+  const glm::dvec3 here(0.0), ahead(0, 0, -1);
+  for (const double bad : {nan, 1e300, -1e300, 1e30, static_cast<double>(kInfinity)})
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::dvec3 origin = here, direction = ahead;
+      origin[axis] = direction[axis] = bad;
+      EXPECT_EQ(scene.trace(origin, glm::vec3(ahead), 0.0f, kInfinity).slot, UINT32_MAX) << bad;
+      EXPECT_EQ(scene.trace(here, glm::vec3(direction), 0.0f, kInfinity).slot, UINT32_MAX) << bad;
+    }
+}
+
 TEST_F(EmbreeSceneTest, NormalsAreThoseOfTheWorldTriangle) {
   SceneMaker maker(3);
   SceneMirror mirror;
