@@ -19,6 +19,7 @@
 #include "server/sample/embree_sampler.h"
 #include "tests/replay/recorded_yard.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline::test {
 namespace {
@@ -67,12 +68,6 @@ std::string damaged(const std::string& bytes, Damage& damage) {
 
 class DamagedMessages : public testing::Test {
  protected:
-  DamagedMessages() {
-    std::string name = (std::filesystem::temp_directory_path() / "damaged_messages-XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-  }
-  ~DamagedMessages() override { std::filesystem::remove_all(folder_); }
-
   std::string put(const std::string& name, const std::string& bytes) const {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
     return (folder_ / name).string();
@@ -108,7 +103,7 @@ class DamagedMessages : public testing::Test {
     run("report", page, run_report_command);
   }
 
-  std::filesystem::path folder_;
+  const TemporaryFolder folder_;
   size_t files_ = 0;
   std::map<std::string, size_t> ended_well_;
 };

@@ -27,7 +27,6 @@ std::vector<std::byte> triangle_glb(float x) {
 class SceneFolder : public testing::Test {
  protected:
   SceneFolder() {
-    fs::create_directories(root / "scenes/levels");
     write("secret.glb", triangle_glb(9));
     write("scenes/hall.glb", triangle_glb(1));
     write("scenes/levels/one.glb", triangle_glb(2));
@@ -46,7 +45,9 @@ class SceneFolder : public testing::Test {
     return asset ? Error{ErrorCode::kInternal, "", "was loaded"} : asset.error();
   }
 
+  // A library knows its folder from the start.
   const test::TemporaryFolder root;
+  const bool made = fs::create_directories(root / "scenes/levels");
   GeometryStore store;
   SceneLibrary library{(root / "scenes").string(), GltfLimits{}, store};
 };
