@@ -5,12 +5,13 @@
 // with calls of its own. `sightline bench` drives its load by one too.
 //
 // A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
-// comes in, those that wait are passed on to threads that step, so that this one keeps reading.
+// comes in, or when this thread has not rested for a while, they are passed on to threads that step, so that this one keeps reading.
 #pragma once
 
 #include <grpcpp/completion_queue.h>
 
 #include <condition_variable>
+#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <memory>
@@ -60,9 +61,13 @@ class EventLoop {
  private:
   void run();
   bool next(Event*& event, bool& ok);
+  bool lags() const;
+  void do_eldest();
 
   const std::unique_ptr<grpc::CompletionQueue> queue_;
-  std::deque<std::shared_ptr<ShortWork>> waiting_;  // the loop's thread only
+  // The loop's thread only.
+  std::deque<std::shared_ptr<ShortWork>> waiting_;
+  std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
 
   std::mutex mutex_;
   std::condition_variable none_left_;

@@ -238,36 +238,42 @@ TEST_F(Verbs, WhatDoesNotGoTogetherIsSaid) {
 }
 
 TEST_F(Verbs, MissingNumbersNeedAGap) {
-  const auto told = [&](uint64_t gap_messages) {
+  int files = 0;
+  const auto told = [&](uint64_t gap_messages, uint32_t part = 1, uint64_t head_gap_messages = 0) {
     std::string bytes;
     v1::RecordingInfo info;
     info.set_version(1);
-    info.set_part(1);
+    info.set_part(part);
     SessionFile file(std::make_unique<StringSink>(bytes), info, 1, {});
     const auto put_one = [&](RecordTopic topic, uint32_t number,
                              const google::protobuf::MessageLite& message) {
       EXPECT_TRUE(
           file.write({topic, number, number, number, message.SerializeAsString()}, number).has_value());
     };
+    const auto put_gap = [&](uint64_t messages) {
+      v1::Gap gap;
+      gap.set_messages(messages);
+      if (messages > 0) put_one(RecordTopic::kGap, 1, gap);
+    };
     put_one(RecordTopic::kOpen, 1, v1::OpenSession());
+    put_gap(head_gap_messages);
     v1::Tick tick;
     for (const uint32_t number : {1, 2, 6}) {
-      if (number == 6 && gap_messages > 0) {
-        v1::Gap gap;
-        gap.set_messages(gap_messages);
-        put_one(RecordTopic::kGap, 1, gap);
-      }
+      if (number == 6) put_gap(gap_messages);
       tick.set_sequence(number);
       put_one(RecordTopic::kTick, number, tick);
     }
     EXPECT_TRUE(file.finish().has_value());
-    return verify(put("gap" + std::to_string(gap_messages) + ".mcap", bytes));
+    return verify(put("gap" + std::to_string(++files) + ".mcap", bytes));
   };
   EXPECT_EQ(told(3).status, 0);
   EXPECT_EQ(told(2).status, 1);
   const Said none = told(0);
   EXPECT_EQ(none.status, 1);
   EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps tell of 0"));
+  // What was lost before a later part began excuses nothing in it.
+  EXPECT_EQ(told(3, 2, 9).status, 0);
+  EXPECT_EQ(told(0, 2, 9).status, 1);
 }
 
 TEST_F(Verbs, AnUnfinishedFileIsRecovered) {
