@@ -75,6 +75,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 }
 
 void EventLoop::run() {
+  rested_ = std::chrono::steady_clock::now();
   Event* event = nullptr;
   bool ok = false;
   while (next(event, ok)) event->ready(ok);
