@@ -65,7 +65,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
     const CompletionQueue::NextStatus found = queue_->AsyncNext(&tag, &ok, rests ? whenever : at_once);
     if (rests)
       if (const auto now = std::chrono::steady_clock::now(); now - before >= kLeastRest) rested_ = now;
-    if (found == CompletionQueue::SHUTDOWN) return false;
+    if (found == CompletionQueue::SHUTDOWN && rests) return false;
     if (found == CompletionQueue::GOT_EVENT) {
       event = static_cast<Event*>(tag);
       return true;
