@@ -175,30 +175,70 @@ void run_peers(Bench& bench) {
   }
 }
 
+using NamedSettings = std::vector<std::pair<std::string, StepSettings>>;
+
 // Contenders over one grid city: every setting with every device.
-void run_grid(Bench& bench, const std::string& section, double x, const GridCityOptions& options,
-              int full_frames, const std::vector<std::pair<std::string, StepSettings>>& settings,
-              bool with_egl = true) {
-  const double begin_ms = now_ms();
-  GridCity city(options);
-  const TimedScene scene{city.mirror(), city.targets(), city.tables(), {}};
-  std::vector<std::unique_ptr<TimedSteps>> steps;
-  for (const auto& device : bench.devices) {
-    if (device->kind() == "egl" && !with_egl) continue;
-    for (const auto& [name, each] : settings)
-      steps.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name), scene,
-                                                   each, *device));
+class GridRun {
+ public:
+  GridRun(const Bench& bench, const GridCityOptions& options, const NamedSettings& settings, bool with_egl)
+      : city_(options), scene_{city_.mirror(), city_.targets(), city_.tables(), {}} {
+    for (const auto& device : bench.devices) {
+      if (device->kind() == "egl" && !with_egl) continue;
+      for (const auto& [name, each] : settings)
+        steps_.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name),
+                                                      scene_, each, *device));
+    }
+    for (auto& contender : steps_) contender->place(city_.camera());
   }
-  for (auto& contender : steps) contender->place(city.camera());
-  std::printf("%s %.0f: %zu triangles, %zu instances\n", section.c_str(), x, city.triangles(),
-              city.mirror().size());
-  const int frames = bench.frames(full_frames);
-  for (int frame = 0; frame < frames; ++frame) {
-    const double scene_ms = city.advance(frame);
-    for (auto& contender : steps) contender->step(scene_ms);
-    if (frame == 0) std::printf("  ready after %.1f s\n", 1e-3 * (now_ms() - begin_ms));
+  void advance(int frames) {
+    for (const int end = frame_ + frames; frame_ < end; ++frame_) {
+      const double scene_ms = city_.advance(frame_);
+      for (auto& contender : steps_) contender->step(scene_ms);
+    }
   }
-  for (const auto& contender : steps) bench.tables.row(section, x, contender->track());
+  void describe(const std::string& section, double x) const {
+    std::printf("%s %.0f: %zu triangles, %zu instances\n", section.c_str(), x, city_.triangles(),
+                city_.mirror().size());
+  }
+  void write(Bench& bench, const std::string& section, double x) const {
+    for (const auto& contender : steps_) bench.tables.row(section, x, contender->track());
+  }
+  void write_against(Bench& bench, const GridRun& least, const std::string& section, double x) const {
+    for (size_t i = 0; i < steps_.size(); ++i)
+      bench.tables.ratio(section, x, least.steps_[i]->track(), steps_[i]->track());
+  }
+
+ private:
+  GridCity city_;
+  const TimedScene scene_;
+  std::vector<std::unique_ptr<TimedSteps>> steps_;
+  int frame_ = 0;
+};
+
+// The least first. Each larger one is measured in turn with the least, some frames of one and then as many of the other: a machine
+// that is faster at one time than at another is so for both, and the caches are a city's own for most of its frames.
+void run_growth(Bench& bench, const std::string& section,
+                const std::vector<std::pair<double, GridCityOptions>>& cities) {
+  constexpr int kTurn = 20;
+  const NamedSettings settings = {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}};
+  const int frames = bench.frames(300);
+  for (const auto& [x, options] : cities) {
+    GridRun least(bench, cities.front().second, settings, true);
+    if (x == cities.front().first) {
+      least.describe(section, x);
+      least.advance(frames);
+      least.write(bench, section, x);
+      continue;
+    }
+    GridRun larger(bench, options, settings, true);
+    larger.describe(section, x);
+    for (int done = 0; done < frames; done += kTurn) {
+      least.advance(std::min(kTurn, frames - done));
+      larger.advance(std::min(kTurn, frames - done));
+    }
+    larger.write(bench, section, x);
+    larger.write_against(bench, least, section, x);
+  }
 }
 
 // The same steps without anybody beside them: what the caches hold then is the step's own.
@@ -221,39 +261,42 @@ void run_alone(Bench& bench) {
 }
 
 void run_wide(Bench& bench) {
-  run_grid(bench, "wide", 4096, {.targets = 8}, 300,
-           {{"8 points", plain(16, 4096, 8)}, {"default", with_defaults(16, 4096)}}, false);
+  GridRun run(bench, {.targets = 8}, {{"8 points", plain(16, 4096, 8)}, {"default", with_defaults(16, 4096)}},
+              false);
+  run.advance(bench.frames(300));
+  run.write(bench, "wide", 4096);
 }
 
 // The same blocks, cut ever finer.
 void run_detail(Bench& bench) {
-  for (const int cells : {2, 7, 22, 70}) {
-    if (bench.quick && cells == 70) continue;
-    run_grid(bench, "detail", 12.0 * 22 * 22 * cells * cells, {.blocks_a_side = 22, .cells = cells}, 300,
-             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
-  }
+  std::vector<std::pair<double, GridCityOptions>> cities;
+  for (const int cells : {2, 7, 22, 70})
+    if (!bench.quick || cells < 70)
+      cities.push_back({12.0 * 22 * 22 * cells * cells, {.blocks_a_side = 22, .cells = cells}});
+  run_growth(bench, "detail", cities);
 }
 
 // The same detail, ever more blocks.
 void run_blocks(Bench& bench) {
-  for (const int side : {6, 20, 60, 192}) {
-    if (bench.quick && side == 192) continue;
-    run_grid(bench, "blocks", 12.0 * 64 * side * side, {.blocks_a_side = side, .own_geometry = false}, 300,
-             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
-  }
+  std::vector<std::pair<double, GridCityOptions>> cities;
+  for (const int side : {6, 20, 60, 192})
+    if (!bench.quick || side < 192)
+      cities.push_back({12.0 * 64 * side * side, {.blocks_a_side = side, .own_geometry = false}});
+  run_growth(bench, "blocks", cities);
 }
 
 void run_targets(Bench& bench) {
-  for (const int targets : {1, 2, 4, 8, 16, 32})
-    run_grid(bench, "targets", targets, {.targets = targets}, 300,
-             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+  std::vector<std::pair<double, GridCityOptions>> cities;
+  for (const int targets : {1, 2, 4, 8, 16, 32}) cities.push_back({static_cast<double>(targets), {.targets = targets}});
+  run_growth(bench, "targets", cities);
 }
 
 // 10,000 instances, of which ever more move.
 void run_movers(Bench& bench) {
+  std::vector<std::pair<double, GridCityOptions>> cities;
   for (const int movers : {0, 10, 100, 1000})
-    run_grid(bench, "movers", movers, {.movers = movers, .props = 10'000 - 400 - 2 - movers}, 300,
-             {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}});
+    cities.push_back({static_cast<double>(movers), {.movers = movers, .props = 10'000 - 400 - 2 - movers}});
+  run_growth(bench, "movers", cities);
 }
 
 struct Section {

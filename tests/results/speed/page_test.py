@@ -16,8 +16,8 @@ def row(section, x, name, p50, scene=0.0):
     return {"section": section, "x": float(x), "row": name, "p50_ms": p50, "scene_p50_ms": scene}
 
 
-def ratio(x, other, value):
-    return {"section": "peers", "x": float(x), "other": other, "ratio": value, "least": value, "greatest": value}
+def ratio(x, other, value, section="peers"):
+    return {"section": section, "x": float(x), "other": other, "ratio": value, "least": value, "greatest": value}
 
 
 def verdicts(claims):
@@ -47,12 +47,15 @@ class Claims(unittest.TestCase):
         self.assertIsNone(make_page.load_claims([])[0].holds)
 
     def test_of_growth_take_the_greatest_and_count_the_mirror(self):
-        rows = [row("detail", 1e4, "embree", 1.0), row("detail", 1e5, "embree", 3.1), row("detail", 1e6, "embree", 2.0)]
-        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows)], [False])
+        rows = [row("detail", 1e4, "embree", 1.0), row("detail", 1e5, "embree", 1.0), row("detail", 1e6, "embree", 1.0)]
+        ratios = [ratio(1e5, "embree", 3.1, "detail"), ratio(1e6, "embree", 2.0, "detail")]
+        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, ratios)], [False])
+        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, ratios[1:])], [True])
         rows = [row("movers", 0, "egl", 1.0, 0.1), row("movers", 1000, "egl", 1.9, 0.3)]
-        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows)], [False])
-        rows = [row("targets", 1, "egl", 1.0), row("targets", 32, "egl", 31.0)]
-        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows)], [True])
+        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, [])], [False])
+        for times, holds in ((31.0, True), (33.0, False)):
+            ratios = [ratio(2, "egl", 1.0, "targets"), ratio(32, "egl", times, "targets")]
+            self.assertEqual([claim.holds for claim in make_page.growth_claims([], ratios)], [holds])
 
 
 class Plot(unittest.TestCase):
