@@ -52,7 +52,8 @@ class Claims(unittest.TestCase):
         self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, ratios)], [False])
         self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, ratios[1:])], [True])
         rows = [row("movers", 0, "egl", 1.0, 0.1), row("movers", 1000, "egl", 1.9, 0.3)]
-        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, [])], [False])
+        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, [ratio(1000, "egl", 1.9, "movers")])], [False])
+        self.assertEqual([claim.holds for claim in make_page.growth_claims(rows, [ratio(1000, "egl", 1.5, "movers")])], [True])
         for times, holds in ((31.0, True), (33.0, False)):
             ratios = [ratio(2, "egl", 1.0, "targets"), ratio(32, "egl", times, "targets")]
             self.assertEqual([claim.holds for claim in make_page.growth_claims([], ratios)], [holds])
