@@ -6,7 +6,6 @@
 #include <fstream>
 #include <optional>
 #include <sstream>
-#include <thread>
 
 #include "client/contact_sheet.h"
 #include "client/drive_page.h"
@@ -19,6 +18,7 @@
 #include "client/scenario_session.h"
 #include "client/trace.h"
 #include "client/wire_presets.h"
+#include "server/base/cpu_budget.h"
 
 namespace sightline {
 namespace {
@@ -108,7 +108,7 @@ class Drive {
   Result<Judged> judge_path(const std::string& what, std::span<const CameraFrame> path) {
     JudgeOptions options;
     options.picture_every = options_.truth ? options_.picture_every : 0;
-    options.threads = static_cast<int>(std::thread::hardware_concurrency());
+    options.threads = cpu_budget();
     options.progress = [&](size_t done) { bar_.show(what, done, path.size()); };
     auto truths = judge(*scenario_, store_, device_, path, options);
     bar_.clear();

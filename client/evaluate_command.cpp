@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
-#include <thread>
 
 #include "client/evaluation_tables.h"
 #include "client/named_settings.h"
@@ -15,6 +14,7 @@
 #include "client/plot.h"
 #include "client/progress_bar.h"
 #include "scenes/catalog.h"
+#include "server/base/cpu_budget.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
@@ -199,7 +199,7 @@ EvaluationOptions playing_of(const EvaluateOptions& options) {
   how.duration_s = options.duration_s;
   how.picture_every = options.picture_every;
   how.jobs =
-      options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+      options.jobs > 0 ? options.jobs : cpu_budget();
   return how;
 }
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <chrono>
-#include <thread>
 #include <utility>
 
 #include "client/replay_place.h"
+#include "server/base/cpu_budget.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {
@@ -60,7 +60,7 @@ class LocalPlace final : public ReplayPlace {
 }  // namespace
 
 size_t replay_threads() {
-  return std::clamp<size_t>(std::thread::hardware_concurrency(), 1, 4);
+  return static_cast<size_t>(std::min(cpu_budget(), 4));
 }
 
 std::unique_ptr<ReplayPlace> make_local_place(std::unique_ptr<SamplerDevice> sampler) {

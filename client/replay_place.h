@@ -49,7 +49,7 @@ Result<v1::SessionOpened> keep_opened(Result<std::unique_ptr<Opened>> opened, st
   return kept->opened();
 }
 
-// Threads for the maps of one session that runs alone: as many as there are cores, at most 4. A step takes 60 to 80 maps; what is left
+// Threads for the maps of one session that runs alone: cpu_budget, at most 4. A step takes 60 to 80 maps; what is left
 // of it with the maps of more hands is not theirs.
 size_t replay_threads();
 

@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 
+#include "server/base/cpu_budget.h"
 #include "server/flags.h"
 #include "server/gl/software_renderer.h"
 #include "server/receive/listener.h"

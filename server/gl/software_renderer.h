@@ -1,21 +1,12 @@
 // Mesa's software renderers: recognising them, and the environment that they read.
 #pragma once
 
-#include <optional>
-#include <string>
 #include <string_view>
 
 namespace sightline {
 
 // True for the GL_RENDERER of llvmpipe, softpipe and swrast.
 bool is_software_renderer(std::string_view gl_renderer);
-
-// CPUs' worth of time that this process may use: the smaller of its affinity mask and the quota of its control group
-// (version 2, or 1), rounded up, at least 1.
-int cpu_budget();
-
-// The quota in CPUs of one `cpu.max` file ("200000 100000" is 2); nothing for "max" or malformed text.
-std::optional<double> parse_cpu_max(const std::string& text);
 
 // Sets, where the environment has no value yet,
 //   LP_NUM_THREADS             what rasterises: kMapRasterThreads, never more than the CPU budget. Mesa would start one

@@ -10,8 +10,8 @@
 
 #include <grpcpp/completion_queue.h>
 
-#include <condition_variable>
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <memory>

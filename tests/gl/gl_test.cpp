@@ -72,14 +72,6 @@ TEST(SoftwareRendererTest, KnowsMesasNames) {
   EXPECT_FALSE(is_software_renderer("Mesa Intel(R) Graphics (ADL GT2)"));
 }
 
-TEST(SoftwareRendererTest, ReadsCpuQuotas) {
-  EXPECT_EQ(parse_cpu_max("200000 100000\n"), 2.0);
-  EXPECT_EQ(parse_cpu_max("50000 100000"), 0.5);
-  for (const char* none : {"max 100000\n", "", "-1 100000", "100000", "100000 0", "x y"})
-    EXPECT_FALSE(parse_cpu_max(none)) << none;
-  EXPECT_GE(cpu_budget(), 1);
-}
-
 TEST(SoftwareRendererTest, TheEnvironmentsOwnValuesStand) {
   ASSERT_EQ(setenv("LP_NUM_THREADS", "7", 1), 0);
   prepare_software_rendering();
