@@ -31,32 +31,42 @@ struct IncomingCall {
   End end;
 };
 
-// Waits for one call. Deletes itself when it came, or when the server has shut down.
+// Waits for one call. Deletes itself when it came, or when the server has shut down; until then it counts as a call of its loop,
+// so that one which comes as the server shuts down is taken and ended like any other.
 template <typename Incoming>
 class Door final : public Event {
  public:
-  using Taker = std::function<void(std::unique_ptr<Incoming>)>;  // on the loop's thread
+  // On the loop's thread; makes an AsyncCall of it.
+  using Taker = std::function<void(std::unique_ptr<Incoming>)>;
 
   // `ask(incoming, tag)` is to call Request... of the service.
   template <typename Ask>
-  static void open(const Ask& ask, Taker taker) {
-    auto* door = new Door(std::move(taker));
+  static void open(EventLoop& loop, const Ask& ask, Taker taker) {
+    auto* door = new Door(loop, std::move(taker));
     door->incoming_->context.AsyncNotifyWhenDone(&door->incoming_->end);
     ask(*door->incoming_, static_cast<void*>(door));
   }
 
  private:
-  explicit Door(Taker taker) : taker_(std::move(taker)), incoming_(std::make_unique<Incoming>()) {}
+  Door(EventLoop& loop, Taker taker)
+      : loop_(loop), taker_(std::move(taker)), incoming_(std::make_unique<Incoming>()) {
+    loop_.call_begins();
+  }
+  ~Door() {
+    incoming_.reset();
+    loop_.call_ends();
+  }
   void ready(bool ok) override {
-    const std::unique_ptr<Door> self(this);
     if (ok) taker_(std::move(incoming_));
+    delete this;
   }
 
+  EventLoop& loop_;
   const Taker taker_;
   std::unique_ptr<Incoming> incoming_;
 };
 
-// One call. Responder: grpc::ServerAsyncReaderWriter, or another that writes. Context: another than usual for calls of any method.
+// One call. Responder: grpc::ServerAsyncReaderWriter, or another of gRPC's. Context: another than usual for calls of any method.
 //
 // Reactions come on the loop's thread, one at a time, and never inside one of the start functions, which may be called from any
 // thread. At most one operation of a kind may be under way. `finish_call` must be called once, whatever becomes of the call; nothing
@@ -96,6 +106,11 @@ class AsyncCall {
     incoming_->responder.Write(message, &written_);
   }
   void finish_call(const grpc::Status& status) { incoming_->responder.Finish(status, &finished_); }
+  // Of a call that is answered by one message.
+  template <typename Message>
+  void finish_call(const Message& message, const grpc::Status& status) {
+    incoming_->responder.Finish(message, status, &finished_);
+  }
 
   // An operation of another kind, which ends with `over`.
   void begin() { under_way_.fetch_add(1, std::memory_order_relaxed); }

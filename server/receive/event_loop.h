@@ -1,8 +1,8 @@
 // The thread that moves the messages of streams: one completion queue of gRPC's and one thread that waits at it.
 //
 // One thread, since of several at one queue (as gRPC's callback API has them) each wakes the next one whenever something
-// happens: with a hundred sessions that is half of what a message costs. A machine with many cores has several loops, each
-// with calls of its own. `sightline bench` drives its load by one too.
+// happens: with a hundred streams of an echo that is a third of what a message costs. A machine with many cores has several loops,
+// each with calls of its own. `sightline bench` drives its load by one too.
 //
 // A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
 // comes in, or when this thread has not rested for a while, they are passed on to threads that step, so that this one keeps reading.
@@ -54,7 +54,7 @@ class EventLoop {
   // For when nothing is left to be read. On the loop's thread only.
   void soon(std::shared_ptr<ShortWork> work);
 
-  // A call that may still start operations. From any thread.
+  // A call that may still start operations, which the loop waits for at its end. From any thread.
   void call_begins();
   void call_ends();
 

@@ -10,6 +10,7 @@ namespace {
 
 using grpc::health::v1::HealthCheckRequest;
 using grpc::health::v1::HealthCheckResponse;
+using CheckCall = AsyncCall<grpc::ServerAsyncResponseWriter<HealthCheckResponse>, HealthCheckRequest>;
 using WatchCall = AsyncCall<grpc::ServerAsyncWriter<HealthCheckResponse>, HealthCheckRequest>;
 
 HealthCheckResponse::ServingStatus told(bool serving) {
@@ -17,6 +18,22 @@ HealthCheckResponse::ServingStatus told(bool serving) {
 }
 
 }  // namespace
+
+// One call of Check: answered at once.
+class HealthService::Checker final : public CheckCall {
+ public:
+  Checker(EventLoop& loop, std::unique_ptr<Incoming> call, const HealthService& service)
+      : CheckCall(loop, std::move(call)) {
+    HealthCheckResponse response;
+    response.set_status(service.status_of(incoming().request.service()));
+    const bool known = response.status() != HealthCheckResponse::SERVICE_UNKNOWN;
+    finish_call(response, known ? grpc::Status::OK
+                                : grpc::Status(grpc::StatusCode::NOT_FOUND, "no service of that name"));
+  }
+
+ private:
+  void on_done() override { delete this; }
+};
 
 // One call of Watch. Kept by the service until gRPC is done with it.
 class HealthService::Watcher final : public WatchCall {
@@ -51,7 +68,7 @@ class HealthService::Watcher final : public WatchCall {
       finished_ = true;
       return finish_call(grpc::Status::CANCELLED);
     }
-    const Serving now = service_.watched_status(incoming().request.service());
+    const Serving now = service_.status_of(incoming().request.service());
     if (said_anything_ && message_.status() == now) return;
     message_.set_status(now);
     said_anything_ = writing_ = true;
@@ -66,12 +83,28 @@ class HealthService::Watcher final : public WatchCall {
 };
 
 void HealthService::take_calls(EventLoop& loop) {
+  take_checks(loop);
+  take_watches(loop);
+}
+
+void HealthService::take_checks(EventLoop& loop) {
+  using Incoming = Checker::Incoming;
+  const auto ask = [&](Incoming& incoming, void* tag) {
+    RequestCheck(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+  };
+  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_checks(loop);
+    new Checker(loop, std::move(incoming), *this);
+  });
+}
+
+void HealthService::take_watches(EventLoop& loop) {
   using Incoming = Watcher::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
-    take_calls(loop);
+  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_watches(loop);
     admit(std::make_shared<Watcher>(loop, std::move(incoming), *this));
   });
 }
@@ -117,19 +150,10 @@ void HealthService::remove(const Watcher* watcher) {
   watchers_.erase(at);
 }
 
-HealthService::Serving HealthService::watched_status(const std::string& service) const {
+HealthService::Serving HealthService::status_of(const std::string& service) const {
   const std::lock_guard lock(mutex_);
   const auto found = serving_.find(service);
   return found == serving_.end() ? HealthCheckResponse::SERVICE_UNKNOWN : told(found->second);
-}
-
-grpc::Status HealthService::Check(grpc::ServerContext*, const HealthCheckRequest* request,
-                                  HealthCheckResponse* response) {
-  const std::lock_guard lock(mutex_);
-  const auto found = serving_.find(request->service());
-  if (found == serving_.end()) return {grpc::StatusCode::NOT_FOUND, "no service of that name"};
-  response->set_status(told(found->second));
-  return grpc::Status::OK;
 }
 
 }  // namespace sightline

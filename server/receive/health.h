@@ -1,7 +1,8 @@
 // The health service of gRPC's health checking protocol.
 //
 // gRPC brings one, which runs on its callback API: its mere presence starts threads that wait beside the event loops, and each
-// message then wakes one of them too.
+// message then wakes one of them too. This one is answered by a loop: clients that hold all threads of the synchronous RPCs do not
+// make a platform take the daemon for dead.
 #pragma once
 
 #include <map>
@@ -16,12 +17,11 @@
 namespace sightline {
 
 // Thread-safe, as gRPC asks. It must outlive the gRPC server and the loops.
-class HealthService final
-    : public grpc::health::v1::Health::WithAsyncMethod_Watch<grpc::health::v1::Health::Service> {
+class HealthService final : public grpc::health::v1::Health::AsyncService {
  public:
   using Serving = grpc::health::v1::HealthCheckResponse::ServingStatus;
 
-  // All calls of Watch are taken by one loop, from now until the server shuts down.
+  // All calls are taken by one loop, from now until the server shuts down.
   void take_calls(EventLoop& loop);
 
   // Of a service by its full name; "" is the server. Those that watch are told.
@@ -29,12 +29,13 @@ class HealthService final
   // Nobody watches any longer: a server that shuts down would wait for those calls.
   void end_watches();
 
-  grpc::Status Check(grpc::ServerContext* context, const grpc::health::v1::HealthCheckRequest* request,
-                     grpc::health::v1::HealthCheckResponse* response) override;
-
  private:
+  class Checker;
   class Watcher;
-  Serving watched_status(const std::string& service) const;
+  void take_checks(EventLoop& loop);
+  void take_watches(EventLoop& loop);
+  // SERVICE_UNKNOWN of one that was never set.
+  Serving status_of(const std::string& service) const;
   void admit(const std::shared_ptr<Watcher>& watcher);
   void remove(const Watcher* watcher);
 

@@ -73,6 +73,7 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Clients may ping as often as we do.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1'000);
+  // Synchronous RPCs: they are rare.
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
   builder.SetResourceQuota(grpc::ResourceQuota("listener").SetMaxThreads(kMaxThreads));
 }
@@ -88,8 +89,6 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   configure(builder, options);
   builder.RegisterService(&service);
   builder.RegisterService(&listener->health_);
-  std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
-  for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
 
   int port = 0;
   if (!options.tcp.empty()) builder.AddListeningPort(options.tcp, grpc::InsecureServerCredentials(), &port);
@@ -98,6 +97,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
       return tl::unexpected(status.error());
     builder.AddListeningPort("unix:" + options.unix_path, grpc::InsecureServerCredentials());
   }
+  std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
+  for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
   // The socket must at no moment be open to more than its mode says.
   const mode_t former_umask = ::umask(0777 & ~options.unix_mode);
   listener->server_ = builder.BuildAndStart();
