@@ -72,9 +72,8 @@ Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
   const double brake = braking_distance_m({site_.limits.max_speed_mps, 0, 0}, site_.limits);
   colliders_.gather(world_->mirror(), from,
                     2 * bound.radius_m + site_.limits.max_speed_mps * kMaxStepS + brake + 2 * body, {});
-  const Reachable reachable = [&](const glm::dvec3& place) {
-    return path_is_free(colliders_, from, place, body);
-  };
+  StraightWays ways(colliders_, from, body);
+  const Reachable reachable = [&](const glm::dvec3& place) { return ways.is_free(place); };
   return choose_basic(candidates_, views_, desired_m, 0.0, settings_.move, reachable, scratch_);
 }
 

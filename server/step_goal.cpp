@@ -72,8 +72,9 @@ Leg first_leg(StepWork& w, uint32_t goal) {
   const std::vector<uint32_t>& route = w.memory.goal.routes.to(goal);
   const glm::dvec3 from = w.memory.camera.pose.position_m;
   if (route.empty()) return {from, 0};
+  StraightWays ways(w.memory.colliders, from, body_m(w));
   size_t k = route.size() - 1;
-  while (k > 0 && !path_is_free(w.memory.colliders, from, places[route[k]], body_m(w)))
+  while (k > 0 && !ways.is_free(places[route[k]]))
     k = k > 4 ? k - 2 : k - 1;
   double length_m = glm::distance(from, places[route[k]]);
   for (; k + 1 < route.size(); ++k) length_m += glm::distance(places[route[k]], places[route[k + 1]]);
@@ -163,15 +164,12 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
   list_all_visible(w);
   goal.depths.begin(m.cells, m.members);
   measure_clearances(w, body_radius_m);
+  StraightWays ways(m.colliders, m.camera.pose.position_m, body_m(w));
   const RouteNodes nodes{.position_m = m.place_m,
                          .cell = m.cells,
                          .clearance_m = goal.clearance_m,
                          .hidden = goal.hidden,
-                         .first_leg_is_free =
-                             [&](uint32_t node) {
-                               return path_is_free(m.colliders, m.camera.pose.position_m, m.place_m[node],
-                                                   body_m(w));
-                             },
+                         .first_leg_is_free = [&](uint32_t node) { return ways.is_free(m.place_m[node]); },
                          .spacing_m = m.lattice.spacing_m()};
   goal.routes.begin(nodes, static_cast<uint32_t>(w.own_candidate),
                     {.body_radius_m = body_radius_m, .exposure = settings.blend.exposure});

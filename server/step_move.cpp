@@ -50,10 +50,8 @@ Choice choose(StepWork& w) {
   if (w.steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
   const glm::dvec3 from = w.memory.camera.pose.position_m, desired = desired_place(w);
   if (w.input.settings.move.strategy == Strategy::kBlend) return choose_goal(w, desired);
-  const double body = swept_radius_m(w.input.limits, w.lens);
-  const auto is_free = [&](const glm::dvec3& place) {
-    return path_is_free(w.memory.colliders, from, place, body);
-  };
+  StraightWays ways(w.memory.colliders, from, swept_radius_m(w.input.limits, w.lens));
+  const auto is_free = [&](const glm::dvec3& place) { return ways.is_free(place); };
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
   if (w.input.settings.move.strategy == Strategy::kBasic)

@@ -11,13 +11,20 @@ namespace {
 // Sweeps start this much inside the measured clearance, so that a camera that touches its skin can still slide.
 constexpr double kSweepSlackM = 0.002;
 
+// A camera that has used its skin up comes nearer by no more than this in a step, and never as near as a sweep may press in.
+constexpr double kNearerM = 1e-6, kNeverPressedM = 2e-9;
+
 // Room kept to what moves, beyond the body: a mover's velocity is only what it was.
 constexpr double kEvadeRoomM = 0.1;
 
-// The radius to sweep from here: with the whole skin where there is room for it, less where the camera already stands closer.
-double sweep_radius_m(const ClearanceField& field, const glm::dvec3& from_m, double body_m) {
-  const double clearance = field.clearance_m(from_m, body_m + 2 * kBodySkinM);
-  return std::clamp(clearance - kSweepSlackM, body_m, body_m + kBodySkinM);
+// The radius to sweep from where the clearance is this: with the whole skin where there is room for it, less where the camera already
+// stands closer.
+double sweep_radius_m(double clearance_m, double body_m) {
+  return std::clamp(clearance_m - kSweepSlackM, body_m, body_m + kBodySkinM);
+}
+// No clearance beyond this is asked for.
+double clearance_reach_m(double body_m) {
+  return body_m + 2 * kBodySkinM;
 }
 
 class SafetyCheck {
@@ -29,17 +36,27 @@ class SafetyCheck {
         field_(field),
         dt_s_(dt_s),
         body_m_(swept_radius_m(limits, lens)),
-        sweep_m_(sweep_radius_m(field, camera.pose.position_m, body_m_)) {}
+        clearance_m_(clearance_reach_m(body_m_)) {
+    glm::dvec3 surface;
+    if (field.nearest(camera.pose.position_m, clearance_m_, surface)) {
+      away_m_ = camera.pose.position_m - surface;
+      clearance_m_ = glm::length(away_m_);
+    }
+    sweep_m_ = has_skin() ? sweep_radius_m(clearance_m_, body_m_)
+                          : std::max(clearance_m_ - kNearerM, body_m_ + kNeverPressedM);
+  }
 
-  double body_m() const { return body_m_; }
+  bool overlaps() const { return clearance_m_ < body_m_; }
+  // Some of the skin is left.
+  bool has_skin() const { return clearance_m_ >= body_m_ + kSweepSlackM; }
 
   // Free for the step and for the brake after it.
-  bool is_safe(const glm::dvec3& velocity) const {
+  bool is_safe(const glm::dvec3& velocity) {
     const double speed = glm::length(velocity);
     if (speed < 1e-9) return true;
     const double reach = speed * dt_s_ + braking_distance_m(velocity, limits_);
     const glm::dvec3 from = camera_.pose.position_m;
-    return field_.free_fraction(from, from + velocity * (reach / speed), sweep_m_) >= 1.0;
+    return field_.is_free(from, from + velocity * (reach / speed), sweep_m_, blocker_);
   }
 
   // The velocity without its part into the surface that it meets.
@@ -55,6 +72,21 @@ class SafetyCheck {
     return velocity - out * std::min(0.0, glm::dot(velocity, out));
   }
 
+  // Away from the nearest surface, as fast as still allows stopping within the skin.
+  glm::dvec3 velocity_out() const {
+    if (clearance_m_ < 1e-9) return glm::dvec3(0, 1, 0);
+    const double missing = body_m_ + kBodySkinM - clearance_m_;
+    return away_m_ / clearance_m_ * std::sqrt(2 * limits_.max_acceleration_mps2 * std::max(missing, 0.0));
+  }
+
+  // How much room is left by the step and where the brake after it ends.
+  double room_m(const glm::dvec3& velocity) const {
+    const glm::dvec3 next = camera_.pose.position_m + velocity * dt_s_;
+    const double speed = glm::length(velocity), reach_m = clearance_reach_m(body_m_);
+    const glm::dvec3 stop = speed > 1e-9 ? next + velocity * (braking_distance_m(velocity, limits_) / speed) : next;
+    return std::min(field_.clearance_m(next, reach_m), field_.clearance_m(stop, reach_m));
+  }
+
   glm::dvec3 limited(const glm::dvec3& wanted) const {
     return clamp_velocity(camera_.velocity_mps, wanted, limits_, dt_s_);
   }
@@ -63,17 +95,23 @@ class SafetyCheck {
   const CameraState& camera_;
   const CameraLimits& limits_;
   const ClearanceField& field_;
-  const double dt_s_, body_m_, sweep_m_;
+  const double dt_s_, body_m_;
+  double clearance_m_, sweep_m_;
+  glm::dvec3 away_m_{0.0};  // from the nearest surface, within the reach
+  size_t blocker_ = 0;
 };
 
-// Away from the nearest surface, as fast as still allows stopping within a body's length.
-glm::dvec3 velocity_out(const glm::dvec3& place, const glm::dvec3& surface, double body_m,
-                        const CameraLimits& limits) {
-  const glm::dvec3 away = place - surface;
-  const double distance = glm::length(away);
-  if (distance < 1e-9) return glm::dvec3(0, 1, 0);
-  const double missing = body_m + kBodySkinM - distance;
-  return away / distance * std::sqrt(2 * limits.max_acceleration_mps2 * std::max(missing, 0.0));
+// Out of what the body touches, or as far as what stands opposite allows: the velocity that leaves the most room.
+glm::dvec3 roomiest(const SafetyCheck& check) {
+  const glm::dvec3 out = check.velocity_out();
+  glm::dvec3 best(0.0);
+  double most_m = -1;
+  for (const double share : {1.0, 0.5, 0.25, 0.1, 0.0}) {
+    const glm::dvec3 velocity = check.limited(share * out);
+    const double room_m = check.room_m(velocity);
+    if (room_m > most_m) most_m = room_m, best = velocity;
+  }
+  return best;
 }
 
 }  // namespace
@@ -82,11 +120,10 @@ double swept_radius_m(const CameraLimits& limits, const Lens& lens) {
   return std::max(limits.body_radius_m, near_corner_distance_m(lens));
 }
 
-bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m,
-                  double body_radius_m) {
-  const double radius = sweep_radius_m(field, from_m, body_radius_m);
-  return field.free_fraction(from_m, to_m, radius) >= 1.0;
-}
+StraightWays::StraightWays(const ClearanceField& field, const glm::dvec3& from_m, double body_radius_m)
+    : field_(field),
+      from_m_(from_m),
+      sweep_m_(sweep_radius_m(field.clearance_m(from_m, clearance_reach_m(body_radius_m)), body_radius_m)) {}
 
 glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                  const Lens& lens, const MoversAhead& movers, double dt_s) {
@@ -107,20 +144,18 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
 
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                    const Lens& lens, const ClearanceField& field, double dt_s) {
-  const SafetyCheck check(camera, limits, lens, field, dt_s);
-  glm::dvec3 surface;
-  if (field.nearest(camera.pose.position_m, check.body_m() + kSweepSlackM, surface)) {
-    const glm::dvec3 out = velocity_out(camera.pose.position_m, surface, check.body_m(), limits);
-    const double distance = glm::distance(camera.pose.position_m, surface);
-    return {check.limited(out), distance < check.body_m(), true};
-  }
+  SafetyCheck check(camera, limits, lens, field, dt_s);
+  if (check.overlaps()) return {roomiest(check), true, true};
   if (check.is_safe(wanted_mps)) return {wanted_mps, false, false};
+  // With no skin left it is made again first, where nothing stands opposite.
+  if (const glm::dvec3 out = check.limited(check.velocity_out()); !check.has_skin() && check.is_safe(out))
+    return {out, false, true};
   const glm::dvec3 slide = check.along_surface(wanted_mps);
   const std::array<glm::dvec3, 6> tries = {slide,       0.5 * slide,      0.5 * wanted_mps,
                                            0.2 * slide, 0.2 * wanted_mps, 0.05 * slide};
   for (const glm::dvec3& velocity : tries)
     if (const glm::dvec3 v = check.limited(velocity); check.is_safe(v)) return {v, false, true};
-  return {check.limited(glm::dvec3(0.0)), false, true};
+  return {check.has_skin() ? check.limited(glm::dvec3(0.0)) : roomiest(check), false, true};
 }
 
 }  // namespace sightline

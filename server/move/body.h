@@ -35,9 +35,18 @@ using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, 
 glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                  const Lens& lens, const MoversAhead& movers, double dt_s);
 
-// True when the body can go straight from one place to the other.
-bool path_is_free(const ClearanceField& field, const glm::dvec3& from_m, const glm::dvec3& to_m,
-                  double body_radius_m);
+// Where the body can go straight from one place. The field must outlive it and not change.
+class StraightWays {
+ public:
+  StraightWays(const ClearanceField& field, const glm::dvec3& from_m, double body_radius_m);
+  bool is_free(const glm::dvec3& to_m) { return field_.is_free(from_m_, to_m, sweep_m_, blocker_); }
+
+ private:
+  const ClearanceField& field_;
+  const glm::dvec3 from_m_;
+  const double sweep_m_;  // the radius that is swept
+  size_t blocker_ = 0;
+};
 
 // The radius that is swept: the body's, or the distance to the near plane's corners where that is more.
 double swept_radius_m(const CameraLimits& limits, const Lens& lens);

@@ -5,6 +5,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "server/base/vector_clones.h"
+
 namespace sightline {
 namespace {
 
@@ -37,25 +39,31 @@ double distance_to_box(const glm::dvec3& p, const Aabb& box) {
 }
 
 // A straight move in one collider's frame: from + s * move, s in [0, 1].
-struct Path {
-  glm::dvec3 from, move;
-  double margin;  // at least the sphere's radius, in this frame
+class Path {
+ public:
+  // `margin`: at least the sphere's radius, in this frame.
+  Path(const glm::dvec3& from, const glm::dvec3& move, double margin)
+      : from_(from), per_move_(1.0 / move), margin_(margin) {}
 
   // The first s at which the point is inside `box` grown by the margin; infinity when it never is.
   double enters(const Aabb& box) const {
     double first = 0.0, last = 1.0;
     for (int axis = 0; axis < 3; ++axis) {
-      const double low = box.min[axis] - margin - from[axis], high = box.max[axis] + margin - from[axis];
-      if (move[axis] == 0) {
+      const double low = box.min[axis] - margin_ - from_[axis], high = box.max[axis] + margin_ - from_[axis];
+      if (std::isinf(per_move_[axis])) {
         if (low > 0 || high < 0) return INFINITY;
         continue;
       }
-      const double a = low / move[axis], b = high / move[axis];
+      const double a = low * per_move_[axis], b = high * per_move_[axis];
       first = std::max(first, std::min(a, b));
       last = std::min(last, std::max(a, b));
     }
     return first <= last ? first : INFINITY;
   }
+
+ private:
+  glm::dvec3 from_, per_move_;
+  double margin_;
 };
 
 // Added where boxes are compared, so that rounding never prunes a contact.
@@ -130,11 +138,44 @@ double advance(const glm::dvec3& from, const glm::dvec3& direction, double lengt
 }
 
 // The same for a sphere, which may graze: what it does not press into by kTouchM does not stop it.
-double sweep(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
-             const WorldTriangle& triangle) {
+double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
+                      const WorldTriangle& triangle) {
   const double pressed = std::max(radius_m - kTouchM, 0.0);
   if (advance(from, direction, length_m, pressed, triangle) >= length_m) return length_m;
   return advance(from, direction, length_m, radius_m, triangle);
+}
+
+// Spheres, by coordinate.
+struct Spheres {
+  const double *x_m, *y_m, *z_m, *radius_m;
+  size_t count;
+};
+// So many are asked at once.
+constexpr size_t kSpheresAtOnce = 128;
+
+// A sphere's way: along unit `direction`.
+struct SphereWay {
+  glm::dvec3 from_m, direction;
+  double length_m, radius_m;
+};
+
+// 1 for those that come as near to the way as the spheres' radii, or within rounding of that; else 0.
+SIGHTLINE_VECTOR_CLONES
+void mark_beside(const Spheres& spheres, const SphereWay& way, uint8_t* __restrict beside) {
+  constexpr double kSlack = 1e-9;
+  const double from_x = way.from_m.x, from_y = way.from_m.y, from_z = way.from_m.z, along_x = way.direction.x,
+               along_y = way.direction.y, along_z = way.direction.z, length = way.length_m,
+               radius = way.radius_m + kSlack;
+  const double *__restrict x = spheres.x_m, *__restrict y = spheres.y_m, *__restrict z = spheres.z_m,
+               *__restrict r = spheres.radius_m;
+  for (size_t i = 0; i < spheres.count; ++i) {
+    const double dx = x[i] - from_x, dy = y[i] - from_y, dz = z[i] - from_z;
+    const double at = dx * along_x + dy * along_y + dz * along_z, late = at < 0.0 ? 0.0 : at,
+                 t = late < length ? late : length;
+    const double ex = dx - t * along_x, ey = dy - t * along_y, ez = dz - t * along_z;
+    const double reach = r[i] + radius, apart = ex * ex + ey * ey + ez * ez;
+    beside[i] = apart <= reach * reach * (1 + kSlack) ? 1 : 0;
+  }
 }
 
 }  // namespace
@@ -179,6 +220,7 @@ void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3
                      gathered_.static_version == mirror.static_version() &&
                      glm::distance(gathered_.center_m, center_m) + reach_m <= gathered_.reach_m;
   if (holds) return;
+  stands_listed_ = false;
   const double farther_m = reach_m + kGatheredFartherM;
   gathered_ = {mirror.identity(), mirror.static_version(), center_m, farther_m, all};
   standing_.clear();
@@ -193,26 +235,42 @@ void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_
   moving_.clear();
   for (const uint32_t slot : mirror.moving_slots())
     add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0, moving_);
-  list_near(center_m, reach_m);
+  list_spheres(center_m, reach_m);
 }
 
 void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                                    std::span<const uint32_t> ignored_slots, double ahead_s) {
   standing_.clear();
+  stands_listed_ = false;
   gathered_ = {};
   moving_.clear();
   for (const uint32_t slot : mirror.moving_slots())
     add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s, moving_);
-  list_near(center_m, reach_m);
+  list_spheres(center_m, reach_m);
 }
 
-void ClearanceField::list_near(const glm::dvec3& center_m, double reach_m) {
-  near_.clear();
-  for (uint32_t index = 0; index < standing_.size() + moving_.size(); ++index) {
-    const glm::dvec3 away = at(index).center_m - center_m;
-    const double reach = reach_m + at(index).radius_m;
-    if (glm::dot(away, away) <= reach * reach) near_.push_back(index);
+void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
+  center_m_ = center_m, reach_m_ = reach_m;
+  const size_t count = standing_.size() + moving_.size();
+  // Those that stand are mostly listed already.
+  const size_t first = stands_listed_ ? standing_.size() : 0;
+  for (std::vector<double>* each : {&x_m_, &y_m_, &z_m_, &radius_m_}) each->resize(count);
+  for (size_t index = first; index < count; ++index) {
+    const Collider& collider = at(index);
+    x_m_[index] = collider.center_m.x, y_m_[index] = collider.center_m.y, z_m_[index] = collider.center_m.z;
+    radius_m_[index] = collider.radius_m;
   }
+  stands_listed_ = true;
+}
+
+size_t ClearanceField::collider_count() const {
+  size_t count = 0;
+  for (size_t i = 0; i < x_m_.size(); ++i) {
+    const glm::dvec3 away = glm::dvec3(x_m_[i], y_m_[i], z_m_[i]) - center_m_;
+    const double reach = reach_m_ + radius_m_[i];
+    count += glm::dot(away, away) <= reach * reach;
+  }
+  return count;
 }
 
 double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) const {
@@ -220,12 +278,32 @@ double ClearanceField::clearance_m(const glm::dvec3& point_m, double reach_m) co
   return nearest(point_m, reach_m, surface_m) ? glm::distance(point_m, surface_m) : reach_m;
 }
 
+ClearanceField::Way::Way(const glm::dvec3& from, const glm::dvec3& to, double radius)
+    : from_m(from),
+      to_m(to),
+      length_m(glm::distance(from, to)),
+      direction(length_m > 0 ? (to - from) / length_m : glm::dvec3(0.0)),
+      radius_m(radius) {}
+
+template <typename Take>
+bool ClearanceField::for_each_beside(const Way& way, Take take) const {
+  std::array<uint8_t, kSpheresAtOnce> beside;
+  for (size_t first = 0; first < x_m_.size(); first += kSpheresAtOnce) {
+    const size_t count = std::min(kSpheresAtOnce, x_m_.size() - first);
+    mark_beside({&x_m_[first], &y_m_[first], &z_m_[first], &radius_m_[first], count},
+                {way.from_m, way.direction, way.length_m, way.radius_m}, beside.data());
+    for (size_t i = 0; i < count; ++i)
+      if (beside[i] != 0 && !take(first + i)) return false;
+  }
+  return true;
+}
+
 bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const {
   double best = reach_m;
   bool found = false;
-  for (const uint32_t index : near_) {
+  for_each_beside(Way(point_m, point_m, reach_m), [&](size_t index) {
     const Collider& collider = at(index);
-    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) continue;
+    if (glm::distance(point_m, collider.center_m) - collider.radius_m > best) return true;
     const glm::dvec3 local = transform_point(collider.instance_from_world, point_m);
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
@@ -238,36 +316,64 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
     for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
       search(
           *collider.geometry, *tree, bound, [&] { return best; }, visit);
-  }
+    return true;
+  });
   return found;
+}
+
+// Calls visit(triangle, world) for those of one collider that the sphere may touch before `limit()`, which may fall meanwhile.
+template <typename Limit, typename Visit>
+void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const {
+  const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, way.from_m, way.to_m);
+  if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + way.radius_m) return;
+  const Affine& map = collider.world_from_instance;
+  const Path path(transform_point(collider.instance_from_world, way.from_m),
+                  transform_vector(collider.instance_from_world, way.to_m - way.from_m),
+                  (way.radius_m + kPruneSlackM) / collider.min_stretch);
+  const auto in_world = [&](const Corners& t) {
+    visit(WorldTriangle{transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])});
+  };
+  for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
+    search(
+        *collider.geometry, *tree, [&](const Aabb& box) { return way.length_m * path.enters(box); }, limit, in_world);
 }
 
 double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m,
                                      double radius_m) const {
-  const double length = glm::distance(from_m, to_m);
-  const glm::dvec3 direction = length > 0 ? (to_m - from_m) / length : glm::dvec3(0.0);
+  const Way way(from_m, to_m, radius_m);
   // A path too short to have a direction is free or not as its start is.
-  if (!(length > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
-  double free = length;
-  for (const uint32_t index : near_) {
-    const Collider& collider = at(index);
-    const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, from_m, to_m);
-    if (glm::distance(nearest_on_path, collider.center_m) > collider.radius_m + radius_m) continue;
-    const Affine& map = collider.world_from_instance;
-    const Path path{transform_point(collider.instance_from_world, from_m),
-                    transform_vector(collider.instance_from_world, to_m - from_m),
-                    (radius_m + kPruneSlackM) / collider.min_stretch};
-    const auto visit = [&](const Corners& t) {
-      free = std::min(
-          free, sweep(from_m, direction, free, radius_m,
-                      {transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])}));
-    };
-    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
-      search(
-          *collider.geometry, *tree, [&](const Aabb& box) { return length * path.enters(box); },
-          [&] { return free; }, visit);
-  }
-  return free / length;
+  if (!(way.length_m > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
+  double free = way.length_m;
+  for_each_beside(way, [&](size_t index) {
+    sweep(
+        at(index), way, [&] { return free; },
+        [&](const WorldTriangle& t) { free = std::min(free, sweep_triangle(way.from_m, way.direction, free, radius_m, t)); });
+    return true;
+  });
+  return free / way.length_m;
+}
+
+bool ClearanceField::meets(const Collider& collider, const Way& way) const {
+  const double pressed_m = std::max(way.radius_m - kTouchM, 0.0);
+  bool met = false;
+  sweep(
+      collider, way, [&] { return met ? 0.0 : way.length_m; },
+      [&](const WorldTriangle& t) {
+        met = met || advance(way.from_m, way.direction, way.length_m, pressed_m, t) < way.length_m;
+      });
+  return met;
+}
+
+bool ClearanceField::is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m,
+                             size_t& blocker) const {
+  const Way way(from_m, to_m, radius_m);
+  if (!(way.length_m > kTouchM)) return free_fraction(from_m, to_m, radius_m) >= 1.0;
+  if (blocker < x_m_.size() && meets(at(blocker), way)) return false;
+  return for_each_beside(way, [&](size_t index) {
+    if (!meets(at(index), way)) return true;
+    blocker = index;
+    return false;
+  });
 }
 
 }  // namespace sightline

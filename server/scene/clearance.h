@@ -39,8 +39,12 @@ class ClearanceField {
   // (Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996), which does not stall on a path
   // that grazes a wall as advancement by the bare distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
+  // Whether that is 1, for less. `blocker`: what is tested first, and then what is in the way, if anything; of ways from one place mostly
+  // the same is. Any number will do at first.
+  bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
-  size_t collider_count() const { return near_.size(); }
+  // How many come within the reach that was asked for.
+  size_t collider_count() const;
 
  private:
   struct Collider {
@@ -61,14 +65,32 @@ class ClearanceField {
                        std::span<const uint32_t> ignored_slots);
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
-  void list_near(const glm::dvec3& center_m, double reach_m);
-  const Collider& at(uint32_t index) const {
+  void list_spheres(const glm::dvec3& center_m, double reach_m);
+  // A sphere's, or of no length and any direction.
+  struct Way {
+    Way(const glm::dvec3& from, const glm::dvec3& to, double radius);
+    glm::dvec3 from_m, to_m;
+    double length_m;
+    glm::dvec3 direction;
+    double radius_m;
+  };
+  // Calls take(index) for those that the sphere may touch, and maybe for some that it does not, until it says false; and says it then.
+  template <typename Take>
+  bool for_each_beside(const Way& way, Take take) const;
+  template <typename Limit, typename Visit>
+  void sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const;
+  bool meets(const Collider& collider, const Way& way) const;
+  const Collider& at(size_t index) const {
     return index < standing_.size() ? standing_[index] : moving_[index - standing_.size()];
   }
 
   Gathered gathered_;
   std::vector<Collider> standing_, moving_;
-  std::vector<uint32_t> near_;  // what comes within the reach that was asked for: into standing_, then moving_
+  // The bounding spheres of standing_, then of moving_, by coordinate: most are passed by, and many at once can be asked for that.
+  std::vector<double> x_m_, y_m_, z_m_, radius_m_;
+  bool stands_listed_ = false;  // those of standing_ are there
+  glm::dvec3 center_m_{0.0};  // what was asked for
+  double reach_m_ = 0.0;
 };
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision

@@ -91,6 +91,37 @@ TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   EXPECT_LT(nearest, limits_.body_radius_m + 0.1) << "the walk came near enough to prove something";
 }
 
+// Between two trunks that leave less room than the body needs, whatever the camera wants for how long: it never touches, and goes again
+// when it wants to.
+TEST_F(Body, IsWedgedNowhere) {
+  for (int gap_mm = -60; gap_mm <= 20; gap_mm += 4) {
+    SceneDelta away;
+    for (uint64_t id = 1; id < next_id_; ++id)
+      if (mirror_.find(id)) away.remove.push_back(id);
+    ASSERT_TRUE(mirror_.apply(away, {}));
+    const double apart = 2 * limits_.body_radius_m + gap_mm * 1e-3;
+    const float half = 0.2f;
+    // An edge of each towards the other, as round trunks have.
+    const glm::dquat turned = glm::angleAxis(std::acos(-1.0) / 4, glm::dvec3(0, 1, 0));
+    for (const double side : {-1.0, 1.0}) add_box({side * (apart / 2 + half * std::sqrt(2.0)), 0, 0}, {half, 9, half}, turned);
+    CounterRandom random(72, 0, RandomPurpose::kTest);
+    camera_ = {};
+    camera_.pose.position_m = {0, 0, 1.5};
+    const glm::dvec3 edge(apart / 2, 0, 0);
+    double nearest = 1e9;
+    for (int i = 0; i < 900; ++i) {
+      gather();
+      advance({random.next_in(-2, 2), random.next_in(-0.1, 0.1), random.next_in(-4, gap_mm < 0 ? 0 : 4)}, 1.0 / 60);
+      const glm::dvec3 level(camera_.pose.position_m.x, 0, camera_.pose.position_m.z);
+      nearest = std::min({nearest, glm::distance(level, edge), glm::distance(level, -edge)});
+    }
+    EXPECT_GE(nearest, limits_.body_radius_m) << gap_mm;
+    const double before_m = camera_.pose.position_m.z;
+    for (int i = 0; i < 120; ++i) gather(), advance({0, 0, before_m >= 0 ? 3 : -3}, 1.0 / 60);
+    EXPECT_GT(std::abs(camera_.pose.position_m.z - before_m), 2.0) << gap_mm;
+  }
+}
+
 TEST_F(Body, ACameraThatAWallWasPutIntoBacksOut) {
   add_box({0, 0, -0.2}, {5, 5, 0.05f});
   gather();

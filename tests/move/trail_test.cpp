@@ -78,7 +78,7 @@ TEST(Trail, TheWayBackIsTheNewestOfAllThatCanBeReached) {
     std::optional<glm::dvec3> expected;
     for (const glm::dvec3& place : trail.places_m())
       if (glm::length(place - from) <= reach && glm::length(place - trail.places_m().back()) >= keep_off &&
-          path_is_free(field, from, place, body))
+          StraightWays(field, from, body).is_free(place))
         expected = place;
     const auto way = trail.way_back(field, from, reach, body, keep_off);
     ASSERT_EQ(way, expected) << "trial " << trial;

@@ -55,8 +55,8 @@ TEST(Blend, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   do {
     world.step_in(watch, r);
     const auto& goal = world.memory.goal.goal_m;
-    round_about += goal && !path_is_free(world.memory.colliders, world.memory.camera.pose.position_m, *goal,
-                                         world.limits.body_radius_m);
+    StraightWays ways(world.memory.colliders, world.memory.camera.pose.position_m, world.limits.body_radius_m);
+    round_about += goal && !ways.is_free(*goal);
   } while (r.targets[0].visible_share < 1.0 && ++steps < 300);
   EXPECT_LT(steps, 240) << "within four seconds";
   EXPECT_GT(round_about, 0) << "the straight line was blocked";
