@@ -57,9 +57,14 @@ double walked_m(int tick) {
   return way_m <= kTurnBackM ? way_m : lap_m - way_m;
 }
 
+GridCityOptions with_group(GridCityOptions options) {
+  options.group = std::max(options.group, options.targets);
+  return options;
+}
+
 }  // namespace
 
-GridCity::GridCity(const GridCityOptions& options) : options_(options) {
+GridCity::GridCity(const GridCityOptions& options) : options_(with_group(options)) {
   SceneDelta delta;
   add_blocks(delta);
   add_props(delta);
@@ -67,11 +72,11 @@ GridCity::GridCity(const GridCityOptions& options) : options_(options) {
   must(mirror_.apply(delta, {}));
   for (int i = 0; i < options_.targets; ++i) {
     Target& target = targets_.emplace_back();
-    target.instance_id = kFirstWalkerId + static_cast<uint64_t>(i);
+    target.instance_id = kFirstWalkerId + static_cast<uint64_t>(i * options_.group / options_.targets);
     held_tables_.push_back(extents_.get(mirror_.find(target.instance_id)->geometry));
     tables_.push_back(held_tables_.back().get());
   }
-  for (int i = 0; i < options_.targets + options_.movers; ++i)
+  for (int i = 0; i < walkers(); ++i)
     update_.ids.push_back(kFirstWalkerId + static_cast<uint64_t>(i));
   update_.poses.resize(update_.ids.size());
   update_.velocities_mps.resize(update_.ids.size());
@@ -113,7 +118,7 @@ void GridCity::add_props(SceneDelta& delta) {
 
 void GridCity::add_walkers(SceneDelta& delta) {
   const auto geometry = must(store_.intern(*tessellate(CapsuleShape{0.3f, 0.6f})));
-  for (int i = 0; i < options_.targets + options_.movers; ++i)
+  for (int i = 0; i < walkers(); ++i)
     delta.add.push_back({.id = kFirstWalkerId + static_cast<uint64_t>(i),
                          .geometry = geometry,
                          .pose = walker_pose(i, 0),
@@ -121,9 +126,9 @@ void GridCity::add_walkers(SceneDelta& delta) {
                          .moving = true});
 }
 
-// Targets walk in rows of four in the street x = 0, the others in all streets and on both sides of them.
+// The group walks in rows of four in the street x = 0, the others in all streets and on both sides of them.
 Pose GridCity::walker_pose(int walker, int tick) const {
-  if (walker < options_.targets)
+  if (walker < options_.group)
     return {{-1.5 + 1.0 * (walker % 4), 0.9, -0.5 * kTurnBackM + walked_m(tick) - 1.2 * (walker / 4)}};
   CounterRandom random(3, static_cast<uint64_t>(walker), RandomPurpose::kTest);
   const double streets = options_.blocks_a_side - 1;

@@ -1,5 +1,5 @@
 // A city on a grid, as large and as finely cut as a measurement wants it: what growth is measured on. Blocks with streets between
-// them; targets walk abreast along the middle street, movers along all of them, props stand at the kerbs.
+// them; a group with the targets walks along the middle street, movers along all of them, props stand at the kerbs.
 #pragma once
 
 #include <memory>
@@ -16,7 +16,8 @@ struct GridCityOptions {
   int cells = 8;             // every face of a block is cut into cells x cells: 12 cells^2 triangles
   bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
   int targets = 2;           // [1, kMaxTargets]
-  int movers = 0;            // moving occluders besides the targets
+  int group = 0;             // how many walk together, of whom the targets are evenly chosen; 0: the targets alone
+  int movers = 0;            // moving occluders besides the group
   int props = 0;             // small instances that stand; all of one geometry
 };
 
@@ -42,6 +43,7 @@ class GridCity {
   void add_props(SceneDelta& delta);
   void add_walkers(SceneDelta& delta);
   Pose walker_pose(int walker, int tick) const;
+  int walkers() const { return options_.group + options_.movers; }
 
   const GridCityOptions options_;
   GeometryStore store_;
