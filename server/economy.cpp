@@ -25,7 +25,6 @@ constexpr std::array<Cut, kMaxEconomyLevel + 1> kCuts{{
 }};
 
 // The least that the ranges of the settings allow.
-constexpr int kLeastResolution = 2;
 constexpr int kLeastCandidates = 27;
 
 int cut(int value, double share, int least) {

@@ -93,12 +93,9 @@ void plan_survey(StepWork& w) {
   const Instance& instance = *w.input.scene.find(w.input.targets[shot.looking].instance_id);
   const glm::dvec3 eye_m = looking_point_m(instance, random);
   const double x = random.next_unit(), y = random.next_unit();
-  SampleSettings settings = w.input.settings.sample;
-  settings.resolution = w.input.settings.move.survey.resolution;
-  // Around the eye: all six faces.
-  const Bound around{.center_m = eye_m, .radius_m = 1.0};
   shot.maps.first = static_cast<uint32_t>(w.memory.views.size());
-  shot.maps.count = static_cast<uint32_t>(plan_views(eye_m, around, settings, {x, y}, w.memory.views));
+  plan_round(eye_m, w.input.settings.move.survey.resolution, {x, y}, w.memory.views);
+  shot.maps.count = static_cast<uint32_t>(w.memory.views.size()) - shot.maps.first;
 }
 
 void request_survey(StepWork& w) {

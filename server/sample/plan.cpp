@@ -1,5 +1,6 @@
 #include "server/sample/plan.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "server/base/check.h"
@@ -21,18 +22,34 @@ bool face_sees_ball(const glm::dmat3& world_from_view, const glm::dvec3& center_
 }
 
 MapView square_view(const glm::dvec3& eye_m, const glm::dmat3& world_from_view, double half_width,
-                    const SampleSettings& settings, const glm::dvec2& jitter) {
+                    int resolution, const glm::dvec2& jitter) {
   MapView view;
   view.eye_m = eye_m;
   view.world_from_view = world_from_view;
   view.left = view.bottom = -half_width;
   view.right = view.top = half_width;
-  view.width = view.height = settings.resolution;
+  view.width = view.height = resolution;
   view.jitter = jitter;
   return view;
 }
 
+// Calls take(world_from_view) for each face of a cube.
+template <typename Take>
+void for_each_face(Take take) {
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double sign : {1.0, -1.0}) {
+      glm::dvec3 forward(0.0);
+      forward[axis] = sign;
+      take(frame_along(forward));
+    }
+  }
+}
+
 }  // namespace
+
+int face_resolution(int resolution) {
+  return std::max(kLeastResolution, static_cast<int>(std::lround(resolution / std::tan(kMaxHalfAngleRad))));
+}
 
 int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings,
                const glm::dvec2& jitter, std::vector<MapView>& views) {
@@ -40,21 +57,22 @@ int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings
   const double distance = glm::length(to_center);
   if (bound.radius_m < distance * std::sin(kMaxHalfAngleRad)) {
     const double half_width = std::tan(std::asin(bound.radius_m / distance));
-    views.push_back(square_view(eye_m, frame_along(to_center), half_width, settings, jitter));
+    views.push_back(square_view(eye_m, frame_along(to_center), half_width, settings.resolution, jitter));
     return 1;
   }
-  int count = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    for (const double sign : {1.0, -1.0}) {
-      glm::dvec3 forward(0.0);
-      forward[axis] = sign;
-      const glm::dmat3 world_from_view = frame_along(forward);
-      if (!face_sees_ball(world_from_view, to_center, bound.radius_m)) continue;
-      views.push_back(square_view(eye_m, world_from_view, 1.0, settings, jitter));
-      ++count;
-    }
-  }
-  return count;
+  const size_t before = views.size();
+  const int resolution = face_resolution(settings.resolution);
+  for_each_face([&](const glm::dmat3& world_from_view) {
+    if (face_sees_ball(world_from_view, to_center, bound.radius_m))
+      views.push_back(square_view(eye_m, world_from_view, 1.0, resolution, jitter));
+  });
+  return static_cast<int>(views.size() - before);
+}
+
+void plan_round(const glm::dvec3& eye_m, int resolution, const glm::dvec2& jitter, std::vector<MapView>& views) {
+  for_each_face([&](const glm::dmat3& world_from_view) {
+    views.push_back(square_view(eye_m, world_from_view, 1.0, resolution, jitter));
+  });
 }
 
 MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
@@ -62,12 +80,12 @@ MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
   constexpr double kHalfWidth = 1e-3;
   const glm::dvec3 to_place = place_m - eye_m;
   const glm::dvec3 forward = glm::length(to_place) > 1e-9 ? to_place : glm::dvec3(0, 0, -1);
-  return square_view(eye_m, frame_along(forward), kHalfWidth, {.resolution = 1}, {0.5, 0.5});
+  return square_view(eye_m, frame_along(forward), kHalfWidth, 1, {0.5, 0.5});
 }
 
 Status validate(const SampleSettings& s) {
   if (auto ok = check_range("sample.points", s.points, 0, 16); !ok) return ok;
-  return check_range("sample.resolution", s.resolution, 2, kMaxMapSize);
+  return check_range("sample.resolution", s.resolution, kLeastResolution, kMaxMapSize);
 }
 
 }  // namespace sightline

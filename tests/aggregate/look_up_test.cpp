@@ -50,7 +50,7 @@ Case random_case(CounterRandom& random) {
   for (const MapView& view : views) {
     DepthMap& map = c.maps.emplace_back();
     map.view = view;
-    for (int i = 0; i < resolution * resolution; ++i) {
+    for (int i = 0; i < view.width * view.height; ++i) {
       map.distance_m.push_back(random_distance(random, glm::distance(eye, bound.center_m) + 0.1));
       map.occluder.push_back(std::isinf(map.distance_m.back()) ? kNoOccluder
                                                                : static_cast<uint32_t>(random.next_in(0, 50)));

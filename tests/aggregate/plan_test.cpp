@@ -47,6 +47,37 @@ TEST(Plan, OneFrustumFarAwayAndCubeFacesNear) {
   EXPECT_EQ(plan_views({0, 0, 0.2}, ball({0, 0, 0}, 1), {}, {0.5, 0.5}, views), 6);
 }
 
+// A face's texels are neither much wider than those of the widest single frustum nor much finer.
+TEST(Plan, FacesAreAsFineAsTheWidestFrustum) {
+  for (int resolution = kLeastResolution; resolution <= kMaxMapSize; ++resolution) {
+    std::vector<MapView> one, faces;
+    ASSERT_EQ(plan_views({0, 0, 1 / std::sin(kMaxHalfAngleRad) + 1e-9}, ball({0, 0, 0}, 1), {.resolution = resolution},
+                         {0.5, 0.5}, one),
+              1);
+    ASSERT_GT(plan_views({0, 0, 0.3}, ball({0, 0, 0}, 1), {.resolution = resolution}, {0.5, 0.5}, faces), 1);
+    const double widest = (one[0].right - one[0].left) / one[0].width,
+                 of_face = (faces[0].right - faces[0].left) / faces[0].width;
+    EXPECT_LE(of_face, 1.16 * widest) << resolution;
+    EXPECT_GE(faces[0].width, kLeastResolution);
+    if (faces[0].width > kLeastResolution) {
+      EXPECT_GE(of_face, 0.8 * widest) << resolution;
+    }
+  }
+}
+
+TEST(Plan, RoundViewsShowEveryDirectionOnce) {
+  CounterRandom random(33, 0, RandomPurpose::kTest);
+  std::vector<MapView> views;
+  plan_round({3, -1, 2}, 5, {0.5, 0.5}, views);
+  ASSERT_EQ(views.size(), 6u);
+  for (int i = 0; i < 1000; ++i) {
+    const glm::dvec3 d(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
+    int seen = 0;
+    for (const MapView& view : views) seen += project(view, view.eye_m + d).in_window;
+    EXPECT_EQ(seen, 1);
+  }
+}
+
 TEST(Plan, ATexelShowsWhatItsRayHits) {
   CounterRandom random(32, 0, RandomPurpose::kTest);
   std::vector<MapView> views;

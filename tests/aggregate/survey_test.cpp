@@ -238,9 +238,7 @@ TEST(Survey, LearnsFromRaysThatAWallHidesOneSide) {
                        {}});
   ASSERT_TRUE(mirror.apply(delta, {}));
   std::vector<MapView> views;
-  Bound around;
-  around.center_m = {0.011, 0.017, 0.023}, around.radius_m = 1;
-  plan_views(around.center_m, around, {.resolution = 8}, {0.3, 0.6}, views);
+  plan_round({0.011, 0.017, 0.023}, 8, {0.3, 0.6}, views);
   std::vector<MapRequest> requests;
   for (const MapView& view : views) requests.push_back({.view = view});
   std::vector<DepthMap> maps;

@@ -37,7 +37,7 @@ struct Scene {
     for (const MapView& view : views) {
       DepthMap& map = maps.emplace_back();
       map.view = view;
-      for (int texel = 0; texel < resolution * resolution; ++texel) {
+      for (int texel = 0; texel < view.width * view.height; ++texel) {
         const bool wall = random.next_unit() < 0.4;
         map.distance_m.push_back(wall ? 4.0f : std::numeric_limits<float>::infinity());
         map.occluder.push_back(wall ? static_cast<uint32_t>(random.next_in(0, 100)) : kNoOccluder);

@@ -19,11 +19,7 @@ class RoundMaps {
  public:
   RoundMaps(const glm::dvec3& eye_m, int resolution) {
     std::vector<MapView> views;
-    SampleSettings settings;
-    settings.resolution = resolution;
-    Bound around;
-    around.center_m = eye_m, around.radius_m = 1.0;
-    plan_views(eye_m, around, settings, {0.5, 0.5}, views);
+    plan_round(eye_m, resolution, {0.5, 0.5}, views);
     const size_t texels = static_cast<size_t>(resolution) * static_cast<size_t>(resolution);
     for (const MapView& view : views)
       maps.push_back({view, std::vector<float>(texels, std::numeric_limits<float>::infinity()),
