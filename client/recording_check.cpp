@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <deque>
+#include <functional>
 #include <optional>
+
+#include "server/record/tick_fold.h"
 
 namespace sightline {
 namespace {
@@ -87,15 +90,10 @@ class SessionCheck {
     if (pending_.size() > kMaxPending) pending_.pop_front(), unsure_ = true;
   }
 
-  // As a session says it, and server/record/tick_fold.h reads it.
   void take_rejection(const v1::Rejection& rejection) {
     ++verdict_.rejections;
     if (rejection.field_violations().empty()) return;
-    auto refused = std::find(pending_.begin(), pending_.end(), rejection.sequence());
-    if (rejection.field_violations(0).field() == "tick.sequence") {
-      const auto last = std::find(pending_.rbegin(), pending_.rend(), rejection.sequence());
-      if (last != pending_.rend()) refused = std::prev(last.base());
-    }
+    const auto refused = find_refused(pending_, rejection, std::identity());
     if (refused != pending_.end())
       pending_.erase(refused);
     else if (!unsure_ && rejection.sequence() != 0)
