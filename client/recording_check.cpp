@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 
+#include "client/recording_summary.h"
 #include "server/record/tick_fold.h"
 
 namespace sightline {
@@ -17,11 +18,19 @@ std::string number(uint64_t value) {
   return std::to_string(value);
 }
 
+// Whether numbers count from 1. A cut may begin anywhere, though before the first reply no tick stands for others.
+bool begins_with_session(const Recording& recording) {
+  const auto& metadata = recording.container().metadata;
+  const bool cut = std::any_of(metadata.begin(), metadata.end(),
+                               [](const mcap::MetadataIndex& index) { return index.name == kCutMetadata; });
+  return recording.info().part() <= 1 && recording.info().folded_ticks() == 0 && !cut;
+}
+
 class SessionCheck {
  public:
   explicit SessionCheck(const Recording& recording)
       : start_ns_(recording.start_ns()),
-        from_start_(recording.info().part() <= 1 && recording.info().folded_ticks() == 0),
+        from_start_(begins_with_session(recording)),
         fold_next_(recording.info().folded_ticks() > 0),
         in_head_(!from_start_),
         ticks_count_(from_start_) {}
@@ -147,7 +156,7 @@ class SessionCheck {
   }
 
   const uint64_t start_ns_;
-  const bool from_start_;  // numbers count from 1
+  const bool from_start_;
   bool fold_next_;         // the next tick stands for others
   bool unsure_ = false;    // something is missing since the last reply
   // The head of a later part repeats the ticks that nobody had answered. Those that were refused among them have numbers too, and

@@ -11,6 +11,7 @@ namespace {
 using test::kRecordedStartNs;
 using test::PlainMessage;
 using test::Said;
+using test::Told;
 using test::Verbs;
 using ::testing::HasSubstr;
 
@@ -93,6 +94,18 @@ TEST_F(Verbs, ACutOfACutIsTheCut) {
   EXPECT_EQ(cut(file, path("c.mcap"), 1.0).status, 0);
   const std::string b = bytes_of(path("b.mcap")), c = bytes_of(path("c.mcap"));
   EXPECT_EQ(messages_of(b), messages_of(c));
+}
+
+// Numbers do not begin with the cut, though no tick stands for others.
+TEST_F(Verbs, ACutFromWithinBeforeTheFirstReplyIsSound) {
+  Told told;
+  for (uint64_t i = 1; i <= 20; ++i) told.tick(i), told.refuse(i);
+  told.tick(21), told.reply(21);
+  const std::string file = put("refused.mcap", told.finish());
+  EXPECT_EQ(verify(file).status, 0) << verify(file).out;
+  EXPECT_EQ(cut(file, path("part.mcap"), 0.1).status, 0);
+  EXPECT_EQ(recording_of(bytes_of(path("part.mcap"))).info().folded_ticks(), 0u);
+  EXPECT_EQ(verify(path("part.mcap")).status, 0) << verify(path("part.mcap")).out;
 }
 
 TEST_F(Verbs, ARangeWithNothingInItIsNoCut) {
