@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <deque>
+#include <functional>
 #include <optional>
+
+#include "client/recording_summary.h"
+#include "server/record/tick_fold.h"
 
 namespace sightline {
 namespace {
@@ -14,12 +18,22 @@ std::string number(uint64_t value) {
   return std::to_string(value);
 }
 
+// Whether numbers count from 1. A cut may begin anywhere, though before the first reply no tick stands for others.
+bool begins_with_session(const Recording& recording) {
+  const auto& metadata = recording.container().metadata;
+  const bool cut = std::any_of(metadata.begin(), metadata.end(),
+                               [](const mcap::MetadataIndex& index) { return index.name == kCutMetadata; });
+  return recording.info().part() <= 1 && recording.info().folded_ticks() == 0 && !cut;
+}
+
 class SessionCheck {
  public:
   explicit SessionCheck(const Recording& recording)
       : start_ns_(recording.start_ns()),
-        from_start_(recording.info().part() <= 1 && recording.info().folded_ticks() == 0),
-        fold_next_(recording.info().folded_ticks() > 0) {}
+        from_start_(begins_with_session(recording)),
+        fold_next_(recording.info().folded_ticks() > 0),
+        in_head_(!from_start_),
+        ticks_count_(from_start_) {}
 
   void take(const McapMessage& m) {
     const auto topic = record_topic_of(m.channel.topic);
@@ -57,14 +71,23 @@ class SessionCheck {
   // A part begins somewhere in the numbers of its topics; what stands at every head has none of its own.
   void count(RecordTopic topic, uint32_t sequence) {
     if (topic <= RecordTopic::kOpened || topic == RecordTopic::kGap) return;
+    const bool counts = topic != RecordTopic::kTick || ticks_count_;
+    note_place(topic);
     auto& last = last_number_[static_cast<size_t>(topic)];
     if (!last && from_start_) last = 0;
-    if (last && sequence > *last + uint64_t{1}) {
+    if (counts && last && sequence > *last + uint64_t{1}) {
       verdict_.missing += sequence - *last - 1;
       unsure_ = true;
     }
     last = sequence;
-    numbered_ = true;
+  }
+
+  // No head has an answer.
+  void note_place(RecordTopic topic) {
+    answered_ |=
+        topic == RecordTopic::kReply || topic == RecordTopic::kRejection || topic == RecordTopic::kFault;
+    in_head_ = in_head_ && !answered_;
+    ticks_count_ |= topic == RecordTopic::kTick && !in_head_;
   }
 
   void take_tick(const v1::Tick& tick) {
@@ -76,25 +99,25 @@ class SessionCheck {
     if (pending_.size() > kMaxPending) pending_.pop_front(), unsure_ = true;
   }
 
-  // As a session says it, and server/record/tick_fold.h reads it.
   void take_rejection(const v1::Rejection& rejection) {
     ++verdict_.rejections;
     if (rejection.field_violations().empty()) return;
-    auto refused = std::find(pending_.begin(), pending_.end(), rejection.sequence());
-    if (rejection.field_violations(0).field() == "tick.sequence") {
-      const auto last = std::find(pending_.rbegin(), pending_.rend(), rejection.sequence());
-      if (last != pending_.rend()) refused = std::prev(last.base());
-    }
+    const auto refused = find_refused(pending_, rejection, std::identity());
     if (refused != pending_.end())
       pending_.erase(refused);
     else if (!unsure_ && rejection.sequence() != 0)
       note("refuses tick " + number(rejection.sequence()) + ", which does not stand before it");
   }
 
+  // Before the first answer of a later part only ticks can have been lost between what has numbers, and theirs do not count yet.
   void take_gap(const v1::Gap& gap) {
     verdict_.gap_messages += gap.messages();
-    if (numbered_ || from_start_) told_missing_ += gap.messages();
+    if (answered_ || ticks_count_) told_missing_ += gap.messages();
     unsure_ = true;
+    // It ends a head, unless it stands for the tick that should stand for others: the ticks that wait come after that.
+    const bool for_fold =
+        gap.reason() == v1::Gap::TOO_LARGE && !last_number_[static_cast<size_t>(RecordTopic::kTick)];
+    in_head_ = in_head_ && for_fold;
   }
 
   void take_reply(const v1::CameraReply& reply) {
@@ -133,12 +156,15 @@ class SessionCheck {
   }
 
   const uint64_t start_ns_;
-  const bool from_start_;  // numbers count from 1
+  const bool from_start_;
   bool fold_next_;         // the next tick stands for others
   bool unsure_ = false;    // something is missing since the last reply
-  bool numbered_ = false;  // a message with a number has come
-  // Of the messages between those that are here: what a later part's head says was lost before it is not among the missing.
-  uint64_t told_missing_ = 0;
+  // The head of a later part repeats the ticks that nobody had answered. Those that were refused among them have numbers too, and
+  // stand in the part before alone: up to the first tick that is surely no repeated one, numbers do not tell what is missing.
+  bool in_head_;  // all that came so far may be repeated
+  bool answered_ = false;
+  bool ticks_count_;           // such a tick has come
+  uint64_t told_missing_ = 0;  // by Gaps, of what is missing by the numbers that count
   double now_s_ = 0.0;
   std::deque<uint64_t> pending_;  // ticks since the last reply, refused ones taken out
   std::optional<uint64_t> last_applied_, last_reply_;

@@ -32,7 +32,8 @@ struct SessionVerdict {
 // What must hold: applied ticks have strictly increasing numbers, and so have replies; a reply is for the newest applied
 // tick of the file, and its merged_ticks is how many applied ones stand before that since the former reply; no more
 // messages are missing by the numbers of their topics than Gaps tell of. Where some are missing only what must hold all
-// the same is asked for.
+// the same is asked for. At the head of a later part numbers of ticks that were refused before are missing, and a Gap there
+// tells of what was lost before: neither says anything of the rest of the part.
 SessionVerdict check_session(const Recording& recording);
 
 }  // namespace sightline

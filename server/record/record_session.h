@@ -112,7 +112,9 @@ struct Session {
   RecordRing ring;
   std::atomic<bool> closed{false};   // by the recorder: nothing more comes
   std::atomic<bool> failing{false};  // by the writer: there is no file
-  std::atomic<uint64_t> dropped_by_recorder{0};
+  // By the recorder, for want of room in the queue and for their size.
+  std::atomic<uint64_t> dropped_queue_full{0};
+  std::atomic<uint64_t> dropped_too_large{0};
   std::atomic<uint64_t> dropped_by_writer{0};
   LargeMessages large;
   AttachedFiles attached;

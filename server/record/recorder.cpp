@@ -42,6 +42,12 @@ v1::Gap unsaid(const TickFold& fold, const Session& session) {
 
 }  // namespace
 
+// Of one reason.
+struct RecordWriter::Drops {
+  uint64_t seen = 0;   // those that are in the counts
+  bool lasts = false;  // there were some since the last time but one
+};
+
 struct RecordWriter::Book {
   explicit Book(std::shared_ptr<Session> of) : session(std::move(of)) {}
 
@@ -53,8 +59,8 @@ struct RecordWriter::Book {
   uint64_t retry_ns = 0;                    // no new file before
   v1::Gap gap;                              // what was lost for want of a file
   bool warned = false;                      // of the trouble that lasts
-  uint64_t seen_drops = 0;                  // of the recorder's, that are in the counts
-  bool dropping = false;                    // its queue was full since the last time but one
+  Drops queue_full, too_large;
+  uint64_t viewers_too_large = 0;           // dropped here
   std::optional<std::string> open, opened;  // for the head of the next part
   TickFold fold;                            // for it too
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
@@ -141,15 +147,23 @@ void RecordWriter::serve(Book& book) {
   write_attachments(book);
   if (book.file) check(book, book.file->tend(now_ns_()));
 
-  const uint64_t drops = book.session->dropped_by_recorder.load(std::memory_order_relaxed);
-  const bool was_dropping = std::exchange(book.dropping, drops != book.seen_drops);
-  if (was_dropping && !book.dropping)
-    warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), "messages are written again", true});
-  if (!book.dropping) return;
-  if (!was_dropping)
-    warn_({v1::Gap::QUEUE_FULL, book.session->info.session_id(), reason_text(v1::Gap::QUEUE_FULL)});
+  const Session& session = *book.session;
+  tell_drops(book, v1::Gap::QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
+             book.queue_full);
+  tell_drops(book, v1::Gap::TOO_LARGE,
+             session.dropped_too_large.load(std::memory_order_relaxed) + book.viewers_too_large,
+             book.too_large);
+}
+
+void RecordWriter::tell_drops(const Book& book, v1::Gap::Reason reason, uint64_t dropped, Drops& known) {
+  const std::string& session_id = book.session->info.session_id();
+  const uint64_t more = dropped - std::exchange(known.seen, dropped);
+  const bool lasted = std::exchange(known.lasts, more > 0);
+  if (lasted && !known.lasts) warn_({reason, session_id, "messages are written again", true});
+  if (!lasted && known.lasts) warn_({reason, session_id, reason_text(reason)});
+  if (more == 0) return;
   const std::lock_guard lock(mutex_);
-  counts_.dropped_messages += drops - std::exchange(book.seen_drops, drops);
+  counts_.dropped_messages += more;
 }
 
 void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
@@ -181,10 +195,7 @@ void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
 void RecordWriter::take_in(Book& book, const RecordMessage& message, bool written) {
   const uint64_t time_ns = message.log_time_ns;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
-    const std::string bytes = made.SerializeAsString();
-    const uint32_t sequence = ++book.sequences[static_cast<size_t>(topic)];
-    // What cannot be written here cannot be written at the next message either, which tells.
-    (void)book.file->write({topic, sequence, time_ns, time_ns, bytes}, now_ns_());
+    write_for_viewers(book, topic, time_ns, made);
   };
   const auto parsed = [&](auto wire, auto take, auto remember) {
     if (!wire.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()))) return;
@@ -213,6 +224,20 @@ void RecordWriter::take_in(Book& book, const RecordMessage& message, bool writte
     default:
       return;
   }
+}
+
+// The bytes of the message. One that is too large has no number, for no Gap tells of it: a session is whole without it.
+size_t RecordWriter::write_for_viewers(Book& book, RecordTopic topic, uint64_t time_ns,
+                                       const google::protobuf::MessageLite& made) {
+  const std::string bytes = made.SerializeAsString();
+  if (bytes.size() > settings_.max_message_bytes) {
+    ++book.viewers_too_large;
+    return 0;
+  }
+  const uint32_t sequence = ++book.sequences[static_cast<size_t>(topic)];
+  // What cannot be written here cannot be written at the next message either, which tells.
+  (void)book.file->write({topic, sequence, time_ns, time_ns, bytes}, now_ns_());
+  return bytes.size();
 }
 
 void RecordWriter::write_attachments(Book& book) {
@@ -301,8 +326,7 @@ void RecordWriter::write_head(Book& book, const std::string& folded, uint64_t no
   if (book.opened) (void)write(RecordTopic::kOpened, again, *book.opened);
   if (book.open && settings_.for_viewers)
     book.viewers.emit_still(now_ns, [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
-      (void)write(topic, {++book.sequences[static_cast<size_t>(topic)], now_ns, now_ns},
-                  made.SerializeAsString());
+      book.head_size += write_for_viewers(book, topic, now_ns, made);
     });
   if (!folded.empty())
     (void)write(RecordTopic::kTick, book.fold.stamp(), folded);

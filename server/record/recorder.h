@@ -67,7 +67,7 @@ struct RecordWarning {
 struct RecordCounts {
   uint64_t messages = 0;  // written
   uint64_t bytes = 0;     // of files
-  uint64_t dropped_messages = 0;
+  uint64_t dropped_messages = 0;  // those for viewers too that are over `max_message_bytes`
   uint64_t write_failures = 0;
   uint64_t files = 0;          // begun
   uint64_t removed_files = 0;  // by the limits
@@ -151,11 +151,14 @@ class RecordWriter {
 
  private:
   struct Book;  // what the writer knows of one session
+  struct Drops;
 
   void adopt_new_sessions();
   void serve(Book& book);
   void write_entry(Book& book, const RecordEntry& entry);
   void take_in(Book& book, const RecordMessage& message, bool written);
+  size_t write_for_viewers(Book& book, RecordTopic topic, uint64_t time_ns,
+                           const google::protobuf::MessageLite& made);
   void write_attachments(Book& book);
   void begin_attachments(Book& book);
   bool ensure_file(Book& book);
@@ -165,6 +168,7 @@ class RecordWriter {
   void lose_file(Book& book, const Error& error);
   void lose_message(Book& book, const RecordHead& head);
   void lose_messages(Book& book, uint64_t messages, uint64_t first_ns, uint64_t last_ns);
+  void tell_drops(const Book& book, v1::Gap::Reason reason, uint64_t dropped, Drops& known);
   void keep_house();
   void check(Book& book, const Status& done);
   uint64_t part_limit() const;

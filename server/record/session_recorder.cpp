@@ -83,7 +83,8 @@ bool SessionRecorder::record_gap(RecordTimes times) {
 
 void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
   add_to_gap(gap_, reason, 1, times.log_ns, times.log_ns);
-  session_->dropped_by_recorder.fetch_add(1, std::memory_order_relaxed);
+  auto& dropped = reason == v1::Gap::TOO_LARGE ? session_->dropped_too_large : session_->dropped_queue_full;
+  dropped.fetch_add(1, std::memory_order_relaxed);
 }
 
 bool SessionRecorder::attach(std::string name, std::string content_type, uint64_t log_time_ns,
@@ -103,7 +104,8 @@ bool SessionRecorder::degraded() const {
 }
 
 uint64_t SessionRecorder::dropped() const {
-  return session_->dropped_by_recorder.load(std::memory_order_relaxed) +
+  return session_->dropped_queue_full.load(std::memory_order_relaxed) +
+         session_->dropped_too_large.load(std::memory_order_relaxed) +
          session_->dropped_by_writer.load(std::memory_order_relaxed);
 }
 

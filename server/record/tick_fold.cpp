@@ -9,8 +9,6 @@
 namespace sightline {
 namespace {
 
-constexpr char kOutOfOrder[] = "tick.sequence";
-
 std::array<float, 4> rotation_of(const v1::Pose& pose) {
   if (!pose.has_rotation()) return {0, 0, 0, 1};
   const v1::Quaternion& q = pose.rotation();
@@ -79,18 +77,8 @@ void TickFold::take_reply(const v1::CameraReply& reply) {
 }
 
 void TickFold::take_rejection(const v1::Rejection& rejection) {
-  // A step that failed refuses nothing: see Rejection.
-  if (rejection.field_violations().empty()) return;
-  const auto is_it = [&](const WaitingTick& waiting) {
-    return waiting.tick.sequence() == rejection.sequence();
-  };
-  // Two may have the same number. The second was refused for it, or the first for something else.
-  const bool newest = rejection.field_violations(0).field() == kOutOfOrder;
-  auto found = std::find_if(waiting_.begin(), waiting_.end(), is_it);
-  if (newest) {
-    const auto last = std::find_if(waiting_.rbegin(), waiting_.rend(), is_it);
-    if (last != waiting_.rend()) found = std::prev(last.base());
-  }
+  const auto found =
+      find_refused(waiting_, rejection, [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
   if (found == waiting_.end()) return;
   waiting_bytes_ -= found->bytes;
   waiting_.erase(found);

@@ -21,9 +21,11 @@
 // After ticks that were lost, what names instances that the fold knows nothing of is left out.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <unordered_map>
@@ -45,6 +47,19 @@ struct WaitingTick {
   TickStamp stamp;
   size_t bytes = 0;  // serialised
 };
+
+// Which of the ticks that nobody has answered yet, oldest first, a rejection refuses; their end: none. A step that failed
+// refuses nothing: see Rejection. `number` gives a tick's sequence.
+template <typename Ticks, typename Number>
+auto find_refused(Ticks& waiting, const v1::Rejection& rejection, const Number& number) {
+  if (rejection.field_violations().empty()) return waiting.end();
+  const auto is_it = [&](const auto& tick) { return number(tick) == rejection.sequence(); };
+  // Two may have the same number. The second was refused for it, or the first for something else.
+  if (rejection.field_violations(0).field() != "tick.sequence")
+    return std::find_if(waiting.begin(), waiting.end(), is_it);
+  const auto last = std::find_if(waiting.rbegin(), waiting.rend(), is_it);
+  return last == waiting.rend() ? waiting.end() : std::prev(last.base());
+}
 
 // Not thread-safe. Holds one entry an instance of the opening or of a tick, at most kMaxInstances (server/scene/mirror.h),
 // and what waits: at most kMaxWaiting ticks or kMaxWaitingBytes, twice what a daemon lets wait. Of more the oldest count

@@ -6,6 +6,7 @@
 
 #include "foxglove/camera.pb.h"
 #include "server/receive/from_proto_values.h"
+#include "server/record/tick_fold.h"
 
 namespace sightline {
 namespace {
@@ -195,19 +196,33 @@ void ViewerChannels::take_open(const v1::OpenSession& open, uint64_t time_ns, co
   Convention told;
   client_ = read_convention(open.convention(), "", told) ? told : gltf_convention();
   instances_.clear();
+  waiting_.clear();
+  waiting_bytes_ = 0;
+  still_due_ = false;
   take_lens(open.lens());
   for (const v1::NewInstance& instance : open.instances()) add_instance(instance);
   emit_still(time_ns, emit);
 }
 
-void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t time_ns, const Emit& emit) {
+void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t, const Emit&) {
+  waiting_.push_back(tick);
+  waiting_bytes_ += tick.ByteSizeLong();
+  while (waiting_.size() > TickFold::kMaxWaiting ||
+         (waiting_bytes_ > TickFold::kMaxWaitingBytes && waiting_.size() > 1))
+    show_oldest();
+}
+
+void ViewerChannels::show_oldest() {
+  const v1::Tick tick = std::move(waiting_.front());
+  waiting_.pop_front();
+  waiting_bytes_ -= tick.ByteSizeLong();
   if (tick.has_lens()) take_lens(tick.lens());
   if (tick.has_delta()) take_delta(tick.delta());
   move_instances(tick.transforms());
-  if (tick.has_delta()) emit_still(time_ns, emit);
+  still_due_ |= tick.has_delta();
 }
 
-// A tick stands in the file before it is refused: what no session takes must not become the height of a picture.
+// What no session takes must not become the height of a picture, even where the refusal was lost.
 void ViewerChannels::take_lens(const v1::Lens& wire) {
   Lens lens;
   if (read_lens(wire, client_, "lens", lens)) aspect_ = lens.aspect;
@@ -266,6 +281,8 @@ void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) const {
 }
 
 void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) {
+  while (!waiting_.empty() && waiting_.front().sequence() <= reply.sequence()) show_oldest();
+  if (std::exchange(still_due_, false)) emit_still(time_ns, emit);
   const Pose camera = camera_to_client(ros_convention(), camera_from_client(client_, pose_of(reply.pose())));
   emit_frames(camera, time_ns, emit);
   foxglove::PoseInFrame pose;
@@ -344,6 +361,12 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
 }
 
 void ViewerChannels::take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit) {
+  const auto refused =
+      find_refused(waiting_, rejection, [](const v1::Tick& tick) { return tick.sequence(); });
+  if (refused != waiting_.end()) {
+    waiting_bytes_ -= refused->ByteSizeLong();
+    waiting_.erase(refused);
+  }
   emit_log(foxglove::Log::WARNING, "tick",
            "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns,
            emit);

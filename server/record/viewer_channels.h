@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <string>
@@ -20,8 +21,10 @@
 
 namespace sightline {
 
+// A tick is shown once a reply covers it: until then it may be refused.
+//
 // Not thread-safe. Holds one pose and at most one shape an instance, and at most kMaxInstances of them; more are not
-// shown.
+// shown. Of the ticks that wait, as many as a TickFold.
 class ViewerChannels {
  public:
   static constexpr size_t kMaxInstances = 4096;
@@ -30,6 +33,7 @@ class ViewerChannels {
 
   // A session that opens: the convention, and what the client named. A convention that cannot be read counts as glTF's.
   void take_open(const v1::OpenSession& open, uint64_t time_ns, const Emit& emit);
+  // Makes nothing yet.
   void take_tick(const v1::Tick& tick, uint64_t time_ns, const Emit& emit);
   void take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit);
   void take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit);
@@ -49,6 +53,7 @@ class ViewerChannels {
   void add_instance(const v1::NewInstance& wire);
   void move_instances(const v1::Transforms& wire);
   void take_delta(const v1::SceneDelta& delta);
+  void show_oldest();
   void take_lens(const v1::Lens& wire);
   void emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_sight(const v1::CameraReply& reply, const Pose& camera, uint64_t time_ns, const Emit& emit) const;
@@ -59,6 +64,9 @@ class ViewerChannels {
   Convention client_;
   double aspect_ = 16.0 / 9.0;
   std::map<uint64_t, Instance> instances_;  // by the client's id
+  std::deque<v1::Tick> waiting_;            // for a reply
+  size_t waiting_bytes_ = 0;
+  bool still_due_ = false;  // what is still has changed
   v1::Status last_status_ = v1::STATUS_UNSPECIFIED;
   v1::Reason last_reason_ = v1::REASON_UNSPECIFIED;
 };

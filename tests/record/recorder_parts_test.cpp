@@ -111,6 +111,51 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   EXPECT_GT(too_large, 0u);
 }
 
+// Where it is made, and at the head of a part.
+TEST(Recorder, WhatIsMadeForViewersAndIsTooLargeIsCountedAndMissedByNobody) {
+  constexpr uint64_t kMany = 30;
+  Studio studio({.limits = {.free_reserve_bytes = 0}, .max_message_bytes = 1000});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  const auto tell = [&](const v1::SceneDelta& delta) {
+    v1::Tick tick;
+    tick.set_sequence(++studio.ticks);
+    *tick.mutable_delta() = delta;
+    EXPECT_TRUE(recorder->record(RecordTopic::kTick, {studio.files.now_ns, studio.files.now_ns}, tick));
+    studio.answer(*recorder);
+    studio.later(1);
+  };
+  v1::SceneDelta all_come, all_go;
+  for (uint64_t id = 1; id <= kMany; ++id) {
+    v1::NewInstance& instance = *all_come.add_add();
+    instance.set_id(id);
+    instance.mutable_shape()->mutable_sphere()->set_radius(1.0);
+    all_go.add_remove(id);
+  }
+  tell(all_come);
+  constexpr uint64_t kShapesAndFrames = 2;
+  EXPECT_EQ(studio.writer->counts().dropped_messages, kShapesAndFrames);
+  ASSERT_THAT(studio.warnings, SizeIs(1));
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::TOO_LARGE);
+  EXPECT_FALSE(recorder->degraded());
+
+  studio.files.files.clear();  // so that the next part begins
+  studio.later(2);
+  const uint64_t dropped = studio.writer->counts().dropped_messages;
+  studio.later(2);
+  tell(all_go);
+  EXPECT_EQ(studio.writer->counts().dropped_messages, dropped + kShapesAndFrames);
+  recorder.reset();
+  studio.writer.reset();
+  std::vector<uint32_t> numbers;
+  const MemorySource source(*studio.files.files.begin()->second.bytes);
+  McapReader::open(source, {}).value().read({.topics = {"/scene/shapes"}}, [&](const McapMessage& m) {
+    numbers.push_back(m.message.sequence);
+    return true;
+  });
+  EXPECT_THAT(numbers, ::testing::ElementsAre(2)) << "1 is of the opening";
+}
+
 TEST(Recorder, AFirstFileThatComesLateHasTheOpeningAllTheSame) {
   Studio studio;
   studio.files.folder_forbidden = true;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <csignal>
 #include <filesystem>
+#include <set>
 #include <thread>
 
 #include "tests/record/studio.h"
@@ -22,6 +23,7 @@ using test::contents_of;
 using test::kSecondNs;
 using test::numbers;
 using test::Studio;
+using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
 TEST(Recorder, WhatWasRecordedIsInTheFile) {
@@ -143,11 +145,30 @@ TEST(Recorder, AMessageLargerThanARecordingHoldsIsDroppedAndTheRestGoesOn) {
   EXPECT_TRUE(studio.tick(*recorder));
   EXPECT_FALSE(recorder->record(RecordTopic::kReply, {1, 1}, std::string(kMaxMessageBytes + 1, 'x')));
   EXPECT_TRUE(studio.tick(*recorder));
+  for (int i = 0; i < 3; ++i) studio.writer->run_once();
+  ASSERT_THAT(studio.warnings, SizeIs(2));
+  for (const RecordWarning& warning : studio.warnings) EXPECT_EQ(warning.reason, v1::Gap::TOO_LARGE);
+  EXPECT_THAT(studio.warnings[0].text, HasSubstr("larger than a recording can hold"));
+  EXPECT_TRUE(studio.warnings[1].over);
+  EXPECT_EQ(studio.writer->counts().dropped_messages, 1u);
   recorder.reset();
   studio.writer.reset();
   const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
   EXPECT_EQ(found.ticks, numbers(1, 2));
   EXPECT_EQ(found.gap_messages, 1u);
+}
+
+TEST(Recorder, EveryReasonToDropIsWarnedOfByItself) {
+  Studio studio({.queue_bytes = 4096, .max_message_bytes = 3000});
+  auto recorder = studio.open();
+  EXPECT_FALSE(recorder->record(RecordTopic::kReply, {1, 1}, std::string(3001, 'x')));
+  for (int i = 0; i < 300; ++i) studio.tick(*recorder);
+  studio.writer->run_once();
+  std::set<v1::Gap::Reason> reasons;
+  for (const RecordWarning& warning : studio.warnings) reasons.insert(warning.reason);
+  EXPECT_THAT(studio.warnings, SizeIs(2));
+  EXPECT_EQ(reasons, (std::set<v1::Gap::Reason>{v1::Gap::QUEUE_FULL, v1::Gap::TOO_LARGE}));
+  EXPECT_EQ(studio.writer->counts().dropped_messages, recorder->dropped());
 }
 
 TEST(Recorder, EverySessionHasItsOwnFile) {

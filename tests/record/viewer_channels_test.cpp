@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "foxglove/camera.pb.h"
+#include "foxglove/frames.pb.h"
+#include "foxglove/scene.pb.h"
 
 namespace sightline {
 namespace {
@@ -28,6 +30,49 @@ TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
     viewers.take_reply({}, 1, emit);
   }
   EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
+}
+
+TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
+  std::vector<size_t> shapes, frames;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic == RecordTopic::kShapes)
+      shapes.push_back(static_cast<size_t>(dynamic_cast<const foxglove::SceneUpdate&>(made).entities_size()));
+    if (topic == RecordTopic::kFrames)
+      frames.push_back(
+          static_cast<size_t>(dynamic_cast<const foxglove::FrameTransforms&>(made).transforms_size()));
+  };
+  ViewerChannels viewers;
+  viewers.take_open({}, 1, emit);
+  const auto tell = [&](uint64_t sequence, uint64_t id) {
+    v1::Tick tick;
+    tick.set_sequence(sequence);
+    v1::NewInstance& added = *tick.mutable_delta()->add_add();
+    added.set_id(id);
+    added.mutable_shape()->mutable_sphere()->set_radius(1.0);
+    tick.mutable_transforms()->add_id(id);
+    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_position(1.0);
+    viewers.take_tick(tick, 1, emit);
+  };
+  const auto refuse = [&](uint64_t sequence, const char* field) {
+    v1::Rejection rejection;
+    rejection.set_sequence(sequence);
+    rejection.add_field_violations()->set_field(field);
+    viewers.take_rejection(rejection, 1, emit);
+  };
+  const auto reply = [&](uint64_t sequence) {
+    v1::CameraReply message;
+    message.set_sequence(sequence);
+    viewers.take_reply(message, 1, emit);
+  };
+  tell(1, 11), tell(2, 12), refuse(2, "tick.delta.add[0].id"), tell(3, 13), tell(3, 14),
+      refuse(3, "tick.sequence");
+  tell(4, 15);  // of the next step
+  EXPECT_THAT(shapes, ::testing::ElementsAre(0));
+  reply(3);
+  EXPECT_THAT(shapes, ::testing::ElementsAre(0, 2)) << "once for all that changed";
+  reply(4), reply(5);
+  EXPECT_THAT(shapes, ::testing::ElementsAre(0, 2, 3));
+  EXPECT_THAT(frames, ::testing::ElementsAre(1 + 2, 1 + 3, 1 + 3)) << "the camera's, and of what moves";
 }
 
 }  // namespace

@@ -60,8 +60,14 @@ void GatedDevice::fail_next(const Error& error) {
   failure_ = error;
 }
 
+size_t GatedDevice::stepping_threads() const {
+  const std::lock_guard lock(mutex_);
+  return threads_.size();
+}
+
 Status GatedDevice::pass() {
   std::unique_lock lock(mutex_);
+  threads_.insert(std::this_thread::get_id());
   ++held_;
   changed_.notify_all();
   changed_.wait(lock, [&] { return !closed_; });
@@ -88,6 +94,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
   listen.max_message_bytes = options.max_message_bytes;
+  listen.loops = options.loops;
   listen.keepalive_time = options.keepalive_time;
   listen.keepalive_timeout = options.keepalive_timeout;
   auto started = Listener::start(listen, service_);

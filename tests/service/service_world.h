@@ -11,7 +11,9 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/receive/listener.h"
@@ -39,18 +41,21 @@ class GatedDevice final : public SamplerDevice {
   // The next maps throw, once: what no sampler should do.
   void throw_next();
   size_t samplers_made() const { return samplers_made_; }
+  // On how many threads maps were taken.
+  size_t stepping_threads() const;
 
  private:
   friend class GatedSampler;
   Status pass();
 
   const std::unique_ptr<SamplerDevice> inner_ = make_embree_sampler_device();
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   bool closed_ = false;
   size_t held_ = 0;
   std::optional<Error> failure_;
   bool throws_ = false;
+  std::set<std::thread::id> threads_;
   std::atomic<size_t> samplers_made_{0};
   std::atomic<int64_t> map_cost_us_{0};
 };
@@ -61,6 +66,7 @@ struct WorldOptions {
   ServiceLimits limits{};
   std::string scene_dir{};
   unsigned threads = 2;
+  unsigned loops = 1;
   bool real_time = false;  // the scheduler's clock and the stage clock are the machine's
   BudgetRules budget{};
   std::chrono::milliseconds keepalive_time{10'000};

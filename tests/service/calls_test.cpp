@@ -1,0 +1,118 @@
+// Calls, and the threads that serve them: all of gRPC's held, several loops, and a server that stops while it is called.
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <deque>
+#include <future>
+#include <thread>
+#include <vector>
+
+#include "server/base/random.h"
+#include "tests/service/raw_call.h"
+#include "tests/service/service_world.h"
+
+namespace sightline {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using std::chrono::system_clock;
+
+// A call of a synchronous RPC by a client that says nothing: it holds one of gRPC's threads until it ends.
+class SilentCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
+ public:
+  explicit SilentCall(grpc::GenericStub& stub) {
+    stub.PrepareBidiStreamingCall(&context_, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                                  {}, this);
+    StartCall();
+  }
+  ~SilentCall() override {
+    context_.TryCancel();
+    over_.get_future().wait();
+  }
+
+ private:
+  void OnDone(const grpc::Status&) override { over_.set_value(); }
+
+  grpc::ClientContext context_;
+  std::promise<void> over_;
+};
+
+bool has_a_thread_left(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  context.set_deadline(system_clock::now() + seconds(1));
+  v1::ServerInfo info;
+  return v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info).ok();
+}
+
+TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
+  const ServiceWorld world;
+  grpc::GenericStub stub(world.channel());
+  std::deque<SilentCall> held;
+  for (int i = 0; i < 80; ++i) held.emplace_back(stub);
+  const auto other = world.channel();
+  for (const auto end = system_clock::now() + seconds(20); has_a_thread_left(other);)
+    ASSERT_LT(system_clock::now(), end) << "threads are left";
+  for (const char* service : {"", "sightline.v1.CameraControl"})
+    EXPECT_EQ(health_of(world.channel(), service), 1) << service;
+  EXPECT_FALSE(has_a_thread_left(other)) << "or it was answered when nothing was held any more";
+}
+
+// Tells `stream` its next tick; true when it is answered.
+bool is_answered(Stream& stream, uint64_t sequence) {
+  stream.send(move_tick(sequence, 1, 0.01 * static_cast<double>(sequence)));
+  const auto reply = stream.read();
+  return reply && reply->has_camera() && reply->camera().sequence() == sequence;
+}
+
+// gRPC chooses a queue by chance for each connection, and a loop that is late leaves its steps to the thread that steps: more
+// sessions, and more ticks, until each loop has stepped.
+TEST(Calls, SessionsOfSeveralLoopsAreAllAnswered) {
+  constexpr size_t kLeast = 8, kMost = 48;
+  const ServiceWorld world({.threads = 1, .loops = 2});
+  constexpr size_t kAll = 1 + 2;  // the thread that steps, and the loops
+  std::deque<Stream> streams;
+  while (streams.size() < kLeast || (streams.size() < kMost && world.device.stepping_threads() < kAll)) {
+    streams.emplace_back(world.channel()).open(open_with_boxes(2));
+    for (uint64_t sequence = 1; sequence <= 3; ++sequence) ASSERT_TRUE(is_answered(streams.back(), sequence));
+  }
+  for (Stream& stream : streams) EXPECT_TRUE(is_answered(stream, 4));
+  EXPECT_EQ(world.device.stepping_threads(), kAll);
+}
+
+void call_until(const std::atomic<bool>& stopped, const std::shared_ptr<grpc::Channel>& channel,
+                bool sessions) {
+  while (!stopped) {
+    if (sessions) {
+      Stream stream(channel);
+      stream.send(open_with_boxes(1));
+      stream.read();
+    } else {
+      const int health = health_of(channel, "");
+      EXPECT_TRUE(health == 1 || health == -1) << health;
+    }
+  }
+}
+
+// More loops than the clients need: one that has no other call ends first.
+TEST(Calls, AServerStopsWhileClientsKeepCalling) {
+  CounterRandom random(5, 0, RandomPurpose::kTest);
+  for (int round = 0; round < 20; ++round) {
+    ServiceWorld world({.loops = 4});
+    std::atomic<bool> stopped{false};
+    std::vector<std::thread> clients;
+    for (int c = 0; c < 4; ++c) clients.emplace_back([&, c] { call_until(stopped, world.channel(), c > 0); });
+    std::this_thread::sleep_for(milliseconds(5 + random.next_below(20)));
+    world.listener->stop(milliseconds(random.next_below(3)));
+    stopped = true;
+    for (std::thread& client : clients) client.join();
+    EXPECT_EQ(world.streams.size(), 0u);
+    EXPECT_EQ(world.geometry_count(), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace sightline
