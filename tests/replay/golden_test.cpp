@@ -19,8 +19,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x4bdd21df7433f1c5;
-constexpr uint64_t kLlvmpipeHash = 0x4bdd21df7433f1c5;
+constexpr uint64_t kEmbreeHash = 0xa5da725ac4906177;
+constexpr uint64_t kLlvmpipeHash = 0xa5da725ac4906177;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
