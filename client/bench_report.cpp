@@ -94,6 +94,15 @@ Json json_of(const MetricFigures& m) {
           {"p99", json_of(m.p99)}, {"p99_9", json_of(m.p999)}, {"max", json_of(m.max)}};
 }
 
+Json json_of(const WindowFigures& w) {
+  return {{"round_trip_p50_us", w.round_trip_p50_us},
+          {"round_trip_p99_us", w.round_trip_p99_us},
+          {"step_p50_us", w.step_p50_us},
+          {"late_share", w.late_share},
+          {"degraded_share", w.degraded_share},
+          {"daemon_cpu_us_per_tick", w.daemon_cpu_us ? Json(*w.daemon_cpu_us) : Json(nullptr)}};
+}
+
 Json json_of(const BenchMemory& memory) {
   const auto each = memory.per_session();
   return {{"start_bytes", memory.start},
@@ -139,7 +148,8 @@ void print_bench(const BenchResult& result, std::ostream& out) {
 }
 
 std::string bench_json(const BenchResult& result) {
-  Json metrics;
+  Json metrics, course = Json::array();
+  for (const WindowFigures& window : result.course) course.push_back(json_of(window));
   for (size_t i = 0; i < kBenchMetrics; ++i)
     metrics[std::string(kBenchMetricNames[i])] = json_of(result.metrics[i]);
   const TickCounts& t = result.totals;
@@ -150,7 +160,8 @@ std::string bench_json(const BenchResult& result) {
                     {"seen", result.windows_seen},
                     {"seconds", result.window_s},
                     {"p50_range", result.p50_range},
-                    {"p99_range", result.p99_range}}},
+                    {"p99_range", result.p99_range},
+                    {"course", course}}},
                   {"latency_us", metrics},
                   {"ticks",
                    {{"sent", t.sent},

@@ -70,6 +70,17 @@ EchoComparison compare(const Windows& windows) {
   return echo;
 }
 
+WindowFigures figures_of(const MeasuredWindow& window) {
+  const Quantiles round_trip = quantiles_of(window.daemon.of(BenchMetric::kRoundTrip));
+  return {.round_trip_p50_us = round_trip.p50,
+          .round_trip_p99_us = round_trip.p99,
+          .step_p50_us = p50_of(window.daemon.of(BenchMetric::kStep)),
+          .late_share = per(static_cast<double>(window.daemon.late), static_cast<double>(window.daemon.ticks())),
+          .degraded_share =
+              per(static_cast<double>(window.daemon.degraded), static_cast<double>(window.daemon.replies)),
+          .daemon_cpu_us = window.daemon_cpu_us};
+}
+
 void sum_up_service(const Windows& windows, BenchResult& result) {
   const double seconds = result.window_s * static_cast<double>(windows.size());
   std::vector<double> replies(result.sessions, 0.0);
@@ -100,6 +111,8 @@ std::optional<double> BenchMemory::per_session() const {
 
 void summarize(const Windows& windows, BenchResult& result) {
   result.windows = windows.size();
+  result.course.clear();
+  for (const MeasuredWindow& window : windows) result.course.push_back(figures_of(window));
   for (size_t metric = 0; metric < kBenchMetrics; ++metric)
     result.metrics[metric] =
         figures_of(windows, [&](const MeasuredWindow& w) { return w.daemon.us[metric]; });

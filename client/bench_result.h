@@ -39,6 +39,13 @@ struct BenchMemory {
   size_t session_count = 1;
 };
 
+// One window's own figures, as the load went on: microseconds, shares in [0, 1].
+struct WindowFigures {
+  double round_trip_p50_us = 0.0, round_trip_p99_us = 0.0, step_p50_us = 0.0;
+  double late_share = 0.0, degraded_share = 0.0;
+  std::optional<double> daemon_cpu_us;  // a tick
+};
+
 // Round trip against what it cannot be less than: echo p50 + step p50, each of the same window.
 struct EchoComparison {
   MetricFigures round_trip, send;
@@ -60,6 +67,8 @@ struct BenchResult {
   size_t windows = 0;                       // that are reported: those that agree, or all when none do
   size_t windows_seen = 0;                  // after the warm-up
   double p50_range = 0.0, p99_range = 0.0;  // (greatest - least) / least of the reported windows' round trips
+
+  std::vector<WindowFigures> course;        // of the reported windows, in order
 
   std::array<MetricFigures, kBenchMetrics> metrics;
   const MetricFigures& of(BenchMetric metric) const { return metrics[static_cast<size_t>(metric)]; }

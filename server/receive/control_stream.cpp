@@ -309,7 +309,8 @@ TakeJob ControlStream::work_through() {
 // says nothing of what the others cost.
 double ControlStream::share_of_thread(int64_t end_ns) {
   const double cost_ns = told_level_ ? static_cast<double>(last_cost_ns_) : budget_->full_cost_ns();
-  return parts_.shares.tell(share_slot_, std::min(cost_ns / static_cast<double>(interval_ns_), 1.0), end_ns);
+  const double demand = std::min(cost_ns / static_cast<double>(interval_ns_), 1.0);
+  return parts_.shares.tell(share_slot_, demand, end_ns > due_ns_, end_ns);
 }
 
 // Needs mutex_: whether a tick waits says whether the session keeps up.

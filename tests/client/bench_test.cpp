@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -279,6 +281,25 @@ TEST(BenchResult, TheFloorIsEchoPlusStepOfTheSameWindow) {
   EXPECT_DOUBLE_EQ(result.echo->share.least, 1.1);
   EXPECT_DOUBLE_EQ(result.echo->share.median, 1.25);
   EXPECT_DOUBLE_EQ(result.echo->share.most, 1.5);
+}
+
+TEST(BenchResult, TheCourseOfTheLoadIsTold) {
+  std::vector<MeasuredWindow> windows{window_of({10, 20, 30}, {1, 5, 9}, {4}), window_of({40}, {2}, {2})};
+  windows[0].daemon.late = 1, windows[0].daemon.degraded = 3, windows[0].daemon_cpu_us = 77;
+  BenchResult result;
+  result.sessions = 1;
+  result.window_s = 2.0;
+  summarize(windows, result);
+  const auto course = nlohmann::json::parse(bench_json(result)).at("windows").at("course");
+  ASSERT_EQ(course.size(), 2u);
+  EXPECT_EQ(course[0].at("round_trip_p50_us"), 20);
+  EXPECT_EQ(course[0].at("step_p50_us"), 5);
+  EXPECT_DOUBLE_EQ(course[0].at("late_share"), 1.0 / 3);
+  EXPECT_EQ(course[0].at("degraded_share"), 0.75);
+  EXPECT_EQ(course[0].at("daemon_cpu_us_per_tick"), 77);
+  EXPECT_EQ(course[1].at("round_trip_p99_us"), 40);
+  EXPECT_EQ(course[1].at("late_share"), 0);
+  EXPECT_TRUE(course[1].at("daemon_cpu_us_per_tick").is_null());
 }
 
 // --- the world
