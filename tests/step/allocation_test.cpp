@@ -85,7 +85,9 @@ class Yard {
     place_camera(memory_, {at, look_rotation(-at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
   }
 
-  void set_candidates(int count) { settings_.aggregate.candidates = count; }
+  void set_size(int candidates, int resolution) {
+    settings_.aggregate.candidates = candidates, settings_.sample.resolution = resolution;
+  }
 
   // How often it allocated, in as many steps.
   size_t step(int steps, bool count_take, bool moves) {
@@ -191,10 +193,12 @@ TEST(AllocationCount, CountsWhatIsAllocated) {
 
 TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   Yard yard(GetParam().settings, GetParam().people);
-  // The number of candidates varies with the bound: with more of them for a round the memory is as large as it will be.
-  yard.set_candidates(3 * GetParam().settings.aggregate.candidates);
+  // The number of candidates varies with the bound: with more of them for a round (pair volumes have them by the maps' texels) the
+  // memory is as large as it will be.
+  const int candidates = GetParam().settings.aggregate.candidates, resolution = GetParam().settings.sample.resolution;
+  yard.set_size(3 * candidates, resolution + 2);
   EXPECT_GT(yard.step(kRoundSteps, false, true), 0u) << "memory has to grow at first";
-  yard.set_candidates(GetParam().settings.aggregate.candidates);
+  yard.set_size(candidates, resolution);
   yard.step(kRoundSteps / 2, false, true);
   EXPECT_EQ(yard.step(10'000, false, true), 0u);
   EXPECT_GT(yard.steps_with(MoveStatus::kTracking), 1000);
