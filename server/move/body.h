@@ -20,7 +20,8 @@ struct SafeMove {
 };
 
 // The velocity nearest to `wanted_mps` (which already obeys the limits) that is safe: as wanted, slower, along the surface in
-// the way, or braking. When the body overlaps a collider, the velocity that leaves it soonest. The result obeys the limits.
+// the way, or braking. Where the skin is used up, first away from the nearest surface if nothing stands opposite. When the body overlaps
+// a collider, out of it: the velocity that leaves the most room. The result obeys the limits.
 // Colliders are taken where the field was gathered; it must cover the camera's reach for braking plus its radius.
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                    const Lens& lens, const ClearanceField& field, double dt_s);
