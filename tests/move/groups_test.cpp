@@ -29,7 +29,8 @@ struct Grid {
   GroupScratch scratch;
   Groups groups;
 
-  void add(const glm::ivec3& cell, bool member) {
+  // By value: the cell may be one of these.
+  void add(glm::ivec3 cell, bool member) {
     cells.push_back(cell);
     places.push_back(glm::dvec3(cell) * 0.25);
     members.push_back(member);
