@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-inline constexpr int kLeastResolution = 2;
+inline constexpr int kLeastResolution = 2;  // texels a side, of any map but a sight
 
 struct SampleSettings {
   int resolution = 7;  // texels a side, [2, 64]; more finds thinner gaps and costs time

@@ -153,19 +153,13 @@ struct Spheres {
 // So many are asked at once.
 constexpr size_t kSpheresAtOnce = 128;
 
-// A sphere's way: along unit `direction`.
-struct SphereWay {
-  glm::dvec3 from_m, direction;
-  double length_m, radius_m;
-};
-
-// 1 for those that come as near to the way as the spheres' radii, or within rounding of that; else 0.
+// 1 for those that a sphere touches on its way along unit `direction`, or comes within rounding of touching; else 0.
 SIGHTLINE_VECTOR_CLONES
-void mark_beside(const Spheres& spheres, const SphereWay& way, uint8_t* __restrict beside) {
+void mark_beside(const Spheres& spheres, const glm::dvec3& from_m, const glm::dvec3& direction, double length_m,
+                 double radius_m, uint8_t* __restrict beside) {
   constexpr double kSlack = 1e-9;
-  const double from_x = way.from_m.x, from_y = way.from_m.y, from_z = way.from_m.z, along_x = way.direction.x,
-               along_y = way.direction.y, along_z = way.direction.z, length = way.length_m,
-               radius = way.radius_m + kSlack;
+  const double from_x = from_m.x, from_y = from_m.y, from_z = from_m.z, along_x = direction.x, along_y = direction.y,
+               along_z = direction.z, length = length_m, radius = radius_m + kSlack;
   const double *__restrict x = spheres.x_m, *__restrict y = spheres.y_m, *__restrict z = spheres.z_m,
                *__restrict r = spheres.radius_m;
   for (size_t i = 0; i < spheres.count; ++i) {
@@ -291,7 +285,7 @@ bool ClearanceField::for_each_beside(const Way& way, Take take) const {
   for (size_t first = 0; first < x_m_.size(); first += kSpheresAtOnce) {
     const size_t count = std::min(kSpheresAtOnce, x_m_.size() - first);
     mark_beside({&x_m_[first], &y_m_[first], &z_m_[first], &radius_m_[first], count},
-                {way.from_m, way.direction, way.length_m, way.radius_m}, beside.data());
+                way.from_m, way.direction, way.length_m, way.radius_m, beside.data());
     for (size_t i = 0; i < count; ++i)
       if (beside[i] != 0 && !take(first + i)) return false;
   }

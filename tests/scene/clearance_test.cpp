@@ -192,11 +192,13 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
     fill_at_random(mirror, draw);
     const auto all = world_triangles(mirror);
     const ClearanceField field = gathered(mirror);
+    size_t blocker = seed % 2 * 1000;  // none at first, or what never was
     for (int i = 0; i < 40; ++i) {
       const double radius = i % 5 == 0 ? 0.0 : draw.in(0.01, 0.5);
       const glm::dvec3 from = draw.vec(7), to = from + draw.vec(i % 2 ? 6 : 0.5);
       const double length = glm::distance(from, to), fraction = field.free_fraction(from, to, radius);
       ASSERT_TRUE(fraction >= 0 && fraction <= 1);
+      EXPECT_EQ(field.is_free(from, to, radius, blocker), fraction >= 1);
       const auto triangles = near_path(all, from, to, radius + 0.1);
       const auto distance_at = [&](double t) { return reference_distance(triangles, glm::mix(from, to, t)); };
       if (distance_at(0) < radius) {
@@ -214,6 +216,32 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
   }
   EXPECT_GT(stopped, 100);  // both outcomes were really tried
   EXPECT_GT(free, 100);
+}
+
+// Of many colliders each is met, and only where it stands: 300 posts on a circle, with more than the sphere's room between them.
+TEST(Sweep, MeetsEachOfManyAndPassesBetween) {
+  constexpr int kPosts = 300;
+  constexpr double kRingM = 40.0, kTurn = 2 * 3.14159265358979323846 / kPosts;
+  const auto on_circle = [](double turns, double radius_m) {
+    return glm::dvec3(radius_m * std::cos(kTurn * turns), 0.0, radius_m * std::sin(kTurn * turns));
+  };
+  const auto post = build_geometry(tessellate(BoxShape{{0.05f, 2.0f, 0.05f}}).value()).value();
+  SceneMirror mirror;
+  for (int i = 0; i < kPosts; ++i) {
+    NewInstance instance = placed(static_cast<uint64_t>(i + 1), post);
+    instance.pose.position_m = on_circle(i, kRingM);
+    add(mirror, std::move(instance));
+  }
+  const ClearanceField field = gathered(mirror);
+  for (int i = 0; i < kPosts; ++i) {
+    size_t any = 0, blocker = 0;
+    EXPECT_FALSE(field.is_free({0, 0, 0}, on_circle(i, kRingM + 1), 0.2, blocker)) << i;
+    EXPECT_EQ(blocker, static_cast<size_t>(i));
+    EXPECT_FALSE(field.is_free({0, 0, 0}, on_circle(i, kRingM + 2), 0.2, blocker)) << i;
+    EXPECT_TRUE(field.is_free({0, 0, 0}, on_circle(i, kRingM - 0.5), 0.2, blocker)) << i;
+    EXPECT_TRUE(field.is_free({0, 0, 0}, on_circle(i + 0.5, kRingM + 1), 0.2, any)) << i;
+    EXPECT_LT(field.clearance_m(on_circle(i, kRingM - 0.5), 1.0), 0.5) << i;
+  }
 }
 
 // A room's wall: the plane x = 0, 40 m wide.
