@@ -227,7 +227,7 @@ void ControlStream::close(const grpc::Status& status) {
   session_.reset();
   tape_.close();
   if (budget_) parts_.shares.leave(share_slot_);
-  inbox_.take_all();
+  inbox_.clear();
   outbox_.clear();
   parts_.streams.remove(this);
   parts_.log.info("session closed",
@@ -249,8 +249,9 @@ void ControlStream::close(const grpc::Status& status) {
 // -------------------------------------------------------------------------------------------------
 
 TakeJob ControlStream::plan() {
-  work_ = take_work();
-  outcome_ = {};
+  take_work();
+  outcome_.replies.clear();
+  outcome_.end.reset();
   if (work_.drain_reason)
     *outcome_.replies.emplace_back().mutable_drain()->mutable_reason() = *work_.drain_reason;
   TakeJob job;
@@ -267,14 +268,20 @@ void ControlStream::finish(const TakenMaps& taken) {
   });
   stepping_.reset();
   const std::lock_guard lock(mutex_);
-  if (stepped) account(taken, start_ns);
+  const int64_t end_ns = parts_.steppers.now_ns();
+  const StepEnd end{.end_ns = end_ns,
+                    .due_ns = due_ns_,
+                    .cost_ns = taken.cost_ns + (end_ns - start_ns),
+                    .behind = merged_ || !inbox_.empty()};
   busy_ = false;
   opened_ = session_ != nullptr;
   needs_loader_ = work_.needs_loader;
-  inbox_.put_back(std::move(work_.messages));
+  inbox_.put_back(work_.messages);
   for (v1::ControlReply& reply : outcome_.replies) outbox_.push_back(std::move(reply));
   if (outcome_.end && !end_status_) end_status_ = std::move(outcome_.end);
   advance();
+  // Behind the reply, which it would keep waiting.
+  if (stepped && !finished_) account(end);
 }
 
 // What throws is out of memory or wrong in itself. It costs this session, which may be half changed, and no
@@ -307,25 +314,24 @@ TakeJob ControlStream::work_through() {
 
 // What the session may use of a thread, once it was told what it asks for. A step at a level that the client chose
 // says nothing of what the others cost.
-double ControlStream::share_of_thread(int64_t end_ns) {
+double ControlStream::share_of_thread(const StepEnd& end) {
   const double cost_ns = told_level_ ? static_cast<double>(last_cost_ns_) : budget_->full_cost_ns();
   const double demand = std::min(cost_ns / static_cast<double>(interval_ns_), 1.0);
-  return parts_.shares.tell(share_slot_, demand, end_ns > due_ns_, end_ns);
+  return parts_.shares.tell(share_slot_, demand, end.late(), end.end_ns);
 }
 
-// Needs mutex_: whether a tick waits says whether the session keeps up.
-void ControlStream::account(const TakenMaps& taken, int64_t finish_start_ns) {
-  const int64_t end_ns = parts_.steppers.now_ns();
+// Needs mutex_.
+void ControlStream::account(const StepEnd& end) {
   const int level = budget_->level();
-  last_cost_ns_ = taken.cost_ns + (end_ns - finish_start_ns);
-  tally_.late += end_ns > due_ns_;
-  parts_.stats.late.fetch_add(end_ns > due_ns_, std::memory_order_relaxed);
-  const double share = share_of_thread(end_ns);
+  last_cost_ns_ = end.cost_ns;
+  tally_.late += end.late();
+  parts_.stats.late.fetch_add(end.late(), std::memory_order_relaxed);
+  const double share = share_of_thread(end);
   if (told_level_) return;
-  budget_->stepped({.end_ns = end_ns,
-                    .cost_ns = last_cost_ns_,
+  budget_->stepped({.end_ns = end.end_ns,
+                    .cost_ns = end.cost_ns,
                     .interval_ns = interval_ns_,
-                    .behind = merged_ || !inbox_.empty(),
+                    .behind = end.behind,
                     .share = share});
   if (budget_->level() != level) tell_economy(level);
 }
@@ -342,20 +348,21 @@ void ControlStream::tell_economy(int former_level) const {
 
 // Opening takes one message, so that the ticks behind it are worked through by the steppers. A call
 // that has ended while it waited for a worker costs that worker nothing: scenes may take seconds to read.
-ControlStream::Work ControlStream::take_work() {
+void ControlStream::take_work() {
   const std::lock_guard lock(mutex_);
-  Work work;
-  if (cancelled_ || end_status_) return work;
-  work.drain_reason = std::exchange(drain_reason_, std::nullopt);
+  work_.messages.clear();
+  work_.drain_reason.reset();
+  work_.may_take_long = work_.needs_loader = false;
+  if (cancelled_ || end_status_) return;
+  work_.drain_reason.swap(drain_reason_);
   interval_ns_ = pace_.interval_ns();
   if (session_) {
-    work.messages = inbox_.take_all();
-    work.may_take_long = needs_loader_;
+    inbox_.take_all(work_.messages);
+    work_.may_take_long = needs_loader_;
   } else if (!inbox_.empty()) {
-    work.messages.push_back(inbox_.take_one());
+    work_.messages.push_back(inbox_.take_one());
   }
   read_if_room();
-  return work;
 }
 
 void ControlStream::open(Messages& messages, Outcome& outcome) {

@@ -71,6 +71,14 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
     Replies replies;
     std::optional<grpc::Status> end;  // close the call with it once the replies are written
   };
+  // Of a step, as it was when its answer was ready.
+  struct StepEnd {
+    int64_t end_ns = 0;
+    int64_t due_ns = 0;
+    int64_t cost_ns = 0;  // of a thread's time
+    bool behind = false;  // ticks came faster than they were stepped
+    bool late() const { return end_ns > due_ns; }
+  };
   struct Tally {
     uint64_t ticks = 0, steps = 0, degraded = 0, late = 0, rejections = 0;
   };
@@ -111,15 +119,15 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   template <typename Part>
   void guarded(const Part& part);
   TakeJob work_through();  // leaves the messages that need a loader, or wait for the answer to those before
-  Work take_work();
+  void take_work();
   void open(Messages& messages, Outcome& outcome);
   Status open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
   std::optional<uint64_t> take_ticks(Work& work, Outcome& outcome);
   Status apply(const Inbox::Message& message);
   void note_step_control(const v1::StepControl& step);
   void answer(uint64_t newest_sequence, const Status& taken, Outcome& outcome);
-  double share_of_thread(int64_t end_ns);
-  void account(const TakenMaps& taken, int64_t finish_start_ns);
+  double share_of_thread(const StepEnd& end);
+  void account(const StepEnd& end);
   void tell_economy(int former_level) const;
   void reject(const Error& error, uint64_t sequence, Outcome& outcome);
 
@@ -137,7 +145,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   uint32_t asked_merges_ = 0;      // those that asked to be merged
   bool wants_step_ = false;        // the newest did not
   std::optional<int> told_level_;  // what the newest says
-  // Between `plan` and `finish`:
+  // Between `plan` and `finish`; the same memory every time:
   Work work_;
   Outcome outcome_;
   std::optional<uint64_t> stepping_;  // the newest tick of the step that is under way

@@ -63,8 +63,9 @@ bool EventLoop::next(Event*& event, bool& ok) {
     const bool rests = waiting_.empty();
     const auto before = std::chrono::steady_clock::now();
     const CompletionQueue::NextStatus found = queue_->AsyncNext(&tag, &ok, rests ? whenever : at_once);
+    woke_ = false;
     if (rests)
-      if (const auto now = std::chrono::steady_clock::now(); now - before >= kLeastRest) rested_ = now;
+      if (const auto now = std::chrono::steady_clock::now(); now - before >= kLeastRest) rested_ = now, woke_ = true;
     if (found == CompletionQueue::SHUTDOWN && rests) return false;
     if (found == CompletionQueue::GOT_EVENT) {
       event = static_cast<Event*>(tag);
@@ -78,7 +79,10 @@ void EventLoop::run() {
   rested_ = std::chrono::steady_clock::now();
   Event* event = nullptr;
   bool ok = false;
-  while (next(event, ok)) event->ready(ok);
+  while (next(event, ok)) {
+    event->ready(ok);
+    if (woke_ && !waiting_.empty()) do_eldest();
+  }
 }
 
 }  // namespace sightline

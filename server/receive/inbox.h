@@ -12,9 +12,13 @@ namespace sightline {
 
 // A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the
 // transport's flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus
-// one message. Bytes are those in memory: two bytes on the wire can be an empty message of a hundred.
+// one message. Bytes are those in memory: two bytes on the wire can be an empty message of a hundred. To add them up takes a walk
+// by reflection, 15 us after a rest, so a tick that is small on the wire counts for more than one of its size can take.
 class Inbox {
  public:
+  static constexpr size_t kSmallTick = 256;                  // bytes on the wire
+  static constexpr size_t kMostOfSmallTick = size_t{16} << 10;  // in memory
+
   struct Message {
     v1::ControlRequest request;
     int64_t arrival_ns = 0;
@@ -27,9 +31,14 @@ class Inbox {
   bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_; }
 
   void push(v1::ControlRequest request, int64_t arrival_ns) {
-    const size_t bytes = request.SpaceUsedLong();
+    const size_t bytes = bytes_of(request);
     bytes_ += bytes;
     messages_.push_back({std::move(request), arrival_ns, bytes});
+  }
+
+  // What a message counts for.
+  static size_t bytes_of(const v1::ControlRequest& request) {
+    return request.has_tick() && request.ByteSizeLong() <= kSmallTick ? kMostOfSmallTick : request.SpaceUsedLong();
   }
 
   // The oldest message; the inbox must not be empty.
@@ -41,8 +50,8 @@ class Inbox {
   }
 
   // Gives back what was taken and could not be worked through yet; it is the oldest again. The bounds may be
-  // passed by it once: they say when reading stops.
-  void put_back(std::deque<Message> messages) {
+  // passed by it once: they say when reading stops. None is left in `messages`.
+  void put_back(std::deque<Message>& messages) {
     while (!messages.empty()) {
       bytes_ += messages.back().bytes;
       messages_.push_front(std::move(messages.back()));
@@ -50,10 +59,15 @@ class Inbox {
     }
   }
 
-  // Everything, oldest first.
-  std::deque<Message> take_all() {
+  // Everything, oldest first, into `messages`, which must be empty. The two change their memory, so that none is asked for.
+  void take_all(std::deque<Message>& messages) {
     bytes_ = 0;
-    return std::exchange(messages_, {});
+    messages_.swap(messages);
+  }
+
+  void clear() {
+    bytes_ = 0;
+    messages_.clear();
   }
 
  private:

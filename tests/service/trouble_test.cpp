@@ -216,6 +216,51 @@ TEST(Trouble, TheInboxCountsBytesInMemory) {
   EXPECT_TRUE(inbox.full());
 }
 
+// Fills `part` of a tick with as many of each of its repeated fields, one after the other, as a small tick holds, and those that
+// its messages have. Returns the most memory that any of these ticks took.
+size_t most_memory_of_small_ticks(v1::ControlRequest& tick, google::protobuf::Message& part) {
+  size_t most = 0;
+  const google::protobuf::Reflection& reflection = *part.GetReflection();
+  for (int i = 0; i < part.GetDescriptor()->field_count(); ++i) {
+    const google::protobuf::FieldDescriptor* field = part.GetDescriptor()->field(i);
+    if (field->message_type() == nullptr) continue;
+    if (field->is_repeated()) {
+      while (tick.ByteSizeLong() <= Inbox::kSmallTick) reflection.AddMessage(&part, field);
+      reflection.RemoveLast(&part, field);
+      EXPECT_GT(reflection.FieldSize(part, field), 0) << field->full_name();
+      most = std::max(most, tick.SpaceUsedLong());
+      reflection.ClearField(&part, field);
+    }
+    auto* inner = field->is_repeated() ? reflection.AddMessage(&part, field) : reflection.MutableMessage(&part, field);
+    most = std::max(most, most_memory_of_small_ticks(tick, *inner));
+    reflection.ClearField(&part, field);
+  }
+  return most;
+}
+
+TEST(Trouble, NoSmallTickTakesMoreMemoryThanItCountsFor) {
+  v1::ControlRequest tick;
+  const size_t most = most_memory_of_small_ticks(tick, *tick.mutable_tick());
+  EXPECT_LE(most, Inbox::kMostOfSmallTick);
+  EXPECT_GT(2 * most, Inbox::kMostOfSmallTick) << "it would count for needlessly much";
+}
+
+// So many small ticks wait as the service lets wait in number; those that are large on the wire count for what they take.
+TEST(Trouble, BytesOfTheInboxDoNotKeepSmallTicksOut) {
+  const ServiceLimits limits;
+  Inbox inbox(limits.inbox_messages + 1, limits.inbox_bytes);
+  for (size_t i = 0; i < limits.inbox_messages; ++i) {
+    EXPECT_FALSE(inbox.full());
+    v1::ControlRequest request;
+    request.mutable_tick()->set_sequence(i + 1);
+    inbox.push(std::move(request), 0);
+  }
+  EXPECT_TRUE(inbox.full());
+  v1::ControlRequest large;
+  large.mutable_tick()->mutable_transforms()->mutable_id()->Resize(1000, 7);
+  EXPECT_EQ(Inbox::bytes_of(large), large.SpaceUsedLong());
+}
+
 TEST(Trouble, WhatIsPutBackIntoTheInboxIsTheOldestAgain) {
   Inbox inbox(100, 100'000);
   for (uint64_t i = 1; i <= 3; ++i) {
@@ -223,12 +268,15 @@ TEST(Trouble, WhatIsPutBackIntoTheInboxIsTheOldestAgain) {
     request.mutable_tick()->set_sequence(i);
     inbox.push(request, 0);
   }
-  auto taken = inbox.take_all();
+  std::deque<Inbox::Message> taken;
+  inbox.take_all(taken);
+  EXPECT_TRUE(inbox.empty());
   taken.pop_front();
   v1::ControlRequest newer;
   newer.mutable_tick()->set_sequence(4);
   inbox.push(newer, 0);
-  inbox.put_back(std::move(taken));
+  inbox.put_back(taken);
+  EXPECT_TRUE(taken.empty());
   for (uint64_t i = 2; i <= 4; ++i) EXPECT_EQ(inbox.take_one().request.tick().sequence(), i);
   EXPECT_TRUE(inbox.empty());
 }
