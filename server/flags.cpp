@@ -134,6 +134,10 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Seconds that a Control call gets to send `open` before it is ended")
       ->check(CLI::Range(0.01, 3600.0))
       ->capture_default_str();
+  app.add_option("--upload-timeout-s", raw.flags.upload_timeout_s,
+                 "Seconds that an upload may send nothing before it is ended")
+      ->check(CLI::Range(0.01, 3600.0))
+      ->capture_default_str();
   app.add_option("--drain-s", raw.flags.drain_s,
                  "Seconds that open sessions get to end after SIGTERM or SIGINT")
       ->check(CLI::Range(0.0, 3600.0))

@@ -29,6 +29,7 @@ struct Flags {
   size_t max_message_mib = 4;
   size_t max_upload_mib = 256;
   double open_timeout_s = 10.0;
+  double upload_timeout_s = 60.0;
   LogFormat log_format = LogFormat::kText;
   LogLevel log_level = LogLevel::kInfo;
   std::string ready_file;

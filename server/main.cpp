@@ -76,6 +76,7 @@ ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
   limits.max_upload_bytes = flags.max_upload_mib << 20;
   limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
+  limits.upload_timeout = milliseconds(std::lround(flags.upload_timeout_s * 1e3));
   return limits;
 }
 

@@ -47,6 +47,8 @@ struct ServiceLimits {
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
   // A Control call that has sent no message for so long ends: it holds the place of a session.
   std::chrono::milliseconds open_timeout{10'000};
+  // An upload that has sent nothing for so long ends: it holds a place and a thread.
+  std::chrono::milliseconds upload_timeout{60'000};
 };
 
 }  // namespace sightline

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "server/receive/patience.h"
 #include "server/receive/retry_info.h"
 #include "server/reply/error_to_proto.h"
 
@@ -34,9 +35,16 @@ class Place {
   const size_t number_;
 };
 
-grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits,
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, Patience& patience,
                      std::vector<std::byte>& bytes) {
-  for (v1::UploadSceneRequest request; reader.Read(&request);) {
+  v1::UploadSceneRequest request;
+  const auto next = [&] {
+    patience.begin();
+    const bool more = reader.Read(&request);
+    patience.end();
+    return more;
+  };
+  while (next()) {
     const auto chunk = std::as_bytes(std::span(request.chunk()));
     if (chunk.size() > limits.max_chunk_bytes) return too_large("a chunk", limits.max_chunk_bytes);
     if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large("the file", limits.max_upload_bytes);
@@ -72,7 +80,12 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   const Place place(open_uploads);
   if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
   std::vector<std::byte> bytes;
-  if (grpc::Status status = collect(reader, limits, bytes); !status.ok()) return status;
+  Patience patience(context, limits.upload_timeout);
+  if (grpc::Status status = collect(reader, limits, patience, bytes); !status.ok()) return status;
+  if (patience.ran_out()) {
+    parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"}, {"bytes", std::to_string(bytes.size())}});
+    return {grpc::StatusCode::DEADLINE_EXCEEDED, "nothing came in time (--upload-timeout-s)"};
+  }
   // Half of a file may be a whole one.
   if (context.IsCancelled()) return grpc::Status::CANCELLED;
   grpc::Status status;

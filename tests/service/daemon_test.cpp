@@ -36,6 +36,7 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
       {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
+      {"--upload-timeout-s", "0"},
       {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"},
       {"--record", "some"},            {"--record-total-mib", "0"},
       {"--record-age-h", "-1"},        {"--record-file-mib", "0"}};
@@ -50,7 +51,7 @@ TEST(DaemonFlags, EveryOneIsExplained) {
         "--egl-device",     "--require-gpu",    "--threads",      "--max-sessions", "--max-message-mib",
         "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
         "--version",        "--print-config",   "--check-config", "--config",       "devices",
-        "--open-timeout-s", "--step-budget-ms", "--no-degrade",
+        "--open-timeout-s", "--upload-timeout-s", "--step-budget-ms", "--no-degrade",
         "--egl-variant",    "--record-dir",     "--record ",      "--record-scenes", "--record-total-mib",
         "--record-file-mib", "--record-age-h",  "--record-reserve-mib"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;

@@ -3,8 +3,10 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "tests/service/service_world.h"
 #include "tests/support/glb_builder.h"
@@ -144,6 +146,33 @@ TEST(UploadScene, ACancelledUploadGivesItsPlaceBack) {
   grpc::Status status(grpc::StatusCode::UNKNOWN, "");
   for (int i = 0; i < 1000 && !status.ok(); ++i) status = upload(world, triangle_file());
   EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+// A client that keeps talking is not cut, however long it takes.
+TEST(UploadScene, ASilentOneGivesItsPlaceBackAndASlowOneDoesNot) {
+  constexpr std::chrono::milliseconds kTimeout(1000);
+  const ServiceWorld world({.limits = {.max_uploads = 1, .upload_timeout = kTimeout}});
+  const std::vector<std::byte> file = triangle_file();
+  {
+    Upload slow(world.channel());
+    const size_t part = file.size() / 5 + 1;
+    for (size_t at = 0; at < file.size(); at += part) {
+      ASSERT_TRUE(slow.send(std::span(file).subspan(at, std::min(part, file.size() - at))));
+      std::this_thread::sleep_for(kTimeout / 4);
+    }
+    EXPECT_TRUE(slow.finish().ok());
+  }
+  Upload silent(world.channel());
+  ASSERT_TRUE(silent.send(std::span(file).first(10)));
+  grpc::Status status = upload(world, file);
+  while (status.ok()) status = upload(world, file);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << "the silent one has the place";
+  for (int i = 0; i < 1000 && !status.ok(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    status = upload(world, file);
+  }
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(silent.finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
 TEST(ListScenes, NamesWhatTheFolderHolds) {
