@@ -36,6 +36,7 @@ load() {
 plain=(--preset paper --settings '{"bound":{"mode":"HORIZON"},"aggregate":{"volume":"LATTICE","filter":{"mode":"NONE"}},"move":{"strategy":"BASIC","prediction_s":0}}')
 load one-plain --sessions 1 --window 5 "${plain[@]}" --points 0 --echo
 load one-default --sessions 1 --window 5 --echo
+load fifty-plain --sessions 50 "${plain[@]}" --points 8
 load hundred-plain --sessions 100 "${plain[@]}" --points 8
 load hundred-default --sessions 100
 load twenty-egl --sessions 20 "${plain[@]}" --points 0 --daemon-flags "--sampler egl"

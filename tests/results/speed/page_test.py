@@ -9,6 +9,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import make_page  # noqa: E402
+import service  # noqa: E402
 from line_plot import LogAxis, line_plot  # noqa: E402
 
 
@@ -57,6 +58,26 @@ class Claims(unittest.TestCase):
         for times, holds in ((31.0, True), (33.0, False)):
             ratios = [ratio(2, "egl", 1.0, "targets"), ratio(32, "egl", times, "targets")]
             self.assertEqual([claim.holds for claim in make_page.growth_claims([], ratios)], [holds])
+
+
+def load(p99_ms, late=0.0, degraded=0.0):
+    spread = {"median": 1000 * p99_ms, "min": 0, "max": 0}
+    return {"latency_us": {"round_trip": {"p99": spread}}, "service": {"late_share": late, "degraded_share": degraded}}
+
+
+class ServiceClaims(unittest.TestCase):
+    def holds(self, run):
+        found = verdicts(service.service_claims({"hundred-plain": run}, make_page.Claim))
+        name = service.LOADS["hundred-plain"]
+        return ([held for text, held in found.items() if text.startswith(name) and text.endswith("p99 inside the tick")] +
+                [held for text, held in found.items() if text.startswith(name) and "nothing left out" in text])
+
+    def test_of_many_sessions_ask_for_every_window_and_say_what_was_left_out(self):
+        self.assertEqual(self.holds(load(16.0)), [True, True])
+        self.assertEqual(self.holds(load(17.0)), [False, False])
+        self.assertEqual(self.holds(load(5.0, late=0.02)), [False, False])
+        self.assertEqual(self.holds(load(5.0, degraded=0.02)), [True, False])
+        self.assertEqual(self.holds(None), [None, None])
 
 
 class Plot(unittest.TestCase):
