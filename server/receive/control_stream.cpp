@@ -38,6 +38,11 @@ size_t ask_to_be_merged(const std::deque<Inbox::Message>& messages) {
   return static_cast<size_t>(other - messages.rbegin());
 }
 
+// Whose memory is worth keeping: what is drawn of a step takes much of it.
+bool is_usual(const v1::ControlReply& reply) {
+  return reply.has_camera() && !reply.camera().has_candidates() && reply.camera().depth_maps().empty();
+}
+
 }  // namespace
 
 void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
@@ -134,6 +139,7 @@ std::optional<double> ControlStream::told_dt_s(const v1::Tick& tick) {
 void ControlStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
   writing_ = false;
+  if (is_usual(outbox_.front())) written_ = std::move(outbox_.front());
   outbox_.pop_front();
   if (!ok) cancelled_ = true;
   advance();
@@ -351,6 +357,7 @@ void ControlStream::tell_economy(int former_level) const {
 void ControlStream::take_work() {
   const std::lock_guard lock(mutex_);
   work_.messages.clear();
+  work_.written = std::move(written_);
   work_.drain_reason.reset();
   work_.may_take_long = work_.needs_loader = false;
   if (cancelled_ || end_status_) return;
@@ -465,7 +472,7 @@ void ControlStream::answer(uint64_t newest_sequence, const Status& taken, Outcom
   parts_.stats.steps.fetch_add(1, std::memory_order_relaxed);
   parts_.stats.degraded.fetch_add(degraded, std::memory_order_relaxed);
   parts_.stats.queue.add(answer->queue_ns);
-  v1::CameraReply& reply = *outcome.replies.emplace_back().mutable_camera();
+  v1::CameraReply& reply = *outcome.replies.emplace_back(std::move(work_.written)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   tape_.reply(reply);
 }
