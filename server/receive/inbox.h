@@ -16,8 +16,8 @@ namespace sightline {
 // by reflection, 15 us after a rest, so a tick that is small on the wire counts for more than one of its size can take.
 class Inbox {
  public:
-  static constexpr size_t kSmallTick = 256;                  // bytes on the wire
-  static constexpr size_t kMostOfSmallTick = size_t{16} << 10;  // in memory
+  static constexpr size_t kSmallTick = 256;                     // bytes on the wire
+  static constexpr size_t kMostOfSmallTick = size_t{16} << 10;  // bytes in memory
 
   struct Message {
     v1::ControlRequest request;

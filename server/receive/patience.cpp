@@ -11,14 +11,16 @@ Patience::~Patience() {
 
 void Patience::begin() {
   end();
+  uint64_t wait = 0;
   {
     const std::lock_guard lock(state_->mutex);
     state_->waiting = &context_;
+    wait = ++state_->waits;
   }
   alarm_.emplace();
-  alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_](bool went_off) {
+  alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_, wait](bool went_off) {
     const std::lock_guard lock(state->mutex);
-    if (!went_off || !state->waiting) return;
+    if (!went_off || !state->waiting || state->waits != wait) return;
     state->ran_out = true;
     state->waiting->TryCancel();
   });

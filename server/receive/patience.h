@@ -5,6 +5,7 @@
 #include <grpcpp/server_context.h>
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -32,6 +33,7 @@ class Patience {
     std::mutex mutex;
     // Guarded by mutex.
     grpc::ServerContext* waiting = nullptr;  // the call, while it is waited for
+    uint64_t waits = 0;                      // so far; an alarm is of one of them
     bool ran_out = false;
   };
 
