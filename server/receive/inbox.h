@@ -13,11 +13,11 @@ namespace sightline {
 // A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the
 // transport's flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus
 // one message. Bytes are those in memory: two bytes on the wire can be an empty message of a hundred. To add them up takes a walk
-// by reflection, 15 us after a rest, so a tick that is small on the wire counts for more than one of its size can take.
+// by reflection, 15 us after a rest, so a tick that is small on the wire counts for the most that one of its size can take.
 class Inbox {
  public:
-  static constexpr size_t kSmallTick = 256;                     // bytes on the wire
-  static constexpr size_t kMostOfSmallTick = size_t{16} << 10;  // bytes in memory
+  static constexpr size_t kSmallTick = 1024;                         // bytes on the wire
+  static constexpr size_t kMostOfEmptyTick = 512, kMostByByte = 72;  // bytes in memory, and more for each byte on the wire
 
   struct Message {
     v1::ControlRequest request;
@@ -38,7 +38,9 @@ class Inbox {
 
   // What a message counts for.
   static size_t bytes_of(const v1::ControlRequest& request) {
-    return request.has_tick() && request.ByteSizeLong() <= kSmallTick ? kMostOfSmallTick : request.SpaceUsedLong();
+    if (request.has_tick())
+      if (const size_t wire = request.ByteSizeLong(); wire <= kSmallTick) return kMostOfEmptyTick + kMostByByte * wire;
+    return request.SpaceUsedLong();
   }
 
   // The oldest message; the inbox must not be empty.
