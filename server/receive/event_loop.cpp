@@ -11,6 +11,8 @@ constexpr size_t kMostWaiting = 6;
 // One that has not rested for so long is not keeping up. What counts as rest is longer than a look at what is ready takes: gRPC
 // looks at one connection at a time, so that nothing ready at one look does not mean that there is nothing.
 constexpr std::chrono::microseconds kLongestBusy{2000}, kLeastRest{20};
+// After so long a rest the caches have forgotten this thread, and a look takes several times as long as it does under load.
+constexpr std::chrono::microseconds kLongRest{100};
 
 }  // namespace
 
@@ -64,8 +66,11 @@ bool EventLoop::next(Event*& event, bool& ok) {
     const auto before = std::chrono::steady_clock::now();
     const CompletionQueue::NextStatus found = queue_->AsyncNext(&tag, &ok, rests ? whenever : at_once);
     woke_ = false;
-    if (rests)
-      if (const auto now = std::chrono::steady_clock::now(); now - before >= kLeastRest) rested_ = now, woke_ = true;
+    if (rests) {
+      const auto now = std::chrono::steady_clock::now();
+      if (now - before >= kLeastRest) rested_ = now;
+      woke_ = now - before >= kLongRest;
+    }
     if (found == CompletionQueue::SHUTDOWN && rests) return false;
     if (found == CompletionQueue::GOT_EVENT) {
       event = static_cast<Event*>(tag);

@@ -6,7 +6,7 @@
 //
 // A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
 // comes in, or when this thread has not rested for a while, they are passed on to threads that step, so that this one keeps reading.
-// What the first event after a rest asks for is done at once: to see that nothing else is ready takes gRPC some 7 us then.
+// What the first event after a long rest asks for is done at once: to see that nothing else is ready takes gRPC some 7 us then.
 #pragma once
 
 #include <grpcpp/completion_queue.h>
@@ -52,7 +52,7 @@ class EventLoop {
   // Of a loop that was made with one of a server.
   grpc::ServerCompletionQueue& server_queue() { return static_cast<grpc::ServerCompletionQueue&>(*queue_); }
 
-  // For when nothing is left to be read, or the event is over that came first after a rest. On the loop's thread only.
+  // For when nothing is left to be read, or the event is over that came first after a long rest. On the loop's thread only.
   void soon(std::shared_ptr<ShortWork> work);
 
   // A call that may still start operations, which the loop waits for at its end. From any thread.
@@ -69,7 +69,7 @@ class EventLoop {
   // The loop's thread only.
   std::deque<std::shared_ptr<ShortWork>> waiting_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
-  bool woke_ = false;                               // what came last came after such a rest
+  bool woke_ = false;                               // what came last came after a long rest
 
   std::mutex mutex_;
   std::condition_variable none_left_;
