@@ -10,28 +10,24 @@ Patience::~Patience() {
 }
 
 void Patience::begin() {
-  end();
-  uint64_t wait = 0;
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->waiting = &context_;
-    wait = ++state_->waits;
-  }
+  const uint64_t turn = take_turn();
   alarm_.emplace();
-  alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_, wait](bool went_off) {
+  alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_, context = &context_, turn](bool went_off) {
     const std::lock_guard lock(state->mutex);
-    if (!went_off || !state->waiting || state->waits != wait) return;
+    if (!went_off || state->turns != turn) return;
     state->ran_out = true;
-    state->waiting->TryCancel();
+    context->TryCancel();
   });
 }
 
 void Patience::end() {
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->waiting = nullptr;
-  }
+  take_turn();
   alarm_.reset();
+}
+
+uint64_t Patience::take_turn() {
+  const std::lock_guard lock(state_->mutex);
+  return ++state_->turns;
 }
 
 bool Patience::ran_out() const {

@@ -1,4 +1,5 @@
-// Ends a call of gRPC's synchronous API whose client has gone silent: its handler waits in Read, which takes no deadline.
+// Ends a call of gRPC's synchronous API whose client has gone silent: its handler waits in Read, which takes no deadline. It goes by a
+// timer of gRPC's, not by its callback API (server/README.md says why none uses that).
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -25,6 +26,7 @@ class Patience {
   void begin();
   // It spoke, or is no longer waited for.
   void end();
+  // Whether the call was cancelled so.
   bool ran_out() const;
 
  private:
@@ -32,10 +34,11 @@ class Patience {
   struct State {
     std::mutex mutex;
     // Guarded by mutex.
-    grpc::ServerContext* waiting = nullptr;  // the call, while it is waited for
-    uint64_t waits = 0;                      // so far; an alarm is of one of them
+    uint64_t turns = 0;  // how often a wait began or ended: an alarm that was set at another is of no account
     bool ran_out = false;
   };
+
+  uint64_t take_turn();
 
   grpc::ServerContext& context_;
   const std::chrono::milliseconds timeout_;

@@ -82,12 +82,11 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   std::vector<std::byte> bytes;
   Patience patience(context, limits.upload_timeout);
   if (grpc::Status status = collect(reader, limits, patience, bytes); !status.ok()) return status;
-  if (patience.ran_out()) {
-    parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"}, {"bytes", std::to_string(bytes.size())}});
-    return {grpc::StatusCode::DEADLINE_EXCEEDED, "nothing came in time (--upload-timeout-s)"};
-  }
+  if (patience.ran_out())
+    parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"},
+                                    {"bytes", std::to_string(bytes.size())}});
   // Half of a file may be a whole one.
-  if (context.IsCancelled()) return grpc::Status::CANCELLED;
+  if (patience.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
   grpc::Status status;
   std::binary_semaphore loaded(0);
   parts.loaders.post([&] {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the page on speed again: builds, measures, and writes README.md, tables and plots here. Nothing else should run meanwhile.
-#   tests/results/speed/make.sh            # 9 minutes on two cores, 12 GiB of memory for 28 million triangles
+#   tests/results/speed/make.sh            # 7 minutes on two cores, 12 GiB of memory for 28 million triangles
 #   tests/results/speed/make.sh --quick    # fewer frames and smaller scenes, into out/speed instead of here; for trying
 #   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # with these programs, without building
 set -euo pipefail
