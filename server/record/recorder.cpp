@@ -178,7 +178,7 @@ void RecordWriter::write_entry(Book& book, const RecordEntry& entry) {
   // One message may be refused for its size; then the file goes on.
   if (!written && !book.file->status()) lose_file(book, written.error());
   take_in(book, message, has_file && written);
-  if (!has_file || !written) return lose_message(book, head);
+  if (!has_file || !written) return lose_messages(book, lost_with(message));
   {
     const std::lock_guard lock(mutex_);
     ++counts_.messages;
@@ -368,7 +368,7 @@ void RecordWriter::close_file(Book& book) {
 
 void RecordWriter::lose_file(Book& book, const Error& error) {
   const bool full = error.code == ErrorCode::kResourceExhausted;
-  SessionFile::Waiting waiting;
+  LostMessages waiting;
   if (book.file) {
     waiting = book.file->waiting();
     const bool nothing_in_it = book.file->bytes() <= book.head_bytes;
@@ -381,8 +381,7 @@ void RecordWriter::lose_file(Book& book, const Error& error) {
   book.session->failing.store(true, std::memory_order_relaxed);
   book.gap.set_text(to_string(error));
   book.gap.set_reason(full ? v1::Gap::NO_SPACE : v1::Gap::WRITE_FAILED);
-  if (waiting.messages > 0)
-    lose_messages(book, waiting.messages, waiting.first_time_ns, waiting.last_time_ns);
+  if (waiting.messages > 0) lose_messages(book, waiting);
   if (!std::exchange(book.warned, true)) {
     std::string text = reason_text(book.gap.reason());
     warn_({book.gap.reason(), book.session->info.session_id(), text.append(": ").append(to_string(error))});
@@ -391,15 +390,12 @@ void RecordWriter::lose_file(Book& book, const Error& error) {
   ++counts_.write_failures;
 }
 
-void RecordWriter::lose_message(Book& book, const RecordHead& head) {
-  lose_messages(book, 1, head.log_time_ns, head.log_time_ns);
-}
-
-void RecordWriter::lose_messages(Book& book, uint64_t messages, uint64_t first_ns, uint64_t last_ns) {
-  add_to_gap(book.gap, book.gap.reason(), messages, first_ns, last_ns);
-  book.session->dropped_by_writer.fetch_add(messages, std::memory_order_relaxed);
+// What lost Gaps told of was counted where it was dropped, and must be told again.
+void RecordWriter::lose_messages(Book& book, const LostMessages& lost) {
+  add_to_gap(book.gap, book.gap.reason(), lost.messages + lost.told_of, lost.first_time_ns, lost.last_time_ns);
+  book.session->dropped_by_writer.fetch_add(lost.messages, std::memory_order_relaxed);
   const std::lock_guard lock(mutex_);
-  counts_.dropped_messages += messages;
+  counts_.dropped_messages += lost.messages;
 }
 
 void RecordWriter::keep_house() {

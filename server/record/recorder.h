@@ -166,8 +166,7 @@ class RecordWriter {
   void write_head(Book& book, const std::string& folded, uint64_t now_ns);
   void close_file(Book& book);
   void lose_file(Book& book, const Error& error);
-  void lose_message(Book& book, const RecordHead& head);
-  void lose_messages(Book& book, uint64_t messages, uint64_t first_ns, uint64_t last_ns);
+  void lose_messages(Book& book, const LostMessages& lost);
   void tell_drops(const Book& book, v1::Gap::Reason reason, uint64_t dropped, Drops& known);
   void keep_house();
   void check(Book& book, const Status& done);

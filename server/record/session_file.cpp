@@ -19,6 +19,23 @@ mcap::Metadata metadata_of(const v1::RecordingInfo& info) {
 
 }  // namespace
 
+void LostMessages::add(const LostMessages& later) {
+  if (messages == 0) first_time_ns = later.first_time_ns;
+  last_time_ns = later.last_time_ns;
+  messages += later.messages;
+  told_of += later.told_of;
+}
+
+LostMessages lost_with(const RecordMessage& message) {
+  LostMessages lost{1, 0, message.log_time_ns, message.log_time_ns};
+  v1::Gap gap;
+  const auto size = static_cast<int>(message.bytes.size());
+  if (message.topic != RecordTopic::kGap || !gap.ParseFromArray(message.bytes.data(), size)) return lost;
+  lost.told_of = gap.messages();
+  lost.first_time_ns = gap.first_time_ns();
+  return lost;
+}
+
 SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
                          McapWriterOptions options)
     : sink_(std::move(sink)),
@@ -57,8 +74,7 @@ Status SessionFile::write(const RecordMessage& message, uint64_t now_ns) {
   if (writer_.bytes_written() != before) chunk_ended();
   if (!writer_.has_open_chunk()) return done;
   if (!chunk_since_ns_) chunk_since_ns_ = now_ns;
-  if (waiting_.messages++ == 0) waiting_.first_time_ns = message.log_time_ns;
-  waiting_.last_time_ns = message.log_time_ns;
+  waiting_.add(lost_with(message));
   return done;
 }
 

@@ -22,6 +22,19 @@ struct RecordMessage {
   std::string_view bytes;  // serialised
 };
 
+// Messages that are lost together.
+struct LostMessages {
+  uint64_t messages = 0;
+  uint64_t told_of = 0;  // besides, lost before: by the Gaps among them
+  uint64_t first_time_ns = 0;
+  uint64_t last_time_ns = 0;
+
+  void add(const LostMessages& later);
+};
+
+// What a recording lacks when it lacks this message.
+LostMessages lost_with(const RecordMessage& message);
+
 // Not thread-safe.
 class SessionFile {
  public:
@@ -36,12 +49,7 @@ class SessionFile {
   Status finish() { return writer_.finish(); }
 
   // Taken, and not handed to the sink yet: what is lost when it fails.
-  struct Waiting {
-    uint64_t messages = 0;
-    uint64_t first_time_ns = 0;
-    uint64_t last_time_ns = 0;
-  };
-  const Waiting& waiting() const { return waiting_; }
+  const LostMessages& waiting() const { return waiting_; }
   // What was taken so far stands elsewhere too: nobody misses it.
   void forget_waiting() { waiting_ = {}; }
   uint64_t bytes() const { return writer_.bytes_written(); }
@@ -57,7 +65,7 @@ class SessionFile {
   McapWriter writer_;
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
-  Waiting waiting_;
+  LostMessages waiting_;
   uint64_t chunks_ = 0;
   std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
 };

@@ -68,6 +68,38 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
 }
 
+// It was taken from the queue while there was no file, or waited in a chunk that could not be written.
+TEST(Recorder, WhatALostGapToldOfIsToldAgain) {
+  for (const bool in_a_chunk : {false, true}) {
+    Studio studio({.queue_bytes = 4096, .for_viewers = false});
+    auto recorder = studio.open();
+    const auto ticks = [&](int count) {
+      for (int i = 0; i < count; ++i) studio.tick(*recorder);
+      studio.writer->run_once();
+    };
+    studio.files.disk_full = !in_a_chunk;
+    ticks(300);
+    EXPECT_GT(recorder->dropped(), 200u) << "the queue was full";
+    ticks(1);
+    studio.files.disk_full = true;
+    studio.later(1);
+    EXPECT_TRUE(recorder->degraded());
+    studio.files.disk_full = false;
+    studio.later(2);
+    ticks(1);
+    studio.later(1);
+    EXPECT_FALSE(recorder->degraded());
+    const uint64_t dropped = recorder->dropped();
+    EXPECT_EQ(studio.writer->counts().dropped_messages, dropped) << "each counted once";
+    recorder.reset();
+    studio.writer.reset();
+    uint64_t told = 0;
+    for (const auto& [name, file] : studio.files.files)
+      if (!file.bytes->empty()) told += contents_of(*file.bytes, false).gap_messages;
+    EXPECT_EQ(told, dropped) << (in_a_chunk ? "in a chunk" : "without a file");
+  }
+}
+
 // Whichever way a chunk ends, by the clock or by a message that comes too late for it.
 TEST(Recorder, RecoveryIsNoticedWhileMessagesKeepComing) {
   Studio studio;
