@@ -41,8 +41,10 @@ Status RecordingWriter::put(RecordTopic topic, const Message& message, uint64_t 
                                                          const ViewerChannels::Emit&)) {
   Status done = put_bytes(topic, log_ns, message.SerializeAsString());
   if (!done) return done;
+  // As in the daemon's recordings, one that is too large is left out: a session is whole without it.
   (viewers_.*take)(message, log_ns, [&](RecordTopic made_for, const google::protobuf::MessageLite& made) {
-    if (done) done = put_bytes(made_for, log_ns, made.SerializeAsString());
+    const std::string bytes = made.SerializeAsString();
+    if (done && bytes.size() <= kMaxMessageBytes) done = put_bytes(made_for, log_ns, bytes);
   });
   return done;
 }

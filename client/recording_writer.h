@@ -19,7 +19,8 @@ class RecordingWriter {
   static Result<std::unique_ptr<RecordingWriter>> create(const std::string& path, v1::RecordingInfo info);
   RecordingWriter(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info);
 
-  // First the opening, then the rest, in the order in which they are to be read.
+  // First the opening, then the rest, in the order in which they are to be read. What viewers are shown is made of them,
+  // but for messages over kMaxMessageBytes.
   Status write(const v1::OpenSession& open, uint64_t log_ns);
   Status write(const v1::SessionOpened& opened, uint64_t log_ns);
   Status write(const v1::Tick& tick, uint64_t log_ns);

@@ -3,14 +3,18 @@
 
 #include <gtest/gtest.h>
 
+#include "client/recording_writer.h"
+#include "server/record/mcap_reader.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/replay/recorded_hall.h"
+#include "tests/replay/string_sink.h"
 
 namespace sightline {
 namespace {
 
 using test::record_hall;
 using test::RecordedHall;
+using test::StringSink;
 
 class Recorded : public testing::Test {
  protected:
@@ -71,6 +75,28 @@ TEST_F(Recorded, StepsTakenAgainAnswerTheSameBits) {
     const RecordedHall hall = record_hall(*sampler_, options);
     EXPECT_EQ(step_again(read(hall.bytes)), std::pair(hall.hash, hall.replies));
   }
+}
+
+// What it is made of is not: the line about a refusal says more than the refusal.
+TEST(RecordingWriterTest, WhatIsMadeForViewersAndIsTooLargeIsLeftOut) {
+  v1::Rejection rejection;
+  rejection.set_message(std::string(kMaxMessageBytes - 10, 'x'));
+  ASSERT_LE(rejection.ByteSizeLong(), kMaxMessageBytes);
+  std::string bytes;
+  RecordingWriter writer(std::make_unique<StringSink>(bytes), v1::RecordingInfo());
+  ASSERT_TRUE(writer.write(v1::OpenSession(), 1));
+  ASSERT_TRUE(writer.write(rejection, 1));
+  ASSERT_TRUE(writer.write(v1::Fault(), 1));
+  ASSERT_TRUE(writer.finish());
+
+  std::vector<std::pair<std::string, uint32_t>> kept;
+  const MemorySource source(bytes);
+  const std::vector<std::string> topics{"/sightline/rejection", "/sightline/fault", "/log"};
+  McapReader::open(source, {}).value().read({.topics = topics}, [&](const McapMessage& m) {
+    kept.emplace_back(m.channel.topic, m.message.sequence);
+    return true;
+  });
+  EXPECT_EQ(kept, (decltype(kept){{"/sightline/rejection", 1}, {"/sightline/fault", 1}, {"/log", 1}}));
 }
 
 TEST_F(Recorded, AnotherSeedOrAnotherLevelIsAnotherHash) {
