@@ -152,7 +152,7 @@ TEST(UploadScene, ACancelledUploadGivesItsPlaceBack) {
 
 // A client that keeps talking is not cut, however long it takes.
 TEST(UploadScene, ASilentOneGivesItsPlaceBackAndASlowOneDoesNot) {
-  constexpr std::chrono::milliseconds kTimeout(1000);
+  constexpr std::chrono::milliseconds kTimeout(2500);
   const ServiceWorld world({.limits = {.max_uploads = 1, .upload_timeout = kTimeout}});
   const std::vector<std::byte> file = triangle_file();
   {
