@@ -28,9 +28,9 @@ void LostMessages::add(const LostMessages& later) {
 
 LostMessages lost_with(const RecordMessage& message) {
   LostMessages lost{1, 0, message.log_time_ns, message.log_time_ns};
+  if (message.topic != RecordTopic::kGap) return lost;
   v1::Gap gap;
-  const auto size = static_cast<int>(message.bytes.size());
-  if (message.topic != RecordTopic::kGap || !gap.ParseFromArray(message.bytes.data(), size)) return lost;
+  if (!gap.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()))) return lost;
   lost.told_of = gap.messages();
   lost.first_time_ns = gap.first_time_ns();
   return lost;

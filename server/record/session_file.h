@@ -22,7 +22,7 @@ struct RecordMessage {
   std::string_view bytes;  // serialised
 };
 
-// Messages that are lost together.
+// Messages that are lost together. Times as in RecordMessage: of the first that is missing, and of the last.
 struct LostMessages {
   uint64_t messages = 0;
   uint64_t told_of = 0;  // besides, lost before: by the Gaps among them
@@ -32,7 +32,7 @@ struct LostMessages {
   void add(const LostMessages& later);
 };
 
-// What a recording lacks when it lacks this message.
+// What a recording lacks when it lacks this message: a Gap tells of others, that were lost before it was made.
 LostMessages lost_with(const RecordMessage& message);
 
 // Not thread-safe.

@@ -210,7 +210,8 @@ class RecordedReplay : public testing::TestWithParam<Where> {
   void SetUp() override {
     const bool egl = GetParam().sampler == std::string("egl");
     auto chosen = choose_sampler_device(egl ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
-    if (!chosen) GTEST_SKIP() << to_string(chosen.error());
+    ASSERT_TRUE(chosen || egl) << to_string(chosen.error());
+    if (!chosen) GTEST_SKIP() << "no EGL context: " << to_string(chosen.error());
     sampler_ = std::move(chosen->device);
   }
   std::vector<std::string> flags(std::vector<std::string> more = {}) const {
