@@ -76,9 +76,10 @@ Leg first_leg(StepWork& w, uint32_t goal) {
   size_t k = route.size() - 1;
   while (k > 0 && !ways.is_free(places[route[k]]))
     k = k > 4 ? k - 2 : k - 1;
-  double length_m = glm::distance(from, places[route[k]]);
+  const glm::dvec3 to_m = places[route[k]];
+  double length_m = glm::distance(from, to_m);
   for (; k + 1 < route.size(); ++k) length_m += glm::distance(places[route[k]], places[route[k + 1]]);
-  return {places[route[k]], length_m};
+  return {to_m, length_m};
 }
 
 // Towards the leg's end, as fast as lets the camera stop at the goal; the velocity changes with the time constant response_s.
