@@ -5,7 +5,7 @@
 #include <iostream>
 #include <map>
 
-#include "server/receive/server_info.h"
+#include "server/service/server_info.h"
 
 namespace sightline {
 namespace {

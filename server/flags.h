@@ -7,8 +7,8 @@
 #include <string>
 #include <variant>
 
-#include "server/receive/log.h"
-#include "server/sampler_choice.h"
+#include "server/service/log.h"
+#include "server/sample/sampler_choice.h"
 
 namespace sightline {
 

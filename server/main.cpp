@@ -17,12 +17,12 @@
 #include "server/base/cpu_budget.h"
 #include "server/flags.h"
 #include "server/gl/software_renderer.h"
-#include "server/receive/listener.h"
+#include "server/service/listener.h"
 #include "server/record/recorder.h"
-#include "server/receive/server_info.h"
-#include "server/receive/service.h"
+#include "server/service/server_info.h"
+#include "server/service/service.h"
 #include "server/sample/embree_sampler.h"
-#include "server/sampler_choice.h"
+#include "server/sample/sampler_choice.h"
 
 namespace sightline {
 namespace {

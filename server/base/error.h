@@ -1,7 +1,7 @@
 // Errors as values. Three kinds of trouble, three treatments:
 //   misuse by our own code     -> assert
 //   bad input from outside     -> an Error, returned to whoever sent it, naming the field
-//   work that had to be reduced -> done, flagged and counted (see StepFlags in server/step.h)
+//   work that had to be reduced -> done, flagged and counted (see StepFlags in server/step/step.h)
 #pragma once
 
 #include <string>

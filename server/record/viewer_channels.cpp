@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "foxglove/camera.pb.h"
-#include "server/receive/from_proto_values.h"
+#include "server/wire/from_proto_values.h"
 #include "server/record/tick_fold.h"
 
 namespace sightline {

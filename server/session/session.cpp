@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "server/economy.h"
+#include "server/step/economy.h"
 
 namespace sightline {
 namespace {

@@ -17,7 +17,7 @@
 #include "server/scene/target.h"
 #include "server/session/checks.h"
 #include "server/session/convention.h"
-#include "server/step.h"
+#include "server/step/step.h"
 
 namespace sightline {
 
@@ -94,7 +94,7 @@ struct SessionAnswer {
   Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
-  // At which level of economy the step was taken (server/economy.h), and with which settings, if that changed any of
+  // At which level of economy the step was taken (server/step/economy.h), and with which settings, if that changed any of
   // them.
   int economy_level = 0;
   std::optional<StepSettings> economised;

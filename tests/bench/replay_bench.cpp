@@ -15,16 +15,16 @@
 #include <string>
 #include <vector>
 
-#include "client/compare_replies.h"
-#include "client/local_session.h"
-#include "client/recording_writer.h"
-#include "client/replay.h"
-#include "client/scenario.h"
-#include "client/scenario_session.h"
-#include "client/wire_presets.h"
+#include "client/replay/compare_replies.h"
+#include "client/replay/local_session.h"
+#include "client/recordings/writer.h"
+#include "client/replay/replay.h"
+#include "client/scenario/scenario.h"
+#include "client/scenario/scenario_session.h"
+#include "client/command/wire_presets.h"
 #include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
-#include "server/sampler_choice.h"
+#include "server/sample/sampler_choice.h"
 
 namespace sightline {
 namespace {

@@ -10,10 +10,10 @@
 #include <cstdlib>
 #include <string>
 
-#include "client/metrics.h"
-#include "client/scenario_world.h"
-#include "client/step_timing.h"
-#include "server/presets.h"
+#include "client/evaluate/metrics.h"
+#include "client/scenario/scenario_world.h"
+#include "client/evaluate/step_timing.h"
+#include "server/step/presets.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {

@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <string>
 
-#include "client/scenario_world.h"
+#include "client/scenario/scenario_world.h"
 #include "scenes/catalog.h"
 #include "server/base/hash.h"
-#include "server/presets.h"
+#include "server/step/presets.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/extent.h"
 #include "server/scene/gltf.h"

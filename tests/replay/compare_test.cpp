@@ -11,8 +11,8 @@
 #include <set>
 #include <sstream>
 
-#include "client/compare_command.h"
-#include "client/compare_recordings.h"
+#include "client/replay/compare_command.h"
+#include "client/replay/compare_recordings.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
 #include "tests/support/temporary_folder.h"

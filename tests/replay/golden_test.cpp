@@ -11,9 +11,9 @@
 #include <fstream>
 #include <iterator>
 
-#include "client/compare_replies.h"
+#include "client/replay/compare_replies.h"
 #include "server/gl/software_renderer.h"
-#include "server/sampler_choice.h"
+#include "server/sample/sampler_choice.h"
 #include "tests/replay/replayed.h"
 
 namespace sightline {

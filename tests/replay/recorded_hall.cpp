@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include "client/scenario.h"
-#include "client/scenario_session.h"
+#include "client/scenario/scenario.h"
+#include "client/scenario/scenario_session.h"
 #include "scenes/hall.h"
-#include "tests/replay/string_sink.h"
+#include "tests/recordings/string_sink.h"
 
 namespace sightline::test {
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "client/local_session.h"
-#include "client/recording_writer.h"
+#include "client/replay/local_session.h"
+#include "client/recordings/writer.h"
 
 namespace sightline::test {
 

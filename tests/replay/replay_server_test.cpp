@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "tests/client/daemon_process.h"
+#include "tests/support/daemon_process.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
 #include "tests/support/temporary_folder.h"

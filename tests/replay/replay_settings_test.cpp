@@ -1,5 +1,5 @@
 // Settings as they are typed, put over what a session was told.
-#include "client/replay_settings.h"
+#include "client/replay/settings.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

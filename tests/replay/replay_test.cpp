@@ -1,5 +1,5 @@
 // Recorded sessions taken again in this process: equal to the bit where they can be, and told apart where they are not.
-#include "client/replay.h"
+#include "client/replay/replay.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,10 +8,10 @@
 #include <fstream>
 #include <sstream>
 
-#include "client/recording_check.h"
-#include "client/recording_cut.h"
-#include "client/recording_summary.h"
-#include "client/replay_command.h"
+#include "client/recordings/check.h"
+#include "client/recordings/cut.h"
+#include "client/recordings/summary.h"
+#include "client/replay/replay_command.h"
 #include "server/record/recorder.h"
 #include "tests/record/pretended_files.h"
 #include "tests/replay/recorded_hall.h"

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "client/recording_writer.h"
-#include "client/replay.h"
-#include "client/replay_tally.h"
+#include "client/recordings/writer.h"
+#include "client/replay/replay.h"
+#include "client/replay/tally.h"
 #include "server/sample/embree_sampler.h"
-#include "tests/replay/string_sink.h"
+#include "tests/recordings/string_sink.h"
 
 namespace sightline::test {
 

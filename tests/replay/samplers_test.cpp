@@ -2,9 +2,9 @@
 // is nearly always the same; over many steps small differences may grow, as they do between two seeds.
 #include <gtest/gtest.h>
 
-#include "client/metrics.h"
+#include "client/evaluate/metrics.h"
 #include "server/gl/software_renderer.h"
-#include "server/sampler_choice.h"
+#include "server/sample/sampler_choice.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
 

@@ -72,7 +72,7 @@ folder. It took {how['minutes']} minutes on {how['cores']} cores to run
 
 Each scene is played at {how['rate_hz']} Hz under {how['seeds']} seed(s), with Embree as the sampler (in Table 1 {egl_words}). Every
 {how['paper_every']}th frame of Tables 2 and 3 and every {how['scenes_every']}th of the scenes is judged by re-rendering it at 512 x 512 with an id for each
-body, which is what takes the time; motion, collisions and reactions are judged at every frame. What each figure means: `client/metrics.h` and `client/reaction.h`. *Sightline* is the default; *paper* is the method
+body, which is what takes the time; motion, collisions and reactions are judged at every frame. What each figure means: `client/evaluate/metrics.h` and `client/evaluate/reaction.h`. *Sightline* is the default; *paper* is the method
 as printed with RobustMove, a prediction of 300 ms and the filter 6/10. Tables: `table1.csv`, `table2.csv`, `table3.csv`, `scenes.csv` (a row a run).
 All but times is the same on every run with the same seeds.
 """

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "client/scene_command.h"
+#include "client/command/scene_command.h"
 #include "server/base/random.h"
 #include "server/scene/gltf.h"
 #include "tests/scene/packed_mesh.h"

@@ -1,4 +1,4 @@
-#include "server/receive/log.h"
+#include "server/service/log.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/local_session.h"
-#include "client/recording.h"
+#include "client/replay/local_session.h"
+#include "client/recordings/recording.h"
 #include "tests/service/daemon.h"
 #include "tests/service/service_world.h"
 

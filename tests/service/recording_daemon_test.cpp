@@ -6,11 +6,11 @@
 #include <csignal>
 #include <thread>
 
-#include "client/scenario.h"
-#include "client/scenario_session.h"
+#include "client/scenario/scenario.h"
+#include "client/scenario/scenario_session.h"
 #include "scenes/hall.h"
 #include "server/gl/software_renderer.h"
-#include "server/sampler_choice.h"
+#include "server/sample/sampler_choice.h"
 #include "tests/service/recorded_session.h"
 #include "tests/support/temporary_folder.h"
 

@@ -16,8 +16,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/receive/listener.h"
-#include "server/receive/service.h"
+#include "server/service/listener.h"
+#include "server/service/service.h"
 #include "server/sample/embree_sampler.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
 

@@ -2,8 +2,8 @@
 // held against the same steps taken without a service.
 #include <gtest/gtest.h>
 
-#include "client/local_session.h"
-#include "client/recording.h"
+#include "client/replay/local_session.h"
+#include "client/recordings/recording.h"
 #include "tests/service/service_world.h"
 
 namespace sightline {

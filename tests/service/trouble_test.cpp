@@ -5,7 +5,7 @@
 #include <fstream>
 #include <thread>
 
-#include "server/receive/inbox.h"
+#include "server/service/inbox.h"
 #include "tests/service/service_world.h"
 #include "tests/support/glb_builder.h"
 #include "tests/support/temporary_folder.h"

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "server/base/random.h"
-#include "server/presets.h"
+#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {

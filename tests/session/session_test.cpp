@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/presets.h"
+#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/presets.h"
+#include "server/step/presets.h"
 #include "server/session/session.h"
 #include "tests/session/game.h"
 

@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "server/base/random.h"
-#include "server/presets.h"
+#include "server/step/presets.h"
 #include "tests/support/world.h"
 
 namespace sightline {

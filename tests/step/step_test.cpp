@@ -1,4 +1,4 @@
-#include "server/step.h"
+#include "server/step/step.h"
 
 #include <gtest/gtest.h>
 

@@ -14,7 +14,7 @@
 #include "server/sample/embree_sampler.h"
 #include "server/scene/mirror.h"
 #include "server/scene/primitives.h"
-#include "server/step.h"
+#include "server/step/step.h"
 
 namespace sightline::test {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/step.h"
+#include "server/step/step.h"
 
 namespace sightline::bench {
 

@@ -1,0 +1,87 @@
+#include "client/cpp/client_error.h"
+
+#include "client/cpp/sightline_client.h"
+#include "sightline/v1/errors.pb.h"
+
+namespace sightline {
+namespace {
+
+ErrorCode code_from_status(grpc::StatusCode code) {
+  switch (code) {
+    case grpc::StatusCode::INVALID_ARGUMENT:
+    case grpc::StatusCode::OUT_OF_RANGE:
+      return ErrorCode::kInvalidArgument;
+    case grpc::StatusCode::NOT_FOUND:
+      return ErrorCode::kNotFound;
+    case grpc::StatusCode::ALREADY_EXISTS:
+      return ErrorCode::kAlreadyExists;
+    case grpc::StatusCode::FAILED_PRECONDITION:
+      return ErrorCode::kFailedPrecondition;
+    case grpc::StatusCode::RESOURCE_EXHAUSTED:
+      return ErrorCode::kResourceExhausted;
+    case grpc::StatusCode::UNIMPLEMENTED:
+      return ErrorCode::kUnsupported;
+    case grpc::StatusCode::DATA_LOSS:
+      return ErrorCode::kDataLoss;
+    case grpc::StatusCode::UNAVAILABLE:
+    case grpc::StatusCode::CANCELLED:
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      return ErrorCode::kUnavailable;
+    default:
+      return ErrorCode::kInternal;
+  }
+}
+
+ErrorCode code_from_rejection(v1::Rejection::Code code) {
+  switch (code) {
+    case v1::Rejection::INVALID_ARGUMENT:
+      return ErrorCode::kInvalidArgument;
+    case v1::Rejection::NOT_FOUND:
+      return ErrorCode::kNotFound;
+    case v1::Rejection::ALREADY_EXISTS:
+      return ErrorCode::kAlreadyExists;
+    case v1::Rejection::FAILED_PRECONDITION:
+      return ErrorCode::kFailedPrecondition;
+    case v1::Rejection::RESOURCE_EXHAUSTED:
+      return ErrorCode::kResourceExhausted;
+    case v1::Rejection::UNAVAILABLE:
+      return ErrorCode::kUnavailable;
+    default:
+      return ErrorCode::kInternal;
+  }
+}
+
+// Any's type URL is "<host>/<type>"; the type is what counts.
+bool is_bad_request(const google::protobuf::Any& detail) {
+  return detail.type_url().ends_with("/google.rpc.BadRequest");
+}
+
+void take_first_violation(const v1::BadRequest& bad, Error& error) {
+  if (bad.field_violations().empty()) return;
+  error.field = bad.field_violations(0).field();
+  error.message = bad.field_violations(0).description();
+}
+
+}  // namespace
+
+Error error_from_status(const grpc::Status& status) {
+  Error error{code_from_status(status.error_code()), "", status.error_message()};
+  if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) error.field = "deadline";
+  v1::StatusDetails details;
+  if (!details.ParseFromString(status.error_details())) return error;
+  for (const auto& detail : details.details()) {
+    v1::BadRequest bad;
+    if (is_bad_request(detail) && bad.ParseFromString(detail.value())) take_first_violation(bad, error);
+  }
+  return error;
+}
+
+Error to_error(const v1::Rejection& rejection) {
+  Error error{code_from_rejection(rejection.code()), "", rejection.message()};
+  if (rejection.field_violations().empty()) return error;
+  error.field = rejection.field_violations(0).field();
+  error.message = rejection.field_violations(0).description();
+  return error;
+}
+
+}  // namespace sightline

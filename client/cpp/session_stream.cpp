@@ -1,0 +1,214 @@
+#include "client/cpp/session_stream.h"
+
+#include "client/cpp/client_error.h"
+
+namespace sightline {
+
+ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request,
+                              Handler handler)
+    : channel_(std::move(channel)),
+      stub_(v1::CameraControl::NewStub(channel_)),
+      handler_(std::move(handler)) {
+  stub_->async()->Control(&context_, this);
+  // Writes start outside the reactions (in send), so the stream must be held open until the last of them.
+  AddHold();
+  const std::lock_guard lock(mutex_);
+  *unsent_.emplace_back().mutable_open() = request;
+  start_next_write();
+  StartRead(&reply_);
+  StartCall();
+}
+
+ClientSession::Stream::~Stream() {
+  cancel_and_wait();
+}
+
+void ClientSession::Stream::start_next_write() {
+  writing_ = true;
+  StartWrite(&unsent_.front());
+}
+
+void ClientSession::Stream::finish_writing() {
+  if (writes_done_) return;
+  writes_done_ = true;
+  StartWritesDone();
+  RemoveHold();
+}
+
+void ClientSession::Stream::OnWriteDone(bool ok) {
+  const std::lock_guard lock(mutex_);
+  writing_ = false;
+  unsent_.pop_front();
+  if (!ok) {
+    closing_ = true;
+    unsent_.clear();
+  }
+  if (!unsent_.empty())
+    start_next_write();
+  else if (closing_)
+    finish_writing();
+}
+
+std::optional<SessionEvent> ClientSession::Stream::take_reply() {
+  switch (reply_.message_case()) {
+    case v1::ControlReply::kOpened:
+      opened_ = std::move(*reply_.mutable_opened());
+      break;
+    case v1::ControlReply::kCamera:
+      return std::move(*reply_.mutable_camera());
+    case v1::ControlReply::kRejected:
+      return std::move(*reply_.mutable_rejected());
+    case v1::ControlReply::kDrain:
+      return std::move(*reply_.mutable_drain());
+    case v1::ControlReply::MESSAGE_NOT_SET:
+      break;  // from a newer server: nothing that we know
+  }
+  return std::nullopt;
+}
+
+void ClientSession::Stream::deliver(SessionEvent event) {
+  if (handler_) {
+    handler_(event);
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  if (unread_.size() == kMaxUnread) {
+    unread_.pop_front();
+    ++dropped_;
+  }
+  unread_.push_back(std::move(event));
+}
+
+void ClientSession::Stream::OnReadDone(bool ok) {
+  if (!ok) {
+    // The server has said its last word: nothing that we send can be answered any more.
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+    if (!writing_) finish_writing();
+    return;
+  }
+  std::optional<SessionEvent> event;
+  {
+    const std::lock_guard lock(mutex_);
+    event = take_reply();
+  }
+  if (event) deliver(std::move(*event));
+  changed_.notify_all();
+  StartRead(&reply_);
+}
+
+void ClientSession::Stream::OnDone(const grpc::Status& status) {
+  Error error;
+  {
+    const std::lock_guard lock(mutex_);
+    end_status_ = status;
+    closing_ = true;
+    error = end_error();
+  }
+  if (handler_) handler_(tl::unexpected(error));
+  // Last: after this the object may be destroyed, and that needs the mutex.
+  const std::lock_guard lock(mutex_);
+  ended_ = true;
+  changed_.notify_all();
+}
+
+namespace {
+
+// As the server would take them one after the other: a preset starts anew.
+void put_over(const v1::Settings& change, v1::Settings& settings) {
+  if (change.preset() != v1::Settings::PRESET_UNSPECIFIED) settings.Clear();
+  settings.MergeFrom(change);
+}
+
+// The tick's own settings and limits over those that waited for it.
+void take_changes(v1::Tick& changes, v1::Tick& tick) {
+  if (changes.has_settings()) {
+    put_over(tick.settings(), *changes.mutable_settings());
+    tick.mutable_settings()->Swap(changes.mutable_settings());
+  }
+  if (changes.has_limits()) {
+    changes.mutable_limits()->MergeFrom(tick.limits());
+    tick.mutable_limits()->Swap(changes.mutable_limits());
+  }
+  changes.Clear();
+}
+
+}  // namespace
+
+void ClientSession::Stream::change(const v1::Settings& settings) {
+  const std::lock_guard lock(mutex_);
+  put_over(settings, *changes_.mutable_settings());
+}
+
+void ClientSession::Stream::change(const v1::CameraLimits& limits) {
+  const std::lock_guard lock(mutex_);
+  changes_.mutable_limits()->MergeFrom(limits);
+}
+
+Error ClientSession::Stream::end_error() const {
+  if (end_status_.ok()) return {ErrorCode::kUnavailable, "session", "the session was closed"};
+  return error_from_status(end_status_);
+}
+
+Result<v1::SessionOpened> ClientSession::Stream::wait_opened(std::chrono::nanoseconds timeout) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, timeout, [&] { return opened_ || ended_; });
+  if (opened_) return *opened_;
+  if (ended_) return tl::unexpected(end_error());
+  return fail(ErrorCode::kUnavailable, "deadline", "the server did not answer the open request in time");
+}
+
+Status ClientSession::Stream::send(const v1::Tick& tick) {
+  const std::lock_guard lock(mutex_);
+  if (ended_) return tl::unexpected(end_error());
+  if (closing_) return fail(ErrorCode::kUnavailable, "session", "the stream is closing");
+  if (unsent_.size() >= kMaxUnsent)
+    return fail(ErrorCode::kResourceExhausted, "tick",
+                std::to_string(unsent_.size()) + " ticks wait to be sent: the server does not take them");
+  v1::Tick& queued = *unsent_.emplace_back().mutable_tick();
+  queued = tick;
+  take_changes(changes_, queued);
+  if (!writing_) start_next_write();
+  return {};
+}
+
+Result<std::optional<SessionEvent>> ClientSession::Stream::receive(std::chrono::nanoseconds timeout) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, timeout, [&] { return !unread_.empty() || ended_; });
+  if (!unread_.empty()) {
+    SessionEvent event = std::move(unread_.front());
+    unread_.pop_front();
+    return event;
+  }
+  if (ended_) return tl::unexpected(end_error());
+  return std::nullopt;
+}
+
+Status ClientSession::Stream::close(std::chrono::nanoseconds timeout) {
+  {
+    std::unique_lock lock(mutex_);
+    closing_ = true;
+    if (!writing_) finish_writing();
+    if (changed_.wait_for(lock, timeout, [&] { return ended_; })) {
+      if (end_status_.ok()) return {};
+      return tl::unexpected(end_error());
+    }
+  }
+  cancel_and_wait();
+  return fail(ErrorCode::kUnavailable, "deadline", "the server did not end the session in time");
+}
+
+void ClientSession::Stream::cancel_and_wait() {
+  context_.TryCancel();
+  std::unique_lock lock(mutex_);
+  closing_ = true;
+  if (!writing_) finish_writing();
+  changed_.wait(lock, [&] { return ended_; });
+}
+
+size_t ClientSession::Stream::dropped_events() const {
+  const std::lock_guard lock(mutex_);
+  return dropped_;
+}
+
+}  // namespace sightline

@@ -1,0 +1,66 @@
+// The stream under a ClientSession: gRPC's callback API on one side, a send queue and an event queue on the
+// other.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+
+#include "client/cpp/sightline_client.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
+
+namespace sightline {
+
+// Made and started at once; must not be destroyed before wait_end() or cancel_and_wait() returned.
+class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlReply> {
+ public:
+  Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request, Handler handler);
+  ~Stream() override;
+
+  // The server's first answer.
+  Result<v1::SessionOpened> wait_opened(std::chrono::nanoseconds timeout);
+  Status send(const v1::Tick& tick);
+  void change(const v1::Settings& settings);
+  void change(const v1::CameraLimits& limits);
+  Result<std::optional<SessionEvent>> receive(std::chrono::nanoseconds timeout);
+  Status close(std::chrono::nanoseconds timeout);
+  size_t dropped_events() const;
+
+ private:
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnDone(const grpc::Status& status) override;
+
+  void start_next_write();                   // needs mutex_; nothing may be on its way
+  void finish_writing();                     // needs mutex_; once
+  std::optional<SessionEvent> take_reply();  // needs mutex_
+  void deliver(SessionEvent event);
+  void cancel_and_wait();
+  Error end_error() const;  // needs mutex_, ended_
+
+  // constant after construction
+  const std::shared_ptr<grpc::Channel> channel_;
+  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  const Handler handler_;
+
+  grpc::ClientContext context_;
+  v1::ControlReply reply_;  // owned by gRPC between StartRead and OnReadDone
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  // guarded by mutex_
+  std::deque<v1::ControlRequest> unsent_;  // the front is on its way while writing_
+  v1::Tick changes_;                       // settings and limits that wait for the next tick
+  bool writing_ = false;
+  bool closing_ = false;      // no more sends
+  bool writes_done_ = false;  // the hold is released
+  bool ended_ = false;        // OnDone has run
+  grpc::Status end_status_;
+  std::optional<v1::SessionOpened> opened_;
+  std::deque<SessionEvent> unread_;
+  size_t dropped_ = 0;
+};
+
+}  // namespace sightline

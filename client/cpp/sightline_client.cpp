@@ -1,0 +1,124 @@
+#include "client/cpp/sightline_client.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+
+#include "client/cpp/client_error.h"
+#include "client/cpp/session_stream.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
+
+namespace sightline {
+namespace {
+
+// Depth-map dumps are the largest replies; gRPC's own limit of 4 MiB is too small for 32 of them.
+constexpr int kMaxReplyBytes = 64 << 20;
+constexpr size_t kChunkBytes = 512 << 10;
+
+std::chrono::system_clock::time_point deadline_after(std::chrono::nanoseconds timeout) {
+  return std::chrono::system_clock::now() +
+         std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
+}
+
+}  // namespace
+
+struct Client::Connection {
+  std::shared_ptr<grpc::Channel> channel;
+  std::unique_ptr<v1::CameraControl::Stub> stub;
+};
+
+Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {}
+Client::~Client() = default;
+Client::Client(Client&&) noexcept = default;
+Client& Client::operator=(Client&&) noexcept = default;
+
+Result<Client> Client::connect(const std::string& address, std::chrono::nanoseconds timeout,
+                               const KeepAlive& keep_alive) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxReplyBytes);
+  const int time_ms = static_cast<int>(keep_alive.time.count());
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, time_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, static_cast<int>(keep_alive.timeout.count()));
+  // A game that is paused sends nothing; gRPC would then ping twice and no more, five minutes apart.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
+  // A pool that others share would have the arguments of whoever came first.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  if (!channel->WaitForConnected(deadline_after(timeout)))
+    return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);
+  auto connection = std::make_shared<Connection>();
+  connection->stub = v1::CameraControl::NewStub(channel);
+  connection->channel = std::move(channel);
+  return Client(std::move(connection));
+}
+
+Result<v1::UploadSceneReply> Client::upload_scene(std::span<const std::byte> file,
+                                                  std::chrono::nanoseconds timeout) {
+  grpc::ClientContext context;
+  context.set_deadline(deadline_after(timeout));
+  v1::UploadSceneReply reply;
+  const auto writer = connection_->stub->UploadScene(&context, &reply);
+  v1::UploadSceneRequest request;
+  for (size_t at = 0; at < file.size(); at += kChunkBytes) {
+    const auto chunk = file.subspan(at, std::min(kChunkBytes, file.size() - at));
+    request.set_chunk(chunk.data(), chunk.size());
+    if (!writer->Write(request)) break;  // the server ended the call; Finish says why
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) return tl::unexpected(error_from_status(status));
+  return reply;
+}
+
+Result<std::vector<std::string>> Client::list_scenes(std::chrono::nanoseconds timeout) {
+  grpc::ClientContext context;
+  context.set_deadline(deadline_after(timeout));
+  v1::ListScenesReply reply;
+  const grpc::Status status = connection_->stub->ListScenes(&context, {}, &reply);
+  if (!status.ok()) return tl::unexpected(error_from_status(status));
+  return std::vector<std::string>(reply.names().begin(), reply.names().end());
+}
+
+Result<v1::ServerInfo> Client::server_info(std::chrono::nanoseconds timeout) {
+  grpc::ClientContext context;
+  context.set_deadline(deadline_after(timeout));
+  v1::ServerInfo info;
+  const grpc::Status status = connection_->stub->GetServerInfo(&context, {}, &info);
+  if (!status.ok()) return tl::unexpected(error_from_status(status));
+  return info;
+}
+
+Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
+                                                            std::chrono::nanoseconds timeout,
+                                                            ClientSession::Handler handler) {
+  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, request, std::move(handler));
+  auto opened = stream->wait_opened(timeout);
+  if (!opened) return tl::unexpected(opened.error());
+  return std::unique_ptr<ClientSession>(new ClientSession(std::move(stream), std::move(*opened)));
+}
+
+ClientSession::ClientSession(std::unique_ptr<Stream> stream, v1::SessionOpened opened)
+    : stream_(std::move(stream)), opened_(std::move(opened)) {}
+ClientSession::~ClientSession() = default;
+
+Status ClientSession::send(const v1::Tick& tick) {
+  return stream_->send(tick);
+}
+void ClientSession::change(const v1::Settings& settings) {
+  stream_->change(settings);
+}
+void ClientSession::change(const v1::CameraLimits& limits) {
+  stream_->change(limits);
+}
+Result<std::optional<SessionEvent>> ClientSession::receive(std::chrono::nanoseconds timeout) {
+  return stream_->receive(timeout);
+}
+size_t ClientSession::dropped_events() const {
+  return stream_->dropped_events();
+}
+Status ClientSession::close(std::chrono::nanoseconds timeout) {
+  return stream_->close(timeout);
+}
+
+}  // namespace sightline

@@ -1,0 +1,198 @@
+#include "client/drive/drive_command.h"
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+#include "client/page/contact_sheet.h"
+#include "client/drive/page.h"
+#include "client/command/file_bytes.h"
+#include "client/evaluate/follow.h"
+#include "client/evaluate/metrics.h"
+#include "client/drive/player.h"
+#include "client/command/progress_bar.h"
+#include "client/drive/report.h"
+#include "client/scenario/scenario_session.h"
+#include "client/drive/trace.h"
+#include "client/command/wire_presets.h"
+#include "server/base/cpu_budget.h"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+
+// The figures of one path, and the truth that they come from.
+struct Judged {
+  std::vector<FrameTruth> truths;
+  RunMetrics metrics;
+};
+
+class Drive {
+ public:
+  Drive(const DriveOptions& options, std::ostream& out, std::ostream& err)
+      : options_(options), out_(out), bar_(err, options.progress) {}
+
+  Status run() {
+    if (auto done = load(); !done) return done;
+    if (auto done = steer(); !done) return done;
+    if (auto done = judge_run(); !done) return done;
+    return write_files();
+  }
+
+ private:
+  Status load() {
+    auto scenario = Scenario::read(options_.scenario, store_);
+    if (!scenario) return tl::unexpected(scenario.error());
+    scenario_.emplace(std::move(*scenario));
+    for (const std::string& warning : scenario_->asset().warnings) out_ << "warning: " << warning << '\n';
+    auto world = ScenarioWorld::make(*scenario_, store_, device_);
+    if (!world) return tl::unexpected(world.error());
+    world_ = std::move(*world);
+    play_.rate_hz = options_.rate_hz;
+    play_.duration_s = options_.duration_s > 0 ? options_.duration_s : scenario_->duration_s();
+    play_.lockstep = options_.lockstep;
+    play_.on_frame = [this](const auto& frames) { say_frame(frames); };
+    // Found out now rather than after the run.
+    std::error_code trouble;
+    std::filesystem::create_directories(options_.out, trouble);
+    if (trouble) return fail(ErrorCode::kUnavailable, options_.out, trouble.message());
+    if (!options_.page.empty() && !std::ofstream(options_.page, std::ios::app))
+      return fail(ErrorCode::kUnavailable, options_.page, "cannot be written");
+    return {};
+  }
+
+  Status steer() {
+    auto client = Client::connect(options_.server, 5s);
+    if (!client) return tl::unexpected(client.error());
+    const auto file = read_file(options_.scenario);
+    if (!file) return tl::unexpected(file.error());
+    const auto scene = client->upload_scene(*file, 2min);
+    if (!scene) return tl::unexpected(scene.error());
+    const auto preset = preset_named(options_.preset);
+    if (!preset) return tl::unexpected(preset.error());
+    open_ = open_request(*scenario_, scene->hash(), options_.seed);
+    open_.mutable_settings()->set_preset(*preset);
+    open_.mutable_diagnostics()->set_candidates(!options_.page.empty());
+    auto session = client->open_session(open_, 30s);
+    if (!session) return tl::unexpected(session.error());
+    opened_ = (*session)->opened();
+    say_opened(opened_);
+    auto frames = play(*scenario_, **session, play_);
+    bar_.clear();
+    if (!frames) return tl::unexpected(frames.error());
+    frames_ = std::move(*frames);
+    for (const PlayedFrame& played : frames_) path_.push_back(played.frame);
+    return (*session)->close(5s);
+  }
+
+  void say_opened(const v1::SessionOpened& opened) {
+    out_ << "session " << opened.session_id() << ": " << opened.instances() << " instances, "
+         << opened.triangles() << " triangles, " << scenario_->targets().size() << " targets, sampler "
+         << opened.sampler() << '\n';
+    for (const std::string& warning : opened.warnings()) out_ << "warning: " << warning << '\n';
+  }
+
+  void say_frame(const std::vector<PlayedFrame>& frames) {
+    bar_.show("drive", frames.back().reply.sequence(), tick_count(play_));
+    const double second = std::floor(frames.back().frame.time_s + 1e-9);
+    if (second <= said_second_) return;
+    said_second_ = second;
+    bar_.clear();
+    out_ << summary_line(*scenario_, frames.back()) << std::endl;
+  }
+
+  Result<Judged> judge_path(const std::string& what, std::span<const CameraFrame> path) {
+    JudgeOptions options;
+    options.picture_every = options_.truth ? options_.picture_every : 0;
+    options.threads = cpu_budget();
+    options.progress = [&](size_t done) { bar_.show(what, done, path.size()); };
+    auto truths = judge(*scenario_, store_, device_, path, options);
+    bar_.clear();
+    if (!truths) return tl::unexpected(truths.error());
+    Judged judged{std::move(*truths), {}};
+    judged.metrics = summarize(*scenario_, path, judged.truths, CameraLimits{});
+    return judged;
+  }
+
+  Status judge_run() {
+    auto run = judge_path("judge", path_);
+    if (!run) return tl::unexpected(run.error());
+    run_ = std::move(*run);
+    if (!options_.truth || world_->targets().empty()) return {};
+    auto follow = judge_path("follow", follow_path(*world_, path_));
+    if (!follow) return tl::unexpected(follow.error());
+    follow_ = std::move(follow->metrics);
+    return {};
+  }
+
+  Status write_files() {
+    print_table(out_, run_.metrics, follow_, frames_);
+    const std::filesystem::path folder(options_.out);
+    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json",
+                      sheet = folder / "contact.png";
+    std::ofstream trace_file(trace), metrics_file(metrics);
+    write_trace(trace_file, *scenario_, frames_, run_.truths);
+    metrics_file << "{\"sightline\": " << to_json(run_.metrics);
+    if (follow_) metrics_file << ", \"follow\": " << to_json(*follow_);
+    metrics_file << "}\n";
+    if (!trace_file.flush()) return fail(ErrorCode::kUnavailable, trace, "cannot be written");
+    if (!metrics_file.flush()) return fail(ErrorCode::kUnavailable, metrics, "cannot be written");
+    bar_.show("picture", 0, 1);
+    const Status written = write_png(contact_sheet(*world_, path_), sheet);
+    bar_.clear();
+    if (!written) return written;
+    out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    return options_.page.empty() ? Status() : write_page();
+  }
+
+  Status write_page() {
+    DrivePictures pictures;
+    pictures.progress = [&](size_t done) { bar_.show("page", done, pictures.count); };
+    SessionPage page = drive_page({*scenario_, frames_, run_.truths, run_.metrics, follow_, open_, opened_},
+                                  *world_, pictures);
+    bar_.clear();
+    page.title = std::filesystem::path(options_.scenario).stem();
+    page.facts.emplace_back("ticks", rate_text());
+    if (auto written = write_session_page(page, options_.page); !written) return written;
+    out_ << "page    " << options_.page << '\n';
+    return {};
+  }
+
+  std::string rate_text() const {
+    std::ostringstream text;
+    text << options_.rate_hz << " Hz" << (options_.lockstep ? ", as fast as replies come" : ", in real time");
+    return text.str();
+  }
+
+  const DriveOptions& options_;
+  std::ostream& out_;
+  ProgressBar bar_;
+  GeometryStore store_;
+  EmbreeDevice device_;
+  std::optional<Scenario> scenario_;
+  std::unique_ptr<ScenarioWorld> world_;
+  PlayOptions play_;
+  double said_second_ = -1.0;
+  v1::OpenSession open_;
+  v1::SessionOpened opened_;
+  std::vector<PlayedFrame> frames_;
+  std::vector<CameraFrame> path_;
+  Judged run_;
+  std::optional<RunMetrics> follow_;
+};
+
+}  // namespace
+
+int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err) {
+  if (const Status done = Drive(options, out, err).run(); !done) {
+    err << "sightline drive: " << to_string(done.error()) << '\n';
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace sightline

@@ -1,0 +1,30 @@
+// `sightline drive SCENARIO.glb`: plays a scenario against a server and says how well the camera did.
+#pragma once
+
+#include <ostream>
+#include <string>
+
+#include "server/base/camera.h"
+#include "server/base/error.h"
+
+namespace sightline {
+
+struct DriveOptions {
+  std::string scenario;     // path
+  std::string server;       // address
+  double rate_hz = 60.0;    // (0, 1000]
+  double duration_s = 0.0;  // 0: the animation's
+  uint64_t seed = 1;
+  std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/command/wire_presets.h)
+  std::string out = "out";           // folder for trace.csv, metrics.json and contact.png; made when missing
+  std::string page;                  // file for the page of the session (session_page.h); empty: none
+  bool lockstep = false;             // --fast
+  bool truth = true;                 // judge the run and the follow baseline
+  int picture_every = 1;             // judge every n-th frame's picture
+  bool progress = false;             // a bar on `err`
+};
+
+// 0 when the run was played to its end and all files were written, else 1 with the reason on `err`.
+int run_drive_command(const DriveOptions& options, std::ostream& out, std::ostream& err);
+
+}  // namespace sightline

@@ -1,0 +1,98 @@
+#include "client/page/page_reply.h"
+
+#include <algorithm>
+
+#include "client/scenario/scenario_session.h"
+
+namespace sightline {
+namespace {
+
+uint32_t flag_bits(const v1::StepFlags& flags) {
+  const bool set[] = {flags.dt_capped(), flags.resampled_faces(), flags.body_overlap(), flags.degraded(),
+                      flags.recording_degraded()};
+  uint32_t bits = 0;
+  for (size_t i = 0; i < std::size(set); ++i)
+    if (set[i]) bits |= 1u << i;
+  return bits;
+}
+
+// SIZE_MAX: none of the page's.
+size_t index_of(uint64_t id, std::span<const PageTarget> targets) {
+  const auto found =
+      std::find_if(targets.begin(), targets.end(), [id](const PageTarget& t) { return t.id == id; });
+  return found == targets.end() ? SIZE_MAX : static_cast<size_t>(found - targets.begin());
+}
+
+void say(const v1::TargetVisibility& seen, double metres_per_unit, PageSight& sight) {
+  sight.present = true;
+  sight.visible_share = seen.visible_share();
+  sight.filtered_share = seen.filtered_share();
+  sight.state = v1::TargetState_Name(seen.state());
+  sight.distance_m = seen.distance() * metres_per_unit;
+  if (seen.occluders().empty()) return;
+  sight.occluder_id = seen.occluders(0).id();
+  sight.occluder_share = seen.occluders(0).share();
+}
+
+}  // namespace
+
+std::vector<std::string> page_stages() {
+  return {"scene", "bound", "sample", "aggregate", "move"};
+}
+
+std::vector<std::string> page_flags() {
+  return {"dt capped", "faces resampled", "body overlap", "degraded", "recording degraded"};
+}
+
+PageFrame page_frame(const v1::CameraReply& reply, const Convention& convention, double aspect,
+                     std::span<const PageTarget> targets) {
+  PageFrame frame;
+  frame.sequence = reply.sequence();
+  frame.time_s = reply.pose_time_s();
+  frame.camera = camera_from_client(convention, pose_from(reply.pose()));
+  frame.vertical_fov_rad = fov_from_client(convention, reply.field_of_view(), aspect);
+  const v1::Vector3& v = reply.velocity();
+  frame.velocity_mps = vector_from_client(convention, {v.x(), v.y(), v.z()});
+  frame.counts = {reply.counts().all_visible(), reply.counts().some_visible(), reply.counts().none_visible()};
+  frame.status = v1::Status_Name(reply.status());
+  frame.reason = v1::Reason_Name(reply.reason());
+  frame.text = reply.reason_text();
+  frame.cut = reply.cut();
+  frame.flags = flag_bits(reply.flags());
+  frame.merged_ticks = reply.merged_ticks();
+  const v1::StageTimes& times = reply.stage_times();
+  frame.queue_us = times.queue_us();
+  frame.stage_us = {times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(),
+                    times.move_us()};
+  frame.sights.resize(targets.size());
+  for (size_t k = 0; k < targets.size(); ++k) {
+    frame.sights[k].present = false;
+    frame.sights[k].steered = targets[k].weight > 0;
+  }
+  for (const v1::TargetVisibility& seen : reply.targets())
+    if (const size_t k = index_of(seen.id(), targets); k != SIZE_MAX)
+      say(seen, convention.metres_per_unit, frame.sights[k]);
+  return frame;
+}
+
+void add_page_cells(const v1::CameraReply& reply, const Convention& convention,
+                    std::span<const PageTarget> targets, PageFrame& frame) {
+  const v1::Candidates& candidates = reply.candidates();
+  std::vector<size_t> bit_of;  // by the reply's target: the page's
+  for (const v1::TargetVisibility& seen : reply.targets()) bit_of.push_back(index_of(seen.id(), targets));
+  const int count = std::min(candidates.visible_mask_size(), candidates.position_size() / 3);
+  frame.cells.reserve(static_cast<size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    PageCell& cell = frame.cells.emplace_back();
+    cell.position_m = position_from_client(
+        convention,
+        {candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)});
+    for (size_t k = 0; k < bit_of.size() && k < 32; ++k)
+      if ((candidates.visible_mask(i) >> k & 1u) != 0 && bit_of[k] < 32)
+        cell.visible_targets |= 1u << bit_of[k];
+  }
+  // Without any, `chosen` would be 0.
+  frame.chosen_cell = candidates.chosen() < count ? std::max(-1, candidates.chosen()) : -1;
+}
+
+}  // namespace sightline

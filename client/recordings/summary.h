@@ -1,0 +1,69 @@
+// What a file of recordings contains, from its summary and its first chunk: nothing of it is gone through, unless it was
+// not finished.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "client/recordings/recording.h"
+
+namespace sightline {
+
+struct TopicSummary {
+  std::string topic, type;  // the schema's name; empty: none
+  uint64_t messages = 0;
+};
+
+struct RecordingSummary {
+  std::string name;
+  uint64_t bytes = 0;
+  // Of a session of ours; absent: `not_a_session` says why, and the file is one of MCAP all the same.
+  std::optional<v1::RecordingInfo> session;
+  std::string not_a_session;
+  uint64_t ticks = 0;  // without one that stands for others
+  uint64_t replies = 0, rejections = 0, faults = 0;
+  uint64_t merged = 0;  // ticks that were answered with a later one, as far as counts tell
+  // Messages that Gaps say are missing, by reason; of the first kMaxGaps of them.
+  std::map<std::string, uint64_t> missing;
+  uint64_t gaps = 0;
+  std::map<std::string, std::string> cut;        // of which file, from where to where; empty: no cut
+  std::map<std::string, std::string> recovered;  // what was lost before it was; empty: it never was
+
+  uint64_t start_ns = 0, end_ns = 0;  // of the first and the last message, log time
+  uint64_t chunks = 0, packed_bytes = 0, unpacked_bytes = 0;
+  std::string compression;  // "zstd"; several with commas
+  std::vector<TopicSummary> topics;
+  std::vector<mcap::AttachmentIndex> attachments;
+  bool finished = false;
+  McapLoss loss;
+
+  static constexpr uint64_t kMaxGaps = 100;
+  double duration_s() const {
+    return end_ns > start_ns ? static_cast<double>(end_ns - start_ns) * 1e-9 : 0.0;
+  }
+};
+
+// Fails as Recording::open does, but takes MCAP files that are no recordings too.
+Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source,
+                                             const std::string& name);
+
+void print_summary(std::ostream& out, const RecordingSummary& summary);
+nlohmann::ordered_json json_of(const RecordingSummary& summary);
+
+// Metadata that a cut and a recovered file carry (server/record/FORMAT.md).
+inline constexpr char kCutMetadata[] = "sightline.cut";
+inline constexpr char kRecoveredMetadata[] = "sightline.recovered";
+
+// "hall.mcap: data loss: is not an MCAP file": the name once, whoever else put it into the error.
+std::string error_text(const std::string& name, const Error& error);
+// "1 chunk, 20 messages, 1.5 KiB"; "nothing".
+std::string loss_text(const McapLoss& loss);
+// The troubles that are kept, each on its line: where, and what.
+void print_troubles(std::ostream& out, const McapLoss& loss);
+
+}  // namespace sightline

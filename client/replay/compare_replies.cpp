@@ -1,0 +1,83 @@
+#include "client/replay/compare_replies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "client/scenario/scenario_session.h"
+#include "server/base/hash.h"
+#include "server/wire/from_proto_values.h"
+
+namespace sightline {
+
+Result<Convention> convention_of(const v1::OpenSession& open) {
+  Convention convention;
+  if (Status ok = read_convention(open.convention(), "open.", convention); !ok)
+    return tl::unexpected(ok.error());
+  glm::dvec3 origin(0.0);
+  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok)
+    return tl::unexpected(ok.error());
+  convention.origin_m = vector_from_client(convention, origin);
+  return convention;
+}
+
+const IgnoredFields& fields_beside_the_reply() {
+  static const IgnoredFields fields =
+      fields_named({"sightline.v1.CameraReply.stage_times", "sightline.v1.StepFlags.recording_degraded"});
+  return fields;
+}
+
+bool ReplyComparison::add(const v1::CameraReply& a, const v1::CameraReply& b) {
+  const std::string &bytes_a = plain_a_.bytes_of(a), &bytes_b = plain_b_.bytes_of(b);
+  const bool same = bytes_a == bytes_b;
+  const bool hashes_same = hash_a_ == hash_b_;
+  hash_a_ = hash64_bytes(std::as_bytes(std::span(bytes_a)), hash_a_);
+  hash_b_ = same && hashes_same ? hash_a_ : hash64_bytes(std::as_bytes(std::span(bytes_b)), hash_b_);
+  ++compared_;
+  equal_ += same;
+  if (!same) note(a, b);
+  return same;
+}
+
+void ReplyComparison::note(const v1::CameraReply& a, const v1::CameraReply& b) {
+  note_pose(a, b);
+  if (!first_)
+    if (auto field = first_difference(a, b, fields_beside_the_reply()))
+      first_ = {a.sequence(), a.time_s(), *field};
+  for_each_difference(a, b, fields_beside_the_reply(), [&](const FieldDifference& difference) {
+    key_.clear();
+    for (const FieldStep& step : difference.path) key_.push_back(step.field);
+    FieldDeviation& deviation = deviations_[key_];
+    if (deviation.replies == 0) {
+      deviation.field = general_name(difference.path);
+      deviation.first_sequence = a.sequence();
+    }
+    // A list's elements count once a reply.
+    if (deviation.replies == 0 || deviation.last_sequence != a.sequence()) ++deviation.replies;
+    deviation.last_sequence = a.sequence();
+    deviation.is_number |= difference.deviation.has_value();
+    deviation.largest = std::max(deviation.largest, difference.deviation.value_or(0.0));
+    return true;
+  });
+}
+
+void ReplyComparison::note_pose(const v1::CameraReply& a, const v1::CameraReply& b) {
+  const Pose pose_a = camera_from_client(convention_, pose_from(a.pose()));
+  const Pose pose_b = camera_from_client(convention_, pose_from(b.pose()));
+  position_m_ = std::max(position_m_, glm::distance(pose_a.position_m, pose_b.position_m));
+  direction_deg_ =
+      std::max(direction_deg_, angle_between(pose_a.rotation, pose_b.rotation) * 180 / std::numbers::pi);
+  for (const auto& target : a.targets())
+    for (const auto& other : b.targets())
+      if (target.id() == other.id())
+        visible_share_ = std::max(visible_share_, std::abs(target.visible_share() - other.visible_share()));
+}
+
+std::vector<FieldDeviation> ReplyComparison::deviations() const {
+  std::vector<FieldDeviation> all;
+  for (const auto& [key, deviation] : deviations_) all.push_back(deviation);
+  std::sort(all.begin(), all.end(), [](const auto& x, const auto& y) { return x.field < y.field; });
+  return all;
+}
+
+}  // namespace sightline

@@ -1,0 +1,40 @@
+#include "client/replay/local_session.h"
+
+#include <utility>
+
+#include "server/wire/from_proto.h"
+#include "server/wire/to_proto.h"
+
+namespace sightline {
+
+Result<std::unique_ptr<LocalSession>> LocalSession::open(const v1::OpenSession& request, LocalWorld& world,
+                                                         StageClock clock) {
+  std::vector<std::string> warnings;
+  auto options = session_options_from_proto(request, SceneSource{world.scenes, world.geometry}, warnings);
+  if (!options) return tl::unexpected(std::move(options.error()));
+  options->extents = &world.extents;
+  auto session = Session::open(std::move(*options), world.sampler.make_sampler(), std::move(clock));
+  if (!session) return tl::unexpected(std::move(session.error()));
+  std::unique_ptr<LocalSession> local(new LocalSession(world, std::move(*session)));
+  local->wanted_ = local->session_->diagnostics();
+  opened_to_proto(*local->session_, local->opened_);
+  local->opened_.set_sampler(world.sampler.kind());
+  for (std::string& warning : warnings) local->opened_.add_warnings(std::move(warning));
+  return local;
+}
+
+bool LocalSession::apply(const v1::Tick& tick, v1::Rejection& rejection) {
+  auto input = tick_from_proto(tick, *session_, SceneSource{world_.scenes, world_.geometry});
+  const Status applied = input ? session_->apply(*input) : tl::unexpected(std::move(input.error()));
+  if (!applied) rejection_to_proto(applied.error(), tick.sequence(), &session_->mirror(), rejection);
+  return applied.has_value();
+}
+
+Status LocalSession::step(int economy_level, v1::CameraReply& reply) {
+  const auto answer = session_->step(economy_level);
+  if (!answer) return tl::unexpected(answer.error());
+  camera_reply_to_proto(*answer, *session_, wanted_, reply);
+  return {};
+}
+
+}  // namespace sightline

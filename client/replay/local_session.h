@@ -1,0 +1,63 @@
+// A session in this process that is told what a daemon is told and answers what a daemon answers: wire messages in, wire
+// messages out, no network, no clock. Replays and reports step it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/sample/extent.h"
+#include "server/sample/sampler.h"
+#include "server/scene/scene_folder.h"
+#include "server/session/session.h"
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+// What the sessions of a process share. The sampler device must outlive it.
+struct LocalWorld {
+  // `scene_folder` may be empty: then scenes can only be named by hash (LocalWorld::scenes.add_uploaded).
+  LocalWorld(std::string scene_folder, SamplerDevice& sampler_device)
+      : sampler(sampler_device), scenes(std::move(scene_folder), GltfLimits{}, geometry) {}
+
+  SamplerDevice& sampler;
+  GeometryStore geometry;
+  ExtentCache extents;
+  SceneLibrary scenes;
+};
+
+// Single-threaded.
+class LocalSession {
+ public:
+  // Fails as opening at a daemon does, with the same fields. `world` must outlive it. Without a clock stage times are 0.
+  static Result<std::unique_ptr<LocalSession>> open(const v1::OpenSession& request, LocalWorld& world,
+                                                    StageClock clock = {});
+
+  // As a daemon's, without an id.
+  const v1::SessionOpened& opened() const { return opened_; }
+
+  // Applies a tick whole; or answers why not, as the daemon's Rejection says it, and changes nothing.
+  // False: refused, and `rejection` is filled.
+  bool apply(const v1::Tick& tick, v1::Rejection& rejection);
+
+  // One step for the newest applied tick, at a level of economy (server/step/economy.h). Clears and fills `reply`.
+  // Fails only when the sampler does.
+  Status step(int economy_level, v1::CameraReply& reply);
+
+  // Of every reply from now on, beside what the opening asked for.
+  void want_candidates() { wanted_.candidates = true; }
+
+  const Session& session() const { return *session_; }
+
+ private:
+  LocalSession(LocalWorld& world, std::unique_ptr<Session> session)
+      : world_(world), session_(std::move(session)) {}
+
+  LocalWorld& world_;
+  const std::unique_ptr<Session> session_;
+  v1::SessionOpened opened_;
+  DiagnosticsWanted wanted_;
+};
+
+}  // namespace sightline

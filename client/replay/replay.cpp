@@ -1,0 +1,219 @@
+#include "client/replay/replay.h"
+
+#include <algorithm>
+#include <numbers>
+#include <utility>
+
+#include "client/replay/compare_replies.h"
+#include "client/scenario/scenario_session.h"
+#include "server/base/hash.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMostRestartsAtOneStep = 3;
+
+void move_tick(RecordedStep& from, size_t i, RecordedStep& to) {
+  to.ticks.push_back(std::move(from.ticks[i]));
+  to.tick_log_ns.push_back(from.tick_log_ns[i]);
+}
+
+}  // namespace
+
+bool refuses(const v1::Rejection& rejection) {
+  return rejection.field_violations_size() > 0;
+}
+
+std::vector<bool> refused_ticks(const RecordedStep& step) {
+  std::vector<bool> refused(step.ticks.size(), false);
+  for (const v1::Rejection& rejection : step.rejections) {
+    if (!refuses(rejection)) continue;
+    // The newest with that number: one that repeats the number of a good tick stands behind it.
+    for (size_t i = step.ticks.size(); i-- > 0;)
+      if (!refused[i] && step.ticks[i].sequence() == rejection.sequence()) {
+        refused[i] = true;
+        break;
+      }
+  }
+  return refused;
+}
+
+bool ReplayFeed::next(FedStep& step) {
+  while (ready_.empty()) {
+    RecordedStep recorded;
+    if (!source_.next(recorded)) break;
+    split(recorded);
+  }
+  if (ready_.empty()) {
+    if (held_.ticks.empty()) return false;
+    held_.has_reply = false;
+    ready_.push_back({std::exchange(held_, {}), StepAnswer::kNone});
+  }
+  step = std::move(ready_.front());
+  ready_.pop_front();
+  return true;
+}
+
+// The last `merged_ticks` + 1 of the ticks that were taken belong to the reply. What was taken before them was answered by
+// replies that are missing; how they were merged is not known, so each has its own step.
+void ReplayFeed::split(RecordedStep& recorded) {
+  const std::vector<bool> refused = refused_ticks(recorded);
+  const auto accepted = static_cast<size_t>(std::count(refused.begin(), refused.end(), false));
+  const size_t answered = recorded.has_reply ? size_t{1} + recorded.reply.merged_ticks() : accepted;
+  size_t lost = accepted - std::min(accepted, answered);
+  size_t left = accepted;
+  for (v1::Tick& tick : recorded.ticks) change(tick);
+  RecordedStep now = std::exchange(held_, {});
+  now.missing = recorded.missing;
+  for (size_t i = 0; i < recorded.ticks.size(); ++i) {
+    if (refused[i] && left == 0) {
+      move_tick(recorded, i, held_);
+      continue;
+    }
+    move_tick(recorded, i, now);
+    if (refused[i]) continue;
+    --left;
+    if (lost == 0) continue;
+    --lost;
+    if (now.ticks.back().step().merge_into_next()) continue;  // never had a reply: what a file begins with
+    now.has_reply = false;
+    ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
+  }
+  now.rejections = std::move(recorded.rejections);
+  now.faults = std::move(recorded.faults);
+  now.reply = std::move(recorded.reply);
+  now.log_ns = recorded.log_ns;
+  now.has_reply = recorded.has_reply;
+  if (now.has_reply) {
+    recorded_poses_.push_back(camera_from_client(convention_, pose_from(now.reply.pose())));
+    if (recorded_poses_.size() > kFollowedReplies) recorded_poses_.pop_front();
+  }
+  ready_.push_back({std::move(now), recorded.has_reply ? StepAnswer::kRecorded : StepAnswer::kNone});
+}
+
+void ReplayFeed::change(v1::Tick& tick) {
+  if (!settings_.empty()) put_over(settings_, tick);
+  if (!tick.has_observed_camera()) return;
+  if (!settings_.empty() && follows(tick.observed_camera())) {
+    tick.clear_observed_camera();
+    ++observed_left_out_;
+  } else {
+    ++observed_kept_;
+  }
+}
+
+bool ReplayFeed::follows(const v1::ObservedCamera& observed) const {
+  if (observed.cut()) return false;
+  const Pose pose = camera_from_client(convention_, pose_from(observed.pose()));
+  return std::any_of(recorded_poses_.begin(), recorded_poses_.end(), [&](const Pose& recorded) {
+    return glm::distance(recorded.position_m, pose.position_m) <= kFollowsM &&
+           angle_between(recorded.rotation, pose.rotation) <= kFollowsDeg * std::numbers::pi / 180;
+  });
+}
+
+uint64_t ReplayedStep::log_ns() const {
+  return recorded.step.tick_log_ns.empty() ? recorded.step.log_ns : recorded.step.tick_log_ns.back();
+}
+
+Status Replay::open() {
+  auto convention = convention_of(recording_.open_session());
+  if (!convention) return tl::unexpected(std::move(convention.error()));
+  convention_ = *convention;
+  asked_ = recording_.open_session();
+  put_over(settings_, asked_);
+  if (mirror_)
+    if (Status done = open_place(*mirror_, *mirror_scenes_); !done) return done;
+  if (Status done = open_place(place_, scenes_); !done) return done;
+  feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
+  return {};
+}
+
+Status Replay::open_place(ReplayPlace& place, ReplayScenes& scenes) {
+  scenes.bring_to([&](std::span<const std::byte> file) { return place.bring(file); });
+  v1::OpenSession open = asked_;
+  open.clear_recording();        // whether the replay is recorded is the place's affair
+  open.set_never_degrade(true);  // nothing is left out but what the recording says
+  if (Status named = scenes.name_by_hash(open); !named) return named;
+  auto opened = place.open(open);
+  if (!opened) return tl::unexpected(std::move(opened.error()));
+  if (&place == &place_) opened_ = std::move(*opened);
+  return {};
+}
+
+bool Replay::peek() {
+  if (peeked_) return true;
+  FedStep step;
+  if (!feed_->next(step)) return false;
+  peeked_ = std::move(step);
+  return true;
+}
+
+std::optional<uint64_t> Replay::next_log_ns() {
+  if (!peek()) return std::nullopt;
+  const RecordedStep& step = peeked_->step;
+  return step.tick_log_ns.empty() ? step.log_ns : step.tick_log_ns.back();
+}
+
+Result<bool> Replay::next(ReplayedStep& step) {
+  if (!peek()) return false;
+  bool gone = false;
+  for (int attempt = 0;; ++attempt) {
+    Status taken = gone ? catch_up() : Status();
+    if (taken) taken = take(place_, scenes_, *peeked_, step.answer);
+    if (taken) break;
+    gone = true;
+    if (taken.error().code != ErrorCode::kUnavailable || attempt == kMostRestartsAtOneStep ||
+        !place_.wait_until_back())
+      return tl::unexpected(taken.error());
+    ++restarts_;
+  }
+  if (mirror_) {
+    ReplayAnswer none;
+    if (Status told = take(*mirror_, *mirror_scenes_, *peeked_, none); !told)
+      return tl::unexpected(told.error());
+  }
+  step.recorded = std::move(*peeked_);
+  peeked_.reset();
+  ++taken_;
+  remember(step.answer, hash_);
+  return true;
+}
+
+// Everything that was taken before it went away, as fast as it answers.
+Status Replay::catch_up() {
+  if (Status opened = open_place(place_, scenes_); !opened) return opened;
+  feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
+  uint64_t hash = 0;
+  FedStep step;
+  ReplayAnswer answer;
+  for (uint64_t i = 0; i < taken_ && feed_->next(step); ++i) {
+    if (Status taken = take(place_, scenes_, step, answer); !taken) return taken;
+    remember(answer, hash);
+  }
+  restarts_equal_ &= hash == hash_;
+  peeked_.reset();
+  if (!peek()) return fail(ErrorCode::kInternal, "recording", "ended earlier when it was read again");
+  return {};
+}
+
+// Only where it may be needed again.
+void Replay::remember(const ReplayAnswer& answer, uint64_t& hash) {
+  if (place_.session() || !answer.has_reply) return;
+  hash = hash64_bytes(std::as_bytes(std::span(plain_.bytes_of(answer.reply))), hash);
+}
+
+Status Replay::take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& step, ReplayAnswer& answer) {
+  const std::vector<v1::Tick>& ticks = step.step.ticks;
+  answer.rejections.clear();
+  answer.has_reply = false;
+  if (ticks.empty() || (step.answer == StepAnswer::kNone && !place.session())) return {};
+  const int level = step.step.economy_level();
+  if (std::none_of(ticks.begin(), ticks.end(), ReplayScenes::named_in))
+    return place.take(ticks, level, answer);
+  renamed_ = ticks;
+  for (v1::Tick& tick : renamed_)
+    if (Status named = scenes.name_by_hash(tick); !named) return named;
+  return place.take(renamed_, level, answer);
+}
+
+}  // namespace sightline

@@ -1,0 +1,53 @@
+// What a replay came to, against the recording.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "client/replay/compare_replies.h"
+#include "client/replay/replay.h"
+
+namespace sightline {
+
+// Replies that need not be equal are alike while the camera is within what nobody takes for a jump (client/evaluate/metrics.h, kPopM and
+// kPopRad) of where it was.
+enum class ReplayVerdict { kEqual, kAlike, kDiffers };
+
+// A reason why no reply need be equal: then the result is no verdict.
+inline constexpr const char* kOtherSettings = "other settings";
+
+// Not thread-safe.
+class ReplayTally {
+ public:
+  // `never_equal`: why no reply need be equal ("another sampler"); empty: all must be, up to the first gap.
+  ReplayTally(const Convention& convention, std::string never_equal)
+      : replies_(convention), never_equal_(std::move(never_equal)) {}
+
+  void add(const ReplayedStep& step);
+
+  const ReplyComparison& replies() const { return replies_; }
+  ReplayVerdict verdict() const;
+  // Lines "replies     3600 compared, ...", the verdict last.
+  void print(std::ostream& out) const;
+
+ private:
+  void add_rejections(const ReplayedStep& step);
+  bool expected_equal() const;
+
+  ReplyComparison replies_;
+  const std::string never_equal_;
+  uint64_t only_recorded_ = 0, only_replayed_ = 0;  // replies
+  uint64_t refused_both_ = 0, refused_only_replayed_ = 0;
+  std::vector<uint64_t> refused_recorded_;  // sequences that the replay has not refused yet
+  std::optional<v1::Rejection> first_new_refusal_;
+  uint64_t faults_ = 0, gaps_ = 0, missing_ = 0, lost_replies_ = 0, unanswered_ticks_ = 0;
+  std::string first_fault_;
+  uint64_t compared_before_gap_ = 0, equal_before_gap_ = 0;
+};
+
+const char* to_string(ReplayVerdict verdict);
+
+}  // namespace sightline

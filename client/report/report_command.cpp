@@ -1,0 +1,102 @@
+#include "client/report/report_command.h"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include "client/command/progress_bar.h"
+#include "server/sample/embree_sampler.h"
+#include "server/sample/sampler_choice.h"
+
+namespace sightline {
+namespace {
+
+const std::map<std::string, PageCells> kCells = {
+    {"auto", PageCells::kAuto}, {"recorded", PageCells::kRecorded}, {"none", PageCells::kNone}};
+
+// Of the recording's kind where it is to be had here; else one that plays, but takes no step again.
+std::unique_ptr<SamplerDevice> sampler_like(const std::string& kind, PageCells cells) {
+  if (kind == "egl" && cells == PageCells::kAuto)
+    if (auto egl = choose_sampler_device(SamplerChoice::kEgl, {})) return std::move(egl->device);
+  return make_embree_sampler_device();
+}
+
+std::string page_path(const ReportOptions& options) {
+  if (!options.out.empty()) return options.out;
+  return std::filesystem::path(options.recording).replace_extension(".html").string();
+}
+
+Status write_report(const ReportOptions& options, std::ostream& out, ProgressBar& bar) {
+  const auto recording = Recording::open(options.recording);
+  if (!recording) return tl::unexpected(recording.error());
+  const std::string path = page_path(options);
+  // Found out now rather than after the work.
+  const bool is_new = !std::filesystem::exists(path);
+  if (!std::ofstream(path, std::ios::app)) return fail(ErrorCode::kUnavailable, path, "cannot be written");
+  RecordingPageOptions page_options = options.page;
+  page_options.progress = [&](const char* what, size_t done, size_t of) { bar.show(what, done, of); };
+  const auto sampler = sampler_like(recording->info().sampler(), options.page.cells);
+  auto page = recording_page(*recording, page_options, *sampler);
+  bar.clear();
+  std::error_code ignored;
+  if (!page && is_new) std::filesystem::remove(path, ignored);
+  if (!page) return tl::unexpected(page.error());
+  if (Status ok = write_session_page(*page, path); !ok) return ok;
+  for (const std::string& text : page->notices) out << "notice  " << text << '\n';
+  out << "frames  " << page->frames.size() << ", pictures " << page->pictures.size() << '\n'
+      << "page    " << path << '\n';
+  return {};
+}
+
+}  // namespace
+
+int run_report_command(const ReportOptions& options, std::ostream& out, std::ostream& err) {
+  ProgressBar bar(err, options.progress);
+  const Status done = write_report(options, out, bar);
+  bar.clear();
+  if (!done) err << "sightline report: " << to_string(done.error()) << '\n';
+  return done ? 0 : 1;
+}
+
+Verb add_report_verb(CLI::App& app) {
+  auto options = std::make_shared<ReportOptions>();
+  options->progress = isatty(STDERR_FILENO) != 0;
+  CLI::App* report = app.add_subcommand(
+      "report", "Write a recording as one HTML page: 3D view, time line, what the camera saw");
+  report->add_option("recording", options->recording, "A recording (.mcap)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  report->add_option("--out", options->out, "The page (default: beside the recording, .html)");
+  report
+      ->add_option("--start", options->page.range.start_s,
+                   "Seconds since the recording's start: frames from there on")
+      ->check(CLI::NonNegativeNumber);
+  report->add_option("--end", options->page.range.end_s, "Frames before this")->check(CLI::NonNegativeNumber);
+  report
+      ->add_option("--scene-dir", options->page.scenes.folder, "Where scene files are that are not attached")
+      ->check(CLI::ExistingDirectory);
+  report->add_option("--scene", options->page.scenes.files, "A scene file that was uploaded; may be repeated")
+      ->allow_extra_args(false)
+      ->check(CLI::ExistingFile);
+  report
+      ->add_option("--cells", options->page.cells,
+                   "Candidate cells. auto: as recorded, else every step is taken again and its cells are "
+                   "used as long as "
+                   "replies are equal; recorded: none unless recorded; none")
+      ->transform(CLI::CheckedTransformer(kCells, CLI::ignore_case));
+  report->add_option("--pictures", options->page.pictures, "How many pictures of what the camera saw")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  report
+      ->add_option("--max-frames", options->page.max_frames,
+                   "Replies beyond this are thinned; changes and cuts stay")
+      ->check(CLI::Range(2, 1'000'000))
+      ->capture_default_str();
+  return {report, [options] { return run_report_command(*options, std::cout, std::cerr); }};
+}
+
+}  // namespace sightline

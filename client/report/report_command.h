@@ -1,0 +1,24 @@
+// `sightline report`: a recording as one HTML page.
+#pragma once
+
+#include <ostream>
+#include <string>
+
+#include "client/report/page.h"
+#include "client/command/verb.h"
+
+namespace sightline {
+
+struct ReportOptions {
+  std::string recording;
+  std::string out;  // empty: beside the recording, .html in the place of .mcap
+  RecordingPageOptions page;
+  bool progress = false;  // draw a progress bar on `err`
+};
+
+// 0, or 1 with a line on `err` that names what is at fault.
+int run_report_command(const ReportOptions& options, std::ostream& out, std::ostream& err);
+
+Verb add_report_verb(CLI::App& app);
+
+}  // namespace sightline

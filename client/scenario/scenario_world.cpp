@@ -1,0 +1,61 @@
+#include "client/scenario/scenario_world.h"
+
+#include <cassert>
+
+namespace sightline {
+
+ScenarioWorld::ScenarioWorld(const Scenario& scenario, EmbreeDevice& device)
+    : scenario_(scenario),
+      occluders_(device, EmbreeScene::Content::kOccluders),
+      colliders_(device, EmbreeScene::Content::kColliders) {
+  for (const ScenarioActor& actor : scenario.actors()) {
+    if (!actor.is_target || actor.weight == 0.0) continue;
+    Target& target = targets_.emplace_back();
+    target.instance_id = actor.id;
+    target.weight = actor.weight;
+    target.required = actor.required;
+  }
+}
+
+Result<std::unique_ptr<ScenarioWorld>> ScenarioWorld::make(const Scenario& scenario, GeometryStore& store,
+                                                           EmbreeDevice& device) {
+  std::vector<NodeBinding> bindings;
+  for (const ScenarioActor& actor : scenario.actors()) bindings.push_back({actor.name, actor.id});
+  auto instances = instantiate(scenario.asset(), bindings, store);
+  if (!instances) return tl::unexpected(instances.error());
+  // Actors come first and will move: said now, or the first tick would rebuild what stands still.
+  for (size_t i = 0; i < bindings.size(); ++i) (*instances)[i].moving = true;
+  std::unique_ptr<ScenarioWorld> world(new ScenarioWorld(scenario, device));
+  SceneDelta delta;
+  delta.add = std::move(*instances);
+  delta.asset_ids_allowed = true;
+  if (auto applied = world->mirror_.apply(delta, {}); !applied) return tl::unexpected(applied.error());
+  world->set_time(0.0);
+  return world;
+}
+
+void ScenarioWorld::set_time(double time_s) {
+  TransformUpdate update;
+  for (const ScenarioActor& actor : scenario_.actors()) update.ids.push_back(actor.id);
+  update.poses = scenario_.poses_at(time_s);
+  [[maybe_unused]] const Status applied = mirror_.apply({}, update);
+  assert(applied);  // the same actors that were added
+  occluders_.take_in(mirror_);
+  colliders_.take_in(mirror_);
+}
+
+glm::dvec3 ScenarioWorld::targets_center_m() const {
+  glm::dvec3 sum(0.0);
+  double weights = 0.0;
+  for (const Target& target : targets_) {
+    sum += target.weight * aim_point_m(*mirror_.find(target.instance_id));
+    weights += target.weight;
+  }
+  return sum / weights;
+}
+
+glm::dvec3 aim_point_m(const Instance& target) {
+  return transform_point(target.world_from_instance, glm::dvec3(target.geometry->bounds.center()));
+}
+
+}  // namespace sightline

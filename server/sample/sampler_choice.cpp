@@ -1,0 +1,35 @@
+#include "server/sample/sampler_choice.h"
+
+#include "server/sample/embree_sampler.h"
+
+namespace sightline {
+
+Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find) {
+  if (asked != SamplerChoice::kAuto) return SamplerDecision{asked, "asked for with --sampler"};
+  const Result<EglDeviceInfo> egl = find();
+  if (!egl) {
+    if (options.require_gpu || options.device_index >= 0) return tl::unexpected(egl.error());
+    return SamplerDecision{SamplerChoice::kEmbree,
+                           "there is no OpenGL to render with: " + egl.error().message};
+  }
+  if (egl->software)
+    return SamplerDecision{SamplerChoice::kEmbree, "OpenGL would render in software: " + egl->renderer};
+  return SamplerDecision{SamplerChoice::kEgl, "OpenGL renders in hardware: " + egl->renderer};
+}
+
+std::string reason_with_variant(const SamplerDecision& decision, const EglSamplerDevice& device) {
+  return decision.reason + "; maps by " + device.variant_reason();
+}
+
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t hands) {
+  auto decision = decide_sampler(asked, options, [&] { return choose_egl_device(options); });
+  if (!decision) return tl::unexpected(std::move(decision.error()));
+  if (decision->sampler == SamplerChoice::kEmbree)
+    return ChosenSampler{make_embree_sampler_device(hands), std::move(decision->reason)};
+  auto device = make_egl_sampler_device(options);
+  if (!device) return tl::unexpected(std::move(device.error()));
+  std::string reason = reason_with_variant(*decision, **device);
+  return ChosenSampler{std::move(*device), std::move(reason)};
+}
+
+}  // namespace sightline

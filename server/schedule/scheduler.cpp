@@ -1,0 +1,144 @@
+#include "server/schedule/scheduler.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace sightline {
+
+Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
+    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())) {
+  threads_.reserve(threads);
+  for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
+}
+
+Scheduler::~Scheduler() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+// A thread that is under way looks at the queue before it rests, so none is woken but one that rests.
+void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
+  bool wakes = false;
+  {
+    const std::lock_guard lock(mutex_);
+    Scheduled& scheduled = *task;
+    scheduled.self_ = std::move(task);
+    queue_.push(scheduled, deadline_ns);
+    wakes = idle_ > 0 && running_ < threads_.size();
+  }
+  if (wakes) wake_.notify_one();
+}
+
+void Scheduler::run_here(Scheduled& task) {
+  Round round;
+  round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
+  run(round);
+}
+
+bool Scheduler::try_here(Scheduled& task) {
+  Round round;
+  {
+    const std::lock_guard lock(mutex_);
+    if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
+    ++running_;
+    if (!spare_rounds_.empty()) {
+      round = std::move(spare_rounds_.back());
+      spare_rounds_.pop_back();
+    }
+  }
+  round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
+  run(round);
+  bool wakes = false;
+  {
+    const std::lock_guard lock(mutex_);
+    charge(round);
+    round.tasks.clear();
+    spare_rounds_.push_back(std::move(round));
+    --running_;
+    wakes = idle_ > 0 && may_run();
+  }
+  if (wakes) wake_.notify_one();
+  return true;
+}
+
+void Scheduler::charge(const Round& round) {
+  for (size_t i = 0; i < round.tasks.size(); ++i) queue_.charge(*round.tasks[i], round.costs_ns[i], round.end_ns);
+}
+
+void Scheduler::work() {
+  Round round;
+  for (;;) {
+    std::unique_lock lock(mutex_);
+    charge(round);
+    if (!round.tasks.empty()) {
+      --running_;
+      // The last hold on a task may be this one, and its end is no business of those who wait for the lock.
+      lock.unlock();
+      round.tasks.clear();
+      lock.lock();
+    }
+    ++idle_;
+    wake_.wait(lock, [this] { return (stopping_ && queue_.empty()) || may_run(); });
+    --idle_;
+    if (queue_.empty()) return;
+    ++running_;
+    choose(round);
+    lock.unlock();
+    run(round);
+  }
+}
+
+// No more than its part, so that the other threads plan and finish theirs meanwhile.
+void Scheduler::choose(Round& round) {
+  const int64_t now_ns = clock_();
+  const size_t part = (queue_.size() + threads() - 1) / std::max(threads(), 1u);
+  for (size_t left = std::min(best_batch_, part); left > 0; --left)
+    round.tasks.push_back(std::move(static_cast<Scheduled*>(queue_.pop(now_ns))->self_));
+}
+
+// What the maps cost is shared by those who asked for any, in the ratio of how many.
+void Scheduler::run(Round& round) {
+  round.jobs.clear();
+  round.costs_ns.clear();
+  size_t requests = 0;
+  for (int64_t before_ns = clock_(); const auto& task : round.tasks) {
+    round.jobs.push_back(task->plan());
+    requests += round.jobs.back().requests.size();
+    const int64_t now_ns = clock_();
+    round.costs_ns.push_back(now_ns - std::exchange(before_ns, now_ns));
+  }
+  std::exception_ptr trouble;
+  const int64_t take_ns = requests > 0 ? take(round, trouble) : 0;
+  round.end_ns = clock_();
+  for (size_t i = 0, asked = 0; i < round.tasks.size(); ++i) {
+    TakenMaps taken;
+    if (const size_t own = round.jobs[i].requests.size(); own > 0) {
+      taken.status = std::move(round.asked[asked++].taken);
+      taken.trouble = trouble;
+      round.costs_ns[i] += take_ns * static_cast<int64_t>(own) / static_cast<int64_t>(requests);
+    }
+    taken.cost_ns = round.costs_ns[i];
+    round.tasks[i]->finish(taken);
+    const int64_t now_ns = clock_();
+    round.costs_ns[i] += now_ns - std::exchange(round.end_ns, now_ns);
+  }
+}
+
+int64_t Scheduler::take(Round& round, std::exception_ptr& trouble) {
+  const int64_t before_ns = clock_();
+  round.asked.clear();
+  for (const TakeJob& job : round.jobs)
+    if (!job.requests.empty()) round.asked.push_back(job);
+  try {
+    device_.take_all(round.asked);
+  } catch (...) {
+    trouble = std::current_exception();
+  }
+  return clock_() - before_ns;
+}
+
+}  // namespace sightline

@@ -1,0 +1,159 @@
+#include "server/service/health.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "server/service/call.h"
+
+namespace sightline {
+namespace {
+
+using grpc::health::v1::HealthCheckRequest;
+using grpc::health::v1::HealthCheckResponse;
+using CheckCall = AsyncCall<grpc::ServerAsyncResponseWriter<HealthCheckResponse>, HealthCheckRequest>;
+using WatchCall = AsyncCall<grpc::ServerAsyncWriter<HealthCheckResponse>, HealthCheckRequest>;
+
+HealthCheckResponse::ServingStatus told(bool serving) {
+  return serving ? HealthCheckResponse::SERVING : HealthCheckResponse::NOT_SERVING;
+}
+
+}  // namespace
+
+// One call of Check: answered at once.
+class HealthService::Checker final : public CheckCall {
+ public:
+  Checker(EventLoop& loop, std::unique_ptr<Incoming> call, const HealthService& service)
+      : CheckCall(loop, std::move(call)) {
+    HealthCheckResponse response;
+    response.set_status(service.status_of(incoming().request.service()));
+    const bool known = response.status() != HealthCheckResponse::SERVICE_UNKNOWN;
+    finish_call(response, known ? grpc::Status::OK
+                                : grpc::Status(grpc::StatusCode::NOT_FOUND, "no service of that name"));
+  }
+
+ private:
+  void on_done() override { delete this; }
+};
+
+// One call of Watch. Kept by the service until gRPC is done with it.
+class HealthService::Watcher final : public WatchCall {
+ public:
+  Watcher(EventLoop& loop, std::unique_ptr<Incoming> incoming, HealthService& service)
+      : WatchCall(loop, std::move(incoming)), service_(service) {}
+
+  // Says what is so now, if that is news. From any thread.
+  void update() {
+    const std::lock_guard lock(mutex_);
+    go_on();
+  }
+  void end() {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+    go_on();
+  }
+
+ private:
+  void on_write(bool ok) override {
+    const std::lock_guard lock(mutex_);
+    writing_ = false;
+    ending_ = ending_ || !ok;
+    go_on();
+  }
+  void on_cancel() override { end(); }
+  void on_done() override { service_.remove(this); }
+
+  void go_on() {
+    if (writing_ || finished_) return;
+    if (ending_) {
+      finished_ = true;
+      return finish_call(grpc::Status::CANCELLED);
+    }
+    const Serving now = service_.status_of(incoming().request.service());
+    if (said_anything_ && message_.status() == now) return;
+    message_.set_status(now);
+    said_anything_ = writing_ = true;
+    start_write(message_);
+  }
+
+  HealthService& service_;
+  std::mutex mutex_;  // taken before the service's
+  // Guarded by mutex_.
+  HealthCheckResponse message_;
+  bool said_anything_ = false, writing_ = false, ending_ = false, finished_ = false;
+};
+
+void HealthService::take_calls(EventLoop& loop) {
+  take_checks(loop);
+  take_watches(loop);
+}
+
+void HealthService::take_checks(EventLoop& loop) {
+  using Incoming = Checker::Incoming;
+  const auto ask = [&](Incoming& incoming, void* tag) {
+    RequestCheck(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+  };
+  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_checks(loop);
+    new Checker(loop, std::move(incoming), *this);
+  });
+}
+
+void HealthService::take_watches(EventLoop& loop) {
+  using Incoming = Watcher::Incoming;
+  const auto ask = [&](Incoming& incoming, void* tag) {
+    RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+  };
+  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_watches(loop);
+    admit(std::make_shared<Watcher>(loop, std::move(incoming), *this));
+  });
+}
+
+void HealthService::admit(const std::shared_ptr<Watcher>& watcher) {
+  bool ended = false;
+  {
+    const std::lock_guard lock(mutex_);
+    watchers_.push_back(watcher);
+    ended = ended_;
+  }
+  ended ? watcher->end() : watcher->update();
+}
+
+void HealthService::set(const std::string& service, bool serving) {
+  std::vector<std::shared_ptr<Watcher>> watchers;
+  {
+    const std::lock_guard lock(mutex_);
+    serving_[service] = serving;
+    watchers = watchers_;
+  }
+  for (const auto& watcher : watchers) watcher->update();
+}
+
+void HealthService::end_watches() {
+  std::vector<std::shared_ptr<Watcher>> watchers;
+  {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    watchers = watchers_;
+  }
+  for (const auto& watcher : watchers) watcher->end();
+}
+
+// The last hold on the watcher may be the one taken from the list, and it must not end under the lock.
+void HealthService::remove(const Watcher* watcher) {
+  std::shared_ptr<Watcher> removed;
+  const std::lock_guard lock(mutex_);
+  const auto at = std::find_if(watchers_.begin(), watchers_.end(),
+                               [&](const auto& candidate) { return candidate.get() == watcher; });
+  if (at == watchers_.end()) return;
+  removed = std::move(*at);
+  watchers_.erase(at);
+}
+
+HealthService::Serving HealthService::status_of(const std::string& service) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = serving_.find(service);
+  return found == serving_.end() ? HealthCheckResponse::SERVICE_UNKNOWN : told(found->second);
+}
+
+}  // namespace sightline

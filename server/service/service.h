@@ -1,0 +1,40 @@
+// The service: which handler takes which RPC.
+//
+// Control, which sessions live on, is asynchronous: its messages are moved by event loops. The others are rare, and each has a
+// thread of gRPC's for as long as it takes.
+#pragma once
+
+#include <atomic>
+
+#include "server/service/event_loop.h"
+#include "server/service/parts.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
+
+namespace sightline {
+
+// Thread-safe, as gRPC asks. `parts` must outlive it, and it must outlive the gRPC server and the loops.
+class CameraControlService final
+    : public v1::CameraControl::WithAsyncMethod_Control<v1::CameraControl::Service> {
+ public:
+  CameraControlService(ServiceParts parts, const ServiceLimits& limits)
+      : parts_(std::move(parts)), limits_(limits) {}
+
+  // The calls of Control that this loop takes: one after the other, from now until the server shuts down. Call it again for
+  // each loop, once the server runs.
+  void take_calls(EventLoop& loop);
+
+  grpc::Status UploadScene(grpc::ServerContext* context, grpc::ServerReader<v1::UploadSceneRequest>* reader,
+                           v1::UploadSceneReply* reply) override;
+  grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest* request,
+                          v1::ListScenesReply* reply) override;
+  grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
+                             v1::ServerInfo* info) override;
+
+ private:
+  const ServiceParts parts_;
+  const ServiceLimits limits_;
+  std::atomic<uint64_t> calls_{0};  // Control calls so far: numbers the sessions
+  std::atomic<size_t> open_uploads_{0};
+};
+
+}  // namespace sightline

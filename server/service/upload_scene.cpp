@@ -1,0 +1,100 @@
+#include "server/service/upload_scene.h"
+
+#include <grpcpp/impl/codegen/proto_utils.h>
+
+#include <exception>
+#include <new>
+#include <semaphore>
+#include <span>
+#include <vector>
+
+#include "server/service/patience.h"
+#include "server/service/retry_info.h"
+#include "server/wire/error_to_proto.h"
+
+namespace sightline {
+namespace {
+
+constexpr std::chrono::seconds kRetryDelay{2};
+
+grpc::Status too_large(const std::string& what, size_t limit_bytes) {
+  return status_from_error({ErrorCode::kResourceExhausted, "chunk",
+                            what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
+}
+
+class Place {
+ public:
+  explicit Place(std::atomic<size_t>& taken) : taken_(taken), number_(++taken) {}
+  ~Place() { --taken_; }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+  size_t number() const { return number_; }
+
+ private:
+  std::atomic<size_t>& taken_;
+  const size_t number_;
+};
+
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, Patience& patience,
+                     std::vector<std::byte>& bytes) {
+  v1::UploadSceneRequest request;
+  const auto next = [&] {
+    patience.begin();
+    const bool more = reader.Read(&request);
+    patience.end();
+    return more;
+  };
+  while (next()) {
+    const auto chunk = std::as_bytes(std::span(request.chunk()));
+    if (chunk.size() > limits.max_chunk_bytes) return too_large("a chunk", limits.max_chunk_bytes);
+    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large("the file", limits.max_upload_bytes);
+    bytes.insert(bytes.end(), chunk.begin(), chunk.end());
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
+                  v1::UploadSceneReply& reply) try {
+  const auto asset = parts.scenes.add_uploaded(bytes);
+  if (!asset) {
+    parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
+    return status_from_error(asset.error());
+  }
+  reply.set_hash(to_hex((*asset)->hash));
+  reply.set_triangles((*asset)->triangle_count());
+  for (const std::string& warning : (*asset)->warnings) reply.add_warnings(warning);
+  parts.log.info("scene uploaded", {{"hash", reply.hash()}, {"bytes", std::to_string(bytes.size())}});
+  return grpc::Status::OK;
+} catch (const std::bad_alloc&) {
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED, "out of memory while reading the scene"};
+} catch (const std::exception& trouble) {
+  parts.log.error("upload failed", {{"reason", trouble.what()}});
+  return {grpc::StatusCode::INTERNAL, "the file could not be read; the server's log says why"};
+}
+
+}  // namespace
+
+grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
+                          const ServiceParts& parts, const ServiceLimits& limits,
+                          std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply) {
+  const Place place(open_uploads);
+  if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
+  std::vector<std::byte> bytes;
+  Patience patience(context, limits.upload_timeout);
+  if (grpc::Status status = collect(reader, limits, patience, bytes); !status.ok()) return status;
+  if (patience.ran_out())
+    parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"},
+                                    {"bytes", std::to_string(bytes.size())}});
+  // Half of a file may be a whole one.
+  if (patience.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
+  grpc::Status status;
+  std::binary_semaphore loaded(0);
+  parts.loaders.post([&] {
+    status = load(parts, bytes, reply);
+    loaded.release();
+  });
+  loaded.acquire();
+  return status;
+}
+
+}  // namespace sightline

@@ -1,0 +1,70 @@
+#include "server/wire/error_to_proto.h"
+
+#include "sightline/v1/errors.pb.h"
+
+namespace sightline {
+namespace {
+
+grpc::StatusCode code_of(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kInvalidArgument:
+    case ErrorCode::kUnsupported:
+    case ErrorCode::kDataLoss:
+      return grpc::StatusCode::INVALID_ARGUMENT;
+    case ErrorCode::kNotFound:
+      return grpc::StatusCode::NOT_FOUND;
+    case ErrorCode::kAlreadyExists:
+      return grpc::StatusCode::ALREADY_EXISTS;
+    case ErrorCode::kFailedPrecondition:
+      return grpc::StatusCode::FAILED_PRECONDITION;
+    case ErrorCode::kResourceExhausted:
+      return grpc::StatusCode::RESOURCE_EXHAUSTED;
+    case ErrorCode::kUnavailable:
+      return grpc::StatusCode::UNAVAILABLE;
+    case ErrorCode::kInternal:
+      return grpc::StatusCode::INTERNAL;
+  }
+  return grpc::StatusCode::INTERNAL;
+}
+
+// Our messages have the field numbers of google.rpc.Status and BadRequest, so their bytes are theirs too.
+std::string binary_details(const Error& error, int code, const std::string& message) {
+  v1::BadRequest bad_request;
+  v1::BadRequest::FieldViolation& violation = *bad_request.add_field_violations();
+  violation.set_field(error.field);
+  violation.set_description(error.message);
+  v1::StatusDetails details;
+  details.set_code(code);
+  details.set_message(message);
+  google::protobuf::Any& any = *details.add_details();
+  any.set_type_url("type.googleapis.com/google.rpc.BadRequest");
+  bad_request.SerializeToString(any.mutable_value());
+  return details.SerializeAsString();
+}
+
+// A status travels in headers, which clients take up to 8 KiB; the message is in it twice, once in base64.
+constexpr size_t kMaxStatusText = 1000;
+
+Error shortened(Error error) {
+  if (error.message.size() <= kMaxStatusText) return error;
+  size_t end = kMaxStatusText;
+  while (end > 0 && (error.message[end] & 0xC0) == 0x80) --end;  // not within a character of UTF-8
+  error.message.replace(end, std::string::npos, "...");
+  return error;
+}
+
+}  // namespace
+
+std::string describe(const Error& error) {
+  return error.field.empty() ? error.message : error.field + ": " + error.message;
+}
+
+grpc::Status status_from_error(const Error& whole) {
+  const Error error = shortened(whole);
+  const grpc::StatusCode code = code_of(error.code);
+  const std::string message = describe(error);
+  if (error.field.empty()) return {code, message};
+  return {code, message, binary_details(error, code, message)};
+}
+
+}  // namespace sightline

@@ -1,0 +1,177 @@
+#include "server/wire/from_proto.h"
+
+#include <algorithm>
+#include <set>
+#include <string_view>
+
+#include "server/step/economy.h"
+#include "server/step/presets.h"
+#include "server/wire/from_proto_scene.h"
+#include "server/wire/from_proto_values.h"
+
+namespace sightline {
+namespace {
+
+Status read_frame(const v1::OpenSession& open, Convention& out) {
+  if (Status ok = read_convention(open.convention(), "open.", out); !ok) return ok;
+  glm::dvec3 origin(0.0);
+  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok) return ok;
+  out.origin_m = vector_from_client(out, origin);
+  return {};
+}
+
+Status read_instances(const v1::OpenSession& open, const SceneSource& source, SessionOptions& out,
+                      std::vector<std::string>& warnings) {
+  if (open.has_scene()) {
+    auto scene = read_scene(open.scene(), source, out.convention, "open.scene");
+    if (!scene) return tl::unexpected(std::move(scene.error()));
+    warnings.insert(warnings.end(), scene->asset->warnings.begin(), scene->asset->warnings.end());
+    out.scene = std::move(scene->asset);
+    out.instances = std::move(scene->instances);
+    out.scene_instances = out.instances.size();
+  }
+  InstanceReader reader(source, out.convention);
+  for (int i = 0; i < open.instances_size(); ++i) {
+    auto instance = reader.read(open.instances(i), indexed("open.instances", static_cast<size_t>(i)));
+    if (!instance) return tl::unexpected(std::move(instance.error()));
+    out.instances.push_back(std::move(*instance));
+  }
+  out.mesh_assets = reader.assets();
+  return {};
+}
+
+template <typename Targets>
+Status read_targets(const Targets& wire, const Convention& convention, const std::string& list,
+                    std::vector<Target>& out) {
+  for (const v1::Target& target : wire) {
+    Target read;
+    if (Status ok = read_target(target, convention, indexed(list, out.size()), read); !ok) return ok;
+    out.push_back(std::move(read));
+  }
+  return {};
+}
+
+Status read_camera(const v1::OpenSession& open, SessionOptions& out) {
+  if (!open.has_camera()) return invalid("open.camera", "is required: where the camera starts");
+  Pose camera;
+  if (Status ok = read_pose(open.camera(), "open.camera", camera); !ok) return ok;
+  out.camera = camera_from_client(out.convention, camera);
+  return read_lens(open.lens(), out.convention, "open.lens", out.lens);
+}
+
+Status read_open(const v1::OpenSession& open, const SceneSource& source, SessionOptions& out,
+                 std::vector<std::string>& warnings) {
+  if (open.label().size() > kMaxLabelBytes)
+    return invalid("open.label", "at most 64 bytes, got " + std::to_string(open.label().size()));
+  if (Status ok = read_frame(open, out.convention); !ok) return ok;
+  if (Status ok = read_camera(open, out); !ok) return ok;
+  out.settings = preset_settings(Preset::kSightline);
+  if (Status ok = read_settings(open.settings(), "open.settings", out.settings); !ok) return ok;
+  read_limits(open.limits(), out.limits);
+  if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
+  if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
+  out.seed = open.seed();
+  out.diagnostics = {open.diagnostics().candidates(), open.diagnostics().depth_maps()};
+  out.label = open.label();
+  return {};
+}
+
+Status read_observed(const v1::ObservedCamera& wire, const Convention& convention, ObservedCamera& out) {
+  if (!wire.has_pose()) return invalid("tick.observed_camera.pose", "is required");
+  Pose pose;
+  if (Status ok = read_pose(wire.pose(), "tick.observed_camera.pose", pose); !ok) return ok;
+  out.pose = camera_from_client(convention, pose);
+  glm::dvec3 velocity(0.0);
+  if (Status ok = read_vector(wire.velocity(), "tick.observed_camera.velocity", velocity); !ok) return ok;
+  out.velocity_mps = vector_from_client(convention, velocity);
+  out.cut = wire.cut();
+  return {};
+}
+
+Status check_step_control(const v1::StepControl& step) {
+  if (step.economy_level() <= kMaxEconomyLevel) return {};
+  return invalid("tick.step.economy_level", "must be in [0, " + std::to_string(kMaxEconomyLevel) + "], got " +
+                                                std::to_string(step.economy_level()));
+}
+
+Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
+  if (tick.has_lens())
+    if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
+      return ok;
+  if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
+  if (!tick.has_settings()) return {};
+  return read_settings(tick.settings(), "tick.settings", out.settings.emplace(session.settings()));
+}
+
+Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
+  const Convention& convention = session.convention();
+  if (Status ok = check_step_control(tick.step()); !ok) return ok;
+  out.sequence = tick.sequence();
+  out.time_s = tick.time_s();
+  if (tick.has_dt_s()) out.dt_s = tick.dt_s();
+  if (Status ok = read_transforms(tick.transforms(), convention, out); !ok) return ok;
+  if (tick.has_delta()) {
+    InstanceReader reader(source, convention);
+    if (Status ok = read_delta(tick.delta(), reader, "tick.delta", out.delta); !ok) return ok;
+    out.mesh_assets = reader.assets();
+  }
+  if (tick.has_targets()) {
+    out.targets.emplace();
+    Status ok = read_targets(tick.targets().targets(), convention, "tick.targets.targets", *out.targets);
+    if (!ok) return ok;
+  }
+  if (tick.has_observed_camera())
+    if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok)
+      return ok;
+  return read_terms(tick, session, out);
+}
+
+}  // namespace
+
+Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, const SceneSource& source,
+                                                  std::vector<std::string>& warnings) {
+  SessionOptions options;
+  if (Status ok = read_open(open, source, options, warnings); !ok) return tl::unexpected(ok.error());
+  return options;
+}
+
+namespace {
+
+bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
+  std::set<std::string_view> asked;
+  for (const v1::NewInstance& added : tick.delta().add()) {
+    if (!added.has_mesh() || !added.mesh().has_scene_name()) continue;
+    const std::string& name = added.mesh().scene_name();
+    if (asked.insert(name).second && !library.is_loaded(name)) return true;
+  }
+  return false;
+}
+
+// Only a tick that changes the settings or the targets can need a table that the session has not.
+bool builds_tables(const v1::Tick& tick, const Session& session) {
+  if (!tick.has_settings() && !tick.has_targets()) return false;
+  StepSettings settings = session.settings();
+  if (!read_settings(tick.settings(), "tick.settings", settings) || settings.sample.points == 0) return false;
+  if (tick.has_targets()) {
+    const auto& targets = tick.targets().targets();
+    return std::any_of(targets.begin(), targets.end(),
+                       [&](const auto& t) { return session.lacks_table(t.id()); });
+  }
+  const auto& targets = session.targets();
+  return std::any_of(targets.begin(), targets.end(),
+                     [&](const Target& t) { return session.lacks_table(t.instance_id); });
+}
+
+}  // namespace
+
+bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& library) {
+  return reads_files(tick, library) || builds_tables(tick, session);
+}
+
+Result<TickInput> tick_from_proto(const v1::Tick& tick, const Session& session, const SceneSource& source) {
+  TickInput input;
+  if (Status ok = read_tick(tick, session, source, input); !ok) return tl::unexpected(ok.error());
+  return input;
+}
+
+}  // namespace sightline

@@ -1,0 +1,267 @@
+#include "server/wire/to_proto.h"
+
+#include "server/wire/error_to_proto.h"
+
+namespace sightline {
+namespace {
+
+void set(const glm::dvec3& v, v1::Vector3& out) {
+  out.set_x(v.x), out.set_y(v.y), out.set_z(v.z);
+}
+
+void set(const Pose& client_pose, v1::Pose& out) {
+  set(client_pose.position_m, *out.mutable_position());
+  const glm::dquat& q = client_pose.rotation;
+  v1::Quaternion& rotation = *out.mutable_rotation();
+  rotation.set_x(q.x), rotation.set_y(q.y), rotation.set_z(q.z), rotation.set_w(q.w);
+}
+
+v1::Status to_proto(MoveStatus status) {
+  switch (status) {
+    case MoveStatus::kTracking:
+      return v1::TRACKING;
+    case MoveStatus::kPartial:
+      return v1::PARTIAL_VIEW;
+    case MoveStatus::kEscaping:
+      return v1::ESCAPING;
+    case MoveStatus::kHolding:
+      return v1::HOLDING;
+  }
+  return v1::STATUS_UNSPECIFIED;
+}
+
+v1::Reason to_proto(MoveReason reason) {
+  switch (reason) {
+    case MoveReason::kAtDesiredPlace:
+      return v1::AT_DESIRED_PLACE;
+    case MoveReason::kNearestAllVisible:
+      return v1::NEAREST_ALL_VISIBLE;
+    case MoveReason::kBestAllVisible:
+      return v1::BEST_ALL_VISIBLE;
+    case MoveReason::kBestPartial:
+      return v1::BEST_PARTIAL;
+    case MoveReason::kHorizonGrown:
+      return v1::HORIZON_GROWN;
+    case MoveReason::kOnTrail:
+      return v1::ON_TRAIL;
+    case MoveReason::kNoTargets:
+      return v1::NO_TARGETS;
+    case MoveReason::kPaused:
+      return v1::PAUSED;
+    case MoveReason::kBlockedByGeometry:
+      return v1::BLOCKED_BY_GEOMETRY;
+    case MoveReason::kBodyOverlap:
+      return v1::BODY_OVERLAP;
+    case MoveReason::kObservedCut:
+      return v1::OBSERVED_CUT;
+  }
+  return v1::REASON_UNSPECIFIED;
+}
+
+v1::PairFallback pair_fallback(const StepResult& step) {
+  if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_NONE;
+  if (step.pair_needs_two) return v1::PAIR_NEEDS_TWO_TARGETS;
+  switch (step.pair_gap) {
+    case PairGap::kNone:
+      return v1::PAIR_FALLBACK_NONE;
+    case PairGap::kTargetInBound:
+      return v1::PAIR_TARGET_IN_BOUND;
+    case PairGap::kOnLine:
+      return v1::PAIR_ON_LINE;
+    case PairGap::kTooClose:
+      return v1::PAIR_TOO_CLOSE;
+  }
+  return v1::PAIR_FALLBACK_NONE;
+}
+
+v1::TargetState state_of(const TargetSight& sight) {
+  if (!sight.in_picture) return v1::OFF_SCREEN;
+  if (sight.visible_share >= 1) return v1::VISIBLE;
+  return sight.visible_share > 0 ? v1::PARTIAL : v1::OCCLUDED;
+}
+
+void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraReply& out) {
+  v1::TargetVisibility& target = *out.add_targets();
+  target.set_id(sight.id);
+  target.set_state(state_of(sight));
+  target.set_visible_share(sight.visible_share);
+  target.set_filtered_share(sight.filtered_share);
+  target.set_distance(sight.distance_m / metres_per_unit);
+  target.set_in_picture(sight.in_picture);
+  if (sight.occluder_id == 0) return;
+  v1::Occluder& occluder = *target.add_occluders();
+  occluder.set_id(sight.occluder_id);
+  occluder.set_share(1 - sight.visible_share);
+}
+
+void set(const SightCounts& counts, v1::CandidateCounts& out) {
+  out.set_total(counts.total);
+  out.set_all_visible(counts.all_visible);
+  out.set_some_visible(counts.some_visible);
+  out.set_none_visible(counts.none_visible);
+  for (const uint32_t count : counts.visible_by_target) out.add_visible_by_target(count);
+}
+
+void set(const StepFlags& flags, v1::StepFlags& out) {
+  out.set_dt_capped(flags.dt_capped);
+  out.set_resampled_faces(flags.resampled_faces);
+  out.set_body_overlap(flags.body_overlap);
+}
+
+void set(int level, const StepSettings& used, v1::Economy& out) {
+  out.set_level(static_cast<uint32_t>(level));
+  out.set_resolution(static_cast<uint32_t>(used.sample.resolution));
+  out.set_points(static_cast<uint32_t>(used.sample.points));
+  out.set_candidates(static_cast<uint32_t>(used.aggregate.candidates));
+  out.set_survey_resolution(static_cast<uint32_t>(used.move.survey.resolution));
+  out.set_turns(used.move.turn_share > 0);
+  out.set_prediction(used.move.prediction_s > 0);
+}
+
+void set_times(const SessionAnswer& answer, v1::StageTimes& out) {
+  const auto us = [](int64_t ns) { return static_cast<float>(static_cast<double>(ns) * 1e-3); };
+  const auto stage_ns = [&](Stage stage) { return answer.step.stage_ns[static_cast<size_t>(stage)]; };
+  int64_t total_ns = answer.scene_ns;
+  for (const int64_t ns : answer.step.stage_ns) total_ns += ns;
+  out.set_queue_us(us(answer.queue_ns));
+  out.set_scene_us(us(answer.scene_ns));
+  out.set_bound_us(us(stage_ns(Stage::kBound)));
+  out.set_sample_us(us(stage_ns(Stage::kSample)));
+  out.set_aggregate_us(us(stage_ns(Stage::kAggregate)));
+  out.set_move_us(us(stage_ns(Stage::kMove)));
+  out.set_total_us(us(total_ns));
+}
+
+void set_camera(const SessionAnswer& answer, const Convention& c, v1::CameraReply& out) {
+  const CameraState& camera = answer.step.camera;
+  set(camera_to_client(c, camera.pose), *out.mutable_pose());
+  set(vector_to_client(c, camera.velocity_mps), *out.mutable_velocity());
+  set(angular_velocity_to_client(c, camera.angular_velocity_radps), *out.mutable_angular_velocity());
+  out.set_field_of_view(fov_to_client(c, answer.lens.vertical_fov_rad, answer.lens.aspect));
+  if (!answer.relative_target_id) return;
+  out.mutable_relative()->set_target_id(*answer.relative_target_id);
+  set(relative_camera_to_client(c, answer.target_from_camera), *out.mutable_relative()->mutable_pose());
+}
+
+void set_candidates(const CandidateSet& candidates, int chosen, const Convention& c, v1::Candidates& out) {
+  for (const glm::dvec3& position_m : candidates.position_m) {
+    const glm::dvec3 p = position_to_client(c, position_m);
+    for (int axis = 0; axis < 3; ++axis) out.add_position(static_cast<float>(p[axis]));
+  }
+  out.mutable_visible_mask()->Add(candidates.visible_targets.begin(), candidates.visible_targets.end());
+  out.set_chosen(chosen);
+}
+
+// left and right stay the picture's left and right, whatever the client's handedness.
+void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& session, v1::DepthMapDump& out) {
+  const MapView& view = map.view;
+  out.set_target_id(target_id);
+  set(view_to_client(session.convention(), view.eye_m, view.world_from_view), *out.mutable_view());
+  out.set_left(view.left), out.set_right(view.right);
+  out.set_bottom(view.bottom), out.set_top(view.top);
+  out.set_width(static_cast<uint32_t>(view.width));
+  out.set_height(static_cast<uint32_t>(view.height));
+  out.mutable_distance_m()->Add(map.distance_m.begin(), map.distance_m.end());
+  const auto instances = session.mirror().instances();
+  for (const uint32_t slot : map.occluder) out.add_occluder(slot == kNoOccluder ? 0 : instances[slot].id);
+}
+
+void add_depth_maps(const Session& session, v1::CameraReply& out) {
+  const StepMemory& memory = session.memory();
+  const Sampled& now = memory.now;
+  for (size_t target = 0; target < now.points_of_target.size(); ++target) {
+    const MapRange& points = now.points_of_target[target];
+    for (uint32_t p = points.first; p < points.first + points.count; ++p) {
+      const MapRange& maps = now.maps_of_point[p];
+      for (uint32_t i = maps.first; i < maps.first + maps.count && i < memory.maps.size(); ++i)
+        set_depth_map(memory.maps[i], session.targets()[target].instance_id, session, *out.add_depth_maps());
+    }
+  }
+}
+
+v1::Rejection::Code to_proto(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kInvalidArgument:
+    case ErrorCode::kUnsupported:
+    case ErrorCode::kDataLoss:
+      return v1::Rejection::INVALID_ARGUMENT;
+    case ErrorCode::kNotFound:
+      return v1::Rejection::NOT_FOUND;
+    case ErrorCode::kAlreadyExists:
+      return v1::Rejection::ALREADY_EXISTS;
+    case ErrorCode::kFailedPrecondition:
+      return v1::Rejection::FAILED_PRECONDITION;
+    case ErrorCode::kResourceExhausted:
+      return v1::Rejection::RESOURCE_EXHAUSTED;
+    case ErrorCode::kUnavailable:
+      return v1::Rejection::UNAVAILABLE;
+    case ErrorCode::kInternal:
+      return v1::Rejection::INTERNAL;
+  }
+  return v1::Rejection::INTERNAL;
+}
+
+// A missing file or mesh is not a disagreement about instances.
+bool mirrors_disagree(const Error& error) {
+  if (error.code == ErrorCode::kNotFound) return error.field.find(".mesh.") == std::string::npos;
+  return error.code == ErrorCode::kAlreadyExists || error.field == "tick.delta.base_revision";
+}
+
+}  // namespace
+
+void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
+                           const DiagnosticsWanted& wanted, v1::CameraReply& out) {
+  const StepResult& step = answer.step;
+  const Convention& c = session.convention();
+  out.Clear();
+  out.set_sequence(answer.sequence);
+  out.set_time_s(answer.time_s);
+  out.set_pose_time_s(answer.pose_time_s);
+  set_camera(answer, c, out);
+  for (const TargetSight& sight : step.targets) add_target(sight, c.metres_per_unit, out);
+  set(session.memory().counts, *out.mutable_counts());
+  out.set_status(to_proto(step.status));
+  out.set_reason(to_proto(step.reason));
+  const std::string_view text = explain(step.reason);
+  out.set_reason_text(text.data(), text.size());
+  out.set_cut(answer.cut);
+  out.set_volume(step.volume == Volume::kPair ? v1::PAIR_VOLUME : v1::LATTICE_VOLUME);
+  out.set_pair_fallback(pair_fallback(step));
+  set(step.flags, *out.mutable_flags());
+  if (answer.economised) {
+    out.mutable_flags()->set_degraded(true);
+    set(answer.economy_level, *answer.economised, *out.mutable_economy());
+  }
+  out.set_merged_ticks(answer.merged_ticks);
+  out.set_revision(answer.revision);
+  out.set_hash(answer.hash);
+  set_times(answer, *out.mutable_stage_times());
+  if (wanted.candidates)
+    set_candidates(session.memory().candidates, step.chosen_candidate, c, *out.mutable_candidates());
+  if (wanted.depth_maps) add_depth_maps(session, out);
+}
+
+void rejection_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror,
+                        v1::Rejection& out) {
+  out.Clear();
+  out.set_sequence(sequence);
+  out.set_code(to_proto(error.code));
+  out.set_message(describe(error));
+  if (!error.field.empty()) {
+    v1::BadRequest::FieldViolation& violation = *out.add_field_violations();
+    violation.set_field(error.field);
+    violation.set_description(error.message);
+  }
+  if (!mirror || !mirrors_disagree(error)) return;
+  out.mutable_resync()->set_revision(mirror->revision());
+  out.mutable_resync()->set_hash(mirror->hash());
+}
+
+void opened_to_proto(const Session& session, v1::SessionOpened& out) {
+  out.set_revision(session.mirror().revision());
+  out.set_hash(session.mirror().hash());
+  out.set_instances(session.mirror().size());
+  out.set_triangles(session.triangle_count());
+}
+
+}  // namespace sightline

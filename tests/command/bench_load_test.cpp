@@ -1,0 +1,298 @@
+// `sightline bench` against daemons that work, that stall, that refuse and that are not there.
+#include <gmock/gmock.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "client/bench/command.h"
+#include "client/bench/echo.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
+#include "tests/support/daemon_process.h"
+#include "tests/support/temporary_folder.h"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+
+BenchOptions quick_options() {
+  BenchOptions options;
+  options.scene = "hall";
+  options.program = SIGHTLINE_PATH;
+  options.daemon = SIGHTLINED_PATH;
+  options.daemon_flags = "--sampler embree";
+  options.warm_up_s = 0.0;
+  options.window_s = 0.5;
+  options.max_duration_s = 1.5;
+  return options;
+}
+
+// --- a server that answers every tick at once, but for one before which it sleeps
+
+class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply> {
+ public:
+  StallingStream(uint64_t stalls_at, std::chrono::milliseconds stall) : stalls_at_(stalls_at), stall_(stall) {
+    StartRead(&request_);
+  }
+
+ private:
+  void OnReadDone(bool ok) override {
+    if (!ok) return Finish(grpc::Status::OK);
+    reply_.Clear();
+    if (request_.has_open()) {
+      reply_.mutable_opened()->set_sampler("none");
+    } else {
+      if (request_.tick().sequence() == stalls_at_) std::this_thread::sleep_for(stall_);
+      reply_.mutable_camera()->set_sequence(request_.tick().sequence());
+    }
+    StartWrite(&reply_);
+  }
+  void OnWriteDone(bool ok) override { ok ? StartRead(&request_) : Finish(grpc::Status::OK); }
+  void OnDone() override { delete this; }
+
+  const uint64_t stalls_at_;
+  const std::chrono::milliseconds stall_;
+  v1::ControlRequest request_;
+  v1::ControlReply reply_;
+};
+
+class StallingService final
+    : public v1::CameraControl::WithCallbackMethod_Control<v1::CameraControl::Service> {
+ public:
+  StallingService(uint64_t stalls_at, std::chrono::milliseconds stall)
+      : stalls_at_(stalls_at), stall_(stall) {}
+  grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>* Control(
+      grpc::CallbackServerContext*) override {
+    return new StallingStream(stalls_at_, stall_);
+  }
+  grpc::Status UploadScene(grpc::ServerContext*, grpc::ServerReader<v1::UploadSceneRequest>* reader,
+                           v1::UploadSceneReply* reply) override {
+    v1::UploadSceneRequest chunk;
+    while (reader->Read(&chunk)) {
+    }
+    reply->set_hash("scene");
+    return grpc::Status::OK;
+  }
+
+ private:
+  const uint64_t stalls_at_;
+  const std::chrono::milliseconds stall_;
+};
+
+// The load at 50 Hz for three windows of one second, against a server that sleeps once for half a second.
+Result<BenchResult> stalled_load() {
+  constexpr uint64_t kFirstTicks = 30;  // before the load begins
+  StallingService service(kFirstTicks + 60, 500ms);
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&service);
+  const auto server = builder.BuildAndStart();
+  BenchOptions options = quick_options();
+  options.address = "127.0.0.1:" + std::to_string(port);
+  options.rate_hz = 50.0;
+  options.window_s = 1.0;
+  options.max_duration_s = 3.0;
+  options.stable.windows = 100;
+  std::ostringstream err;
+  auto result = run_bench(options, err);
+  server->Shutdown(std::chrono::system_clock::now() + 1s);
+  return result;
+}
+
+// A generator that waited for answers would send nothing during the stall and count one slow tick.
+TEST(BenchLoad, AServerThatStallsIsSeenByEveryTickThatWasDueMeanwhile) {
+  const auto result = stalled_load();
+  ASSERT_TRUE(result) << to_string(result.error());
+  EXPECT_EQ(result->windows, 3u);
+  EXPECT_FALSE(result->stable);
+  EXPECT_EQ(result->totals.sent, result->totals.answered);
+  EXPECT_GE(result->late, 22u) << "24 ticks were due in the half second, and waited longer than one interval";
+  const MetricFigures& round_trip = result->of(BenchMetric::kRoundTrip);
+  EXPECT_GE(round_trip.max.most, 500e3);
+  EXPECT_GE(round_trip.p90.most, 400e3) << "of the 50 ticks of that second five waited 420 ms and more";
+  EXPECT_EQ(round_trip.count, 150u) << "none was left out";
+}
+
+// --- the echo
+
+TEST(BenchEcho, AnswersWithTheSequenceAndAsManyBytesAsAsked) {
+  const auto echo = EchoServer::start("127.0.0.1:0");
+  ASSERT_TRUE(echo) << to_string(echo.error());
+  grpc::GenericStub stub(grpc::CreateChannel((*echo)->address(), grpc::InsecureChannelCredentials()));
+  for (const uint32_t asked : {0u, 8u, 500u, 100'000u}) {
+    grpc::ClientContext context;
+    grpc::CompletionQueue queue;
+    const auto call = stub.PrepareCall(&context, kEchoMethod, &queue);
+    const auto wait = [&] {
+      void* tag = nullptr;
+      bool ok = false;
+      return queue.Next(&tag, &ok) && ok;
+    };
+    call->StartCall(nullptr);
+    ASSERT_TRUE(wait());
+    uint8_t bytes[40] = {};
+    write_echo_header({0x0102030405060708, asked}, bytes);
+    const grpc::Slice slice(bytes, sizeof bytes);
+    call->Write(grpc::ByteBuffer(&slice, 1), nullptr);
+    ASSERT_TRUE(wait());
+    grpc::ByteBuffer reply;
+    call->Read(&reply, nullptr);
+    ASSERT_TRUE(wait());
+    EXPECT_EQ(reply.Length(), std::max(asked, 8u));
+    uint8_t sequence[8];
+    ASSERT_TRUE(first_bytes(reply, sizeof sequence, sequence));
+    EXPECT_EQ(sequence_of(sequence), 0x0102030405060708u);
+    context.TryCancel();
+    grpc::Status status;
+    call->Finish(&status, nullptr);
+    wait();
+  }
+}
+
+// --- the command, with a daemon of its own
+
+class BenchCommandTest : public testing::Test {
+ protected:
+  BenchCommandTest() : options_(quick_options()) { options_.json = folder_ / "bench.json"; }
+  int run() { return run_bench_command(options_, out_, err_); }
+  Json json() const { return Json::parse(std::ifstream(options_.json)); }
+  void expect_error(const std::string& part) {
+    EXPECT_EQ(run(), 1) << out_.str();
+    EXPECT_THAT(err_.str(), HasSubstr("sightline bench: "));
+    EXPECT_THAT(err_.str(), HasSubstr(part));
+    err_.str("");
+  }
+
+  test::TemporaryFolder folder_;
+  BenchOptions options_;
+  std::ostringstream out_, err_;
+};
+
+void expect_ticks_add_up(const Json& ticks) {
+  const auto count = [&](const char* name) { return ticks.at(name).get<uint64_t>(); };
+  EXPECT_GT(count("answered"), 0u);
+  EXPECT_EQ(count("rejected"), 0u);
+  EXPECT_EQ(count("lost"), 0u);
+  EXPECT_EQ(count("sent"), count("answered") + count("merged") + count("lost"));
+}
+
+TEST_F(BenchCommandTest, EveryTickIsAccountedForAndEveryStageHasItsFigures) {
+  options_.sessions = 3;
+  options_.moving = 4;
+  options_.instances = 6;
+  options_.sessions_per_channel = 2;
+  ASSERT_EQ(run(), 0) << err_.str();
+  const Json result = json();
+  expect_ticks_add_up(result.at("ticks"));
+  EXPECT_EQ(result.at("load").at("sessions"), 3);
+  EXPECT_EQ(result.at("load").at("channels"), 2);
+  EXPECT_EQ(result.at("load").at("sampler"), "embree");
+  // Three sessions for some windows of half a second, and what the first had sent before.
+  const double ticks = 3 * 60 * 0.5 * result.at("windows").at("seen").get<double>();
+  EXPECT_GE(result.at("ticks").at("sent").get<double>(), ticks);
+  EXPECT_EQ(result.at("latency_us").at("round_trip").at("count").get<double>(),
+            3 * 60 * 0.5 * result.at("windows").at("reported").get<double>());
+  for (const char* stage :
+       {"round_trip", "transport", "queue", "scene", "bound", "sample", "aggregate", "move", "step"})
+    EXPECT_GT(result.at("latency_us").at(stage).at("max").at("max").get<double>(), 0.0) << stage;
+  EXPECT_GT(result.at("service").at("least_served_hz").get<double>(), 0.0);
+  EXPECT_GT(result.at("cpu_us_per_tick").at("daemon").at("median").get<double>(), 0.0);
+  EXPECT_GT(result.at("cpu_us_per_tick").at("generator").at("median").get<double>(), 0.0);
+  EXPECT_GT(result.at("daemon_memory").at("start_bytes").get<double>(), 1e6);
+  EXPECT_TRUE(result.at("echo").is_null());
+  for (const char* part : {"3 sessions at 60 Hz", "round_trip", "p99.9", "merged", "daemon memory"})
+    EXPECT_THAT(out_.str(), HasSubstr(part));
+}
+
+TEST_F(BenchCommandTest, TheEchoIsLoadedInTurnsWithMessagesOfTheSameSize) {
+  options_.sessions = 2;
+  options_.echo = true;
+  options_.max_duration_s = 2.0;
+  ASSERT_EQ(run(), 0) << err_.str();
+  const Json result = json(), echo = result.at("echo");
+  expect_ticks_add_up(result.at("ticks"));
+  EXPECT_EQ(echo.at("round_trip_us").at("count").get<double>(),
+            2 * 60 * 0.5 * result.at("windows").at("reported").get<double>());
+  EXPECT_GT(echo.at("server_cpu_us_per_tick").at("median").get<double>(), 0.0);
+  EXPECT_GT(echo.at("floor_us").at("median").get<double>(), 0.0);
+  EXPECT_GT(echo.at("share").at("median").get<double>(), 0.0);
+  EXPECT_THAT(out_.str(), HasSubstr("against echo"));
+}
+
+TEST_F(BenchCommandTest, AnOverloadedServerMergesAndNothingIsLost) {
+  options_.sessions = 4;
+  options_.rate_hz = 1000.0;
+  options_.tcp = true;
+  options_.daemon_flags.append(" --threads 1");
+  options_.settings = R"({"sample": {"points": 16, "resolution": 24}, "aggregate": {"candidates": 4096}})";
+  ASSERT_EQ(run(), 0) << err_.str();
+  const Json result = json();
+  expect_ticks_add_up(result.at("ticks"));
+  EXPECT_GT(result.at("ticks").at("merged").get<uint64_t>(), 0u);
+  EXPECT_LT(result.at("service").at("achieved_hz").get<double>(), 1000.0);
+  EXPECT_THAT(result.at("load").at("address").get<std::string>(), testing::StartsWith("127.0.0.1:"));
+}
+
+TEST_F(BenchCommandTest, ADaemonThatRunsAlreadyIsLoadedAndLeftRunning) {
+  test::DaemonProcess daemon;
+  options_.address = daemon.address();
+  ASSERT_EQ(run(), 0) << err_.str();
+  EXPECT_TRUE(json().at("daemon_memory").is_null()) << "nobody said which process it is";
+  ASSERT_EQ(run(), 0) << err_.str();
+  EXPECT_EQ(daemon.stop(), 0);
+}
+
+TEST_F(BenchCommandTest, ADaemonThatDiesUnderTheLoadIsAnErrorAndNotAFigure) {
+  test::DaemonProcess daemon;
+  options_.address = daemon.address();
+  options_.max_duration_s = 600.0;
+  options_.stable.windows = 1000;
+  std::thread killer([&] {
+    std::this_thread::sleep_for(2s);
+    daemon.kill_now();
+  });
+  expect_error("unavailable");
+  killer.join();
+}
+
+TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
+  options_.scene = "atlantis";
+  expect_error("not found: scene: \"atlantis\"");
+  options_ = quick_options();
+  options_.daemon = "/nowhere/sightlined";
+  expect_error("not found: /nowhere/sightlined");
+  options_ = quick_options();
+  options_.daemon_flags = "--warp 9";
+  expect_error("--warp");
+  options_ = quick_options();
+  options_.address = "unix:/nowhere.sock";
+  expect_error("/nowhere.sock");
+  options_ = quick_options();
+  options_.settings = "{\"sample\": {\"resolution\": 1}}";
+  expect_error("settings.sample.resolution");
+  options_.settings = "no JSON";
+  expect_error("invalid argument: settings");
+  options_ = quick_options();
+  options_.preset = "magic";
+  expect_error("magic");
+  options_ = quick_options();
+  options_.json = "/nowhere/bench.json";
+  expect_error("/nowhere/bench.json");
+}
+
+TEST_F(BenchCommandTest, SessionsThatAreRefusedForWantOfRoomAreNamed) {
+  options_.sessions = 3;
+  options_.daemon_flags.append(" --max-sessions 2");
+  expect_error("resource exhausted: sessions: session 3 of 3 was refused");
+}
+
+}  // namespace
+}  // namespace sightline

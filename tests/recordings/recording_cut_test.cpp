@@ -1,0 +1,122 @@
+// Cuts of recordings: from the start, from within, of a cut, and of nothing.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "tests/recordings/recording_verbs.h"
+
+namespace sightline {
+namespace {
+
+using test::kRecordedStartNs;
+using test::PlainMessage;
+using test::Said;
+using test::Told;
+using test::Verbs;
+using ::testing::HasSubstr;
+
+TEST_F(Verbs, ACutFromTheStartIsTheBeginningMessageForMessage) {
+  const std::string file = put("hall.mcap", hall());
+  const Said done = cut(file, path("part.mcap"), 0, 0.8);
+  EXPECT_EQ(done.status, 0) << done.err;
+  const auto all = messages_of(hall()), part = messages_of(bytes_of(path("part.mcap")));
+  EXPECT_TRUE(std::equal(part.begin(), part.end(), all.begin()));
+  ASSERT_LT(part.size(), all.size());
+  EXPECT_LT(part.back().log_time_ns, kRecordedStartNs + 800'000'000);
+  EXPECT_GE(all[part.size()].log_time_ns, kRecordedStartNs + 800'000'000);
+  EXPECT_EQ(verify(path("part.mcap")).status, 0) << verify(path("part.mcap")).out;
+  EXPECT_THAT(info({path("part.mcap")}).out, HasSubstr("0.000 s to 0.800 s of hall.mcap"));
+  EXPECT_EQ(recording_of(hall()).files()->front().bytes,
+            recording_of(bytes_of(path("part.mcap"))).files()->front().bytes);
+
+  EXPECT_EQ(cut(file, path("all.mcap"), 0).status, 0);
+  EXPECT_EQ(messages_of(bytes_of(path("all.mcap"))), all);
+}
+
+TEST_F(Verbs, ACutFromWithinStandsAlone) {
+  const std::string file = put("hall.mcap", hall());
+  const Said done = cut(file, path("part.mcap"), 0.7, 1.2);
+  EXPECT_EQ(done.status, 0) << done.err;
+  EXPECT_EQ(verify(path("part.mcap")).status, 0) << verify(path("part.mcap")).out;
+  const std::string bytes = bytes_of(path("part.mcap"));
+  const Recording part = recording_of(bytes), whole = recording_of(hall());
+  EXPECT_EQ(part.info().part(), 1u);
+  ASSERT_GT(part.info().folded_ticks(), 30u);
+  EXPECT_EQ(part.open_session().SerializeAsString(), whole.open_session().SerializeAsString());
+  EXPECT_EQ(part.opened().SerializeAsString(), whole.opened().SerializeAsString());
+
+  // What is in the range is as it was, of every topic.
+  std::vector<PlainMessage> expected = messages_of(hall()), got = messages_of(bytes);
+  const auto outside = [](const PlainMessage& m) {
+    return m.log_time_ns < kRecordedStartNs + 700'000'000 ||
+           m.log_time_ns >= kRecordedStartNs + 1'200'000'000;
+  };
+  std::erase_if(expected, outside);
+  std::erase_if(got, outside);
+  EXPECT_EQ(got, expected);
+
+  // A session steps through it as through the whole.
+  const auto sampler = make_embree_sampler_device();
+  LocalWorld world("", *sampler);
+  const auto files = part.files().value();
+  const auto scene = *world.scenes.add_uploaded(std::as_bytes(std::span(files.at(0).bytes)));
+  const auto session = LocalSession::open(part.open_session(), world).value();
+  StepAssembler steps;
+  size_t replies = 0;
+  part.read({}, [&](RecordedEvent& event) {
+    if (!steps.add(event)) return true;
+    const RecordedStep step = steps.take();
+    v1::Rejection rejection;
+    for (const v1::Tick& tick : step.ticks)
+      EXPECT_TRUE(session->apply(tick, rejection)) << rejection.message();
+    v1::CameraReply reply;
+    EXPECT_TRUE(session->step(0, reply).has_value());
+    EXPECT_EQ(reply.sequence(), step.reply.sequence());
+    const auto &a = reply.pose().position(), &b = step.reply.pose().position();
+    // It had a memory once: alike, not equal.
+    const double apart_m = std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
+    EXPECT_LT(apart_m, replies == 0 ? 0.1 : 5.0);
+    EXPECT_EQ(reply.hash(), step.reply.hash()) << "the same scene";
+    ++replies;
+    return true;
+  });
+  EXPECT_EQ(replies, std::count_if(expected.begin(), expected.end(),
+                                   [](const PlainMessage& m) { return m.topic == "/sightline/reply"; }));
+}
+
+TEST_F(Verbs, ACutOfACutIsTheCut) {
+  const std::string file = put("hall.mcap", hall());
+  EXPECT_EQ(cut(file, path("a.mcap"), 0.4).status, 0);
+  const std::string a_bytes = bytes_of(path("a.mcap"));
+  const Recording a = recording_of(a_bytes);
+  const double later_s = 1.0 - static_cast<double>(a.start_ns() - kRecordedStartNs) * 1e-9;
+  EXPECT_EQ(cut(path("a.mcap"), path("b.mcap"), later_s).status, 0);
+  EXPECT_EQ(cut(file, path("c.mcap"), 1.0).status, 0);
+  const std::string b = bytes_of(path("b.mcap")), c = bytes_of(path("c.mcap"));
+  EXPECT_EQ(messages_of(b), messages_of(c));
+}
+
+// Numbers do not begin with the cut, though no tick stands for others.
+TEST_F(Verbs, ACutFromWithinBeforeTheFirstReplyIsSound) {
+  Told told;
+  for (uint64_t i = 1; i <= 20; ++i) told.tick(i), told.refuse(i);
+  told.tick(21), told.reply(21);
+  const std::string file = put("refused.mcap", told.finish());
+  EXPECT_EQ(verify(file).status, 0) << verify(file).out;
+  EXPECT_EQ(cut(file, path("part.mcap"), 0.1).status, 0);
+  EXPECT_EQ(recording_of(bytes_of(path("part.mcap"))).info().folded_ticks(), 0u);
+  EXPECT_EQ(verify(path("part.mcap")).status, 0) << verify(path("part.mcap")).out;
+}
+
+TEST_F(Verbs, ARangeWithNothingInItIsNoCut) {
+  const std::string file = put("hall.mcap", hall());
+  EXPECT_EQ(cut(file, path("part.mcap"), 50).status, 1);
+  EXPECT_EQ(cut(file, path("part.mcap"), 0.5, 0.5).status, 2);
+  EXPECT_EQ(cut(file, path("part.mcap"), 0.5, 0.2).status, 2);
+  EXPECT_FALSE(std::filesystem::exists(path("part.mcap")));
+  EXPECT_EQ(cut(file, file, 0.5).status, 1);
+  EXPECT_EQ(bytes_of(file), hall()) << "nothing is overwritten";
+}
+
+}  // namespace
+}  // namespace sightline

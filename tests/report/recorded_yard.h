@@ -1,0 +1,40 @@
+// A recording in which much happens: a yard in the client's own shapes, made in this process without a daemon. Targets
+// change, instances come, go, hide and move, ticks are refused and merged, settings change; it can be told in any
+// convention.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/replay/local_session.h"
+#include "client/recordings/writer.h"
+#include "tests/recordings/string_sink.h"
+
+namespace sightline::test {
+
+struct RecordedYardOptions {
+  v1::Convention::Preset convention = v1::Convention::GLTF;
+  int ticks = 150;            // at 60 Hz
+  bool eventful = true;       // false: things only move
+  bool candidates = false;    // asked for in every reply
+  bool finished = true;       // false: the file ends as after a kill
+  uint64_t folded_ticks = 0;  // only said, in the file's info
+  int points = 8;             // surface points of a target
+};
+
+// What of the eventful yard happens at which tick.
+inline constexpr int kYardRefused = 20, kYardCrateComes = 30, kYardFault = 40, kYardTargetsChange = 60,
+                     kYardGap = 70, kYardPillarHides = 80, kYardCrateGoes = 90, kYardSettings = 95,
+                     kYardPillarShows = 110;
+inline constexpr uint64_t kYardFirst = 10, kYardSecond = 11, kYardThird = 12, kYardPillar = 3,
+                          kYardCrate = 20;
+
+struct RecordedYard {
+  std::string bytes;  // of the file
+  std::vector<v1::CameraReply> replies;
+};
+
+// Fails the test when anything fails.
+RecordedYard record_yard(SamplerDevice& sampler, const RecordedYardOptions& options = {});
+
+}  // namespace sightline::test

@@ -1,0 +1,252 @@
+// Earliest deadline first while everything fits; equal shares when it does not.
+#include "server/schedule/deadline_queue.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+using Flow = DeadlineQueue::Flow;
+constexpr int64_t kMs = 1'000'000;
+constexpr int64_t kLateNever = 0;  // "now" before every deadline
+
+CounterRandom random_of(uint64_t seed) {
+  return CounterRandom(seed, 0, RandomPurpose::kTest);
+}
+
+TEST(DeadlineQueue, TheEarliestDeadlineGoesFirst) {
+  constexpr size_t kFlows = 200;
+  CounterRandom random = random_of(1);
+  DeadlineQueue queue;
+  std::vector<Flow> flows(kFlows);
+  std::vector<const Flow*> expected;
+  std::vector<int64_t> deadlines;
+  for (Flow& flow : flows) {
+    deadlines.push_back(1 + random.next_below(50) * kMs);  // many equal ones
+    queue.push(flow, deadlines.back());
+    queue.charge(flow, random.next_below(100) * kMs, kLateNever);  // says nothing while nobody is late
+    expected.push_back(&flow);
+  }
+  std::stable_sort(expected.begin(), expected.end(), [&](const Flow* a, const Flow* b) {
+    return deadlines[static_cast<size_t>(a - flows.data())] <
+           deadlines[static_cast<size_t>(b - flows.data())];
+  });
+  for (const Flow* flow : expected) EXPECT_EQ(queue.pop(kLateNever), flow);
+  EXPECT_EQ(queue.pop(kLateNever), nullptr);
+}
+
+TEST(DeadlineQueue, OnceSomebodyIsLateTheLeastServedGoesFirst) {
+  DeadlineQueue queue;
+  Flow much, little, none;
+  for (auto [flow, cost] : {std::pair(&much, 9 * kMs), std::pair(&little, 2 * kMs)}) {
+    queue.push(*flow, 1);
+    queue.pop(0);
+    queue.charge(*flow, cost, 0);
+  }
+  queue.push(much, 10 * kMs), queue.push(none, 30 * kMs), queue.push(little, 20 * kMs);
+  EXPECT_FALSE(queue.overloaded(11 * kMs));
+  EXPECT_EQ(queue.pop(11 * kMs), &none);
+  EXPECT_TRUE(queue.overloaded(11 * kMs));
+  EXPECT_EQ(queue.pop(11 * kMs), &little);
+  EXPECT_EQ(queue.pop(11 * kMs), &much);
+}
+
+TEST(DeadlineQueue, AfterAWhileTheDeadlinesAreTriedAgain) {
+  DeadlineQueue queue;
+  Flow served, fresh;
+  queue.push(served, 10 * kMs);
+  ASSERT_EQ(queue.pop(0), &served);
+  queue.charge(served, 20 * kMs, 20 * kMs);  // done too late
+  const int64_t until_ns = 20 * kMs + DeadlineQueue::kFairForNs;
+  for (const int64_t now_ns : {until_ns - 1, until_ns}) {
+    queue.push(served, now_ns + kMs), queue.push(fresh, now_ns + 2 * kMs);
+    EXPECT_EQ(queue.overloaded(now_ns), now_ns < until_ns);
+    EXPECT_EQ(queue.pop(now_ns), now_ns < until_ns ? &fresh : &served);
+    queue.pop(now_ns);
+  }
+}
+
+TEST(DeadlineQueue, ACostThatIsKnownLateStillCounts) {
+  DeadlineQueue queue;
+  Flow a, b;
+  queue.push(a, 1);
+  ASSERT_EQ(queue.pop(0), &a);
+  queue.push(a, 1);  // waits again before its cost is known
+  queue.push(b, 2);
+  queue.charge(a, 5 * kMs, 10);  // late
+  EXPECT_EQ(queue.pop(10), &b);
+  EXPECT_EQ(queue.pop(10), &a);
+}
+
+// --- a machine that steps
+
+enum class Policy { kQueue, kFirstCome };
+
+struct Player {
+  int64_t interval_ns, cost_ns, phase_ns;
+  // What came of it:
+  uint64_t steps = 0, late = 0;
+  int64_t used_ns = 0, longest_wait_ns = 0;
+
+  Flow flow{};
+  std::optional<int64_t> newest_ns{};  // arrival of a tick that waits; newest wins
+  int64_t due_ns = 0;                  // of what was asked for first
+  bool running = false;
+};
+
+// Ticks arrive at every interval, each player steps on at most one of the threads at a time.
+class Machine {
+ public:
+  Machine(std::vector<Player>& players, unsigned threads, Policy policy = Policy::kQueue)
+      : players_(players), free_at_ns_(threads, 0), running_(threads, nullptr), policy_(policy) {}
+
+  void run(int64_t until_ns) {
+    constexpr int64_t kGrainNs = 10'000;
+    for (; now_ns_ < until_ns; now_ns_ += kGrainNs) {
+      for (Player& player : players_) arrive(player, kGrainNs);
+      for (size_t thread = 0; thread < running_.size(); ++thread) {
+        if (now_ns_ < free_at_ns_[thread]) continue;
+        if (running_[thread]) finish(*std::exchange(running_[thread], nullptr));
+        start(thread);
+      }
+    }
+  }
+
+ private:
+  void arrive(Player& player, int64_t grain_ns) {
+    const int64_t since_ns = now_ns_ - player.phase_ns;
+    if (since_ns < 0 || since_ns % player.interval_ns >= grain_ns) return;
+    player.newest_ns = now_ns_;
+    if (!player.running && !waits(player)) post(player);
+  }
+  bool waits(const Player& player) const {
+    return player.flow.waits() ||
+           std::find(first_come_.begin(), first_come_.end(), &player) != first_come_.end();
+  }
+  void post(Player& player) {
+    player.due_ns = *player.newest_ns + player.interval_ns;
+    if (policy_ == Policy::kFirstCome) return first_come_.push_back(&player);
+    queue_.push(player.flow, player.due_ns);
+  }
+  Player* next() {
+    if (policy_ == Policy::kQueue) {
+      const Flow* flow = queue_.pop(now_ns_);
+      for (Player& player : players_)
+        if (&player.flow == flow) return &player;
+      return nullptr;
+    }
+    if (first_come_.empty()) return nullptr;
+    Player* player = first_come_.front();
+    first_come_.pop_front();
+    return player;
+  }
+  void start(size_t thread) {
+    Player* player = next();
+    if (!player) return;
+    running_[thread] = player;
+    player->running = true;
+    player->longest_wait_ns = std::max(player->longest_wait_ns, now_ns_ - *player->newest_ns);
+    player->late += now_ns_ + player->cost_ns > player->due_ns;
+    player->newest_ns.reset();
+    free_at_ns_[thread] = now_ns_ + player->cost_ns;
+  }
+  void finish(Player& player) {
+    player.running = false;
+    ++player.steps;
+    player.used_ns += player.cost_ns;
+    queue_.charge(player.flow, player.cost_ns, now_ns_);
+    if (player.newest_ns) post(player);
+  }
+
+  std::vector<Player>& players_;
+  std::vector<int64_t> free_at_ns_;
+  std::vector<Player*> running_;
+  const Policy policy_;
+  DeadlineQueue queue_;
+  std::deque<Player*> first_come_;
+  int64_t now_ns_ = 0;
+};
+
+// Nine tenths of a thread's time: 24 games at 30 Hz that all tick at once, and one at 500 Hz.
+std::vector<Player> what_just_fits() {
+  std::vector<Player> players;
+  for (int i = 0; i < 24; ++i) players.push_back({33 * kMs, kMs, 0});
+  players.push_back({2 * kMs, kMs / 5, 0});
+  return players;
+}
+
+TEST(DeadlineQueue, NobodyIsLateWhileEverythingFits) {
+  std::vector<Player> players = what_just_fits(), first_come = what_just_fits();
+  Machine(players, 1).run(2000 * kMs);
+  for (const Player& player : players) EXPECT_EQ(player.late, 0u);
+  // The order matters: first come, first served misses deadlines in the same load.
+  Machine(first_come, 1, Policy::kFirstCome).run(2000 * kMs);
+  EXPECT_GT(first_come.back().late, 0u);
+}
+
+class Overload : public testing::TestWithParam<unsigned> {};
+
+TEST_P(Overload, EqualSessionsGetEqualSharesOfThreeTimesTooMuch) {
+  const unsigned threads = GetParam();
+  CounterRandom random = random_of(threads);
+  std::vector<Player> players;
+  for (unsigned i = 0; i < 12 * threads; ++i)
+    players.push_back({16 * kMs, 4 * kMs, random.next_below(16) * kMs});
+  Machine(players, threads).run(4000 * kMs);
+  const double equal_ns = 4000.0 * kMs / 12;
+  for (const Player& player : players) {
+    EXPECT_NEAR(static_cast<double>(player.used_ns), equal_ns, 0.1 * equal_ns);
+    EXPECT_LT(player.longest_wait_ns, 2 * 12 * 4 * kMs);
+  }
+}
+
+// By deadlines alone whoever ticks fastest is always the most urgent.
+TEST_P(Overload, AGreedySessionTakesNothingFromThoseWhoAskForLittle) {
+  const unsigned threads = GetParam();
+  std::vector<Player> players;
+  for (unsigned i = 0; i < threads; ++i) players.push_back({kMs, 5 * kMs, 0});  // five times a thread each
+  for (unsigned i = 0; i < 5 * threads; ++i) players.push_back({16 * kMs, kMs, (3 * i % 16) * kMs});
+  Machine(players, threads).run(4000 * kMs);
+  for (size_t i = 0; i < players.size(); ++i) {
+    EXPECT_GT(players[i].steps, 0u);
+    if (i < threads) continue;
+    EXPECT_GE(players[i].steps, 4000u / 16 * 97 / 100) << i;
+  }
+}
+
+TEST_P(Overload, HugeStepsDelayTheOthersByOneOfThemAndNoMore) {
+  const unsigned threads = GetParam();
+  std::vector<Player> players;
+  for (unsigned i = 0; i < 2 * threads; ++i) players.push_back({16 * kMs, 50 * kMs, 0});
+  for (unsigned i = 0; i < 8; ++i) players.push_back({16 * kMs, kMs / 5, i * kMs});
+  Machine(players, threads).run(4000 * kMs);
+  for (size_t i = 0; i < players.size(); ++i) {
+    if (i < 2 * threads)
+      EXPECT_GT(players[i].steps, 30u) << i;  // of the 40 that fit
+    else
+      EXPECT_GE(players[i].steps, 4000u / 52 - 2) << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Threads, Overload, testing::Values(1u, 2u, 4u));
+
+TEST(DeadlineQueue, NobodySavesUpAClaim) {
+  std::vector<Player> players;
+  for (int i = 0; i < 3; ++i) players.push_back({4 * kMs, 4 * kMs, 0});
+  players.push_back({4 * kMs, 4 * kMs, 2000 * kMs});  // silent for two seconds
+  Machine(players, 1).run(4000 * kMs);
+  // A quarter from then on, and once what it may claim.
+  constexpr double kClaim = DeadlineQueue::kClaimNs;
+  EXPECT_NEAR(static_cast<double>(players[3].used_ns), (2000.0 * kMs - kClaim) / 4 + kClaim, 20.0 * kMs);
+}
+
+}  // namespace
+}  // namespace sightline

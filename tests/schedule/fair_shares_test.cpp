@@ -1,0 +1,116 @@
+#include "server/schedule/fair_shares.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/base/random.h"
+
+namespace sightline {
+namespace {
+
+double used(const std::vector<double>& demands, double share) {
+  double sum = 0;
+  for (const double demand : demands) sum += std::min(demand, share);
+  return sum;
+}
+
+// By halving, from the definition.
+double plain_share(const std::vector<double>& demands, double capacity) {
+  double low = 0, high = 1e6;
+  if (used(demands, high) <= capacity) return std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 200; ++i) {
+    const double middle = (low + high) / 2;
+    (used(demands, middle) <= capacity ? low : high) = middle;
+  }
+  return low;
+}
+
+TEST(FairShare, IsTheLevelAtWhichTheDemandsFillTheCapacity) {
+  CounterRandom random(3, 0, RandomPurpose::kTest);
+  int overloads = 0;
+  for (int round = 0; round < 500; ++round) {
+    std::vector<double> demands(random.next_below(40));
+    for (double& demand : demands) demand = random.next_below(3) == 0 ? 0.0 : random.next_in(0.0, 0.4);
+    const double capacity = random.next_in(0.1, 6.0);
+    const double plain = plain_share(demands, capacity);
+    overloads += std::isfinite(plain);
+    const double share = fair_share(demands, capacity);
+    if (std::isfinite(plain))
+      EXPECT_NEAR(share, plain, 1e-9);
+    else
+      EXPECT_EQ(share, plain);
+  }
+  EXPECT_GT(overloads, 50);
+  EXPECT_LT(overloads, 450);
+}
+
+constexpr int64_t kRenewed = FairShares::kRenewedEveryNs;
+
+TEST(FairShares, WhoAsksForLittleLeavesTheRestToTheOthers) {
+  FairShares shares(1.0);
+  const auto light = shares.join(), heavy = shares.join(), other = shares.join();
+  shares.tell(light, 0.1, false, 0);
+  shares.tell(heavy, 1.0, false, 1);
+  shares.tell(other, 1.0, false, 2);
+  EXPECT_NEAR(shares.tell(heavy, 1.0, false, kRenewed), 0.45, 1e-12);
+}
+
+TEST(FairShares, WhoLeavesOrFallsSilentIsForgotten) {
+  FairShares shares(1.0);
+  const auto a = shares.join(), b = shares.join();
+  shares.tell(a, 0.8, false, 0), shares.tell(b, 0.8, false, 0);
+  EXPECT_NEAR(shares.tell(a, 0.8, false, kRenewed), 0.5, 1e-12);
+  EXPECT_EQ(shares.tell(a, 0.8, false, FairShares::kForgottenAfterNs), std::numeric_limits<double>::infinity());
+  shares.tell(b, 0.8, false, FairShares::kForgottenAfterNs + 1);
+  EXPECT_NEAR(shares.tell(a, 0.8, false, FairShares::kForgottenAfterNs + kRenewed), 0.5, 1e-12);
+  shares.leave(b);
+  EXPECT_EQ(shares.tell(a, 0.8, false, FairShares::kForgottenAfterNs + 2 * kRenewed),
+            std::numeric_limits<double>::infinity());
+  EXPECT_EQ(shares.join(), b);  // its place is free
+}
+
+// Two who would fit, were they alone on the machine.
+class Contended : public testing::Test {
+ protected:
+  // One renewal's worth of steps, so many of them late; the share at its end.
+  double renew(int late, int steps = 100) {
+    for (int i = 0; i < steps; ++i) share_ = shares_.tell(i % 2 ? a_ : b_, 0.4, i < late, now_ns_);
+    now_ns_ += kRenewed;
+    return share_ = shares_.tell(a_, 0.4, false, now_ns_);
+  }
+
+  FairShares shares_{1.0};
+  const FairShares::Slot a_ = shares_.join(), b_ = shares_.join();
+  int64_t now_ns_ = 0;
+  double share_ = 0;
+};
+
+TEST_F(Contended, ALateStepNowAndThenChangesNothing) {
+  for (int i = 0; i < 1000; ++i) EXPECT_TRUE(std::isinf(renew(i % 3, i % 2 ? 100 : 300)));
+}
+
+TEST_F(Contended, WhileStepsAreLateThereIsLessAndThenMoreAgain) {
+  int renewals = 0;
+  while (std::isinf(renew(2 * FairShares::kLeastLate))) ASSERT_LT(++renewals, 10);
+  EXPECT_LT(share_, 0.4);
+  for (int i = 0; i < 200; ++i) renew(2 * FairShares::kLeastLate);
+  EXPECT_NEAR(share_, 0.5 * FairShares::kLeastThere, 1e-9) << "but never nothing";
+  double before = share_;
+  for (renewals = 0; !std::isinf(renew(0)); ++renewals, before = share_) {
+    ASSERT_LT(renewals, 200);
+    EXPECT_GT(share_, before);
+  }
+  EXPECT_GT(renewals, 100) << "slowly";
+}
+
+TEST_F(Contended, AHiccupIsForgottenWithinSeconds) {
+  renew(100);
+  for (int i = 0; i < 25; ++i) renew(0);
+  for (const FairShares::Slot slot : {a_, b_}) EXPECT_TRUE(std::isinf(shares_.tell(slot, 0.495, false, now_ns_)));
+  now_ns_ += kRenewed;
+  EXPECT_TRUE(std::isinf(shares_.tell(a_, 0.495, false, now_ns_)));
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,202 @@
+// When does a session leave something out, and how much?
+#include "server/schedule/step_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <vector>
+
+#include "server/base/random.h"
+#include "server/schedule/step_stats.h"
+#include "server/schedule/tick_pace.h"
+
+namespace sightline {
+namespace {
+
+constexpr int64_t kMs = 1'000'000;
+constexpr int64_t kSecond = 1'000 * kMs;
+constexpr int64_t kInterval = 16 * kMs;
+
+// A session at 60 Hz whose steps cost what the test says. Open loop: its ticks do not wait for its replies.
+struct SteppedSession {
+  explicit SteppedSession(const BudgetRules& rules = {}) : budget(rules) {}
+
+  std::array<double, kMaxEconomyLevel + 1> relative{1.0, 0.9, 0.7, 0.4, 0.3, 0.2};  // not as expected
+  double full_cost_ms = 1.0;
+  double share = 1.0;
+  bool open_loop = true;
+  StepBudget budget;
+  int64_t now_ns = 0;
+  int changes = 0;
+
+  double cost_ms() const { return full_cost_ms * relative[static_cast<size_t>(budget.level())]; }
+  void step(double times = 1.0) {
+    const auto cost_ns = static_cast<int64_t>(cost_ms() * times * 1e6);
+    now_ns += std::max(kInterval, cost_ns);
+    const int before = budget.level();
+    budget.stepped({.end_ns = now_ns,
+                    .cost_ns = cost_ns,
+                    .interval_ns = kInterval,
+                    .behind = open_loop && static_cast<double>(cost_ns) > share * kInterval,
+                    .share = share});
+    changes += budget.level() != before;
+  }
+  void run(
+      int64_t for_ns, const std::function<double()>& times = [] { return 1.0; }) {
+    for (const int64_t until_ns = now_ns + for_ns; now_ns < until_ns;) step(times());
+  }
+  // From the true costs, which the budget has to find out.
+  int least_level_that_fits() const {
+    const double budget_ms = std::min(share, BudgetRules{}.largest_share) * 16.0;
+    for (int level = 0; level <= kMaxEconomyLevel; ++level)
+      if (full_cost_ms * relative[static_cast<size_t>(level)] <= budget_ms) return level;
+    return kMaxEconomyLevel;
+  }
+};
+
+TEST(StepBudget, NothingIsLeftOutWhileTheSessionKeepsUp) {
+  SteppedSession session;
+  session.full_cost_ms = 10.0;
+  session.run(60 * kSecond);
+  EXPECT_EQ(session.changes, 0);
+}
+
+TEST(StepBudget, SlowStepsNowAndThenChangeNothing) {
+  CounterRandom random(5, 0, RandomPurpose::kTest);
+  SteppedSession session;
+  session.full_cost_ms = 6.0;
+  session.run(60 * kSecond, [&] { return random.next_below(20) == 0 ? 10.0 : 1.0; });
+  EXPECT_EQ(session.changes, 0);
+}
+
+TEST(StepBudget, AShortOverloadChangesNothing) {
+  SteppedSession session;
+  session.run(5 * kSecond);
+  session.full_cost_ms = 40.0;
+  session.run(StepBudget::kRaiseAfterNs * 8 / 10);
+  session.full_cost_ms = 1.0;
+  session.run(5 * kSecond);
+  EXPECT_EQ(session.changes, 0);
+}
+
+TEST(StepBudget, AClientThatWaitsForItsRepliesIsNeverCut) {
+  SteppedSession session;
+  session.open_loop = false;
+  session.full_cost_ms = 60.0;
+  session.run(60 * kSecond);
+  EXPECT_EQ(session.changes, 0);
+}
+
+TEST(StepBudget, ALastingOverloadLeavesOutAsLittleAsFits) {
+  for (const double full_cost_ms : {17.0, 25.0, 38.0, 60.0}) {
+    SteppedSession session;
+    session.full_cost_ms = full_cost_ms;
+    session.run(2 * kSecond);
+    EXPECT_GT(session.budget.level(), 0) << full_cost_ms;
+    session.run(20 * kSecond);
+    // It keeps up, and leaves out no more than fits with room to spare.
+    EXPECT_LE(session.cost_ms(), 16.0) << full_cost_ms;
+    EXPECT_LE(session.budget.level(), session.least_level_that_fits() + 1) << full_cost_ms;
+    EXPECT_NEAR(session.budget.full_cost_ns() * 1e-6, full_cost_ms, 0.15 * full_cost_ms);
+  }
+}
+
+TEST(StepBudget, WhatDoesNotFitAtAnyLevelStaysAtTheLast) {
+  SteppedSession session;
+  session.full_cost_ms = 400.0;
+  session.run(20 * kSecond);
+  EXPECT_EQ(session.budget.level(), kMaxEconomyLevel);
+}
+
+TEST(StepBudget, AShareOfTheThreadIsAllThatItHas) {
+  SteppedSession session;
+  session.full_cost_ms = 10.0;
+  session.share = 0.25;
+  session.run(20 * kSecond);
+  EXPECT_GE(session.budget.level(), session.least_level_that_fits());
+  EXPECT_LE(session.cost_ms(), 4.0);
+  session.share = 1.0;  // the others are gone
+  session.run(20 * kSecond);
+  EXPECT_EQ(session.budget.level(), 0);
+}
+
+TEST(StepBudget, EverythingIsDoneAgainOnceThereIsTime) {
+  SteppedSession session;
+  session.full_cost_ms = 60.0;
+  session.run(10 * kSecond);
+  ASSERT_GT(session.budget.level(), 0);
+  session.full_cost_ms = 5.0;
+  session.run(20 * kSecond);
+  EXPECT_EQ(session.budget.level(), 0);
+}
+
+TEST(StepBudget, AtTheEdgeItDoesNotGoToAndFro) {
+  CounterRandom random(6, 0, RandomPurpose::kTest);
+  for (const double full_cost_ms : {13.0, 13.6, 14.0, 15.0, 16.0, 17.0, 20.0}) {
+    SteppedSession session;
+    session.full_cost_ms = full_cost_ms;
+    session.run(60 * kSecond, [&] { return random.next_in(0.8, 1.2); });
+    EXPECT_LE(session.changes, 12) << full_cost_ms;
+  }
+}
+
+TEST(StepBudget, ABudgetSetByHandHoldsForWhoeverKeepsUpToo) {
+  SteppedSession session({.fixed_ns = 2 * kMs});
+  session.full_cost_ms = 5.0;
+  session.run(20 * kSecond);
+  EXPECT_GT(session.budget.level(), 0);
+  EXPECT_LE(session.cost_ms(), 2.0);
+}
+
+TEST(StepBudget, WhoRefusesIsNeverCut) {
+  SteppedSession session({.degrade = false, .fixed_ns = kMs});
+  session.full_cost_ms = 100.0;
+  session.run(20 * kSecond);
+  EXPECT_EQ(session.changes, 0);
+  EXPECT_NEAR(session.budget.full_cost_ns(), 100.0 * kMs, 1.0 * kMs);
+}
+
+TEST(TickPace, IsTheLongerOfWhatIsToldAndWhatIsSeen) {
+  const auto paced = [](double told_s, int64_t spacing_ns) {
+    TickPace pace;
+    for (int i = 0; i < 200; ++i) pace.observe(i * spacing_ns, told_s);
+    return pace.interval_ns();
+  };
+  EXPECT_EQ(TickPace().interval_ns(), TickPace::kUnknownNs);
+  EXPECT_EQ(TickPace().deadline_ns(), 0);
+  EXPECT_NEAR(static_cast<double>(paced(1.0 / 60, 0)), 1e9 / 60, 1.0);  // as fast as it goes
+  EXPECT_NEAR(static_cast<double>(paced(0.0, 20 * kMs)), 20e6, 1e5);    // paused
+  EXPECT_NEAR(static_cast<double>(paced(0.001, 30 * kMs)), 30e6, 1e5);  // slow motion
+  EXPECT_EQ(paced(0.0, 0), TickPace::kShortestNs);
+  EXPECT_EQ(paced(1e300, 5 * kSecond), TickPace::kLongestNs);
+}
+
+TEST(TickPace, AReplyIsDueOneIntervalAfterItsTick) {
+  TickPace pace;
+  pace.observe(7 * kMs, 0.01);
+  EXPECT_EQ(pace.deadline_ns(), 17 * kMs);
+}
+
+TEST(DurationCounts, QuantilesAreThoseOfASortedList) {
+  CounterRandom random(8, 0, RandomPurpose::kTest);
+  DurationCounts counts;
+  std::vector<double> sorted_us;
+  EXPECT_EQ(counts.quantile_us(0.5), 0.0);
+  for (int i = 0; i < 5000; ++i) {
+    const double us = std::exp2(random.next_in(1.0, 20.0));
+    sorted_us.push_back(us);
+    counts.add(static_cast<int64_t>(us * 1e3));
+  }
+  std::sort(sorted_us.begin(), sorted_us.end());
+  EXPECT_EQ(counts.count(), sorted_us.size());
+  for (const double q : {0.01, 0.5, 0.9, 0.99, 1.0}) {
+    const double exact = sorted_us[static_cast<size_t>(std::ceil(q * 5000)) - 1];
+    EXPECT_GE(counts.quantile_us(q), exact * 0.999) << q;
+    EXPECT_LE(counts.quantile_us(q), exact * 1.092) << q;
+  }
+  counts.add(0), counts.add(-5), counts.add(INT64_MAX);  // no size is out of range
+  EXPECT_EQ(counts.count(), sorted_us.size() + 3);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,181 @@
+// Each level of economy is cheaper than the one before, valid, and an input like any other.
+#include "server/step/economy.h"
+
+#include <gtest/gtest.h>
+
+#include <tuple>
+
+#include "server/base/random.h"
+#include "server/step/presets.h"
+#include "tests/session/game.h"
+
+namespace sightline::test {
+namespace {
+
+// From one end of the ranges to the other, those included.
+StepSettings any_settings(CounterRandom& random) {
+  StepSettings s = preset_settings(random.next_below(2) == 0 ? Preset::kPaper : Preset::kSightline);
+  const auto between = [&](int low, int high) {
+    const uint32_t end = random.next_below(6);
+    return end == 0   ? low
+           : end == 1 ? high
+                      : low + static_cast<int>(random.next_below(static_cast<uint32_t>(high - low + 1)));
+  };
+  s.sample.points = between(0, 16);
+  s.sample.resolution = between(2, 64);
+  s.move.survey.resolution = between(2, 32);
+  s.aggregate.candidates = between(27, 32768);
+  s.move.turn_share = random.next_below(2) * 0.25;
+  s.move.prediction_s = random.next_below(2) * 0.5;
+  return s;
+}
+
+TEST(Economy, EveryLevelOfValidSettingsIsValidAndAsksForNoMoreThanTheOneBefore) {
+  CounterRandom random(1, 0, RandomPurpose::kTest);
+  for (int round = 0; round < 2000; ++round) {
+    const StepSettings told = any_settings(random);
+    ASSERT_TRUE(validate(told));
+    StepSettings before = told;
+    for (int level = 0; level <= kMaxEconomyLevel; ++level) {
+      const StepSettings less = economise(told, level);
+      EXPECT_TRUE(validate(less));
+      EXPECT_LE(less.sample.points, before.sample.points);
+      EXPECT_EQ(less.sample.points == 0, told.sample.points == 0);
+      EXPECT_LE(less.sample.resolution, before.sample.resolution);
+      EXPECT_LE(less.move.survey.resolution, before.move.survey.resolution);
+      EXPECT_LE(less.aggregate.candidates, before.aggregate.candidates);
+      EXPECT_LE(less.move.turn_share, before.move.turn_share);
+      EXPECT_LE(less.move.prediction_s, before.move.prediction_s);
+      EXPECT_EQ(economises(told, level), !describe_economy(told, level).empty());
+      before = less;
+    }
+    EXPECT_FALSE(economises(told, 0));
+  }
+}
+
+TEST(Economy, TheFirstGuessesFallToo) {
+  EXPECT_EQ(expected_cost(0), 1.0);
+  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+    EXPECT_LT(expected_cost(level), expected_cost(level - 1));
+    EXPECT_GT(expected_cost(level), 0.0);
+  }
+}
+
+TEST(Economy, SaysWhatItLeavesOut) {
+  const StepSettings settings = preset_settings(Preset::kSightline);
+  EXPECT_EQ(describe_economy(settings, 0), "");
+  EXPECT_EQ(describe_economy(settings, 1), "turns on -> off");
+  EXPECT_EQ(describe_economy(settings, 2), "turns on -> off, points 8 -> 4, survey resolution 8 -> 4");
+}
+
+// Their targets are sampled at points of their surfaces.
+class EconomyOfSteps : public testing::Test {
+ protected:
+  Game make_game(const StepSettings& settings = preset_settings(Preset::kSightline)) {
+    return Game([&](SessionOptions& options) {
+      options.settings = settings;
+      options.extents = &extents_;
+    });
+  }
+
+ private:
+  ExtentCache extents_;
+};
+
+TickMaker walk(Game& game, int i) {
+  const double x = 0.02 * i;
+  return game.tick().move(kAnn, {-1 + x, 1, 0.5 * x}).move(kBob, {1 + x, 1, 0});
+}
+
+// What a step costs: texels of all maps, and places judged.
+struct Work {
+  size_t texels = 0, candidates = 0;
+};
+Work work_at(Game game, int level) {
+  Work work;
+  for (int i = 0; i < 40; ++i) {
+    game.apply(walk(game, i));
+    EXPECT_TRUE(game.session->step(level));
+    if (i < 30) continue;  // until everything is foretold
+    for (const MapRequest& request : game.session->memory().requests)
+      work.texels += static_cast<size_t>(request.view.width * request.view.height);
+    work.candidates += game.session->memory().candidates.size();
+  }
+  return work;
+}
+
+TEST_F(EconomyOfSteps, EveryLevelTakesLessWorkThanTheOneBefore) {
+  Work before = work_at(make_game(), 0);
+  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+    const Work work = work_at(make_game(), level);
+    EXPECT_LT(work.texels, before.texels) << level;
+    // The camera goes another way, and the same spacing gives a ball elsewhere a few more or less.
+    EXPECT_LE(static_cast<double>(work.candidates), 1.05 * static_cast<double>(before.candidates)) << level;
+    before = work;
+  }
+  const Work all = work_at(make_game(), 0);
+  EXPECT_LT(before.texels, all.texels / 5);
+  EXPECT_LT(before.candidates, all.candidates / 4);
+}
+
+// All that a client sees of an answer, but for times.
+auto seen(const SessionAnswer& answer) {
+  const CameraState& camera = answer.step.camera;
+  const glm::dvec3 p = camera.pose.position_m, v = camera.velocity_mps;
+  const glm::dquat q = camera.pose.rotation;
+  std::vector<double> shares;
+  for (const TargetSight& target : answer.step.targets)
+    shares.insert(shares.end(), {target.visible_share, target.filtered_share, target.distance_m});
+  return std::tuple(p.x, p.y, p.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, answer.step.status,
+                    answer.step.chosen_candidate, shares, answer.hash);
+}
+
+TEST_F(EconomyOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {
+  for (int level = 0; level <= kMaxEconomyLevel; ++level) {
+    Game levelled = make_game(), told = make_game(economise(preset_settings(Preset::kSightline), level));
+    for (int i = 0; i < 40; ++i) {
+      levelled.apply(walk(levelled, i)), told.apply(walk(told, i));
+      const auto answer = levelled.session->step(level);
+      ASSERT_TRUE(answer);
+      EXPECT_EQ(seen(*answer), seen(told.answer())) << level;
+      EXPECT_EQ(answer->economised.has_value(), level > 0);
+      EXPECT_EQ(answer->economy_level, level);
+    }
+  }
+}
+
+TEST_F(EconomyOfSteps, LevelsThatChangeGiveTheSameAnswersWheneverTheyAreGivenAgain) {
+  const auto play = [&] {
+    Game game = make_game();
+    CounterRandom random(9, 0, RandomPurpose::kTest);
+    std::vector<decltype(seen(SessionAnswer{}))> answers;
+    for (int i = 0; i < 80; ++i) {
+      game.apply(walk(game, i));
+      const auto answer = game.session->step(static_cast<int>(random.next_below(kMaxEconomyLevel + 1)));
+      EXPECT_TRUE(answer);
+      if (answer) answers.push_back(seen(*answer));
+    }
+    return answers;
+  };
+  EXPECT_EQ(play(), play());
+}
+
+TEST_F(EconomyOfSteps, ALevelHoldsForOneStepAndSettingsStayAsTold) {
+  Game game = make_game();
+  game.apply(walk(game, 0));
+  ASSERT_TRUE(game.session->step(kMaxEconomyLevel));
+  EXPECT_EQ(game.session->memory().now.points_m.size(), 2u);
+  EXPECT_EQ(game.session->settings().sample.points, 8);
+  game.apply(walk(game, 1));
+  EXPECT_FALSE(game.answer().economised);
+  EXPECT_EQ(game.session->memory().now.points_m.size(), 2u * 8u);
+}
+
+TEST_F(EconomyOfSteps, ALevelThatLeavesNothingOutSaysNothing) {
+  Game game = make_game(preset_settings(Preset::kPaper));
+  game.apply(walk(game, 0));
+  EXPECT_FALSE(game.session->step(1)->economised);
+}
+
+}  // namespace
+}  // namespace sightline::test

@@ -1,0 +1,473 @@
+#include "server/wire/from_proto.h"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "tests/wire/from_proto_fixture.h"
+
+namespace sightline::test {
+namespace {
+
+using E = ErrorCode;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double tolerance = 1e-9) {
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
+}
+
+// ---- what is said arrives; what is not said has the default ----
+
+TEST_F(FromProto, AbsentSettingsAreTheDefaultsOfTheStructs) {
+  const SessionOptions options = must_read(make_open());
+  EXPECT_EQ(options.settings.bound.horizon_s, BoundSettings{}.horizon_s);
+  EXPECT_EQ(options.settings.sample.resolution, SampleSettings{}.resolution);
+  EXPECT_EQ(options.settings.sample.jitter_texels, SampleSettings{}.jitter_texels);
+  EXPECT_EQ(options.settings.aggregate.candidates, AggregateSettings{}.candidates);
+  EXPECT_EQ(options.settings.move.max_distance_m, MoveSettings{}.max_distance_m);
+  EXPECT_EQ(options.settings.framing.response_s, FramingSettings{}.response_s);
+  EXPECT_EQ(options.limits.max_speed_mps, CameraLimits{}.max_speed_mps);
+  EXPECT_EQ(options.lens.vertical_fov_rad, Lens{}.vertical_fov_rad);
+  EXPECT_EQ(options.lens.aspect, Lens{}.aspect);
+  EXPECT_EQ(options.instances[0].attributes, InstanceAttributes{});
+  EXPECT_EQ(options.targets[0].weight, Target{}.weight);
+  EXPECT_EQ(options.targets[0].layer_mask, Target{}.layer_mask);
+  EXPECT_FALSE(options.targets[0].aim_offset_m.has_value());
+}
+
+TEST_F(FromProto, EverySettingArrives) {
+  v1::OpenSession open = make_open();
+  v1::Settings& s = *open.mutable_settings();
+  s.mutable_bound()->set_mode(v1::Bound::PAPER);
+  s.mutable_bound()->set_horizon_s(0.6), s.mutable_bound()->set_max_horizon_s(1.1),
+      s.mutable_bound()->set_paper_n(55);
+  s.mutable_sample()->set_resolution(9), s.mutable_sample()->set_jitter(false);
+  s.mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
+  s.mutable_aggregate()->set_candidates(99), s.mutable_aggregate()->set_relative_bias(0.02);
+  s.mutable_move()->set_follow(v1::Move::STAY);
+  s.mutable_move()->set_min_distance_m(2), s.mutable_move()->set_max_distance_m(20);
+  s.mutable_move()->set_min_elevation_rad(-0.1), s.mutable_move()->set_max_elevation_rad(0.9);
+  s.mutable_framing()->set_margin(0.2), s.mutable_framing()->set_dead_zone(0.3),
+      s.mutable_framing()->set_response_s(1);
+  s.mutable_framing()->set_min_vertical_fov_rad(0.4), s.mutable_framing()->set_max_vertical_fov_rad(1.2);
+  v1::CameraLimits& l = *open.mutable_limits();
+  l.set_max_speed_mps(3), l.set_max_acceleration_mps2(4), l.set_max_angular_speed_radps(5);
+  l.set_max_angular_acceleration_radps2(6), l.set_body_radius_m(0.7);
+  open.set_seed(42), open.set_label("arena"), open.mutable_diagnostics()->set_candidates(true);
+
+  const SessionOptions o = must_read(open);
+  EXPECT_EQ(o.settings.bound.mode, BoundMode::kPaper);
+  EXPECT_EQ(o.settings.bound.horizon_s, 0.6);
+  EXPECT_EQ(o.settings.bound.max_horizon_s, 1.1);
+  EXPECT_EQ(o.settings.bound.paper_n, 55);
+  EXPECT_EQ(o.settings.sample.resolution, 9);
+  EXPECT_FALSE(o.settings.sample.jitter_texels);
+  EXPECT_EQ(o.settings.aggregate.volume, Volume::kPair);
+  EXPECT_EQ(o.settings.aggregate.candidates, 99);
+  EXPECT_EQ(o.settings.aggregate.relative_bias, 0.02);
+  EXPECT_EQ(o.settings.move.follow, Follow::kStay);
+  EXPECT_EQ(o.settings.move.min_distance_m, 2);
+  EXPECT_EQ(o.settings.move.max_distance_m, 20);
+  EXPECT_EQ(o.settings.move.min_elevation_rad, -0.1);
+  EXPECT_EQ(o.settings.move.max_elevation_rad, 0.9);
+  EXPECT_EQ(o.settings.framing.margin, 0.2);
+  EXPECT_EQ(o.settings.framing.dead_zone, 0.3);
+  EXPECT_EQ(o.settings.framing.response_s, 1);
+  EXPECT_EQ(o.settings.framing.min_vertical_fov_rad, 0.4);
+  EXPECT_EQ(o.settings.framing.max_vertical_fov_rad, 1.2);
+  EXPECT_EQ(o.limits.max_speed_mps, 3);
+  EXPECT_EQ(o.limits.max_acceleration_mps2, 4);
+  EXPECT_EQ(o.limits.max_angular_speed_radps, 5);
+  EXPECT_EQ(o.limits.max_angular_acceleration_radps2, 6);
+  EXPECT_EQ(o.limits.body_radius_m, 0.7);
+  EXPECT_EQ(o.seed, 42u);
+  EXPECT_EQ(o.label, "arena");
+  EXPECT_TRUE(o.diagnostics.candidates);
+  EXPECT_FALSE(o.diagnostics.depth_maps);
+}
+
+TEST_F(FromProto, AnUnrealClientIsUnderstood) {
+  v1::OpenSession open = make_open();
+  open.mutable_convention()->set_preset(v1::Convention::UNREAL);
+  open.mutable_lens()->set_field_of_view(90);
+  set(open.mutable_world_origin(), 1000, 0, 0);
+  open.clear_instances(), open.clear_targets();
+  v1::NewInstance& box = *open.add_instances();
+  box.set_id(7);
+  set(box.mutable_shape()->mutable_box()->mutable_half_extent(), 50, 100, 200);
+  set(box.mutable_scale(), 2, 3, 4);
+  set(box.mutable_pose()->mutable_position(), 1100, 200, 300);
+  set(open.mutable_camera()->mutable_position(), 1000, 0, 150);
+  open.add_targets()->set_id(7);
+  set(open.mutable_targets(0)->mutable_aim_offset(), 0, 0, 80);
+
+  const SessionOptions o = must_read(open);
+  expect_near(o.instances[0].pose.position_m, {1, 3, 2});
+  expect_near(glm::dvec3(o.instances[0].geometry->bounds.half_extent()), {0.5, 2, 1}, 1e-6);
+  expect_near({o.instances[0].linear[0][0], o.instances[0].linear[1][1], o.instances[0].linear[2][2]},
+              {2, 4, 3});
+  expect_near(o.camera.position_m, {0, 1.5, 0});
+  expect_near(o.camera.rotation * glm::dvec3(0, 0, -1), {1, 0, 0});
+  expect_near(*o.targets[0].aim_offset_m, {0, 0.8, 0});
+  EXPECT_NEAR(o.lens.vertical_fov_rad, 2 * std::atan(9.0 / 16), 1e-9);
+}
+
+TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
+  for (const auto preset :
+       {v1::Convention::GLTF, v1::Convention::UNITY, v1::Convention::UNREAL, v1::Convention::ROS}) {
+    v1::OpenSession open = make_open();
+    open.mutable_convention()->set_preset(preset);
+    v1::NewInstance& instance = *open.mutable_instances(0);
+    const double unit = preset == v1::Convention::UNREAL ? 100 : 1;
+    instance.mutable_shape()->mutable_capsule()->set_radius(0.25 * unit);
+    instance.mutable_shape()->mutable_capsule()->set_half_height(0.75 * unit);
+    open.mutable_instances(1)->mutable_shape()->mutable_capsule()->set_radius(unit);
+    open.mutable_instances(1)->mutable_shape()->mutable_capsule()->set_half_height(0);
+    const SessionOptions o = must_read(open);
+    expect_near(glm::dvec3(o.instances[0].geometry->bounds.half_extent()), {0.25, 1, 0.25}, 1e-5);
+  }
+}
+
+TEST_F(FromProto, ACustomConventionIsLikeThePresetThatItSpellsOut) {
+  v1::OpenSession custom = make_open(), preset = make_open();
+  preset.mutable_convention()->set_preset(v1::Convention::UNITY);
+  custom.mutable_convention()->set_preset(v1::Convention::CUSTOM);
+  v1::CustomConvention& c = *custom.mutable_convention()->mutable_custom();
+  c.set_x(v1::CustomConvention::MINUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
+      c.set_z(v1::CustomConvention::PLUS_Z);
+  c.set_camera_forward(v1::CustomConvention::PLUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
+  c.set_metres_per_unit(1), c.set_degrees(true);
+  const Convention a = must_read(custom).convention, b = must_read(preset).convention;
+  EXPECT_EQ(a.canonical_from_client, b.canonical_from_client);
+  EXPECT_EQ(a.camera_forward, b.camera_forward);
+  EXPECT_EQ(a.camera_up, b.camera_up);
+  EXPECT_EQ(a.metres_per_unit, b.metres_per_unit);
+  EXPECT_EQ(a.degrees, b.degrees);
+  EXPECT_EQ(a.horizontal_fov, b.horizontal_fov);
+}
+
+TEST_F(FromProto, ASceneFileComesFirstAndIsMovedToTheWorldOrigin) {
+  v1::OpenSession open = make_open();
+  open.mutable_scene()->set_name("town.glb");
+  v1::NodeBinding& cart = *open.mutable_scene()->add_bindings();
+  cart.set_node("cart"), cart.set_id(50);
+  set(open.mutable_world_origin(), 4, 0, 0);
+  const SessionOptions o = must_read(open);
+  ASSERT_EQ(o.scene_instances, 2u);
+  ASSERT_EQ(o.instances.size(), 4u);
+  EXPECT_TRUE(o.scene);
+  EXPECT_EQ(o.instances[0].id, 50u);
+  expect_near(o.instances[0].pose.position_m, {-4, 0, 20});
+  EXPECT_EQ(o.instances[1].id, kAssetIdBit | 0);
+  expect_near(o.instances[1].pose.position_m, {6, 0, 0});
+  EXPECT_EQ(o.instances[2].id, 1u);
+}
+
+TEST_F(FromProto, AMeshOfAFileIsFoundByNameAndByHash) {
+  v1::OpenSession open = make_open();
+  open.mutable_instances(0)->mutable_mesh()->set_scene_name("town.glb");
+  open.mutable_instances(0)->mutable_mesh()->set_mesh("gable");
+  const SessionOptions by_name = must_read(open);
+  ASSERT_EQ(by_name.mesh_assets.size(), 1u);
+  open.mutable_instances(0)->mutable_mesh()->set_scene_hash(to_hex(by_name.mesh_assets[0]->hash));
+  EXPECT_EQ(must_read(open).instances[0].geometry, by_name.instances[0].geometry);
+}
+
+TEST_F(FromProto, ATickArrivesWhole) {
+  v1::Tick wire = make_tick(9);
+  wire.set_dt_s(0.5);
+  wire.mutable_transforms()->set_rotation(6, 1.0009f), wire.mutable_transforms()->set_rotation(7, 0);
+  v1::SceneDelta& delta = *wire.mutable_delta();
+  delta.set_base_revision(3);
+  delta.add_remove(8);
+  *delta.add_add() = make_open().instances(0);
+  delta.add_change()->set_id(2);
+  delta.mutable_change(0)->mutable_attributes()->set_opacity(0.5f);
+  wire.mutable_targets();
+  wire.mutable_observed_camera()->mutable_pose();
+  wire.mutable_observed_camera()->set_cut(true);
+  wire.mutable_lens()->set_near_m(0.2);
+  SessionOptions unity;
+  unity.convention = unity_convention();
+  const TickInput tick = must_read(wire, unity);
+  EXPECT_EQ(tick.sequence, 9u);
+  EXPECT_EQ(tick.time_s, 9.0 / 64);
+  EXPECT_EQ(tick.dt_s, 0.5);
+  expect_near(tick.transforms.poses[0].position_m, {1, 1, 0});  // Unity's x is mirrored
+  expect_near(tick.transforms.velocities_mps[1], {-1, 0, 0});
+  EXPECT_NEAR(glm::length(tick.transforms.poses[1].rotation), 1, 1e-12);
+  EXPECT_FALSE(tick.keeps_rotations);
+  EXPECT_EQ(tick.delta.base_revision, 3u);
+  EXPECT_EQ(tick.delta.remove, std::vector<uint64_t>{8});
+  EXPECT_EQ(tick.delta.add.size(), 1u);
+  EXPECT_FALSE(tick.delta.asset_ids_allowed);
+  EXPECT_EQ(tick.delta.change[0].attributes.opacity, 0.5f);
+  EXPECT_EQ(tick.delta.change[0].attributes.layers, InstanceAttributes{}.layers);
+  EXPECT_TRUE(tick.targets && tick.targets->empty());
+  EXPECT_TRUE(tick.observed_camera->cut);
+  EXPECT_EQ(tick.lens->near_m, 0.2);
+}
+
+TEST_F(FromProto, RotationsAndVelocitiesMayBeLeftOut) {
+  v1::Tick wire = make_tick(1);
+  wire.mutable_transforms()->clear_rotation(), wire.mutable_transforms()->clear_velocity();
+  const TickInput tick = must_read(wire);
+  EXPECT_TRUE(tick.keeps_rotations);
+  EXPECT_TRUE(tick.transforms.velocities_mps.empty());
+  EXPECT_FALSE(tick.targets.has_value());
+}
+
+// ---- wrong openings ----
+
+struct WrongOpen {
+  const char* field;
+  ErrorCode code;
+  void (*spoil)(v1::OpenSession&);
+};
+void PrintTo(const WrongOpen& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
+
+v1::NewInstance& first(v1::OpenSession& o) {
+  return *o.mutable_instances(0);
+}
+v1::CustomConvention& custom(v1::OpenSession& o) {
+  o.mutable_convention()->set_preset(v1::Convention::CUSTOM);
+  v1::CustomConvention& c = *o.mutable_convention()->mutable_custom();
+  c.set_x(v1::CustomConvention::PLUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
+      c.set_z(v1::CustomConvention::PLUS_Z);
+  c.set_camera_forward(v1::CustomConvention::MINUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
+  c.set_metres_per_unit(1);
+  return c;
+}
+template <typename Enum>
+Enum unknown() {
+  return static_cast<Enum>(99);
+}
+
+const WrongOpen kWrongOpens[] = {
+    {"open.convention.preset", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_convention()->set_preset(unknown<v1::Convention::Preset>()); }},
+    {"open.convention.custom", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_convention()->set_preset(v1::Convention::CUSTOM); }},
+    {"open.convention.custom", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_convention()->mutable_custom(); }},
+    {"open.convention.custom.y", E::kInvalidArgument,
+     [](v1::OpenSession& o) { custom(o).set_y(v1::CustomConvention::MINUS_X); }},
+    {"open.convention.custom.z", E::kInvalidArgument, [](v1::OpenSession& o) { custom(o).clear_z(); }},
+    {"open.convention.custom.x", E::kInvalidArgument,
+     [](v1::OpenSession& o) { custom(o).set_x(unknown<v1::CustomConvention::Axis>()); }},
+    {"open.convention.custom.camera_up", E::kInvalidArgument,
+     [](v1::OpenSession& o) { custom(o).set_camera_up(v1::CustomConvention::PLUS_Z); }},
+    {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
+     [](v1::OpenSession& o) { custom(o).clear_metres_per_unit(); }},
+    {"open.world_origin.y", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(o.mutable_world_origin(), 0, kInf, 0); }},
+    {"open.camera", E::kInvalidArgument, [](v1::OpenSession& o) { o.clear_camera(); }},
+    {"open.camera.position.z", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_camera()->mutable_position()->set_z(kNan); }},
+    {"open.camera.rotation", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation(); }},
+    {"open.camera.rotation", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation()->set_w(1.002); }},
+    {"open.camera.rotation", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation()->set_w(kNan); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(3); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(-1); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(kNan); }},
+    {"open.lens.field_of_view", E::kInvalidArgument,
+     [](v1::OpenSession& o) {  // right as a width, but a tenth of it is left in height
+       o.mutable_convention()->set_preset(v1::Convention::UNREAL);
+       o.mutable_lens()->set_field_of_view(0.7), o.mutable_lens()->set_aspect(10);
+     }},
+    {"open.lens.aspect", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_aspect(0.05); }},
+    {"open.lens.aspect", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_aspect(kNan); }},
+    {"open.lens.near_m", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_near_m(-0.1); }},
+    {"open.lens.near_m", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_near_m(11); }},
+    {"open.settings.preset", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
+    {"open.settings.bound.mode", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->mutable_bound()->set_mode(unknown<v1::Bound::Mode>()); }},
+    {"open.settings.aggregate.volume", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_aggregate()->set_volume(unknown<v1::Aggregate::Volume>());
+     }},
+    {"open.settings.move.follow", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_move()->set_follow(unknown<v1::Move::Follow>());
+     }},
+    {"open.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.5); }},
+    {"open.settings.framing.min_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0.5); }},
+    {"open.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.6);
+       o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0.5);
+     }},
+    {"open.settings.framing.min_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0);
+       o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0);
+     }},
+    {"open.label", E::kInvalidArgument, [](v1::OpenSession& o) { o.set_label(std::string(65, 'x')); }},
+    {"open.targets[1].aim_offset.x", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(o.mutable_targets(1)->mutable_aim_offset(), kNan, 0, 0); }},
+    {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(0); }},
+    {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(kAssetIdBit); }},
+    {"open.instances[0].geometry", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).clear_geometry(); }},
+    {"open.instances[0].shape", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
+    {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_capsule()->set_radius(0); }},
+    {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_capsule()->set_radius(kNan); }},
+    {"open.instances[0].shape.capsule.half_height", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_capsule()->set_half_height(1e6); }},
+    {"open.instances[0].shape.cylinder.half_height", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_cylinder()->set_radius(1); }},
+    {"open.instances[0].shape.sphere.radius", E::kInvalidArgument,
+     [](v1::OpenSession& o) {  // a millimetre in centimetres
+       o.mutable_convention()->set_preset(v1::Convention::UNREAL);
+       first(o).mutable_shape()->mutable_sphere()->set_radius(0.009);
+     }},
+    {"open.instances[0].shape.box.half_extent.y", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       set(first(o).mutable_shape()->mutable_box()->mutable_half_extent(), 1, -1, 1);
+     }},
+    {"open.instances[0].scale.z", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(first(o).mutable_scale(), 1, 1, 0); }},
+    {"open.instances[0].scale.x", E::kInvalidArgument,
+     [](v1::OpenSession& o) { set(first(o).mutable_scale(), 2e4, 1, 1); }},
+    {"open.instances[0].pose.position.x", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_pose()->mutable_position()->set_x(kInf); }},
+    {"open.instances[0].attributes.opacity", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_attributes()->set_opacity(1.5f); }},
+    {"open.instances[0].mesh.source", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_mesh()->set_mesh("x"); }},
+    {"open.instances[0].mesh.scene_name", E::kNotFound,
+     [](v1::OpenSession& o) { first(o).mutable_mesh()->set_scene_name("none.glb"); }},
+    {"open.instances[0].mesh.scene_hash", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_mesh()->set_scene_hash("zz"); }},
+    {"open.instances[0].mesh.mesh", E::kNotFound,
+     [](v1::OpenSession& o) {
+       first(o).mutable_mesh()->set_scene_name("town.glb"), first(o).mutable_mesh()->set_mesh("spire");
+     }},
+    {"open.scene.source", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_scene(); }},
+    {"open.scene.name", E::kNotFound, [](v1::OpenSession& o) { o.mutable_scene()->set_name("none.glb"); }},
+    {"open.scene.name", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
+    {"open.scene.hash", E::kNotFound,
+     [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
+    {"open.scene.bindings[0].node", E::kNotFound,
+     [](v1::OpenSession& o) {
+       o.mutable_scene()->set_name("town.glb");
+       o.mutable_scene()->add_bindings()->set_id(5), o.mutable_scene()->mutable_bindings(0)->set_node("ship");
+     }},
+    {"open.scene.bindings[0].id", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_scene()->set_name("town.glb"), o.mutable_scene()->add_bindings()->set_node("cart");
+     }},
+};
+
+class WrongOpenings : public FromProto, public testing::WithParamInterface<WrongOpen> {};
+
+TEST_P(WrongOpenings, AreNamed) {
+  v1::OpenSession open = make_open();
+  ASSERT_TRUE(read(open).has_value());
+  GetParam().spoil(open);
+  const auto refused = read(open);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().field, GetParam().field) << refused.error().message;
+  EXPECT_EQ(refused.error().code, GetParam().code);
+  EXPECT_FALSE(refused.error().message.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongOpenings, testing::ValuesIn(kWrongOpens));
+
+// ---- wrong ticks ----
+
+struct WrongTick {
+  const char* field;
+  void (*spoil)(v1::Tick&);
+};
+void PrintTo(const WrongTick& wrong, std::ostream* out) {
+  *out << wrong.field;
+}
+
+v1::Transforms& moved(v1::Tick& t) {
+  return *t.mutable_transforms();
+}
+
+const WrongTick kWrongTicks[] = {
+    {"tick.transforms.position", [](v1::Tick& t) { moved(t).add_position(0); }},
+    {"tick.transforms.position", [](v1::Tick& t) { moved(t).clear_position(); }},
+    {"tick.transforms.position", [](v1::Tick& t) { moved(t).clear_id(); }},
+    {"tick.transforms.rotation", [](v1::Tick& t) { moved(t).mutable_rotation()->RemoveLast(); }},
+    {"tick.transforms.velocity", [](v1::Tick& t) { moved(t).mutable_velocity()->Truncate(3); }},
+    {"tick.transforms.position[4]", [](v1::Tick& t) { moved(t).set_position(4, kNan); }},
+    {"tick.transforms.rotation[7]", [](v1::Tick& t) { moved(t).set_rotation(7, -INFINITY); }},
+    {"tick.transforms.rotation[4]", [](v1::Tick& t) { moved(t).set_rotation(7, 0.99f); }},
+    {"tick.transforms.rotation[0]", [](v1::Tick& t) { moved(t).set_rotation(3, 0); }},
+    {"tick.transforms.velocity[5]", [](v1::Tick& t) { moved(t).set_velocity(5, NAN); }},
+    {"tick.delta.add[1].id",
+     [](v1::Tick& t) {
+       *t.mutable_delta()->add_add() = make_open().instances(0);
+       *t.mutable_delta()->add_add() = make_open().instances(0);
+       t.mutable_delta()->mutable_add(1)->set_id(UINT64_MAX);
+     }},
+    {"tick.delta.change[0].attributes.opacity",
+     [](v1::Tick& t) { t.mutable_delta()->add_change()->mutable_attributes()->set_opacity(-1); }},
+    {"tick.targets.targets[0].aim_offset.y",
+     [](v1::Tick& t) { set(t.mutable_targets()->add_targets()->mutable_aim_offset(), 0, kNan, 0); }},
+    {"tick.observed_camera.pose", [](v1::Tick& t) { t.mutable_observed_camera(); }},
+    {"tick.observed_camera.pose.rotation",
+     [](v1::Tick& t) { t.mutable_observed_camera()->mutable_pose()->mutable_rotation()->set_x(0.5); }},
+    {"tick.observed_camera.velocity.z",
+     [](v1::Tick& t) {
+       t.mutable_observed_camera()->mutable_pose();
+       set(t.mutable_observed_camera()->mutable_velocity(), 0, 0, kInf);
+     }},
+    {"tick.lens.aspect", [](v1::Tick& t) { t.mutable_lens()->set_aspect(20); }},
+    {"tick.settings.preset",
+     [](v1::Tick& t) { t.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
+    {"tick.settings.aggregate.filter.mode",
+     [](v1::Tick& t) {
+       t.mutable_settings()->mutable_aggregate()->mutable_filter()->set_mode(unknown<v1::Filter::Mode>());
+     }},
+    {"tick.settings.move.strategy",
+     [](v1::Tick& t) { t.mutable_settings()->mutable_move()->set_strategy(unknown<v1::Move::Strategy>()); }},
+    {"tick.settings.framing.max_vertical_fov_rad",
+     [](v1::Tick& t) { t.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.5); }},
+};
+
+class WrongTicksOnTheWire : public FromProto, public testing::WithParamInterface<WrongTick> {};
+
+TEST_P(WrongTicksOnTheWire, AreNamed) {
+  v1::Tick tick = make_tick(1);
+  ASSERT_TRUE(read(tick).has_value());
+  GetParam().spoil(tick);
+  const auto refused = read(tick);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().field, GetParam().field) << refused.error().message;
+  EXPECT_EQ(refused.error().code, E::kInvalidArgument);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongTicksOnTheWire, testing::ValuesIn(kWrongTicks));
+
+TEST_F(FromProto, MessagesStateTheRangeAndTheValue) {
+  v1::OpenSession open = make_open();
+  first(open).mutable_shape()->mutable_capsule()->set_radius(2e6);
+  EXPECT_EQ(read(open).error().message, "must be in [1e-4, 1e5] m, got 2e+06 m");
+  v1::Tick tick = make_tick(1);
+  moved(tick).clear_rotation(), moved(tick).add_rotation(1);
+  EXPECT_EQ(read(tick).error().message, "must hold 8 numbers (4 for each id, or none), got 1");
+}
+
+}  // namespace
+}  // namespace sightline::test

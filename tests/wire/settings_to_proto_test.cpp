@@ -1,0 +1,103 @@
+// Settings go to the wire and come back whole: found out by setting every field of the messages, whatever their names.
+#include "server/wire/settings_to_proto.h"
+
+#include <google/protobuf/util/message_differencer.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "server/step/presets.h"
+#include "server/wire/from_proto_values.h"
+
+namespace sightline {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::util::MessageDifferencer;
+
+// Every field of every message below, but the preset; enums in turn never unspecified.
+void set_all(Message& message, std::mt19937& random) {
+  const auto* reflection = message.GetReflection();
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = message.GetDescriptor()->field(i);
+    if (field->name() == "preset") continue;
+    const uint32_t number = 1 + random() % 1000;
+    switch (field->cpp_type()) {
+      case FieldDescriptor::CPPTYPE_MESSAGE:
+        set_all(*reflection->MutableMessage(&message, field), random);
+        break;
+      case FieldDescriptor::CPPTYPE_ENUM:
+        reflection->SetEnumValue(&message, field,
+                                 1 + static_cast<int>(number) % (field->enum_type()->value_count() - 1));
+        break;
+      case FieldDescriptor::CPPTYPE_BOOL:
+        reflection->SetBool(&message, field, number % 2 == 0);
+        break;
+      case FieldDescriptor::CPPTYPE_UINT32:
+        reflection->SetUInt32(&message, field, number);
+        break;
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        reflection->SetDouble(&message, field, number / 1024.0);
+        break;
+      default:
+        ADD_FAILURE() << "a type that this test does not know: " << field->full_name();
+    }
+  }
+}
+
+v1::Settings any_settings(std::mt19937& random) {
+  v1::Settings settings;
+  set_all(settings, random);
+  settings.mutable_framing()->set_min_vertical_fov_rad(0.5);  // the one range that the reader checks
+  settings.mutable_framing()->set_max_vertical_fov_rad(1.5);
+  return settings;
+}
+
+TEST(SettingsToProto, EveryFieldComesBack) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 50; ++i) {
+    const v1::Settings sent = any_settings(random);
+    StepSettings read;
+    ASSERT_TRUE(read_settings(sent, "settings", read));
+    EXPECT_TRUE(MessageDifferencer::Equals(settings_to_proto(read), sent))
+        << settings_to_proto(read).DebugString();
+  }
+}
+
+TEST(SettingsToProto, PresetsAreGivenBackWithoutTheirName) {
+  for (const auto preset : {v1::Settings::SIGHTLINE, v1::Settings::PAPER}) {
+    v1::Settings named;
+    named.set_preset(preset);
+    StepSettings settings, again = preset_settings(Preset::kPaper);
+    ASSERT_TRUE(read_settings(named, "settings", settings));
+    const v1::Settings sent = settings_to_proto(settings);
+    EXPECT_EQ(sent.preset(), v1::Settings::PRESET_UNSPECIFIED);
+    EXPECT_FALSE(sent.framing().has_min_vertical_fov_rad());
+    ASSERT_TRUE(read_settings(sent, "settings", again));
+    EXPECT_TRUE(MessageDifferencer::Equals(settings_to_proto(again), sent));
+  }
+}
+
+TEST(SettingsToProto, LimitsComeBack) {
+  std::mt19937 random(2);
+  v1::CameraLimits sent;
+  set_all(sent, random);
+  CameraLimits read;
+  read_limits(sent, read);
+  EXPECT_TRUE(MessageDifferencer::Equals(limits_to_proto(read), sent));
+}
+
+TEST(SettingsToProto, LensesComeBackInEachConvention) {
+  const Lens lens{.vertical_fov_rad = 0.9, .aspect = 2.0, .near_m = 0.3};
+  for (const Convention& convention : {gltf_convention(), unity_convention(), unreal_convention()}) {
+    Lens read;
+    ASSERT_TRUE(read_lens(lens_to_proto(lens, convention), convention, "lens", read));
+    EXPECT_NEAR(read.vertical_fov_rad, lens.vertical_fov_rad, 1e-12);
+    EXPECT_EQ(read.aspect, lens.aspect);
+    EXPECT_EQ(read.near_m, lens.near_m);
+  }
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,282 @@
+#include "server/wire/to_proto.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/step/economy.h"
+#include "server/wire/from_proto.h"
+#include "server/wire/error_to_proto.h"
+#include "server/sample/embree_sampler.h"
+#include "tests/wire/wire.h"
+
+namespace sightline::test {
+namespace {
+
+glm::dvec3 vec(const v1::Vector3& v) {
+  return {v.x(), v.y(), v.z()};
+}
+glm::dquat quat(const v1::Quaternion& q) {
+  return {q.w(), q.x(), q.y(), q.z()};
+}
+
+void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double tolerance = 1e-9) {
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
+}
+
+// From wire to wire, without a network.
+class Wire {
+ public:
+  explicit Wire(const v1::OpenSession& open) {
+    std::vector<std::string> warnings;
+    auto options = session_options_from_proto(open, source_, warnings);
+    if (!options) throw std::runtime_error(to_string(options.error()));
+    auto opened = Session::open(std::move(*options), device_->make_sampler(), nullptr);
+    if (!opened) throw std::runtime_error(to_string(opened.error()));
+    session = std::move(*opened);
+  }
+  const v1::CameraReply& play(const v1::Tick& tick, const DiagnosticsWanted& wanted = {}) {
+    auto input = tick_from_proto(tick, *session, source_);
+    if (!input) throw std::runtime_error(to_string(input.error()));
+    if (Status ok = session->apply(*input); !ok) throw std::runtime_error(to_string(ok.error()));
+    auto answer = session->step();
+    if (!answer) throw std::runtime_error(to_string(answer.error()));
+    camera_reply_to_proto(*answer, *session, wanted, reply);
+    return reply;
+  }
+
+  std::unique_ptr<Session> session;
+  v1::CameraReply reply;
+
+ private:
+  GeometryStore store_;
+  SceneLibrary library_{"", GltfLimits{}, store_};
+  SceneSource source_{library_, store_};
+  std::unique_ptr<SamplerDevice> device_ = make_embree_sampler_device();
+};
+
+// The same world as told by a Unity client: x mirrored, a camera along +Z is turned to look back.
+v1::OpenSession unity_open() {
+  v1::OpenSession open = make_open();
+  open.mutable_convention()->set_preset(v1::Convention::UNITY);
+  for (v1::NewInstance& instance : *open.mutable_instances())
+    instance.mutable_pose()->mutable_position()->set_x(-instance.pose().position().x());
+  open.mutable_camera()->mutable_rotation()->set_y(1);  // half a turn
+  return open;
+}
+v1::Tick unity_tick(uint64_t sequence) {
+  v1::Tick tick = make_tick(sequence);
+  v1::Transforms& t = *tick.mutable_transforms();
+  for (int i = 0; i < t.id_size(); ++i) {
+    t.set_position(3 * i, -t.position(3 * i));
+    t.set_velocity(3 * i, -t.velocity(3 * i));
+  }
+  return tick;
+}
+
+TEST(ToProto, AReplySaysWhatWasAsked) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  const v1::CameraReply& reply = wire.play(make_tick(2));
+  EXPECT_EQ(reply.sequence(), 2u);
+  EXPECT_EQ(reply.time_s(), 2.0 / 64);
+  EXPECT_EQ(reply.pose_time_s(), 2.0 / 64);
+  EXPECT_EQ(reply.status(), v1::TRACKING);
+  EXPECT_NE(reply.reason(), v1::REASON_UNSPECIFIED);
+  EXPECT_FALSE(reply.reason_text().empty());
+  EXPECT_NEAR(reply.field_of_view(), Lens{}.vertical_fov_rad, 1e-12);
+  ASSERT_EQ(reply.targets_size(), 2);
+  EXPECT_EQ(reply.targets(0).id(), 1u);
+  EXPECT_EQ(reply.targets(0).state(), v1::VISIBLE);
+  EXPECT_EQ(reply.targets(0).visible_share(), 1.0);
+  EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)),
+              1e-6);
+  EXPECT_GT(reply.counts().total(), 0u);
+  EXPECT_EQ(reply.counts().visible_by_target_size(), 2);
+  EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
+  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_NONE);
+  EXPECT_EQ(reply.revision(), 1u);
+  EXPECT_EQ(reply.hash(), wire.session->mirror().hash());
+  EXPECT_FALSE(reply.has_candidates());
+  EXPECT_EQ(reply.depth_maps_size(), 0);
+}
+
+TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
+  Wire wire(make_open());
+  const v1::CameraReply& whole = wire.play(make_tick(1));
+  EXPECT_FALSE(whole.flags().degraded());
+  EXPECT_FALSE(whole.has_economy());
+  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+    const auto answer = wire.session->step(level);
+    ASSERT_TRUE(answer);
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_TRUE(reply.flags().degraded());
+    const StepSettings used = economise(wire.session->settings(), level);
+    EXPECT_EQ(reply.economy().level(), static_cast<uint32_t>(level));
+    EXPECT_EQ(reply.economy().resolution(), static_cast<uint32_t>(used.sample.resolution));
+    EXPECT_EQ(reply.economy().points(), static_cast<uint32_t>(used.sample.points));
+    EXPECT_EQ(reply.economy().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
+    EXPECT_EQ(reply.economy().survey_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_FALSE(reply.economy().turns());
+    EXPECT_EQ(reply.economy().prediction(), used.move.prediction_s > 0);
+  }
+}
+
+TEST(ToProto, AUnityClientGetsTheMirroredAnswer) {
+  Wire gltf(make_open()), unity(unity_open());
+  for (uint64_t i = 1; i <= 30; ++i) {
+    const v1::CameraReply a = gltf.play(make_tick(i));
+    const v1::CameraReply b = unity.play(unity_tick(i));
+    expect_near(vec(b.pose().position()), vec(a.pose().position()) * glm::dvec3(-1, 1, 1));
+    expect_near(vec(b.velocity()), vec(a.velocity()) * glm::dvec3(-1, 1, 1), 1e-6);
+    expect_near(vec(b.angular_velocity()), vec(a.angular_velocity()) * glm::dvec3(1, -1, -1), 1e-6);
+    expect_near(quat(b.pose().rotation()) * glm::dvec3(0, 0, 1),
+                quat(a.pose().rotation()) * glm::dvec3(0, 0, -1) * glm::dvec3(-1, 1, 1));
+    EXPECT_NEAR(b.field_of_view(), 40, 1e-9);
+    EXPECT_NEAR(b.targets(0).distance(), a.targets(0).distance(), 1e-9);
+  }
+}
+
+TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
+  Wire wire(unity_open());
+  v1::Tick tick = unity_tick(1);
+  tick.mutable_transforms()->set_rotation(1, 0.6f);
+  tick.mutable_transforms()->set_rotation(3, 0.8f);
+  const v1::CameraReply& reply = wire.play(tick);
+  ASSERT_EQ(reply.relative().target_id(), 1u);
+  const glm::dquat turned = glm::normalize(glm::dquat(0.8f, 0, 0.6f, 0));
+  expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative().pose().position()),
+              vec(reply.pose().position()));
+  EXPECT_LT(angle_between(turned * quat(reply.relative().pose().rotation()), quat(reply.pose().rotation())),
+            1e-7);
+}
+
+TEST(ToProto, AHiddenTargetNamesItsOccluder) {
+  v1::OpenSession open = make_open();
+  v1::NewInstance& wall = *open.add_instances();
+  wall.set_id(9);
+  set(wall.mutable_shape()->mutable_box()->mutable_half_extent(), 20, 20, 0.1);
+  set(wall.mutable_pose()->mutable_position(), 0, 0, 3);
+  Wire wire(open);
+  const v1::TargetVisibility& target = wire.play(make_tick(1)).targets(0);
+  EXPECT_EQ(target.state(), v1::OCCLUDED);
+  ASSERT_EQ(target.occluders_size(), 1);
+  EXPECT_EQ(target.occluders(0).id(), 9u);
+  EXPECT_EQ(target.occluders(0).share(), 1.0);
+}
+
+TEST(ToProto, ATargetBehindTheCameraIsOffScreen) {
+  v1::OpenSession open = make_open();
+  open.mutable_camera()->mutable_rotation()->set_y(1);  // looks away
+  Wire wire(open);
+  EXPECT_EQ(wire.play(make_tick(1)).targets(0).state(), v1::OFF_SCREEN);
+}
+
+TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
+  Wire wire(unity_open());
+  const v1::CameraReply full = wire.play(unity_tick(1), {true, true});
+  const int n = full.candidates().visible_mask_size();
+  EXPECT_GT(n, 27);
+  EXPECT_EQ(full.candidates().position_size(), 3 * n);
+  ASSERT_EQ(full.depth_maps_size(), 2);
+  const v1::DepthMapDump& map = full.depth_maps(0);
+  EXPECT_EQ(map.target_id(), 1u);
+  EXPECT_EQ(map.distance_m_size(), static_cast<int>(map.width() * map.height()));
+  EXPECT_EQ(map.occluder_size(), map.distance_m_size());
+  expect_near(vec(map.view().position()), {1, 1, 0}, 1e-6);
+  // The map looks from the target towards the camera, along its own -Z.
+  const glm::dvec3 towards = glm::normalize(glm::dvec3(0, 1.6, 6) - glm::dvec3(1, 1, 0));
+  EXPECT_GT(glm::dot(quat(map.view().rotation()) * glm::dvec3(0, 0, -1), towards), 0.9);
+  const v1::CameraReply& lean = wire.play(unity_tick(2));
+  EXPECT_FALSE(lean.has_candidates());
+  EXPECT_EQ(lean.depth_maps_size(), 0);
+}
+
+TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
+  v1::OpenSession open = make_open();
+  open.mutable_settings()->mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
+  open.mutable_targets()->RemoveLast();
+  Wire wire(open);
+  const v1::CameraReply& reply = wire.play(make_tick(1));
+  EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
+  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_NEEDS_TWO_TARGETS);
+}
+
+TEST(ToProto, AnOpenedSessionTellsItsMirror) {
+  Wire wire(make_open());
+  v1::SessionOpened opened;
+  opened_to_proto(*wire.session, opened);
+  EXPECT_EQ(opened.revision(), 1u);
+  EXPECT_EQ(opened.hash(), wire.session->mirror().hash());
+  EXPECT_EQ(opened.instances(), 2u);
+  EXPECT_GT(opened.triangles(), 100u);
+}
+
+// ---- errors ----
+
+v1::Rejection reject(const Error& error, const SceneMirror* mirror) {
+  v1::Rejection rejection;
+  rejection_to_proto(error, 12, mirror, rejection);
+  return rejection;
+}
+
+TEST(Rejection, NamesTheTickTheFieldAndTheReason) {
+  const v1::Rejection rejection =
+      reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
+  EXPECT_EQ(rejection.sequence(), 12u);
+  EXPECT_EQ(rejection.code(), v1::Rejection::INVALID_ARGUMENT);
+  EXPECT_EQ(rejection.message(), "tick.dt_s: must not be negative");
+  ASSERT_EQ(rejection.field_violations_size(), 1);
+  EXPECT_EQ(rejection.field_violations(0).field(), "tick.dt_s");
+  EXPECT_EQ(rejection.field_violations(0).description(), "must not be negative");
+}
+
+TEST(Rejection, AsksForAResyncWhenTheMirrorsDisagree) {
+  Wire wire(make_open());
+  const SceneMirror* mirror = &wire.session->mirror();
+  using E = ErrorCode;
+  EXPECT_TRUE(reject({E::kNotFound, "tick.transforms.id[3]", ""}, mirror).has_resync());
+  EXPECT_TRUE(reject({E::kNotFound, "tick.targets.targets[0].id", ""}, mirror).has_resync());
+  EXPECT_TRUE(reject({E::kFailedPrecondition, "tick.delta.base_revision", ""}, mirror).has_resync());
+  EXPECT_TRUE(reject({E::kAlreadyExists, "tick.delta.add[0].id", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kFailedPrecondition, "tick.delta.remove[0]", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kNotFound, "tick.delta.add[0].mesh.scene_name", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kInvalidArgument, "tick.transforms.id[3]", ""}, mirror).has_resync());
+  const v1::Rejection rejection = reject({E::kNotFound, "tick.transforms.id[3]", ""}, mirror);
+  EXPECT_EQ(rejection.resync().revision(), 1u);
+  EXPECT_EQ(rejection.resync().hash(), mirror->hash());
+}
+
+TEST(StatusFromError, CarriesABadRequestThatAnyClientDecodes) {
+  const grpc::Status status =
+      status_from_error({ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(status.error_message(), "open.targets[2].id: no instance has the id 7");
+  v1::StatusDetails details;
+  ASSERT_TRUE(details.ParseFromString(status.error_details()));
+  EXPECT_EQ(details.code(), 5);  // google.rpc.Code.NOT_FOUND
+  ASSERT_EQ(details.details_size(), 1);
+  EXPECT_EQ(details.details(0).type_url(), "type.googleapis.com/google.rpc.BadRequest");
+  v1::BadRequest bad_request;
+  ASSERT_TRUE(bad_request.ParseFromString(details.details(0).value()));
+  ASSERT_EQ(bad_request.field_violations_size(), 1);
+  EXPECT_EQ(bad_request.field_violations(0).field(), "open.targets[2].id");
+}
+
+TEST(StatusFromError, WithoutAFieldHasNoDetails) {
+  const grpc::Status status = status_from_error({ErrorCode::kUnavailable, "", "the device was lost"});
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(status.error_message(), "the device was lost");
+  EXPECT_TRUE(status.error_details().empty());
+}
+
+TEST(StatusFromError, UnusableInputIsTheSendersFault) {
+  EXPECT_EQ(status_from_error({ErrorCode::kUnsupported, "", ""}).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status_from_error({ErrorCode::kDataLoss, "", ""}).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace sightline::test
