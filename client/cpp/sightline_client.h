@@ -40,10 +40,10 @@ inline constexpr const char* kDefaultAddress = "127.0.0.1:50151";
 
 // What a server says on an open session. A Rejection means that nothing of one tick was applied and the
 // session lives on.
-using SessionEvent = std::variant<v1::CameraReply, v1::Rejection, v1::Drain>;
+using SessionEvent = std::variant<v1::CameraReply, v1::TickError, v1::Drain>;
 
 // The same Error that a failed call would give, for logs.
-Error to_error(const v1::Rejection& rejection);
+Error to_error(const v1::TickError& rejection);
 
 class ClientSession {
  public:
@@ -116,10 +116,13 @@ class Client {
 
   // Sends one .glb, or one .gltf without external files, in chunks. The answer's hash goes into
   // SceneRef.hash.
-  Result<v1::UploadSceneReply> upload_scene(std::span<const std::byte> file,
+  Result<v1::UploadSceneResponse> upload_scene(std::span<const std::byte> file,
                                             std::chrono::nanoseconds timeout);
+  // The names of all scenes in the server's scene folder, sorted by bytes; fetches as many pages as there are.
   Result<std::vector<std::string>> list_scenes(std::chrono::nanoseconds timeout);
-  Result<v1::ServerInfo> server_info(std::chrono::nanoseconds timeout);
+  // What the server is, and what it has done since its start.
+  Result<v1::GetServerInfoResponse> server_info(std::chrono::nanoseconds timeout);
+  Result<v1::GetServerStatsResponse> server_stats(std::chrono::nanoseconds timeout);
 
   // Opens one session and waits for the server's answer. With `handler`, events go there instead of to
   // receive().

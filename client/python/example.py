@@ -54,8 +54,8 @@ def tick(number):
         message.settings.move.strategy = settings_pb2.Move.BLEND
         message.limits.max_speed_mps = 4.0
     for target, position in where(time_s).items():
-        message.transforms.id.append(target)
-        message.transforms.position.extend(position)
+        message.transforms.ids.append(target)
+        message.transforms.positions.extend(position)
     return control.ControlRequest(tick=message)
 
 

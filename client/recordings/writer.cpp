@@ -61,7 +61,7 @@ Status RecordingWriter::write(const v1::Tick& tick, uint64_t log_ns) {
 Status RecordingWriter::write(const v1::CameraReply& reply, uint64_t log_ns) {
   return put(RecordTopic::kReply, reply, log_ns, &ViewerChannels::take_reply);
 }
-Status RecordingWriter::write(const v1::Rejection& rejection, uint64_t log_ns) {
+Status RecordingWriter::write(const v1::TickError& rejection, uint64_t log_ns) {
   return put(RecordTopic::kRejection, rejection, log_ns, &ViewerChannels::take_rejection);
 }
 Status RecordingWriter::write(const v1::Fault& fault, uint64_t log_ns) {

@@ -185,7 +185,7 @@ bool ReplayScenes::named_in(const v1::Tick& tick) {
 
 Status ReplayScenes::name_by_hash(v1::Tick& tick) {
   if (!named_in(tick)) return {};
-  for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_add())
+  for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_added_instances())
     if (Status named = name_by_hash(instance); !named) return named;
   return {};
 }

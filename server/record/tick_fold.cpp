@@ -9,22 +9,22 @@
 namespace sightline {
 namespace {
 
-std::array<float, 4> rotation_of(const v1::Pose& pose) {
+std::array<float, 4> rotation_of(const v1::Pose3& pose) {
   if (!pose.has_rotation()) return {0, 0, 0, 1};
-  const v1::Quaternion& q = pose.rotation();
+  const v1::Quat& q = pose.rotation();
   return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()),
           static_cast<float>(q.w())};
 }
 
-void set_rotation(v1::Pose& pose, const std::array<float, 4>& r) {
-  v1::Quaternion& q = *pose.mutable_rotation();
+void set_rotation(v1::Pose3& pose, const std::array<float, 4>& r) {
+  v1::Quat& q = *pose.mutable_rotation();
   q.set_x(r[0]);
   q.set_y(r[1]);
   q.set_z(r[2]);
   q.set_w(r[3]);
 }
 
-void set_position(v1::Pose& pose, const std::array<double, 3>& p) {
+void set_position(v1::Pose3& pose, const std::array<double, 3>& p) {
   pose.mutable_position()->set_x(p[0]);
   pose.mutable_position()->set_y(p[1]);
   pose.mutable_position()->set_z(p[2]);
@@ -76,7 +76,7 @@ void TickFold::take_reply(const v1::CameraReply& reply) {
   if (reply.has_velocity()) *camera_->mutable_velocity() = reply.velocity();
 }
 
-void TickFold::take_rejection(const v1::Rejection& rejection) {
+void TickFold::take_rejection(const v1::TickError& rejection) {
   const auto found =
       find_refused(waiting_, rejection, [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
   if (found == waiting_.end()) return;
@@ -145,9 +145,9 @@ void TickFold::fold_delta(const v1::SceneDelta& delta) {
 }
 
 void TickFold::fold_transforms(const v1::Transforms& wire, bool paused) {
-  const int n = wire.id_size();
-  if (wire.position_size() != 3 * n) return;
-  const bool turns = n > 0 && wire.rotation_size() == 4 * n, tells = n > 0 && wire.velocity_size() == 3 * n;
+  const int n = wire.ids_size();
+  if (wire.positions_size() != 3 * n) return;
+  const bool turns = n > 0 && wire.rotations_size() == 4 * n, tells = n > 0 && wire.velocities_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
     Entry* entry = find(wire.id(i));
     if (entry == nullptr) continue;
@@ -200,21 +200,21 @@ v1::Tick TickFold::tick() const {
     tells_velocities |= entry->has_velocity && entry->velocity != std::array<float, 3>{};
   }
   for (const auto& [id, entry] : entries) {
-    if (entry->removed) out.mutable_delta()->add_remove(id);
+    if (entry->removed) out.mutable_delta()->add_removed_ids(id);
     if (entry->added) {
-      v1::NewInstance& added = *out.mutable_delta()->add_add();
+      v1::NewInstance& added = *out.mutable_delta()->add_added_instances();
       added = *entry->added;
       if (entry->moved) set_position(*added.mutable_pose(), entry->position);
       if (entry->turned) set_rotation(*added.mutable_pose(), entry->rotation);
       if (entry->attributes) *added.mutable_attributes() = *entry->attributes;
     } else if (entry->attributes) {
-      v1::AttributeChange& change = *out.mutable_delta()->add_change();
+      v1::AttributeChange& change = *out.mutable_delta()->add_changed_instances();
       change.set_id(id);
       *change.mutable_attributes() = *entry->attributes;
     }
     if (!entry->moved) continue;
     v1::Transforms& moved = *out.mutable_transforms();
-    moved.add_id(id);
+    moved.add_ids(id);
     put(*moved.mutable_position(), entry->position);
     if (tells_rotations) put(*moved.mutable_rotation(), entry->rotation);
     if (tells_velocities)
@@ -228,7 +228,7 @@ v1::Tick TickFold::tick() const {
     *out.mutable_observed_camera() = *camera_;
     out.mutable_observed_camera()->set_cut(true);
   }
-  out.mutable_step()->set_merge_into_next(true);
+  out.mutable_step_control()->set_merge_into_next(true);
   return out;
 }
 
@@ -246,8 +246,8 @@ void TickFold::tell_targets(v1::Tick& out) const {
     told = target;
     told.clear_attached();
     told.clear_ignored();
-    keep(target.attached(), *told.mutable_attached());
-    keep(target.ignored(), *told.mutable_ignored());
+    keep(target.attached_ids(), *told.mutable_attached_ids());
+    keep(target.ignored_ids(), *told.mutable_ignored_ids());
   }
 }
 

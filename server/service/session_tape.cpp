@@ -11,9 +11,9 @@ namespace {
 
 bool is_wanted(const v1::RecordingRequest& request, bool all) {
   switch (request.mode()) {
-    case v1::RecordingRequest::ON:
+    case v1::RecordingRequest::MODE_ON:
       return true;
-    case v1::RecordingRequest::OFF:
+    case v1::RecordingRequest::MODE_OFF:
       return false;
     default:
       return all;
@@ -64,7 +64,7 @@ void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::S
   session_id_ = opened.session_id();
   if (!is_wanted(request.recording(), rules_.all)) return;
   if (!rules_.writer) {
-    if (request.recording().mode() == v1::RecordingRequest::ON)
+    if (request.recording().mode() == v1::RecordingRequest::MODE_ON)
       opened.add_warnings("recording: this server records no sessions (--record-dir)");
     return;
   }
@@ -82,7 +82,7 @@ void SessionTape::tick(const v1::Tick& tick, int64_t arrival_ns) {
   if (recorder_) recorder_->record(RecordTopic::kTick, times(arrival_ns), tick);
 }
 
-void SessionTape::rejection(const v1::Rejection& rejection) {
+void SessionTape::rejection(const v1::TickError& rejection) {
   if (recorder_) recorder_->record(RecordTopic::kRejection, times(clock_()), rejection);
 }
 

@@ -57,8 +57,8 @@ class HeldCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::By
 grpc::StatusCode call_of_a_thread(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   context.set_deadline(system_clock::now() + seconds(20));
-  v1::ServerInfo info;
-  return v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
+  v1::GetServerInfoResponse info;
+  return v1::CameraControlService::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
 }
 
 // One call after the other: of many at once one is refused, too, while a thread is on its way from one to the next.

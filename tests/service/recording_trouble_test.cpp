@@ -52,8 +52,8 @@ class RecordingTrouble : public testing::Test {
     const size_t end = heard_->sent.size() + ticks;
     play_until([&] { return heard_->sent.size() == end; });
   }
-  v1::RecordingCounts counts() const {
-    return server_info(connect(daemon_->addresses().front())).recording();
+  v1::RecordingStats counts() const {
+    return server_stats(connect(daemon_->addresses().front())).recording();
   }
   size_t logged(const std::string& message) const {
     return count(daemon_->errors(), message + " session=" + heard_->opened.session_id());
