@@ -27,7 +27,7 @@ class ControlDialect final : public BenchDialect {
   ControlDialect(const BenchWorld& world, size_t session, v1::OpenSession open)
       : world_(world), session_(session), open_(std::move(open)) {}
 
-  std::string method() const override { return "/sightline.v1.CameraControl/Control"; }
+  std::string method() const override { return "/sightline.v1.CameraControlService/Control"; }
 
   bool opening(grpc::ByteBuffer& message) override {
     v1::ControlRequest request;

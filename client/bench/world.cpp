@@ -54,7 +54,7 @@ struct Motion {
 
 void set_transform(int at, uint64_t id, const Motion& motion, v1::Transforms& transforms) {
   const auto& [p, r] = motion.pose;
-  transforms.set_id(at, id);
+  transforms.set_ids(at, id);
   double* position = transforms.mutable_positions()->mutable_data() + 3 * at;
   float* rotation = transforms.mutable_rotations()->mutable_data() + 4 * at;
   float* velocity = transforms.mutable_velocities()->mutable_data() + 3 * at;

@@ -1,6 +1,8 @@
 #include "client/cpp/client_error.h"
 
 #include "client/cpp/sightline_client.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "sightline/v1/errors.pb.h"
 
 namespace sightline {
@@ -51,11 +53,6 @@ ErrorCode code_from_rejection(v1::TickError::Code code) {
   }
 }
 
-// Any's type URL is "<host>/<type>"; the type is what counts.
-bool is_bad_request(const google::protobuf::Any& detail) {
-  return detail.type_url().ends_with("/google.rpc.BadRequest");
-}
-
 void take_first_violation(const google::rpc::BadRequest& bad, Error& error) {
   if (bad.field_violations().empty()) return;
   error.field = bad.field_violations(0).field();
@@ -71,7 +68,7 @@ Error error_from_status(const grpc::Status& status) {
   if (!details.ParseFromString(status.error_details())) return error;
   for (const auto& detail : details.details()) {
     google::rpc::BadRequest bad;
-    if (is_bad_request(detail) && bad.ParseFromString(detail.value())) take_first_violation(bad, error);
+    if (detail.UnpackTo(&bad)) take_first_violation(bad, error);
   }
   return error;
 }

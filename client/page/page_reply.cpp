@@ -87,7 +87,7 @@ void add_page_cells(const v1::CameraReply& reply, const Convention& convention,
     PageCell& cell = frame.cells.emplace_back();
     cell.position_m = position_from_client(
         convention,
-        {candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)});
+        {candidates.positions(3 * i), candidates.positions(3 * i + 1), candidates.positions(3 * i + 2)});
     for (size_t k = 0; k < bit_of.size() && k < 32; ++k)
       if ((candidates.visible_masks(i) >> k & 1u) != 0 && bit_of[k] < 32)
         cell.visible_targets |= 1u << bit_of[k];

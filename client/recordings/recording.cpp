@@ -96,8 +96,8 @@ Status Recording::read_head() {
   });
   if (!has_info)
     return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
-  if (info_.version() > kKnownVersion)
-    return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.version()) +
+  if (info_.layout_version() > kKnownVersion)
+    return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.layout_version()) +
                                               ", this program knows up to " + std::to_string(kKnownVersion)));
   if (!has_open) return tl::unexpected(not_ours(name_, "the session's opening is missing (/sightline/open)"));
   return {};

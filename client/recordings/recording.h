@@ -102,7 +102,7 @@ class Recording {
 
 // How much the step of a reply left out, [0, 5] whatever the file says: what Session::step takes.
 inline int economy_level_of(const v1::CameraReply& reply) {
-  return static_cast<int>(std::min(reply.degradation().level(), 5u));
+  return static_cast<int>(std::min(reply.degradation().quality_level(), 5u));
 }
 
 // One step as it was taken: the ticks that were applied for it, oldest first, then its reply.

@@ -8,7 +8,7 @@ namespace {
 constexpr uint32_t kVersion = 1;  // FORMAT.md
 
 v1::RecordingInfo versioned(v1::RecordingInfo info) {
-  info.set_version(kVersion);
+  info.set_layout_version(kVersion);
   return info;
 }
 

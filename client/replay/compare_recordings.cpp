@@ -12,7 +12,7 @@ namespace {
 const IgnoredFields& fields_beside_the_input() {
   static const IgnoredFields fields =
       fields_named({"sightline.v1.OpenSession.recording", "sightline.v1.OpenSession.degradation_policy",
-                    "sightline.v1.Tick.step"});
+                    "sightline.v1.Tick.step_control"});
   return fields;
 }
 

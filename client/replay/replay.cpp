@@ -75,7 +75,7 @@ void ReplayFeed::split(RecordedStep& recorded) {
     --left;
     if (lost == 0) continue;
     --lost;
-    if (now.ticks.back().step().merge_into_next()) continue;  // never had a reply: what a file begins with
+    if (now.ticks.back().step_control().merge_into_next()) continue;  // never had a reply: what a file begins with
     now.has_reply = false;
     ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
   }
@@ -207,7 +207,7 @@ Status Replay::take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& ste
   answer.rejections.clear();
   answer.has_reply = false;
   if (ticks.empty() || (step.answer == StepAnswer::kNone && !place.session())) return {};
-  const int level = step.step_control.quality_level();
+  const int level = step.step.quality_level();
   if (std::none_of(ticks.begin(), ticks.end(), ReplayScenes::named_in))
     return place.take(ticks, level, answer);
   renamed_ = ticks;

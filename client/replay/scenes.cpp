@@ -178,7 +178,7 @@ Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
 }
 
 bool ReplayScenes::named_in(const v1::Tick& tick) {
-  const auto& added = tick.delta().add();
+  const auto& added = tick.delta().added_instances();
   return std::any_of(added.begin(), added.end(),
                      [](const v1::NewInstance& instance) { return instance.has_mesh(); });
 }

@@ -47,7 +47,7 @@ std::vector<std::pair<std::string, std::string>> recording_facts(const Recording
       {"convention", convention_text(recording.open_session().convention())},
       {"instances", std::to_string(opened.instance_count())},
       {"triangles", std::to_string(opened.triangle_count())},
-      {"mirror", formatted("%016llx", static_cast<unsigned long long>(opened.hash()))}};
+      {"mirror", formatted("%016llx", static_cast<unsigned long long>(opened.mirror_hash()))}};
   for (const std::string& warning : opened.warnings()) facts.emplace_back("warning", warning);
   std::erase_if(facts, [](const auto& fact) { return fact.second.empty(); });
   return facts;

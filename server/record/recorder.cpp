@@ -83,7 +83,7 @@ RecordWriter::~RecordWriter() {
 }
 
 std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
-  info.set_version(kLayoutVersion);
+  info.set_layout_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
   auto session = std::make_shared<Session>(std::move(info), settings_, bell_);
   const std::lock_guard lock(mutex_);

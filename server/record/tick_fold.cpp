@@ -125,7 +125,7 @@ bool TickFold::there(uint64_t id) const {
 }
 
 void TickFold::fold_delta(const v1::SceneDelta& delta) {
-  for (const uint64_t id : delta.remove()) {
+  for (const uint64_t id : delta.removed_ids()) {
     Entry* entry = find(id);
     if (entry == nullptr) continue;
     const bool of_opening = entry->of_opening;
@@ -133,13 +133,13 @@ void TickFold::fold_delta(const v1::SceneDelta& delta) {
     entry->of_opening = entry->removed = of_opening;
     if (!of_opening) entries_.erase(id);
   }
-  for (const v1::NewInstance& instance : delta.add()) {
+  for (const v1::NewInstance& instance : delta.added_instances()) {
     if (there(instance.id()) || entries_.size() >= kMaxInstances) continue;
     Entry& entry = entries_[instance.id()];
     entry.added = std::make_unique<v1::NewInstance>(instance);
     entry.rotation = rotation_of(instance.pose());
   }
-  for (const v1::AttributeChange& change : delta.change())
+  for (const v1::AttributeChange& change : delta.changed_instances())
     if (Entry* entry = find(change.id()))
       entry->attributes = std::make_unique<v1::Attributes>(change.attributes());
 }
@@ -149,12 +149,12 @@ void TickFold::fold_transforms(const v1::Transforms& wire, bool paused) {
   if (wire.positions_size() != 3 * n) return;
   const bool turns = n > 0 && wire.rotations_size() == 4 * n, tells = n > 0 && wire.velocities_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
-    Entry* entry = find(wire.id(i));
+    Entry* entry = find(wire.ids(i));
     if (entry == nullptr) continue;
     const std::array<double, 3> before = entry->position;
-    take(wire.position(), i, entry->position);
-    if (turns) take(wire.rotation(), i, entry->rotation);
-    if (tells) take(wire.velocity(), i, entry->velocity);
+    take(wire.positions(), i, entry->position);
+    if (turns) take(wire.rotations(), i, entry->rotation);
+    if (tells) take(wire.velocities(), i, entry->velocity);
     entry->turned |= turns;
     // While paused, what stands where it stood keeps its velocity: see Session.
     const bool keeps = paused && entry->moved && before == entry->position;
@@ -215,10 +215,10 @@ v1::Tick TickFold::tick() const {
     if (!entry->moved) continue;
     v1::Transforms& moved = *out.mutable_transforms();
     moved.add_ids(id);
-    put(*moved.mutable_position(), entry->position);
-    if (tells_rotations) put(*moved.mutable_rotation(), entry->rotation);
+    put(*moved.mutable_positions(), entry->position);
+    if (tells_rotations) put(*moved.mutable_rotations(), entry->rotation);
     if (tells_velocities)
-      put(*moved.mutable_velocity(), entry->has_velocity ? entry->velocity : std::array<float, 3>{});
+      put(*moved.mutable_velocities(), entry->has_velocity ? entry->velocity : std::array<float, 3>{});
   }
   tell_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;
@@ -244,8 +244,8 @@ void TickFold::tell_targets(v1::Tick& out) const {
     if (!there(target.id())) continue;
     v1::Target& told = *list.add_targets();
     told = target;
-    told.clear_attached();
-    told.clear_ignored();
+    told.clear_attached_ids();
+    told.clear_ignored_ids();
     keep(target.attached_ids(), *told.mutable_attached_ids());
     keep(target.ignored_ids(), *told.mutable_ignored_ids());
   }

@@ -230,8 +230,8 @@ void ViewerChannels::take_lens(const v1::Lens& wire) {
 }
 
 void ViewerChannels::take_delta(const v1::SceneDelta& delta) {
-  for (const uint64_t id : delta.remove()) instances_.erase(id);
-  for (const v1::NewInstance& instance : delta.add()) add_instance(instance);
+  for (const uint64_t id : delta.removed_ids()) instances_.erase(id);
+  for (const v1::NewInstance& instance : delta.added_instances()) add_instance(instance);
 }
 
 void ViewerChannels::add_instance(const v1::NewInstance& wire) {
@@ -249,12 +249,12 @@ void ViewerChannels::move_instances(const v1::Transforms& wire) {
   if (wire.positions_size() != 3 * wire.ids_size()) return;
   for (int i = 0; i < wire.ids_size(); ++i) {
     // Nodes of the scene file are not named before they move.
-    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.id(i))) continue;
-    Instance& instance = instances_[wire.id(i)];
-    Pose client{{wire.position(3 * i), wire.position(3 * i + 1), wire.position(3 * i + 2)}, {1, 0, 0, 0}};
+    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.ids(i))) continue;
+    Instance& instance = instances_[wire.ids(i)];
+    Pose client{{wire.positions(3 * i), wire.positions(3 * i + 1), wire.positions(3 * i + 2)}, {1, 0, 0, 0}};
     if (rotated)
-      client.rotation = glm::normalize(glm::dquat(wire.rotation(4 * i + 3), wire.rotation(4 * i),
-                                                  wire.rotation(4 * i + 1), wire.rotation(4 * i + 2)));
+      client.rotation = glm::normalize(glm::dquat(wire.rotations(4 * i + 3), wire.rotations(4 * i),
+                                                  wire.rotations(4 * i + 1), wire.rotations(4 * i + 2)));
     Pose moved = to_viewer(pose_from_client(client_, client));
     if (!rotated) moved.rotation = instance.world_from_instance.rotation;
     instance.world_from_instance = moved;

@@ -443,7 +443,7 @@ void ControlStream::note_step_control(const v1::StepControl& step) {
   wants_step_ = !step.merge_into_next();
   asked_merges_ += step.merge_into_next();
   told_level_.reset();
-  if (step.has_quality_level()) told_level_ = static_cast<int>(step_control.quality_level());
+  if (step.has_quality_level()) told_level_ = static_cast<int>(step.quality_level());
 }
 
 Status ControlStream::apply(const Inbox::Message& message) {

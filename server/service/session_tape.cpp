@@ -71,7 +71,7 @@ void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::S
   wall_from_clock_ns_ = static_cast<int64_t>(rules_.wall_ns()) - clock_();
   recorder_ = rules_.writer->open_session(info_of(request, opened));
   name_ = recorder_->file_name();
-  opened.set_recording(name_);
+  opened.set_recording_file(name_);
   recorder_->record(RecordTopic::kOpen, times(arrival_ns), request);
   attaches_ = rules_.attach_scenes || request.recording().attach_scenes();
   if (attaches_) attach_scenes(request, opened);
@@ -104,16 +104,16 @@ void SessionTape::fault(uint64_t sequence, std::string_view stage, std::string_v
 }
 
 bool SessionTape::lacks_scenes(const v1::Tick& tick) const {
-  if (!attaches_ || tick.delta().add().empty()) return false;
+  if (!attaches_ || tick.delta().added_instances().empty()) return false;
   bool lacks = false;
-  for_each_mesh(tick.delta().add(),
+  for_each_mesh(tick.delta().added_instances(),
                 [&](const std::string& scene) { lacks |= !tried_scenes_.contains(scene); });
   return lacks;
 }
 
 void SessionTape::attach_scenes(const v1::Tick& tick) {
-  if (!attaches_ || tick.delta().add().empty()) return;
-  for_each_mesh(tick.delta().add(), [&](const std::string& scene) { attach(scene); });
+  if (!attaches_ || tick.delta().added_instances().empty()) return;
+  for_each_mesh(tick.delta().added_instances(), [&](const std::string& scene) { attach(scene); });
 }
 
 void SessionTape::attach_scenes(const v1::OpenSession& request, v1::SessionOpened& opened) {

@@ -41,8 +41,8 @@ Status check_target(const Target& target, const IdsAfter& ids, const std::string
   if (Status ok = check_range(weight.c_str(), target.weight, 0.0, kMaxWeight); !ok) return ok;
   if (target.aim_offset_m && !is_within(*target.aim_offset_m, kMaxCoordinateM))
     return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m");
-  if (Status ok = check_known(target.attached_ids, ids, field + ".attached"); !ok) return ok;
-  return check_known(target.ignored_ids, ids, field + ".ignored");
+  if (Status ok = check_known(target.attached_ids, ids, field + ".attached_ids"); !ok) return ok;
+  return check_known(target.ignored_ids, ids, field + ".ignored_ids");
 }
 
 // "poses[3].rotation" -> 3.

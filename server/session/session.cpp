@@ -141,7 +141,7 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
     const uint64_t id = tick.delta.remove[i];
     const auto is_it = [id](const Target& target) { return target.instance_id == id; };
     if (!ids.contains(id) && std::any_of(options_.targets.begin(), options_.targets.end(), is_it))
-      return fail(ErrorCode::kFailedPrecondition, indexed("tick.delta.remove", i),
+      return fail(ErrorCode::kFailedPrecondition, indexed("tick.delta.removed_ids", i),
                   "is a target; replace the target list in the same tick");
   }
   return {};

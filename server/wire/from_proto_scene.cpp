@@ -144,11 +144,11 @@ tl::unexpected<Error> wrong_count(const char* field, int got, const char* of, in
 Status check_counts(const v1::Transforms& wire) {
   const int n = wire.ids_size();
   if (wire.positions_size() / 3 != n || wire.positions_size() % 3 != 0)
-    return wrong_count("position", wire.positions_size(), "3 for each id", 3 * n);
+    return wrong_count("positions", wire.positions_size(), "3 for each id", 3 * n);
   if (wire.rotations_size() != 0 && (wire.rotations_size() / 4 != n || wire.rotations_size() % 4 != 0))
-    return wrong_count("rotation", wire.rotations_size(), "4 for each id, or none", 4 * n);
+    return wrong_count("rotations", wire.rotations_size(), "4 for each id, or none", 4 * n);
   if (wire.velocities_size() != 0 && (wire.velocities_size() / 3 != n || wire.velocities_size() % 3 != 0))
-    return wrong_count("velocity", wire.velocities_size(), "3 for each id, or none", 3 * n);
+    return wrong_count("velocities", wire.velocities_size(), "3 for each id, or none", 3 * n);
   return {};
 }
 

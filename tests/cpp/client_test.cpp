@@ -287,7 +287,7 @@ TEST_F(ClientTest, AnUploadedSceneOpensASession) {
   const auto scene = client.upload_scene(writer.finish("none"), 10s);
   ASSERT_TRUE(scene) << to_string(scene.error());
   EXPECT_EQ(scene->hash().size(), 32u);
-  EXPECT_EQ(scene->triangles(), 24u);
+  EXPECT_EQ(scene->triangle_count(), 24u);
   v1::OpenSession request;
   request.mutable_scene()->set_hash(scene->hash());
   v1::NodeBinding* binding = request.mutable_scene()->add_bindings();

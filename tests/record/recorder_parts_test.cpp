@@ -72,7 +72,7 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   constexpr uint64_t kInstances = 200;
   Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
                  .chunk_bytes = 500,
-                 .max_message_bytes = 2000,
+                 .max_message_bytes = 3000,
                  .for_viewers = false});
   auto recorder = studio.open();
   v1::OpenSession open;

@@ -268,10 +268,10 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (chance(0.3)) change_structure(tick);
     std::vector<uint64_t> ids = living();
     std::erase_if(ids, [&](uint64_t id) {
-      const auto& removed = tick.delta().remove();
+      const auto& removed = tick.delta().removed_ids();
       return std::find(removed.begin(), removed.end(), id) != removed.end();
     });
-    for (const v1::NewInstance& added : tick.delta().add()) ids.push_back(added.id());
+    for (const v1::NewInstance& added : tick.delta().added_instances()) ids.push_back(added.id());
     if (chance(0.8)) move(tick, some(ids, 0.3));
     if (chance(0.15)) change_targets(tick);
     if (chance(0.3)) change_terms(tick);
@@ -473,9 +473,9 @@ TEST_F(Fold, WhatCameAndWentLeavesNothing) {
   }
   fold.take_reply(answer(100));
   const v1::Tick tick = fold.tick();
-  EXPECT_EQ(tick.delta().remove_size(), 0);
-  ASSERT_EQ(tick.delta().add_size(), 1);
-  EXPECT_EQ(tick.delta().add(0).id(), kFirstSpawn + 100);
+  EXPECT_EQ(tick.delta().removed_ids_size(), 0);
+  ASSERT_EQ(tick.delta().added_instances_size(), 1);
+  EXPECT_EQ(tick.delta().added_instances(0).id(), kFirstSpawn + 100);
   EXPECT_THAT(tick.transforms().ids(), ElementsAre(kFirstSpawn + 100));
 }
 

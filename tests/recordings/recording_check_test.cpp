@@ -65,7 +65,7 @@ TEST_F(Verbs, WhatDoesNotGoTogetherIsSaid) {
 struct Numbered {
   explicit Numbered(uint32_t part = 1, uint64_t snapshot_ticks = 0) {
     v1::RecordingInfo info;
-    info.set_version(1);
+    info.set_layout_version(1);
     info.set_part(part);
     info.set_snapshot_ticks(snapshot_ticks);
     file.emplace(std::make_unique<StringSink>(bytes), info, 1, McapWriterOptions{});

@@ -45,7 +45,7 @@ class Recorded : public testing::Test {
       v1::TickError rejection;
       for (const v1::Tick& tick : step.ticks) EXPECT_TRUE((*session)->apply(tick, rejection));
       v1::CameraReply reply;
-      EXPECT_TRUE((*session)->step(step_control.quality_level(), reply).has_value());
+      EXPECT_TRUE((*session)->step(step.quality_level(), reply).has_value());
       EXPECT_EQ(reply.sequence(), step.reply.sequence());
       EXPECT_EQ(reply.merged_ticks(), step.reply.merged_ticks());
       hash = reply_hash(reply, hash);

@@ -270,7 +270,7 @@ TEST_F(CompareRecordings, InputsThatDifferAreTold) {
   EXPECT_EQ(opening.input.equal, 60u);
   const std::string slower = rewritten(hall(), [](RecordedEvent& event, RecordingWriter&) {
     auto* tick = std::get_if<v1::Tick>(&event.message);
-    if (tick && tick->sequence() >= 7) tick->mutable_transforms()->set_position(4, 1.5);
+    if (tick && tick->sequence() >= 7) tick->mutable_transforms()->set_positions(4, 1.5);
     return true;
   });
   const RecordingComparison ticks = compare(hall(), slower);

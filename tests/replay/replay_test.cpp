@@ -228,7 +228,8 @@ TEST_F(ReplayHere, APartWhoseFoldWasTooLargeIsNotTakenForTheSession) {
   ASSERT_TRUE(summary.has_value());
   EXPECT_THAT(summary->missing, testing::ElementsAre(testing::Key("TOO_LARGE")));
   MemorySink cut;
-  ASSERT_TRUE(cut_recording(part, {.start_s = 0.01}, cut));
+  const auto done = cut_recording(part, {.start_s = 0.004}, cut);
+  ASSERT_TRUE(done) << to_string(done.error());
   EXPECT_EQ(check_session(open_recording(cut.bytes())).gap_messages, check_session(part).gap_messages);
   const Replayed replayed = replay_here(last);
   EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;

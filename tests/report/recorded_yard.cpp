@@ -56,7 +56,7 @@ class Yard {
  private:
   void happen(int i, v1::Tick& tick) const {
     const double t = i / 60.0;
-    if (i == kYardRefused) tick.mutable_transforms()->set_id(0, 999);
+    if (i == kYardRefused) tick.mutable_transforms()->set_ids(0, 999);
     if (i == kYardCrateComes)
       *tick.mutable_delta()->add_added_instances() = box(kYardCrate, {0.4, 0.4, 0.4}, {0, 0.4, 2});
     if (i > kYardCrateComes && i < kYardCrateGoes) move(kYardCrate, {t, 0.4, 2}, 0, tick);

@@ -261,7 +261,7 @@ TEST_F(ReportPage, ALevelOfEconomyThatThereIsNotEndsTheCells) {
   const RecordedYard yard = record_yard(*sampler_, {.ticks = 20, .eventful = false});
   for (const uint32_t level : {6u, 1u << 20, UINT32_MAX}) {
     const SessionPage page = page_of(rewritten(yard.bytes, [&](v1::CameraReply& reply) {
-      if (reply.sequence() == 10) reply.mutable_degradation()->set_level(level);
+      if (reply.sequence() == 10) reply.mutable_degradation()->set_quality_level(level);
     }));
     EXPECT_EQ(frames_with_cells(page), 9u) << level;
   }
@@ -278,7 +278,7 @@ TEST_F(ReportPage, RepliesThatMakeNoSenseAreLeftOutOrShownAsFarAsTheyDo) {
     if (i == 14) reply.set_pose_time_s(-1e300);
     if (i == 15) reply.set_status(static_cast<v1::TrackingStatus>(77));
     if (i == 16) reply.mutable_candidates()->set_chosen_index(1'000'000);
-    if (i == 17) reply.mutable_candidates()->mutable_position()->Truncate(4);
+    if (i == 17) reply.mutable_candidates()->mutable_positions()->Truncate(4);
     if (i == 18) reply.mutable_candidates()->set_chosen_index(-7);
     if (i == 19) reply.mutable_targets(0)->set_visible_share(NAN);
     if (i == 20)

@@ -46,11 +46,11 @@ Requests random_requests(SceneMaker& maker, size_t slots) {
   Requests out;
   const uint32_t count = 1 + maker.random().next_below(3);
   for (uint32_t i = 0; i < count; ++i) {
-    out.ignored.push_back(maker.ignored_ids(slots));
+    out.ignored.push_back(maker.ignored(slots));
     const uint32_t mask = maker.random().next_below(2) ? 0xFFFFFFFFu : 1 + maker.random().next_below(7);
     out.all.push_back({.view = maker.view(), .layer_mask = mask});
   }
-  for (size_t i = 0; i < out.all.size(); ++i) out.all[i].ignored_slots = out.ignored_ids[i];
+  for (size_t i = 0; i < out.all.size(); ++i) out.all[i].ignored_slots = out.ignored[i];
   return out;
 }
 

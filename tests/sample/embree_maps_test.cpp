@@ -27,7 +27,7 @@ struct Requests {
 
   Requests(SceneMaker& maker, size_t slots, int count, double ahead_s = 0.0) {
     for (int i = 0; i < count; ++i) {
-      ignored.push_back(maker.ignored_ids(slots));
+      ignored.push_back(maker.ignored(slots));
       MapRequest request{.view = maker.view(), .layer_mask = i % 3 == 0 ? 5u : 0xFFFFFFFFu};
       if (i % 4 == 1) request.view = plan_sight(request.view.eye_m, maker.pose().position_m);
       if (i % 4 == 2) request.view.width = 7, request.view.height = 7;

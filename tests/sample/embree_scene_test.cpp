@@ -53,7 +53,7 @@ TEST_F(EmbreeSceneTest, TracesAsBruteForceDoesUnderEveryFilter) {
     const bool occluders = seed % 2 == 0;
     EmbreeScene scene(device_, occluders ? EmbreeScene::Content::kOccluders : EmbreeScene::Content::kColliders);
     scene.take_in(mirror);
-    const std::vector<uint32_t> ignored = maker.ignored_ids(12);
+    const std::vector<uint32_t> ignored = maker.ignored(12);
     const std::vector<RayFilter> filters{
         {}, {.layer_mask = 2}, {.ignored_slots = ignored}, {.layer_mask = 5, .ignored_slots = ignored}, {.only_slot = 3}};
     for (const RayFilter& filter : filters) {
@@ -158,7 +158,7 @@ TEST_F(EmbreeSceneTest, NearestSurfaceIsThatOfBruteForceWithinReach) {
     ASSERT_TRUE(mirror.apply(maker.scene(10), {}));
     EmbreeScene scene(device_, EmbreeScene::Content::kColliders);
     scene.take_in(mirror);
-    const std::vector<uint32_t> ignored = maker.ignored_ids(10);
+    const std::vector<uint32_t> ignored = maker.ignored(10);
     for (int i = 0; i < 40; ++i) {
       const glm::dvec3 point = maker.pose().position_m;
       double want = 1.5;
@@ -223,7 +223,7 @@ TEST_F(EmbreeSceneTest, ManyThreadsTraceTheSame) {
   ASSERT_TRUE(mirror.apply(maker.scene(20), {}));
   EmbreeScene scene(device_, EmbreeScene::Content::kOccluders);
   scene.take_in(mirror);
-  const std::vector<uint32_t> ignored = maker.ignored_ids(20);
+  const std::vector<uint32_t> ignored = maker.ignored(20);
   const auto sum_of_hits = [&] {
     SceneMaker rays(77);
     double sum = 0;

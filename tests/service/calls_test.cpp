@@ -71,7 +71,7 @@ TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
   EXPECT_GT(calls.size(), 1u);
   const auto other = world.channel();
   EXPECT_EQ(call_of_a_thread(other), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  for (const char* service : {"", "sightline.v1.CameraControl"})
+  for (const char* service : {"", "sightline.v1.CameraControlService"})
     EXPECT_EQ(health_of(world.channel(), service), 1) << service;
   EXPECT_EQ(call_of_a_thread(other), grpc::StatusCode::RESOURCE_EXHAUSTED)
       << "or it was answered when nothing was held any more";

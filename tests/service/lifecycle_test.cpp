@@ -14,7 +14,7 @@
 namespace sightline {
 namespace {
 
-const char* const kService = "sightline.v1.CameraControl";
+const char* const kService = "sightline.v1.CameraControlService";
 
 TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
   const ServiceWorld world;

@@ -58,7 +58,7 @@ class Game {
     while (const auto reply = stream_.read()) {
       const v1::CameraReply& camera = reply->camera();
       if (camera.flags().degraded() != camera.has_degradation()) flags_agree_ = false;
-      if (camera.has_degradation() && (camera.degradation().level() == 0 || camera.degradation().points() > 8))
+      if (camera.has_degradation() && (camera.degradation().quality_level() == 0 || camera.degradation().sample_points() > 8))
         flags_agree_ = false;
       degraded_ += camera.flags().degraded();
       newest_ = camera.sequence();

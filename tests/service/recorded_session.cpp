@@ -141,7 +141,7 @@ size_t expect_replay(const Recording& recording, LocalWorld& world) {
     }
     EXPECT_EQ(bytes_of(refused), bytes_of(step.rejections));
     v1::CameraReply reply;
-    EXPECT_TRUE((*session)->step(step_control.quality_level(), reply).has_value());
+    EXPECT_TRUE((*session)->step(step.quality_level(), reply).has_value());
     differing += reply_hash(reply) != reply_hash(step.reply);
     ++taken;
     return true;

@@ -71,8 +71,8 @@ TEST_F(RecordingDaemon, ASessionIsInTheFileThatItsOpeningNames) {
   const Heard heard = talk(host, boxes());
   test::stop(host.daemon);
   const std::filesystem::path file = test::only_recording(folder_);
-  EXPECT_EQ(file.filename(), heard.opened.recording());
-  EXPECT_THAT(host.daemon.errors(), HasSubstr("recording=" + heard.opened.recording()));
+  EXPECT_EQ(file.filename(), heard.opened.recording_file());
+  EXPECT_THAT(host.daemon.errors(), HasSubstr("recording=" + heard.opened.recording_file()));
 
   const Recording recording = test::open_recording(file);
   EXPECT_TRUE(recording.container().finished);
@@ -104,9 +104,9 @@ TEST_F(RecordingDaemon, WhoIsRecordedIsSaidByTheClientAndElseByTheFlags) {
     Host host(c.flags);
     const Heard heard = talk(host, boxes(c.mode));
     test::stop(host.daemon);
-    EXPECT_EQ(!heard.opened.recording().empty(), c.recorded);
+    EXPECT_EQ(!heard.opened.recording_file().empty(), c.recorded);
     EXPECT_EQ(heard.opened.warnings_size(), 0);
-    EXPECT_EQ(std::filesystem::exists(folder_ + "/" + heard.opened.recording()) &&
+    EXPECT_EQ(std::filesystem::exists(folder_ + "/" + heard.opened.recording_file()) &&
                   !std::filesystem::is_empty(folder_),
               c.recorded);
   }
@@ -116,7 +116,7 @@ TEST_F(RecordingDaemon, WithoutAFolderAWishIsAnsweredByAWarning) {
   Host host({});
   const Heard heard = talk(host, boxes(v1::RecordingRequest::MODE_ON));
   EXPECT_EQ(heard.replies.size(), 20u);
-  EXPECT_THAT(heard.opened.recording(), IsEmpty());
+  EXPECT_THAT(heard.opened.recording_file(), IsEmpty());
   EXPECT_THAT(heard.opened.warnings(), Contains(HasSubstr("--record-dir")));
   EXPECT_EQ(talk(host, boxes()).opened.warnings_size(), 0);
   EXPECT_FALSE(server_stats(connect(host.address())).has_recording());
@@ -169,7 +169,7 @@ TEST_F(RecordingDaemon, AStopInMidSessionLeavesFinishedFiles) {
     for (const auto& heard : sessions) ASSERT_TRUE(heard->ask(box_tick(i)));
   test::stop(host.daemon);
   for (const auto& heard : sessions) {
-    const Recording recording = test::open_recording(folder_ + "/" + heard->opened.recording());
+    const Recording recording = test::open_recording(folder_ + "/" + heard->opened.recording_file());
     EXPECT_TRUE(recording.container().finished);
     test::expect_same(test::read_all(recording), *heard);
   }
@@ -252,7 +252,7 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
     for (uint64_t i = 1; i <= 120; ++i) {
       const double time_s = static_cast<double>(i) / 60;
       v1::Tick tick = tick_at(scenario, i, time_s, 1.0 / 60);
-      if (i % 13 == 0) tick.mutable_transforms()->set_id(0, 4711);  // refused
+      if (i % 13 == 0) tick.mutable_transforms()->set_ids(0, 4711);  // refused
       if (i % 7 == 0) tick.mutable_step_control()->set_merge_into_next(true);
       if (i % 5 == 0) tick.mutable_step_control()->set_quality_level(static_cast<uint32_t>(i / 5 % 6));
       heard.send(tick);
@@ -272,7 +272,7 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   test::stop(host.daemon);
 
   for (const Heard* session : std::initializer_list<const Heard*>{&heard, &*other}) {
-    const Recording recording = test::open_recording(folder_ + "/" + session->opened.recording());
+    const Recording recording = test::open_recording(folder_ + "/" + session->opened.recording_file());
     EXPECT_EQ(recording.info().sampler(), GetParam().sampler);
     const test::FoundInFile found = test::read_all(recording);
     test::expect_same(found, *session);

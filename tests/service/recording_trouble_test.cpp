@@ -104,7 +104,7 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
 
   // What was missed is told, and all that came after is there.
   const fs::path file = test::only_recording(folder_);
-  EXPECT_NE(file.filename(), heard_->opened.recording()) << "a later part";
+  EXPECT_NE(file.filename(), heard_->opened.recording_file()) << "a later part";
   const Recording recording = test::open_recording(file);
   EXPECT_EQ(recording.open_session().SerializeAsString(), heard_->open.SerializeAsString());
   const test::FoundInFile found = test::read_all(recording);

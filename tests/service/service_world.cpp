@@ -6,7 +6,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "sightline/v1/errors.pb.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 
 namespace sightline {
 

@@ -148,7 +148,7 @@ TEST(StepControl, TheToldLevelIsTheStepsEvenWhereNothingIsToBeDegraded) {
     local.apply(tick);
     const v1::CameraReply reply = camera_of(stream);
     EXPECT_EQ(reply.flags().degraded(), level > 0);
-    EXPECT_EQ(reply.degradation().level(), level);
+    EXPECT_EQ(reply.degradation().quality_level(), level);
     EXPECT_EQ(reply_hash(reply), local.step(static_cast<int>(level))) << level;
   }
 }
@@ -159,7 +159,7 @@ TEST(StepControl, OfMergedTicksTheNewestSaysTheLevel) {
   stream.open(open_with_boxes(kBoxes));
   stream.send(at_level(merged_tick(1), 5));
   stream.send(at_level(told_tick(2), 2));
-  EXPECT_EQ(camera_of(stream).degradation().level(), 2u);
+  EXPECT_EQ(camera_of(stream).degradation().quality_level(), 2u);
   stream.send(at_level(merged_tick(3), 5));
   stream.send(told_tick(4));
   EXPECT_FALSE(camera_of(stream).has_degradation()) << "absent: by the load, and there is none";

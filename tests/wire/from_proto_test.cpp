@@ -177,7 +177,7 @@ TEST_F(FromProto, AMeshOfAFileIsFoundByNameAndByHash) {
 TEST_F(FromProto, ATickArrivesWhole) {
   v1::Tick wire = make_tick(9);
   wire.set_dt_s(0.5);
-  wire.mutable_transforms()->set_rotation(6, 1.0009f), wire.mutable_transforms()->set_rotation(7, 0);
+  wire.mutable_transforms()->set_rotations(6, 1.0009f), wire.mutable_transforms()->set_rotations(7, 0);
   v1::SceneDelta& delta = *wire.mutable_delta();
   delta.set_base_revision(3);
   delta.add_removed_ids(8);
@@ -211,7 +211,7 @@ TEST_F(FromProto, ATickArrivesWhole) {
 
 TEST_F(FromProto, RotationsAndVelocitiesMayBeLeftOut) {
   v1::Tick wire = make_tick(1);
-  wire.mutable_transforms()->clear_rotation(), wire.mutable_transforms()->clear_velocity();
+  wire.mutable_transforms()->clear_rotations(), wire.mutable_transforms()->clear_velocities();
   const TickInput tick = must_read(wire);
   EXPECT_TRUE(tick.keeps_rotations);
   EXPECT_TRUE(tick.transforms.velocities_mps.empty());
@@ -406,15 +406,15 @@ v1::Transforms& moved(v1::Tick& t) {
 
 const WrongTick kWrongTicks[] = {
     {"tick.transforms.positions", [](v1::Tick& t) { moved(t).add_positions(0); }},
-    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_position(); }},
-    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_id(); }},
-    {"tick.transforms.rotations", [](v1::Tick& t) { moved(t).mutable_rotation()->RemoveLast(); }},
-    {"tick.transforms.velocities", [](v1::Tick& t) { moved(t).mutable_velocity()->Truncate(3); }},
-    {"tick.transforms.positions[4]", [](v1::Tick& t) { moved(t).set_position(4, kNan); }},
-    {"tick.transforms.rotations[7]", [](v1::Tick& t) { moved(t).set_rotation(7, -INFINITY); }},
-    {"tick.transforms.rotations[4]", [](v1::Tick& t) { moved(t).set_rotation(7, 0.99f); }},
-    {"tick.transforms.rotations[0]", [](v1::Tick& t) { moved(t).set_rotation(3, 0); }},
-    {"tick.transforms.velocities[5]", [](v1::Tick& t) { moved(t).set_velocity(5, NAN); }},
+    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_positions(); }},
+    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_ids(); }},
+    {"tick.transforms.rotations", [](v1::Tick& t) { moved(t).mutable_rotations()->RemoveLast(); }},
+    {"tick.transforms.velocities", [](v1::Tick& t) { moved(t).mutable_velocities()->Truncate(3); }},
+    {"tick.transforms.positions[4]", [](v1::Tick& t) { moved(t).set_positions(4, kNan); }},
+    {"tick.transforms.rotations[7]", [](v1::Tick& t) { moved(t).set_rotations(7, -INFINITY); }},
+    {"tick.transforms.rotations[4]", [](v1::Tick& t) { moved(t).set_rotations(7, 0.99f); }},
+    {"tick.transforms.rotations[0]", [](v1::Tick& t) { moved(t).set_rotations(3, 0); }},
+    {"tick.transforms.velocities[5]", [](v1::Tick& t) { moved(t).set_velocities(5, NAN); }},
     {"tick.delta.added_instances[1].id",
      [](v1::Tick& t) {
        *t.mutable_delta()->add_added_instances() = make_open().instances(0);
@@ -465,7 +465,7 @@ TEST_F(FromProto, MessagesStateTheRangeAndTheValue) {
   first(open).mutable_shape()->mutable_capsule()->set_radius(2e6);
   EXPECT_EQ(read(open).error().message, "must be in [1e-4, 1e5] m, got 2e+06 m");
   v1::Tick tick = make_tick(1);
-  moved(tick).clear_rotation(), moved(tick).add_rotations(1);
+  moved(tick).clear_rotations(), moved(tick).add_rotations(1);
   EXPECT_EQ(read(tick).error().message, "must hold 8 numbers (4 for each id, or none), got 1");
 }
 

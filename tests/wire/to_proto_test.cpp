@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "server/step/economy.h"
 #include "server/wire/from_proto.h"
 #include "server/wire/error_to_proto.h"
@@ -68,8 +70,8 @@ v1::Tick unity_tick(uint64_t sequence) {
   v1::Tick tick = make_tick(sequence);
   v1::Transforms& t = *tick.mutable_transforms();
   for (int i = 0; i < t.ids_size(); ++i) {
-    t.set_position(3 * i, -t.position(3 * i));
-    t.set_velocity(3 * i, -t.velocity(3 * i));
+    t.set_positions(3 * i, -t.positions(3 * i));
+    t.set_velocities(3 * i, -t.velocities(3 * i));
   }
   return tick;
 }
@@ -92,7 +94,7 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)),
               1e-6);
   EXPECT_GT(reply.candidate_counts().total(), 0u);
-  EXPECT_EQ(reply.candidate_counts().visible_by_target_size(), 2);
+  EXPECT_EQ(reply.candidate_counts().target_visible_counts_size(), 2);
   EXPECT_EQ(reply.volume_used(), v1::VOLUME_USED_LATTICE);
   EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_UNSPECIFIED);
   EXPECT_EQ(reply.mirror_revision(), 1u);
@@ -113,13 +115,13 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
     camera_reply_to_proto(*answer, *wire.session, {}, reply);
     EXPECT_TRUE(reply.flags().degraded());
     const StepSettings used = economise(wire.session->settings(), level);
-    EXPECT_EQ(reply.degradation().level(), static_cast<uint32_t>(level));
-    EXPECT_EQ(reply.degradation().resolution(), static_cast<uint32_t>(used.sample.resolution));
-    EXPECT_EQ(reply.degradation().points(), static_cast<uint32_t>(used.sample.points));
+    EXPECT_EQ(reply.degradation().quality_level(), static_cast<uint32_t>(level));
+    EXPECT_EQ(reply.degradation().map_resolution(), static_cast<uint32_t>(used.sample.resolution));
+    EXPECT_EQ(reply.degradation().sample_points(), static_cast<uint32_t>(used.sample.points));
     EXPECT_EQ(reply.degradation().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
-    EXPECT_EQ(reply.degradation().survey_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
-    EXPECT_FALSE(reply.degradation().turns());
-    EXPECT_EQ(reply.degradation().prediction(), used.move.prediction_s > 0);
+    EXPECT_EQ(reply.degradation().search_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_FALSE(reply.degradation().predicted_turns());
+    EXPECT_EQ(reply.degradation().predicted_motion(), used.move.prediction_s > 0);
   }
 }
 
@@ -141,8 +143,8 @@ TEST(ToProto, AUnityClientGetsTheMirroredAnswer) {
 TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
   Wire wire(unity_open());
   v1::Tick tick = unity_tick(1);
-  tick.mutable_transforms()->set_rotation(1, 0.6f);
-  tick.mutable_transforms()->set_rotation(3, 0.8f);
+  tick.mutable_transforms()->set_rotations(1, 0.6f);
+  tick.mutable_transforms()->set_rotations(3, 0.8f);
   const v1::CameraReply& reply = wire.play(tick);
   ASSERT_EQ(reply.relative_pose().target_id(), 1u);
   const glm::dquat turned = glm::normalize(glm::dquat(0.8f, 0, 0.6f, 0));
@@ -182,8 +184,8 @@ TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
   ASSERT_EQ(full.depth_maps_size(), 2);
   const v1::DepthMap& map = full.depth_maps(0);
   EXPECT_EQ(map.target_id(), 1u);
-  EXPECT_EQ(map.distance_m_size(), static_cast<int>(map.width() * map.height()));
-  EXPECT_EQ(map.occluder_size(), map.distance_m_size());
+  EXPECT_EQ(map.distances_m_size(), static_cast<int>(map.width() * map.height()));
+  EXPECT_EQ(map.occluder_ids_size(), map.distances_m_size());
   expect_near(vec(map.view().position()), {1, 1, 0}, 1e-6);
   // The map looks from the target towards the camera, along its own -Z.
   const glm::dvec3 towards = glm::normalize(glm::dvec3(0, 1.6, 6) - glm::dvec3(1, 1, 0));
