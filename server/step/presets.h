@@ -1,25 +1,10 @@
-// Presets: whole sets of settings by name. A session starts from one and may change what it likes.
+// The settings of the paper's tables: the preset PAPER (server/settings/) with a part of it changed.
 #pragma once
 
-#include <string_view>
-
-#include "server/step/step.h"
+#include "server/settings/step_settings.h"
 
 namespace sightline {
 
-enum class Preset {
-  kSightline,  // the default: what served best over all measured scenes
-  kPaper,      // the method as printed, in the configuration that the paper found best
-};
-
-// sightline: see the defaults of each setting.
-// paper: the sphere of n dt^2 a_max, one surface point a target and tick in round robin, texel centres, pair volumes, the joint
-// filter 6/10, RobustMove with a prediction of 300 ms.
-StepSettings preset_settings(Preset preset);
-
-std::string_view name_of(Preset preset);
-
-// What the paper's tables compare: preset paper with a part of it changed.
 // A row of Table 2: this strategy and prediction [0, 2] s (0: none), and no filter over time.
 StepSettings paper_row(Strategy strategy, double prediction_s);
 // A row of Table 3: Basic without prediction; a place is given the state that it had in at least `a` of the last `n` [1, 64]

@@ -113,8 +113,8 @@ void set(int level, const StepSettings& used, v1::Economy& out) {
   out.set_resolution(static_cast<uint32_t>(used.sample.resolution));
   out.set_points(static_cast<uint32_t>(used.sample.points));
   out.set_candidates(static_cast<uint32_t>(used.aggregate.candidates));
-  out.set_survey_resolution(static_cast<uint32_t>(used.move.survey.resolution));
-  out.set_turns(used.move.turn_share > 0);
+  out.set_survey_resolution(static_cast<uint32_t>(used.move.viewpoint_search.resolution));
+  out.set_turns(used.move.turn_probability > 0);
   out.set_prediction(used.move.prediction_s > 0);
 }
 

@@ -117,7 +117,7 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
     EXPECT_EQ(reply.economy().resolution(), static_cast<uint32_t>(used.sample.resolution));
     EXPECT_EQ(reply.economy().points(), static_cast<uint32_t>(used.sample.points));
     EXPECT_EQ(reply.economy().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
-    EXPECT_EQ(reply.economy().survey_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_EQ(reply.economy().survey_resolution(), static_cast<uint32_t>(used.move.viewpoint_search.resolution));
     EXPECT_FALSE(reply.economy().turns());
     EXPECT_EQ(reply.economy().prediction(), used.move.prediction_s > 0);
   }
@@ -195,7 +195,7 @@ TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
 
 TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   v1::OpenSession open = make_open();
-  open.mutable_settings()->mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
+  open.mutable_tuning()->mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_PAIR);
   open.mutable_targets()->RemoveLast();
   Wire wire(open);
   const v1::CameraReply& reply = wire.play(make_tick(1));
