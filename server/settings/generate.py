@@ -166,7 +166,7 @@ def enum_text(enum, text):
 def struct_text(struct):
     body = "".join(comment(f"{s.comment} {s.summary}.", "  ") + f"  {s.type} {s.name} = {s.cpp(s.default)};\n"
                    for s, _ in struct.settings)
-    body += "".join(f"  {group.name} {name};\n" for name, group in struct.groups)
+    body += "".join(f"  {group.name} {name} = {{}};\n" for name, group in struct.groups)
     return (comment(struct.comment) + f"struct {struct.name} {{\n{body}}};\n" +
             comment("Names the first setting that is out of its range, by the path at which a client sends it.") +
             f"Status validate(const {struct.name}& settings);\n\n")

@@ -41,10 +41,10 @@ struct CostCase {
 };
 
 CostWeights nothing() {
-  return {.hidden = 0,
+  return {.occlusion = 0,
           .tolerance = 0,
           .distance = 0,
-          .shelter = 0,
+          .edge_penalty = 0,
           .full_depth_m = 1,
           .route = 0,
           .exposure = 0,
@@ -55,7 +55,7 @@ TEST(CandidateCosts, HiddenCountsByItsShare) {
   CostCase given;
   given.add({1, 2, 3}, 0.0, 0, 0), given.add({1, 2, 3}, 0.25, 0, 0), given.add({1, 2, 3}, 1.0, 0, 0);
   CostWeights settings = nothing();
-  settings.hidden = 80;
+  settings.occlusion = 80;
   EXPECT_EQ(given.of(settings), (std::vector<double>{0, 20, 80}));
 }
 
@@ -63,7 +63,7 @@ TEST(CandidateCosts, HiddenCountsByWhatItIsOverTheTolerance) {
   CostCase given;
   for (const double share : {0.0, 0.2, 0.25, 0.75, 1.0}) given.add({}, share, 0, 0);
   CostWeights settings = nothing();
-  settings.hidden = 80, settings.tolerance = 0.25;
+  settings.occlusion = 80, settings.tolerance = 0.25;
   EXPECT_EQ(given.of(settings), (std::vector<double>{0, 0, 0, 40, 60}));
 }
 
@@ -80,7 +80,7 @@ TEST(CandidateCosts, ShelterCountsUpToTheFullDepth) {
   CostCase given;
   for (const uint32_t depth_squared : {0u, 1u, 4u, 100u}) given.add({}, 0, 0, depth_squared);
   CostWeights settings = nothing();
-  settings.shelter = 3, settings.full_depth_m = 2;
+  settings.edge_penalty = 3, settings.full_depth_m = 2;
   EXPECT_EQ(given.of(settings), (std::vector<double>{3, 3 * 0.75, 3 * 0.5, 0})) << "steps of half a metre";
 }
 
@@ -115,7 +115,7 @@ CostCase random_case(uint64_t seed) {
 TEST(CandidateCosts, AreTheSumOfTheirTerms) {
   CostCase given = random_case(41);
   const CostWeights all{
-      .hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5};
+      .occlusion = 70, .distance = 2, .edge_penalty = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5};
   std::vector<double> sum(200, 0.0);
   const auto add_term = [&](double CostWeights::*weight) {
     CostWeights one = nothing();
@@ -134,7 +134,7 @@ TEST(CandidateCosts, AreTheSumOfTheirTerms) {
 TEST(CandidateCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
   const CostCase given = random_case(42);
   const CandidateCosts costs = given.costs(
-      {.hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5});
+      {.occlusion = 70, .distance = 2, .edge_penalty = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5});
   for (size_t i = 0; i < given.position_m.size(); ++i)
     for (double shorter_m = given.route_m[i]; shorter_m > 1e-3; shorter_m = shorter_m * 0.9) {
       ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, std::nextafter(shorter_m, 100.0), 4));
@@ -148,7 +148,7 @@ TEST(CandidateCosts, FullDepthIsTheLeastNumberOfStepsThatCostsNothing) {
   CostCase given;
   given.add({}, 0, 0, 0);
   CostWeights settings = nothing();
-  settings.shelter = 1;
+  settings.edge_penalty = 1;
   for (const double spacing_m : {0.05, 0.1, 0.2, std::exp2(-1.5), 0.6, 7.0}) {
     given.spacing_m = spacing_m, settings.full_depth_m = 0.6;
     const CandidateCosts costs = given.costs(settings);
