@@ -72,7 +72,7 @@ std::optional<bool> truth_in(const std::string& text) {
   return std::nullopt;
 }
 
-// What the value must be, where `text` is not.
+// Says what the value must be, if `text` is something else.
 std::optional<std::string> trouble_with(const FieldDescriptor& field, const std::string& text) {
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_DOUBLE:
@@ -204,8 +204,8 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open)
     }
 }
 
-// A preset of the tick starts all settings anew and a lens replaces the whole of the former, so what was asked for is said
-// again with every such tick. No preset is put where the tick names none: that would end what other ticks set before it.
+// A preset in the tick starts settings and tuning anew, and a lens replaces the former one whole. So what was asked for is put
+// over every such tick again. No preset is put where the tick names none: that would end what other ticks set before it.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
   const bool anew = tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED;
   for (const ReplaySetting& setting : settings) {

@@ -21,8 +21,8 @@ struct ReplaySetting {
   std::string value;                                           // a value of that field's type
 };
 
-// KEY=VALUE. kInvalidArgument, the key as field: no such setting (the message lists what there is at that place), or a
-// value that is none of its type (the message says which are). Ranges are checked when the session opens.
+// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field when there is no such setting; the message then lists the
+// names that there are. Fails likewise when the value is not of the setting's type. Ranges are checked when the session opens.
 Result<ReplaySetting> read_replay_setting(const std::string& text);
 
 // Puts them over what the session was opened with.

@@ -27,7 +27,7 @@ Status read_settings(const v1::Settings& wire, const std::string& path, StepSett
 Status read_tuning(const tuning::v1alpha1::Tuning& wire, const std::string& path, StepSettings& out);
 void read_limits(const v1::CameraLimits& wire, CameraLimits& out);
 
-// What the readers have in common. proto3 lets unknown enum numbers through.
+// Both are shared by the readers. proto3 lets unknown enum numbers through.
 tl::unexpected<Error> unknown_enum(const std::string& field, int value);
 int saturate(uint32_t value);
 

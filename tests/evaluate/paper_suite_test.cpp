@@ -9,7 +9,7 @@
 #include "client/evaluate/evaluate_command.h"
 #include "client/evaluate/paper_tables.h"
 #include "server/gl/software_renderer.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "tests/evaluate/table_files.h"
 #include "tests/support/temporary_folder.h"
 

@@ -1,4 +1,4 @@
-// Settings as they are typed, put over what a session was told.
+// Settings that a person types are put over those of a recorded session.
 #include "client/replay/settings.h"
 
 #include <gmock/gmock.h>
@@ -64,7 +64,7 @@ TEST(ReplaySettings, PresetReplacesOnlyPresets) {
   put_over(settings, without);
   EXPECT_EQ(without.settings().preset(), v1::Settings::PRESET_UNSPECIFIED);
   with.mutable_settings()->set_preset(v1::Settings::PRESET_SIGHTLINE);
-  put_over(settings, with);  // the preset starts the tuning anew as well: what was asked for is said again
+  put_over(settings, with);  // the preset starts the tuning anew, so it is set again
   EXPECT_EQ(with.settings().preset(), v1::Settings::PRESET_PAPER);
   EXPECT_EQ(with.tuning().sample().points(), 3u);
 }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "server/step/presets.h"
 #include "server/session/session.h"
 #include "tests/session/game.h"
 

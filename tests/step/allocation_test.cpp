@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "tests/support/world.h"
 
 // glibc's own, under the names that it exports for programs that put theirs before them.

@@ -6,7 +6,6 @@
 #include <tuple>
 
 #include "server/base/random.h"
-#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {

@@ -1,5 +1,5 @@
-// Settings under which a test sees one thing at a time: the nearest candidate is chosen, nothing is predicted, smoothed, filtered
-// or searched for, and one point of each target, its aim point, is sampled.
+// The simplest settings, so that a test sees one thing at a time. The nearest candidate is chosen. Nothing is predicted, smoothed,
+// filtered or searched for. The aim point of each target is its only sample.
 #pragma once
 
 #include "server/settings/step_settings.h"

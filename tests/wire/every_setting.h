@@ -45,7 +45,7 @@ inline void for_each_setting(google::protobuf::Message& message, const std::stri
   }
 }
 
-// Of both messages of `open`.
+// Visits the settings of both messages.
 inline void for_each_setting(v1::OpenSession& open, const std::function<void(const FoundSetting&)>& visit) {
   for_each_setting(*open.mutable_settings(), "settings", visit);
   for_each_setting(*open.mutable_tuning(), "tuning", visit);

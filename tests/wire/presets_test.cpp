@@ -1,5 +1,4 @@
 // Settings on the wire: what a session starts from, and what a tick changes of it.
-#include "server/step/presets.h"
 
 #include "tests/wire/every_setting.h"
 #include "tests/wire/from_proto_fixture.h"

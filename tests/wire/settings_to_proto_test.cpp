@@ -1,4 +1,4 @@
-// Settings go to the wire and come back whole: found out by setting every field of the messages, whatever their names.
+// Settings come back whole from messages: every field of the messages is set, whatever its name.
 #include "server/wire/settings_to_proto.h"
 
 #include <google/protobuf/util/message_differencer.h>
@@ -48,7 +48,7 @@ void set_all(Message& message, std::mt19937& random) {
 v1::OpenSession any_settings(std::mt19937& random) {
   v1::OpenSession open;
   set_all(*open.mutable_settings(), random), set_all(*open.mutable_tuning(), random);
-  // What the reader checks: a margin, a response and a zoom range.
+  // The reader checks these four.
   open.mutable_settings()->set_framing_margin(0.3), open.mutable_settings()->set_dead_zone(0.2);
   open.mutable_settings()->set_min_vertical_fov_rad(0.5), open.mutable_settings()->set_max_vertical_fov_rad(1.5);
   return open;

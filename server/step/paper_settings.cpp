@@ -1,4 +1,4 @@
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 
 namespace sightline {
 StepSettings paper_row(Strategy strategy, double prediction_s) {
