@@ -56,7 +56,7 @@ void add_settings_flags(CLI::App& bench, BenchOptions& options) {
       ->capture_default_str();
   bench
       .add_option("--settings", options.settings,
-                  "A Settings message of settings.proto as JSON, put over the preset")
+                  "JSON that is put over the preset: {\"settings\":{...},\"tuning\":{...}}, see proto/SETTINGS.md")
       ->type_name("JSON");
   bench.add_option("--resolution", options.resolution, "Texels a side of each depth map")
       ->check(CLI::Range(2, 64));

@@ -26,7 +26,7 @@ struct BenchOptions {
   std::string scene = "city";  // a generated scene by name, or a .glb with roles
   uint64_t seed = 1;
   std::string preset = "sightline";
-  std::string settings;                                    // a Settings message as JSON, put over the preset
+  std::string settings;                                    // see settings_from_json; put over the preset
   std::optional<uint32_t> resolution, candidates, points;  // put over both
 
   // Whom it meets.

@@ -1,5 +1,4 @@
 // A load from its start to its figures: scene, daemon, sessions, echo, windows, result.
-#include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -48,21 +47,19 @@ Result<std::vector<std::byte>> scene_bytes(const BenchOptions& options) {
               "\"" + options.scene + "\" is neither a generated scene nor a file");
 }
 
-Result<v1::Settings> settings_of(const BenchOptions& options) {
+Result<v1::OpenSession> settings_of(const BenchOptions& options) {
   const auto preset = preset_named(options.preset);
   if (!preset) return tl::unexpected(preset.error());
-  v1::Settings given;
-  if (!options.settings.empty()) {
-    const auto parsed = google::protobuf::util::JsonStringToMessage(options.settings, &given);
-    if (!parsed.ok()) return invalid("settings", std::string(parsed.message()));
-  }
-  v1::Settings settings;
-  settings.set_preset(*preset);
-  settings.MergeFrom(given);
-  if (options.resolution) settings.mutable_sample()->set_resolution(*options.resolution);
-  if (options.points) settings.mutable_sample()->set_points(*options.points);
-  if (options.candidates) settings.mutable_aggregate()->set_candidates(*options.candidates);
-  return settings;
+  const auto given = settings_from_json(options.settings.empty() ? "{}" : options.settings);
+  if (!given) return invalid("settings", given.error().message);
+  v1::OpenSession open;
+  open.mutable_settings()->set_preset(*preset);
+  open.MergeFrom(*given);
+  tuning::v1alpha1::Tuning& tuning = *open.mutable_tuning();
+  if (options.resolution) tuning.mutable_sample()->set_resolution(*options.resolution);
+  if (options.points) tuning.mutable_sample()->set_points(*options.points);
+  if (options.candidates) tuning.mutable_aggregate()->set_candidates(*options.candidates);
+  return open;
 }
 
 BenchSchedule schedule_of(const BenchOptions& options) {
@@ -209,7 +206,7 @@ class Bench {
   Status open_sessions(size_t first, size_t until) {
     const auto dialect = [&](size_t session) {
       v1::OpenSession open = world_->open(session, scene_hash_);
-      *open.mutable_settings() = settings_;
+      open.MergeFrom(settings_);
       return control_dialect(*world_, session, std::move(open));
     };
     add_streams(result_.address, until, dialect, sessions_, daemon_channel_);
@@ -454,7 +451,7 @@ class Bench {
   ScratchFolder scratch_;
   std::vector<std::byte> scene_;
   std::unique_ptr<BenchWorld> world_;
-  v1::Settings settings_;
+  v1::OpenSession settings_;  // nothing but settings and tuning
   std::unique_ptr<ChildProcess> daemon_, echo_;
   pid_t daemon_pid_ = 0;
   std::optional<Client> client_;

@@ -75,9 +75,8 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
       ->check(CLI::IsMember(names));
   evaluate
       ->add_option("--settings", options.settings,
-                   "NAME=JSON: Sightline under these settings (a Settings message of settings.proto, over "
-                   "the default preset) as "
-                   "a policy of its own; may be repeated")
+                   "NAME=JSON: Sightline under these settings as a policy of its own, e.g. "
+                   "calm={\"settings\":{\"move_response_s\":0.4}}; proto/SETTINGS.md lists them; may be repeated")
       ->excludes(suite)
       ->allow_extra_args(false);
   evaluate->add_option("--seeds", options.seeds, "How many variants of each scene: seeds 1 to N")

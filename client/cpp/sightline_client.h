@@ -68,11 +68,12 @@ class ClientSession {
   // queued; the error that ended the stream when it has ended.
   Status send(const v1::Tick& tick);
 
-  // Changes settings or limits of the running session with the next tick that is sent, as the fields of the same names of that
+  // Changes settings, tuning or limits of the running session with the next tick that is sent, as the fields of the same names of that
   // tick would: what is sent is put over what the session has; with settings.preset it starts anew from that preset. Several
   // changes before one tick add up in order; what that tick itself sends comes last. When that tick is refused its changes
   // are refused with it: the Rejection names the field, "tick.settings....". Called on the thread that sends.
   void change(const v1::Settings& settings);
+  void change(const tuning::v1alpha1::Tuning& tuning);
   void change(const v1::CameraLimits& limits);
 
   // The next event, oldest first; empty when none came within `timeout` (0: only what is there). An Error

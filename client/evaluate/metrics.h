@@ -9,6 +9,7 @@
 
 #include "client/evaluate/judge.h"
 #include "server/base/camera.h"
+#include "server/settings/camera_limits.h"
 
 namespace sightline {
 

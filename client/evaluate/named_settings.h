@@ -1,5 +1,5 @@
-// Settings by name, as a user gives them: `NAME=JSON`, the JSON being a `Settings` message of the wire (settings.proto), e.g.
-//   calm={"move":{"response_s":0.4},"aggregate":{"filter":{"mode":"JOINT","alpha":0.6,"n":10}}}
+// Settings by name, as a user gives them: `NAME=JSON`, the JSON holding `settings` and `tuning` as OpenSession does, e.g.
+//   calm={"settings":{"move_response_s":0.4},"tuning":{"aggregate":{"filter":{"mode":"FILTER_MODE_JOINT","n":10}}}}
 // Fields that are not sent keep the preset's value, exactly as in a session.
 #pragma once
 
@@ -15,8 +15,8 @@ struct NamedSettings {
   StepSettings settings;
 };
 
-// Errors name the field: "settings" for what is no NAME=JSON, "settings.calm" for JSON that is no Settings message, and
-// "settings.calm.move.response_s" for a value out of its range.
+// Errors name the field: "settings" for what is no NAME=JSON, "settings.calm" for JSON that is something else, and
+// "settings.calm.settings.move_response_s" for a value out of its range.
 Result<NamedSettings> read_named_settings(const std::string& text);
 
 }  // namespace sightline

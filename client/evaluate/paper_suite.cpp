@@ -3,7 +3,7 @@
 #include <array>
 
 #include "client/evaluate/policy_step.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 
 namespace sightline {
 namespace {

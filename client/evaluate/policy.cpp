@@ -6,7 +6,6 @@
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
 #include "client/evaluate/policy_step.h"
-#include "server/step/presets.h"
 
 namespace sightline {
 namespace {

@@ -87,7 +87,7 @@ void RaycastPolicy::travel(const Choice& choice, double dt_s) {
   camera_.velocity_mps = make_safe(camera_, wanted, site_.limits, lens_, colliders_, dt_s).velocity_mps;
   camera_.pose.position_m += camera_.velocity_mps * dt_s;
   const Aim aim = aim_at(camera_.pose.position_m, views_, turn_.angles, lens_, settings_.framing);
-  turn_ = turn_towards(turn_, aim.angles, site_.limits, settings_.framing.response_s, dt_s);
+  turn_ = turn_towards(turn_, aim.angles, site_.limits, settings_.framing.aim_response_s, dt_s);
   camera_.pose.rotation = rotation_from_angles(turn_.angles);
 }
 
@@ -99,7 +99,7 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
     center_velocity_mps_ = (world_->targets_center_m() - before_m) / dt_s;
     const Bound bound = bound_camera(camera_, site_.limits, settings_.bound, horizon_s_, dt_s);
     const glm::dvec3 desired_m =
-        desired_place_m(views_, offset_m_, lens_, settings_.framing.margin, settings_.move);
+        desired_place_m(views_, offset_m_, lens_, settings_.framing.framing_margin, settings_.move);
     list_candidates(bound, desired_m);
     const Choice choice = choose(bound, desired_m);
     const double factor = std::exp2(dt_s / kHorizonDoublingS);

@@ -4,7 +4,7 @@
 
 #include "client/evaluate/metrics.h"
 #include "scenes/city.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"

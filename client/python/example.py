@@ -16,7 +16,7 @@ from sightline.v1 import camera_control_pb2 as control
 from sightline.v1 import camera_control_pb2_grpc, camera_pb2, diagnostics_pb2, scene_pb2, session_pb2, settings_pb2
 
 BOX, ANNA, BEN = 1, 2, 3
-RATE_HZ, SHELTER_AT_S = 30.0, 2.0
+RATE_HZ, CHANGE_AT_S = 30.0, 2.0
 
 
 def vector(x, y, z):
@@ -38,7 +38,7 @@ def open_session():
         seed=1,
         camera=camera_pb2.Pose3(position=vector(0.0, 1.6, 6.0)),
         targets=[scene_pb2.Target(id=ANNA), scene_pb2.Target(id=BEN)],
-        settings=settings_pb2.Settings(preset=settings_pb2.Settings.SIGHTLINE),
+        settings=settings_pb2.Settings(preset=settings_pb2.Settings.PRESET_SIGHTLINE),
         label="python example",
     )
     request.instances.add(id=BOX, shape=box, pose=camera_pb2.Pose3(position=vector(0.0, 1.5, 1.0)))
@@ -50,8 +50,8 @@ def open_session():
 def tick(number):
     time_s = number / RATE_HZ
     message = session_pb2.Tick(sequence=number + 1, time_s=time_s)
-    if time_s == SHELTER_AT_S:  # settings can change with any tick: the rest stays as it is
-        message.settings.move.strategy = settings_pb2.Move.BLEND
+    if time_s == CHANGE_AT_S:  # settings can change with any tick: the rest stays as it is
+        message.settings.move_response_s = 0.3
         message.limits.max_speed_mps = 4.0
     for target, position in where(time_s).items():
         message.transforms.ids.append(target)

@@ -324,6 +324,7 @@ class Maker {
     const auto lens = json_of(lens_to_proto(session.lens(), gltf_convention()));
     for (auto& [title, json] :
          {PageSettings{"Settings in effect", json_of(settings_to_proto(session.settings()))},
+          PageSettings{"Tuning in effect", json_of(tuning_to_proto(session.settings()))},
           PageSettings{"Limits in effect", json_of(limits_to_proto(session.limits()))},
           PageSettings{"Lens: radians, vertical", lens}}) {
       const auto same = [&, &json = json](const PageSettings& other) { return other.json == json; };

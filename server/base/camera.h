@@ -20,16 +20,6 @@ struct Lens {
   double near_m = 0.1;                           // (0, 10]
 };
 
-// Hard limits of the returned path. Checked by finite differences of consecutive replies: the path between two poses
-// is straight at constant velocity, so |p1 - p0| / dt <= max_speed and |v1 - v0| / dt <= max_acceleration.
-struct CameraLimits {
-  double max_speed_mps = 10.0;                    // (0, 1000]
-  double max_acceleration_mps2 = 10.0;            // (0, 10000]
-  double max_angular_speed_radps = 3.0;           // (0, 100]
-  double max_angular_acceleration_radps2 = 12.0;  // (0, 1000]
-  double body_radius_m = 0.3;  // [0, 10]; the sphere that never touches a collider; contains the near plane
-};
-
 // Half of the horizontal field of view, radians.
 double half_horizontal_fov_rad(const Lens& lens);
 // Distance from the lens to a corner of the near rectangle, metres: a body at least this large contains it.

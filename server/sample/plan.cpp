@@ -83,9 +83,4 @@ MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
   return square_view(eye_m, frame_along(forward), kHalfWidth, 1, {0.5, 0.5});
 }
 
-Status validate(const SampleSettings& s) {
-  if (auto ok = check_range("sample.points", s.points, 0, 16); !ok) return ok;
-  return check_range("sample.resolution", s.resolution, kLeastResolution, kMaxMapSize);
-}
-
 }  // namespace sightline

@@ -8,22 +8,11 @@
 
 #include "server/bound/bound.h"
 #include "server/sample/depth_map.h"
+#include "server/settings/sample_settings.h"
 
 namespace sightline {
 
 inline constexpr int kLeastResolution = 2;  // texels a side, of any map but a sight
-
-struct SampleSettings {
-  int resolution = 7;  // texels a side, [2, 64]; more finds thinner gaps and costs time
-  int points =
-      0;  // [0, 16]; surface points of each target that are sampled in a step, in round robin (paper 4);
-          // 0: its aim point alone. More see partial occlusion at once and cost a map each
-  bool jitter_texels =
-      true;  // move the sample point inside every texel each tick, so that thin things are found
-};
-
-// Names the first setting that is out of range, as "sample.<field>".
-Status validate(const SampleSettings& settings);
 
 // Beyond this half angle one frustum distorts too much: several maps are taken instead.
 inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees

@@ -77,7 +77,7 @@ Status make_recording(const Options& options, const std::string& path) {
   v1::OpenSession open = open_request(*scenario, hash, 1);
   open.mutable_settings()->set_preset(preset_named(options.preset).value());
   if (options.points >= 0)
-    open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
+    open.mutable_tuning()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
   const auto session = LocalSession::open(open, world);
   if (!session) return tl::unexpected(session.error());
   v1::RecordingInfo info;

@@ -13,7 +13,7 @@
 #include "client/evaluate/metrics.h"
 #include "client/scenario/scenario_world.h"
 #include "client/evaluate/step_timing.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {

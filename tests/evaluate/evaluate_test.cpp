@@ -480,7 +480,8 @@ TEST_F(EvaluateCommand, PlaysSettingsOfOnesOwnAsPolicies) {
   std::ostringstream out, err;
   EvaluateOptions options = short_options("own");
   options.policies = {"sightline"};
-  options.settings = {R"(same={"preset":"SIGHTLINE"})", R"(basic={"move":{"strategy":"BASIC","prediction_s":0}})"};
+  options.settings = {R"(same={"settings":{"preset":"PRESET_SIGHTLINE"}})",
+                      R"(basic={"settings":{"prediction_s":0},"tuning":{"move":{"strategy":"STRATEGY_BASIC"}}})"};
   ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
   std::map<std::string, double> path_by_policy;
   for (const auto& row : nlohmann::json::parse(files_in(options.out).at("runs.json")))
@@ -495,9 +496,10 @@ TEST_F(EvaluateCommand, SaysWhichSettingIsWrong) {
       {"nothing", "settings"},
       {"a b={}", "settings"},
       {"x={", "settings.x"},
-      {R"(x={"move":{"speed":1}})", "settings.x"},
-      {R"(x={"move":{"prediction_s":3}})", "settings.x.move.prediction_s"},
-      {R"(x={"aggregate":{"filter":{"alpha":1.5}}})", "settings.x.aggregate.filter.alpha"},
+      {R"(x={"tuning":{"move":{"speed":1}}})", "settings.x"},
+      {R"(x={"label":"y"})", "settings.x"},
+      {R"(x={"settings":{"prediction_s":3}})", "settings.x.settings.prediction_s"},
+      {R"(x={"tuning":{"aggregate":{"filter":{"alpha":1.5}}}})", "settings.x.tuning.aggregate.filter.alpha"},
       {"sightline={}", "settings"}};
   for (const auto& [text, field] : cases) {
     EvaluateOptions options = short_options("wrong");

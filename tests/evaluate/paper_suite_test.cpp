@@ -9,7 +9,7 @@
 #include "client/evaluate/evaluate_command.h"
 #include "client/evaluate/paper_tables.h"
 #include "server/gl/software_renderer.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "tests/evaluate/table_files.h"
 #include "tests/support/temporary_folder.h"
 
@@ -32,7 +32,7 @@ TEST(PaperRows, AreThePaperPresetWithOneThingChanged) {
   EXPECT_EQ(row.bound.mode, paper.bound.mode);
   EXPECT_EQ(row.aggregate.volume, paper.aggregate.volume);
   EXPECT_EQ(row.sample.points, paper.sample.points);
-  EXPECT_EQ(row.sample.jitter_texels, paper.sample.jitter_texels);
+  EXPECT_EQ(row.sample.jitter, paper.sample.jitter);
 
   const FilterSettings filter = paper_stability(3, 5).aggregate.filter;
   EXPECT_EQ(filter.mode, FilterMode::kJoint);

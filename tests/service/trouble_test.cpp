@@ -152,11 +152,11 @@ TEST(Trouble, ATableThatNewSettingsNeedIsBuiltByALoaderAndNoStepWaits) {
   ServiceWorld world({.threads = 1});
   Stream changing(world.channel()), other(world.channel());
   v1::OpenSession without_points = open_with_boxes(2);
-  without_points.mutable_settings()->mutable_sample()->set_points(0);
+  without_points.mutable_tuning()->mutable_sample()->set_points(0);
   changing.open(without_points);
   other.open(without_points);
   v1::Tick points = move_tick(1, 1, 0.1);
-  points.mutable_settings()->mutable_sample()->set_points(2);
+  points.mutable_tuning()->mutable_sample()->set_points(2);
   {
     const HeldLoaders held(world.loaders);
     const uint64_t before = world.clock_calls();

@@ -13,7 +13,7 @@
 #include "client/scenario/scenario_world.h"
 #include "client/evaluate/step_timing.h"
 #include "server/gl/software_renderer.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/bench/speed/grid_city.h"

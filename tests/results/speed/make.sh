@@ -33,7 +33,7 @@ load() {
   "$bin/sightline" bench --rate 60 --targets 2 --resolution 7 --candidates 343 --max-duration "$at_most" --json "$raw/service/$name.json" "$@" ||
     echo "$name: not measured" >&2
 }
-plain=(--preset paper --settings '{"bound":{"mode":"HORIZON"},"aggregate":{"volume":"LATTICE","filter":{"mode":"NONE"}},"move":{"strategy":"BASIC","prediction_s":0}}')
+plain=(--preset paper --settings '{"settings":{"prediction_s":0},"tuning":{"bound":{"mode":"BOUND_MODE_HORIZON"},"aggregate":{"volume":"VOLUME_LATTICE","filter":{"mode":"FILTER_MODE_NONE"}},"move":{"strategy":"STRATEGY_BASIC"}}}')
 load one-plain $lone_seconds --sessions 1 --window 5 "${plain[@]}" --points 0 --echo
 load one-default $lone_seconds --sessions 1 --window 5 --echo
 load fifty-plain $seconds --stable-windows 99 --sessions 50 "${plain[@]}" --points 8

@@ -14,7 +14,7 @@ namespace {
 constexpr double kTick = 1.0 / 60;
 
 // A corridor 2.4 m wide that turns right and left, under a roof. The target runs round its corners faster than the camera can follow.
-TEST(Blend, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
+TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
   Filming world;
   world.limits.max_speed_mps = 2.5;
   world.add_box(10, {-1.4, 2, 0}, {0.2, 3, 9});
@@ -46,7 +46,7 @@ TEST(Blend, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
 }
 
 // The straight line to the goal runs into the very pillar that hides the target.
-TEST(Blend, ATargetBehindAPillarIsFoundByARouteRoundIt) {
+TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   OneFilmed world({0, 1.4, 4.6});
   world.add_box(10, {0, 1.5, 2.6}, {1.1, 6, 0.8});
   Watch watch(world);
@@ -63,7 +63,7 @@ TEST(Blend, ATargetBehindAPillarIsFoundByARouteRoundIt) {
 }
 
 // Screens on three sides and above: only from the far side is the target seen.
-TEST(Blend, TheSurveyTurnsToTheOpenSide) {
+TEST(MinCost, TheSurveyTurnsToTheOpenSide) {
   OneFilmed world({0, 1.6, 5});
   const InstanceAttributes screen{.collides = false};
   world.add_box(10, {0, 1, 0.65}, {0.65, 1.5, 0.05}, screen);
@@ -78,7 +78,7 @@ TEST(Blend, TheSurveyTurnsToTheOpenSide) {
   EXPECT_EQ(r.targets[0].visible_share, 1.0);
 }
 
-TEST(Blend, AShotInPlainSightIsKept) {
+TEST(MinCost, AShotInPlainSightIsKept) {
   OneFilmed world;
   Watch watch(world);
   StepResult r;
@@ -112,8 +112,8 @@ void walk_among_pillars(Filming& world, uint64_t seed, const std::function<void(
   }
 }
 
-class BlendWalk : public testing::TestWithParam<uint64_t> {};
-TEST_P(BlendWalk, KeepsTheLimitsAndTouchesNothing) {
+class MinCostWalk : public testing::TestWithParam<uint64_t> {};
+TEST_P(MinCostWalk, KeepsTheLimitsAndTouchesNothing) {
   Filming world;
   int seen = 0;
   walk_among_pillars(world, GetParam(), [&](const StepResult& r) {
@@ -121,9 +121,9 @@ TEST_P(BlendWalk, KeepsTheLimitsAndTouchesNothing) {
   });
   EXPECT_GT(seen, 250) << "and they are seen most of the time";
 }
-INSTANTIATE_TEST_SUITE_P(Fields, BlendWalk, testing::Values(1, 2, 3));
+INSTANTIATE_TEST_SUITE_P(Fields, MinCostWalk, testing::Values(1, 2, 3));
 
-TEST(Blend, EqualInputsGiveEqualResultsBitForBit) {
+TEST(MinCost, EqualInputsGiveEqualResultsBitForBit) {
   const auto run = [] {
     Filming world;
     std::vector<CameraState> path;
@@ -135,7 +135,7 @@ TEST(Blend, EqualInputsGiveEqualResultsBitForBit) {
   EXPECT_EQ(0, std::memcmp(first.data(), second.data(), first.size() * sizeof first[0]));
 }
 
-TEST(Blend, ATargetThatJumpsIsFollowedWithoutAJump) {
+TEST(MinCost, ATargetThatJumpsIsFollowedWithoutAJump) {
   OneFilmed world;
   Watch watch(world);
   StepResult r;
@@ -145,7 +145,7 @@ TEST(Blend, ATargetThatJumpsIsFollowedWithoutAJump) {
   EXPECT_LT(glm::distance(r.camera.pose.position_m, glm::dvec3(40, 1.6, 6)), 0.3);
 }
 
-TEST(Blend, APauseChangesNothing) {
+TEST(MinCost, APauseChangesNothing) {
   OneFilmed world;
   Watch watch(world);
   StepResult r;
@@ -161,7 +161,7 @@ TEST(Blend, APauseChangesNothing) {
   EXPECT_EQ(r.camera.velocity_mps, before.velocity_mps);
 }
 
-TEST(Blend, AddingATargetOrItsWeightMakesNoPop) {
+TEST(MinCost, AddingATargetOrItsWeightMakesNoPop) {
   OneFilmed world;
   Watch watch(world);
   StepResult r;

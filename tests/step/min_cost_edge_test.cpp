@@ -9,7 +9,7 @@ namespace {
 constexpr double kTick = 1.0 / 60;
 
 // What hides the target has no body: nothing keeps the lost camera off but the distance that it is to keep.
-TEST(BlendEdge, ALostCameraKeepsItsDistance) {
+TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
   OneFilmed world;
   ASSERT_TRUE(world.mirror.apply(
       {.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
@@ -26,12 +26,12 @@ TEST(BlendEdge, ALostCameraKeepsItsDistance) {
 }
 
 // At 30 m/s the camera needs 45 m to stop. The target is never seen, the wall stands across the straight line to the goal.
-TEST(BlendEdge, AFastCameraThatIsLostStopsBeforeTheWall) {
+TEST(MinCostEdge, AFastCameraThatIsLostStopsBeforeTheWall) {
   OneFilmed world({0, 1.6, 70});
   world.limits.max_speed_mps = 30;
-  world.settings.bound.towards_m = 100;
+  world.settings.bound.target_reach_m = 100;
   world.settings.move.max_distance_m = 3;
-  world.settings.move.blend.exposure = 0;  // it goes also where nothing is seen
+  world.settings.move.cost.exposure = 0;  // it goes also where nothing is seen
   world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
   world.add_box(11, {0, 1, 12}, {25, 300, 0.5});
   Watch watch(world);
@@ -45,10 +45,10 @@ TEST(BlendEdge, AFastCameraThatIsLostStopsBeforeTheWall) {
   EXPECT_GT(fastest, 15);
 }
 
-TEST(BlendEdge, AWideBodyFindsItsWayToo) {
+TEST(MinCostEdge, AWideBodyFindsItsWayToo) {
   OneFilmed world({0, 1.4, 6});
   world.limits.body_radius_m = 1.0;
-  world.settings.bound.towards_m = 0;
+  world.settings.bound.target_reach_m = 0;
   world.settings.bound.horizon_s = world.settings.bound.max_horizon_s = 0.45;
   world.add_box(10, {0, 1.5, 3.6}, {0.3, 6, 0.1});
   Watch watch(world);
@@ -58,14 +58,14 @@ TEST(BlendEdge, AWideBodyFindsItsWayToo) {
 }
 
 // With one map of two targets: the pair volume's places, more or fewer than the lattice's.
-TEST(BlendEdge, ThePairVolumeServesToo) {
+TEST(MinCostEdge, ThePairVolumeServesToo) {
   for (const FilterMode filter : {FilterMode::kNone, FilterMode::kPerTarget})
     for (const int candidates : {27, 343, 4000}) {
       Filming world;
       world.settings.aggregate.volume = Volume::kPair;
       world.settings.aggregate.filter.mode = filter;
       world.settings.aggregate.candidates = candidates;
-      world.settings.bound.towards_m = 0;
+      world.settings.bound.target_reach_m = 0;
       world.add_target(1, {-1, 1, 0}), world.add_target(2, {1, 1, 0});
       world.add_box(10, {0.5, 1, 3}, {0.35, 4, 0.05});
       world.place({0, 1.6, 6}, {0, 1, 0});
@@ -81,8 +81,8 @@ TEST(BlendEdge, ThePairVolumeServesToo) {
     }
 }
 
-class BlendEdgeTargets : public testing::TestWithParam<int> {};
-TEST_P(BlendEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
+class MinCostEdgeTargets : public testing::TestWithParam<int> {};
+TEST_P(MinCostEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
   Filming world;
   const int n = GetParam();
   const glm::dvec3 far(10'000, 5, -10'000);
@@ -90,7 +90,7 @@ TEST_P(BlendEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
     world.add_target(static_cast<uint64_t>(i) + 1, far + glm::dvec3(1.5 * (i % 4) - 2.25, 0, -1.5 * (i / 4)),
                      i % 5 != 4, i > 0 && i % 3 == 2 ? 0.0 : 1.0);
   world.add_box(1000, far + glm::dvec3(0, 0, 5), {0.5, 3, 0.1});
-  world.settings.move.survey.resolution = 2, world.settings.sample.resolution = 2;
+  world.settings.move.viewpoint_search.resolution = 2, world.settings.sample.resolution = 2;
   world.place(far + glm::dvec3(0, 3, 12), far);
   Watch watch(world);
   StepResult r;
@@ -98,9 +98,9 @@ TEST_P(BlendEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
   EXPECT_EQ(r.targets.size(), static_cast<size_t>(n));
   EXPECT_GT(r.targets[0].visible_share, 0.0);
 }
-INSTANTIATE_TEST_SUITE_P(Counts, BlendEdgeTargets, testing::Values(1, 2, 16, 32));
+INSTANTIATE_TEST_SUITE_P(Counts, MinCostEdgeTargets, testing::Values(1, 2, 16, 32));
 
-TEST(BlendEdge, WithoutTargetsOrWeightsItComesToRest) {
+TEST(MinCostEdge, WithoutTargetsOrWeightsItComesToRest) {
   OneFilmed world;
   Watch watch(world);
   StepResult r;
@@ -118,7 +118,7 @@ TEST(BlendEdge, WithoutTargetsOrWeightsItComesToRest) {
 }
 
 // The camera was put at the very place that it looks at: no direction, no distance.
-TEST(BlendEdge, ACameraInsideItsTargetLeavesIt) {
+TEST(MinCostEdge, ACameraInsideItsTargetLeavesIt) {
   OneFilmed world;
   world.place({0, 1, 0}, {1, 1, 0});
   ASSERT_TRUE(world.mirror.apply(
