@@ -34,25 +34,25 @@ struct IncomingCall {
 // Waits for one call. Deletes itself when it came, or when the server has shut down; until then it counts as a call of its loop,
 // so that one which comes as the server shuts down is taken and ended like any other.
 template <typename Incoming>
-class Door final : public Event {
+class CallAcceptor final : public Event {
  public:
   // On the loop's thread; makes an AsyncCall of it.
   using Taker = std::function<void(std::unique_ptr<Incoming>)>;
 
   // `ask(incoming, tag)` is to call Request... of the service.
   template <typename Ask>
-  static void open(EventLoop& loop, const Ask& ask, Taker taker) {
-    auto* door = new Door(loop, std::move(taker));
-    door->incoming_->context.AsyncNotifyWhenDone(&door->incoming_->end);
-    ask(*door->incoming_, static_cast<void*>(door));
+  static void start(EventLoop& loop, const Ask& ask, Taker taker) {
+    auto* acceptor = new CallAcceptor(loop, std::move(taker));
+    acceptor->incoming_->context.AsyncNotifyWhenDone(&acceptor->incoming_->end);
+    ask(*acceptor->incoming_, static_cast<void*>(acceptor));
   }
 
  private:
-  Door(EventLoop& loop, Taker taker)
+  CallAcceptor(EventLoop& loop, Taker taker)
       : loop_(loop), taker_(std::move(taker)), incoming_(std::make_unique<Incoming>()) {
     loop_.call_begins();
   }
-  ~Door() {
+  ~CallAcceptor() {
     incoming_.reset();
     loop_.call_ends();
   }

@@ -59,7 +59,7 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
   }
   stream->reading_ = true;
   stream->start_read(stream->request_);
-  stream->wait_for_first_message(limits.open_timeout);
+  stream->start_alarm(limits.open_timeout);
 }
 
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
@@ -105,14 +105,14 @@ bool ControlStream::may_step_here() const {
 
 // To ask for the next message tells the client how much it may send, at once and before the reply: so it is asked for after the
 // step, for this thread would not read it before.
-void ControlStream::do_here() {
-  if (!parts_.steppers.try_here(*this)) return pass_on();
+void ControlStream::run_on_loop() {
+  if (!parts_.steppers.try_here(*this)) return hand_over();
   const std::lock_guard lock(mutex_);
   here_ = false;
   read_if_room();
 }
 
-void ControlStream::pass_on() {
+void ControlStream::hand_over() {
   const std::lock_guard lock(mutex_);
   here_ = false;
   read_if_room();
@@ -170,7 +170,7 @@ void ControlStream::end(const grpc::Status& status) {
   advance();
 }
 
-void ControlStream::wait_for_first_message(std::chrono::milliseconds timeout) {
+void ControlStream::start_alarm(std::chrono::milliseconds timeout) {
   begin();
   silence_alarm_.Set(&loop().queue(), std::chrono::system_clock::now() + timeout, &silence_);
 }
@@ -346,7 +346,7 @@ void ControlStream::tell_economy(int former_level) const {
   if (!session_) return;
   const int level = budget_->level();
   const std::string leaves_out = describe_economy(session_->settings(), level);
-  parts_.log.info("session economy", {{"session", session_id_},
+  parts_.log.info("quality level changed", {{"session", session_id_},
                                       {"level", std::to_string(level)},
                                       {"former", std::to_string(former_level)},
                                       {"leaves_out", leaves_out.empty() ? "nothing" : leaves_out}});

@@ -14,7 +14,7 @@
 //
 // Threads. Reactions (on_read, on_write, on_cancel, on_done) run on the loop's thread and only move messages. `plan` and
 // `finish` run on a worker, one after the other for one stream (`busy_`): a thread of the scheduler; the loop's, when the
-// last step was short, nothing else is to be read and a turn is free (`may_step_here`, `do_here`); or a loader, when it may
+// last step was short, nothing else is to be read and a turn is free (`may_step_here`, `run_on_loop`); or a loader, when it may
 // take long. drain and end come from the thread that stops the server. All meet in `advance`, which decides what comes next.
 //
 // Order of gRPC operations. At most one read and one write are under way (`reading_`, `writing_`). `finish_call` is
@@ -33,7 +33,7 @@
 #include "server/service/call.h"
 #include "server/service/inbox.h"
 #include "server/service/parts.h"
-#include "server/service/session_tape.h"
+#include "server/service/session_recording.h"
 #include "server/schedule/step_budget.h"
 #include "server/schedule/tick_pace.h"
 #include "server/session/session.h"
@@ -43,7 +43,7 @@ namespace sightline {
 
 using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlReply, v1::ControlRequest>>;
 
-class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortWork {
+class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the call
   // is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). On the loop's thread.
@@ -97,7 +97,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void on_cancel() override;
   void on_done() override;
 
-  void wait_for_first_message(std::chrono::milliseconds timeout);
+  void start_alarm(std::chrono::milliseconds timeout);
   void end_if_silent();
 
   // Need mutex_.
@@ -111,8 +111,8 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void close(const grpc::Status& status);
 
   // A step on the loop's thread, or not; while busy_.
-  void do_here() override;
-  void pass_on() override;
+  void run_on_loop() override;
+  void hand_over() override;
 
   // On a worker, while busy_.
   TakeJob plan() override;
@@ -141,7 +141,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   Tally tally_;
   std::optional<StepBudget> budget_;  // once opened
   FairShares::Slot share_slot_ = 0;   // once opened
-  SessionTape tape_;
+  SessionRecording tape_;
   // Of the ticks applied since the last step:
   uint32_t asked_merges_ = 0;      // those that asked to be merged
   bool wants_step_ = false;        // the newest did not

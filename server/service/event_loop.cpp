@@ -29,10 +29,10 @@ EventLoop::~EventLoop() {
   thread_.join();
 }
 
-void EventLoop::soon(std::shared_ptr<ShortWork> work) {
+void EventLoop::soon(std::shared_ptr<ShortTask> work) {
   waiting_.push_back(std::move(work));
   if (waiting_.size() <= kMostWaiting) return;
-  waiting_.front()->pass_on();
+  waiting_.front()->hand_over();
   waiting_.pop_front();
 }
 
@@ -41,9 +41,9 @@ bool EventLoop::lags() const {
 }
 
 void EventLoop::do_eldest() {
-  const std::shared_ptr<ShortWork> work = std::move(waiting_.front());
+  const std::shared_ptr<ShortTask> work = std::move(waiting_.front());
   waiting_.pop_front();
-  lags() ? work->pass_on() : work->do_here();
+  lags() ? work->hand_over() : work->run_on_loop();
 }
 
 void EventLoop::call_begins() {

@@ -32,11 +32,11 @@ class Event {
 };
 
 // Work that can be done on the loop's thread or on another.
-class ShortWork {
+class ShortTask {
  public:
-  virtual ~ShortWork() = default;
-  virtual void do_here() = 0;
-  virtual void pass_on() = 0;  // returns at once
+  virtual ~ShortTask() = default;
+  virtual void run_on_loop() = 0;
+  virtual void hand_over() = 0;  // returns at once
 };
 
 class EventLoop {
@@ -53,7 +53,7 @@ class EventLoop {
   grpc::ServerCompletionQueue& server_queue() { return static_cast<grpc::ServerCompletionQueue&>(*queue_); }
 
   // For when nothing is left to be read, or the event is over that came first after a long rest. On the loop's thread only.
-  void soon(std::shared_ptr<ShortWork> work);
+  void soon(std::shared_ptr<ShortTask> work);
 
   // A call that may still start operations, which the loop waits for at its end. From any thread.
   void call_begins();
@@ -67,7 +67,7 @@ class EventLoop {
 
   const std::unique_ptr<grpc::CompletionQueue> queue_;
   // The loop's thread only.
-  std::deque<std::shared_ptr<ShortWork>> waiting_;
+  std::deque<std::shared_ptr<ShortTask>> waiting_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
   bool woke_ = false;                               // what came last came after a long rest
 

@@ -92,7 +92,7 @@ void HealthService::take_checks(EventLoop& loop) {
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestCheck(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_checks(loop);
     new Checker(loop, std::move(incoming), *this);
   });
@@ -103,7 +103,7 @@ void HealthService::take_watches(EventLoop& loop) {
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_watches(loop);
     admit(std::make_shared<Watcher>(loop, std::move(incoming), *this));
   });

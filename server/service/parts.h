@@ -8,7 +8,7 @@
 #include "server/schedule/fair_shares.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
-#include "server/service/session_tape.h"
+#include "server/service/session_recording.h"
 #include "server/schedule/step_budget.h"
 #include "server/schedule/step_stats.h"
 #include "server/service/stream_registry.h"

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "server/service/patience.h"
+#include "server/service/read_timeout.h"
 #include "server/service/retry_info.h"
 #include "server/wire/error_to_proto.h"
 
@@ -35,7 +35,7 @@ class Place {
   const size_t number_;
 };
 
-grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, Patience& patience,
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, ReadTimeout& patience,
                      std::vector<std::byte>& bytes) {
   v1::UploadSceneRequest request;
   const auto next = [&] {
@@ -80,7 +80,7 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   const Place place(open_uploads);
   if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
   std::vector<std::byte> bytes;
-  Patience patience(context, limits.upload_timeout);
+  ReadTimeout patience(context, limits.upload_timeout);
   if (grpc::Status status = collect(reader, limits, patience, bytes); !status.ok()) return status;
   if (patience.ran_out())
     parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"},

@@ -66,14 +66,14 @@ struct Noted {
   std::thread::id thread;
 };
 
-class NotedWork final : public ShortWork {
+class NotedWork final : public ShortTask {
  public:
   NotedWork(int number, Noted& noted) : number_(number), noted_(noted) {}
-  void do_here() override {
+  void run_on_loop() override {
     noted_.here.push_back(number_);
     noted_.thread = std::this_thread::get_id();
   }
-  void pass_on() override { noted_.passed_on.push_back(number_); }
+  void hand_over() override { noted_.passed_on.push_back(number_); }
 
  private:
   const int number_;

@@ -14,12 +14,12 @@
 namespace sightline {
 
 // Of one call, on its handler's thread. `context` must outlive it.
-class Patience {
+class ReadTimeout {
  public:
-  Patience(grpc::ServerContext& context, std::chrono::milliseconds timeout);
-  ~Patience();
-  Patience(const Patience&) = delete;
-  Patience& operator=(const Patience&) = delete;
+  ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout);
+  ~ReadTimeout();
+  ReadTimeout(const ReadTimeout&) = delete;
+  ReadTimeout& operator=(const ReadTimeout&) = delete;
 
   // From here the client may say nothing for the timeout. Then the call is cancelled, so that Read returns false; the client sees
   // CANCELLED.

@@ -34,11 +34,11 @@ struct RecordingRules {
 // Messages are told in the order of the session: a tick as it is applied or refused, then what is answered. Their time
 // is that of the clock, moved to the wall's by what both said at the opening: a wall clock that is set meanwhile does
 // not turn them round.
-class SessionTape {
+class SessionRecording {
  public:
   // All must outlive it; `clock` is the one that arrival times are of.
-  SessionTape(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log);
-  ~SessionTape();
+  SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log);
+  ~SessionRecording();
 
   // A session has opened. Begins the recording when it is to be one, says so in `opened`, which must hold everything
   // else already, and keeps both. Reads the scene files when they are to be attached: on a thread that may take long.
