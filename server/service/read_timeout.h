@@ -1,5 +1,7 @@
-// Ends a call of gRPC's synchronous API whose client has gone silent: its handler waits in Read, which takes no deadline. It goes by a
-// timer of gRPC's, not by its callback API (server/README.md says why none uses that).
+// Ends a call of gRPC's synchronous API whose client sends nothing: its handler waits in Read, which takes no deadline.
+//
+// The timer is a grpc::Alarm. It does not use gRPC's callback API for calls, which no part of the daemon may use
+// (server/README.md says why).
 #pragma once
 
 #include <grpcpp/alarm.h>
@@ -13,7 +15,7 @@
 
 namespace sightline {
 
-// Of one call, on its handler's thread. `context` must outlive it.
+// The timer of one call, used on its handler's thread. `context` must outlive it.
 class ReadTimeout {
  public:
   ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout);
@@ -21,20 +23,19 @@ class ReadTimeout {
   ReadTimeout(const ReadTimeout&) = delete;
   ReadTimeout& operator=(const ReadTimeout&) = delete;
 
-  // From here the client may say nothing for the timeout. Then the call is cancelled, so that Read returns false; the client sees
-  // CANCELLED.
+  // Starts the timer. When it runs out the call is cancelled, so that Read returns false; the client sees CANCELLED.
   void begin();
-  // It spoke, or is no longer waited for.
+  // Stops the timer: a message came, or none is expected.
   void end();
-  // Whether the call was cancelled so.
+  // True when the call was cancelled by the timer.
   bool ran_out() const;
 
  private:
-  // An alarm that goes off while it is taken back tells the state, which outlives both.
+  // Shared with the alarm, which can go off while it is being stopped.
   struct State {
     std::mutex mutex;
     // Guarded by mutex.
-    uint64_t turns = 0;  // how often a wait began or ended: an alarm that was set at another is of no account
+    uint64_t turns = 0;  // number of starts and stops; an alarm of an older turn is ignored
     bool ran_out = false;
   };
 

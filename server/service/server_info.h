@@ -1,4 +1,4 @@
-// RPC GetServerInfo: what runs here and what it holds.
+// RPC GetServerInfo: the version, the sampler, and counters of the daemon.
 #pragma once
 
 #include "server/service/parts.h"
@@ -7,7 +7,7 @@
 namespace sightline {
 
 inline constexpr const char* kVersion = SIGHTLINE_VERSION;
-// Compiler and options, as far as they can change a reply.
+// The compiler and those options that can change a reply.
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 void get_server_info(const ServiceParts& parts, v1::ServerInfo& info);

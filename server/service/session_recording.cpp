@@ -38,7 +38,7 @@ std::string content_type_of(const SceneFile& file) {
   return "application/octet-stream";
 }
 
-// A session names scenes in several places; names end in .glb or .gltf, hashes do not.
+// Calls `take` with every scene name or hash that the instances refer to. Names end in .glb or .gltf, hashes do not.
 template <typename Take>
 void for_each_mesh(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances, const Take& take) {
   for (const v1::NewInstance& instance : instances) {
@@ -100,7 +100,7 @@ void SessionRecording::fault(uint64_t sequence, std::string_view stage, std::str
   fault.set_message(std::string(message));
   recorder_->record(RecordTopic::kFault, times(clock_()), fault);
 } catch (...) {
-  // Out of memory: the log has it.
+  // Memory has run out, which the log says.
 }
 
 bool SessionRecording::lacks_scenes(const v1::Tick& tick) const {
@@ -125,7 +125,8 @@ void SessionRecording::attach_scenes(const v1::OpenSession& request, v1::Session
   for_each_mesh(request.instances(), take);
 }
 
-// What a replay needs to load the scene by the name or hash that the session used. Answers a warning, or nothing.
+// Attaches the files that a replay needs to load the scene by the name or hash that the session used. Returns a warning,
+// or an empty string.
 std::string SessionRecording::attach(const std::string& scene) {
   if (!tried_scenes_.insert(scene).second) return {};
   ContentHash hash;

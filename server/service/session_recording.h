@@ -1,5 +1,5 @@
-// One session's recording, or none: which messages go into it, when, and with what time. Where they go from here, and
-// what becomes of them when the disk is full, is server/record/recorder.h.
+// The recording of one session: it decides which messages are kept, in which order and with which time.
+// server/record/recorder.h writes them to the disk.
 #pragma once
 
 #include <cstdint>
@@ -20,46 +20,46 @@ class RecordWriter;
 class SessionRecorder;
 struct RecordTimes;
 
-// What the daemon records.
+// The daemon's options for recordings.
 struct RecordingRules {
-  RecordWriter* writer = nullptr;       // null: nothing
-  bool all = true;                      // every session whose client does not say OFF; else those that say ON
-  bool attach_scenes = false;           // always, not only when asked
-  std::function<uint64_t()> wall_ns{};  // since 1970 (UTC); asked once a session, needed with a writer
+  RecordWriter* writer = nullptr;       // null: nothing is recorded
+  bool all = true;                      // true: unless the client says OFF; false: only when the client says ON
+  bool attach_scenes = false;           // true: always; false: when the client asks for it
+  std::function<uint64_t()> wall_ns{};  // nanoseconds since 1970 (UTC), called once for each session; needed with a writer
 };
 
-// Its calls must not overlap, and cost next to nothing when nothing is recorded. None waits for the disk but those
-// that attach scenes.
+// Calls must not overlap. They cost almost nothing when nothing is recorded. Only the functions that attach scenes wait
+// for the disk.
 //
-// Messages are told in the order of the session: a tick as it is applied or refused, then what is answered. Their time
-// is that of the clock, moved to the wall's by what both said at the opening: a wall clock that is set meanwhile does
-// not turn them round.
+// Messages are recorded in the order of the session: a tick when it is applied or refused, then its reply. Times are taken
+// from the monotonic clock, plus the offset of the wall clock at the opening. The order therefore stays right when the
+// wall clock is set.
 class SessionRecording {
  public:
-  // All must outlive it; `clock` is the one that arrival times are of.
+  // All arguments must outlive it. `clock` is the clock of the arrival times.
   SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log);
   ~SessionRecording();
 
-  // A session has opened. Begins the recording when it is to be one, says so in `opened`, which must hold everything
-  // else already, and keeps both. Reads the scene files when they are to be attached: on a thread that may take long.
+  // Begins the recording when the rules and the request ask for one, and says so in `opened`, whose other fields must be
+  // set already. Records both messages. It reads the scene files when they are to be attached, which can take long.
   void open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
 
   void tick(const v1::Tick& tick, int64_t arrival_ns);
   void rejection(const v1::Rejection& rejection);
-  // Flags the reply when something is missing in the file, then keeps it.
+  // Records the reply; sets its flag `recording_degraded` first when messages are missing in the file.
   void reply(v1::CameraReply& reply);
-  // Keeps what went wrong in the server; `sequence`: of the tick, 0 for none. Never throws.
+  // Records a failure of the server. `sequence` is that of the tick, or 0. Never throws.
   void fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept;
 
-  // Whether the tick adds meshes of scenes that are to be attached and are not yet: reading them may take long.
+  // True when the tick adds meshes of scenes that must still be attached: reading those can take long.
   bool lacks_scenes(const v1::Tick& tick) const;
-  // To be called once the tick is applied.
+  // Called once the tick is applied.
   void attach_scenes(const v1::Tick& tick);
 
-  // Nothing more comes; what came is written, by others.
+  // Ends the recording. The recorder's thread writes what is still queued.
   void close();
 
-  // The file of its first part, within the folder; empty: not recorded.
+  // The name of its first file within the folder; empty when nothing is recorded.
   const std::string& name() const { return name_; }
 
  private:
