@@ -85,7 +85,7 @@ void EchoServer::take_calls() {
   const auto ask = [this](EchoCall::Incoming& incoming, void* tag) {
     service_.RequestCall(&incoming.context, &incoming.responder, &loop_->queue(), &loop_->server_queue(), tag);
   };
-  Door<EchoCall::Incoming>::open(*loop_, ask, [this](std::unique_ptr<EchoCall::Incoming> incoming) {
+  CallAcceptor<EchoCall::Incoming>::start(*loop_, ask, [this](std::unique_ptr<EchoCall::Incoming> incoming) {
     take_calls();
     new Call(*loop_, std::move(incoming));
   });

@@ -1,4 +1,5 @@
-// Wrong input on the wire: a typed error that names the field; nothing half applied; nobody else touched.
+// Wrong input on the wire gives a typed error that names the field. Nothing is half applied, and no other session is
+// affected.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -71,7 +72,7 @@ TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
   EXPECT_TRUE(stream.read()->has_camera());
 }
 
-// The good half of the refused tick must not be seen either: the hash is that of a session that never got it.
+// The valid half of the refused tick must not be applied either: the hash equals that of a session without the tick.
 TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   const ServiceWorld world;
   Stream told_wrong(world.channel()), other(world.channel());

@@ -36,7 +36,9 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
       {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
-      {"--upload-timeout-s", "0"},
+      {"--upload-timeout-s", "0"},     {"--upload-timeout-s", "nan"},
+      {"--drain-s", "nan"},            {"--step-budget-ms", "nan"},
+      {"--listen", "none"},
       {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"},
       {"--record", "some"},            {"--record-total-mib", "0"},
       {"--record-age-h", "-1"},        {"--record-file-mib", "0"}};

@@ -1,4 +1,4 @@
-#include "server/service/session_tape.h"
+#include "server/service/session_recording.h"
 
 #include <utility>
 
@@ -38,7 +38,7 @@ std::string content_type_of(const SceneFile& file) {
   return "application/octet-stream";
 }
 
-// A session names scenes in several places; names end in .glb or .gltf, hashes do not.
+// Calls `take` with every scene name or hash that the instances refer to. Names end in .glb or .gltf, hashes do not.
 template <typename Take>
 void for_each_mesh(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances, const Take& take) {
   for (const v1::NewInstance& instance : instances) {
@@ -50,17 +50,17 @@ void for_each_mesh(const google::protobuf::RepeatedPtrField<v1::NewInstance>& in
 
 }  // namespace
 
-SessionTape::SessionTape(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes,
+SessionRecording::SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes,
                          const Log& log)
     : rules_(rules), clock_(clock), scenes_(scenes), log_(log) {}
 
-SessionTape::~SessionTape() = default;
+SessionRecording::~SessionRecording() = default;
 
-void SessionTape::close() {
+void SessionRecording::close() {
   recorder_.reset();
 }
 
-void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
+void SessionRecording::open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
   session_id_ = opened.session_id();
   if (!is_wanted(request.recording(), rules_.all)) return;
   if (!rules_.writer) {
@@ -78,21 +78,21 @@ void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::S
   recorder_->record(RecordTopic::kOpened, times(clock_()), opened);
 }
 
-void SessionTape::tick(const v1::Tick& tick, int64_t arrival_ns) {
+void SessionRecording::tick(const v1::Tick& tick, int64_t arrival_ns) {
   if (recorder_) recorder_->record(RecordTopic::kTick, times(arrival_ns), tick);
 }
 
-void SessionTape::rejection(const v1::TickError& rejection) {
+void SessionRecording::rejection(const v1::TickError& rejection) {
   if (recorder_) recorder_->record(RecordTopic::kRejection, times(clock_()), rejection);
 }
 
-void SessionTape::reply(v1::CameraReply& reply) {
+void SessionRecording::reply(v1::CameraReply& reply) {
   if (!recorder_) return;
   if (recorder_->degraded()) reply.mutable_flags()->set_recording_degraded(true);
   recorder_->record(RecordTopic::kReply, times(clock_()), reply);
 }
 
-void SessionTape::fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept try {
+void SessionRecording::fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept try {
   if (!recorder_) return;
   v1::Fault fault;
   fault.set_sequence(sequence);
@@ -100,10 +100,10 @@ void SessionTape::fault(uint64_t sequence, std::string_view stage, std::string_v
   fault.set_message(std::string(message));
   recorder_->record(RecordTopic::kFault, times(clock_()), fault);
 } catch (...) {
-  // Out of memory: the log has it.
+  // Memory has run out, which the log says.
 }
 
-bool SessionTape::lacks_scenes(const v1::Tick& tick) const {
+bool SessionRecording::lacks_scenes(const v1::Tick& tick) const {
   if (!attaches_ || tick.delta().added_instances().empty()) return false;
   bool lacks = false;
   for_each_mesh(tick.delta().added_instances(),
@@ -111,12 +111,12 @@ bool SessionTape::lacks_scenes(const v1::Tick& tick) const {
   return lacks;
 }
 
-void SessionTape::attach_scenes(const v1::Tick& tick) {
+void SessionRecording::attach_scenes(const v1::Tick& tick) {
   if (!attaches_ || tick.delta().added_instances().empty()) return;
   for_each_mesh(tick.delta().added_instances(), [&](const std::string& scene) { attach(scene); });
 }
 
-void SessionTape::attach_scenes(const v1::OpenSession& request, v1::SessionOpened& opened) {
+void SessionRecording::attach_scenes(const v1::OpenSession& request, v1::SessionOpened& opened) {
   const auto take = [&](const std::string& scene) {
     if (std::string warning = attach(scene); !warning.empty()) opened.add_warnings(std::move(warning));
   };
@@ -125,8 +125,9 @@ void SessionTape::attach_scenes(const v1::OpenSession& request, v1::SessionOpene
   for_each_mesh(request.instances(), take);
 }
 
-// What a replay needs to load the scene by the name or hash that the session used. Answers a warning, or nothing.
-std::string SessionTape::attach(const std::string& scene) {
+// Attaches the files that a replay needs to load the scene by the name or hash that the session used. Returns a warning,
+// or an empty string.
+std::string SessionRecording::attach(const std::string& scene) {
   if (!tried_scenes_.insert(scene).second) return {};
   ContentHash hash;
   const bool by_hash = from_hex(scene, hash);
@@ -145,7 +146,7 @@ std::string SessionTape::attach(const std::string& scene) {
   return "recording: the scene \"" + scene + "\" is not in it: " + trouble;
 }
 
-RecordTimes SessionTape::times(int64_t clock_ns) const {
+RecordTimes SessionRecording::times(int64_t clock_ns) const {
   const auto wall_ns = static_cast<uint64_t>(clock_ns + wall_from_clock_ns_);
   return {wall_ns, wall_ns};
 }

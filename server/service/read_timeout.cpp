@@ -1,15 +1,15 @@
-#include "server/service/patience.h"
+#include "server/service/read_timeout.h"
 
 namespace sightline {
 
-Patience::Patience(grpc::ServerContext& context, std::chrono::milliseconds timeout)
+ReadTimeout::ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout)
     : context_(context), timeout_(timeout), state_(std::make_shared<State>()) {}
 
-Patience::~Patience() {
+ReadTimeout::~ReadTimeout() {
   end();
 }
 
-void Patience::begin() {
+void ReadTimeout::begin() {
   const uint64_t turn = take_turn();
   alarm_.emplace();
   alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_, context = &context_, turn](bool went_off) {
@@ -20,17 +20,17 @@ void Patience::begin() {
   });
 }
 
-void Patience::end() {
+void ReadTimeout::end() {
   take_turn();
   alarm_.reset();
 }
 
-uint64_t Patience::take_turn() {
+uint64_t ReadTimeout::take_turn() {
   const std::lock_guard lock(state_->mutex);
   return ++state_->turns;
 }
 
-bool Patience::ran_out() const {
+bool ReadTimeout::ran_out() const {
   const std::lock_guard lock(state_->mutex);
   return state_->ran_out;
 }
