@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/bench/ledger.h"
+#include "client/bench/request_log.h"
 #include "client/bench/statistics.h"
 #include "client/bench/window.h"
 

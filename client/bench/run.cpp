@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "client/bench/command.h"
-#include "client/bench/dialect.h"
+#include "client/bench/protocol.h"
 #include "client/bench/echo.h"
 #include "client/bench/generator.h"
 #include "client/bench/process.h"
@@ -210,7 +210,7 @@ class Bench {
     const auto dialect = [&](size_t session) {
       v1::OpenSession open = world_->open(session, scene_hash_);
       *open.mutable_settings() = settings_;
-      return control_dialect(*world_, session, std::move(open));
+      return control_protocol(*world_, session, std::move(open));
     };
     add_streams(result_.address, until, dialect, sessions_, daemon_channel_);
     for (size_t session = first; session < until; ++session) {
@@ -260,7 +260,7 @@ class Bench {
     if (!address) return tl::unexpected(address.error());
     std::shared_ptr<grpc::Channel> channel;
     add_streams(
-        *address, options_.sessions, [&](size_t i) { return echo_dialect(*sessions_[i]); }, echoes_, channel);
+        *address, options_.sessions, [&](size_t i) { return echo_protocol(*sessions_[i]); }, echoes_, channel);
     return {};
   }
 

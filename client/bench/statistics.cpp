@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 
 namespace sightline {
 namespace {

@@ -18,7 +18,7 @@ int64_t BenchStream::monotonic_ns() {
 }
 
 BenchStream::BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel,
-                         std::unique_ptr<BenchDialect> dialect, int64_t late_ns)
+                         std::unique_ptr<BenchProtocol> dialect, int64_t late_ns)
     : dialect_(std::move(dialect)),
       late_ns_(late_ns),
       channel_(std::move(channel)),
@@ -80,7 +80,7 @@ void BenchStream::over() {
   if (--under_way_ > 0) return;
   ended_ = true;
   closing_ = true;
-  ledger_.give_up();
+  log_.give_up();
   changed_.notify_all();
 }
 
@@ -100,12 +100,12 @@ void BenchStream::send_tick(int64_t due_ns, int window) {
   last_tick_bytes_.store(bytes, std::memory_order_relaxed);
   const std::lock_guard lock(mutex_);
   next_sequence_.store(sequence + 1, std::memory_order_relaxed);
-  ledger_.sent(sequence, due_ns, window);
+  log_.sent(sequence, due_ns, window);
   if (window >= first_window_) {
     window_at(window).add(BenchMetric::kSend, us_between(due_ns, monotonic_ns()));
     window_at(window).tick_bytes += bytes;
   }
-  if (ended_) ledger_.give_up();
+  if (ended_) log_.give_up();
   if (closing_) return;  // not ended yet: it is given up then
   unsent_.push_back(std::move(message));
   if (!writing_) start_next_write();
@@ -159,7 +159,7 @@ void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t n
       count_reply(answer, bytes, now_ns);
       break;
     case BenchAnswer::Kind::kRejection:
-      ledger_.rejected(answer.sequence);
+      log_.rejected(answer.sequence);
       [[fallthrough]];
     case BenchAnswer::Kind::kOther:
       if (trouble_.empty()) trouble_ = answer.trouble;
@@ -169,7 +169,7 @@ void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t n
 
 void BenchStream::count_reply(const BenchAnswer& answer, size_t bytes, int64_t now_ns) {
   settled_.clear();
-  ledger_.answered(answer.sequence, answer.merged, settled_);
+  log_.answered(answer.sequence, answer.merged, settled_);
   for (const SettledTick& tick : settled_) {
     if (tick.window < first_window_) continue;  // not counted, or taken already
     BenchWindow& window = window_at(tick.window);
@@ -202,7 +202,7 @@ BenchWindow& BenchStream::window_at(int window) {
 
 int64_t BenchStream::oldest_pending_ns() const {
   const std::lock_guard lock(mutex_);
-  return ledger_.oldest_pending_ns();
+  return log_.oldest_pending_ns();
 }
 
 BenchWindow BenchStream::take_window(int window) {
@@ -218,7 +218,7 @@ BenchWindow BenchStream::take_window(int window) {
 
 TickCounts BenchStream::counts() const {
   const std::lock_guard lock(mutex_);
-  return ledger_.counts();
+  return log_.counts();
 }
 
 std::string BenchStream::trouble() const {

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "client/bench/ledger.h"
+#include "client/bench/request_log.h"
 #include "client/bench/window.h"
 #include "server/base/error.h"
 #include "server/service/event_loop.h"
@@ -47,9 +47,9 @@ struct BenchAnswer {
 };
 
 // What is said on a stream. One object a stream.
-class BenchDialect {
+class BenchProtocol {
  public:
-  virtual ~BenchDialect() = default;
+  virtual ~BenchProtocol() = default;
   virtual std::string method() const = 0;
   // The message that opens the stream; false: none is sent and none answered.
   virtual bool opening(grpc::ByteBuffer& message) = 0;
@@ -63,7 +63,7 @@ class BenchStream {
  public:
   // Starts the call and sends the opening. `loop` moves its messages and must outlive it. `late_ns`: round trips above this are
   // late.
-  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchDialect> dialect,
+  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, std::unique_ptr<BenchProtocol> dialect,
               int64_t late_ns);
   ~BenchStream();  // cancels what is still open, and waits until gRPC is done with it
   BenchStream(const BenchStream&) = delete;
@@ -122,7 +122,7 @@ class BenchStream {
   BenchWindow& window_at(int window);
 
   // Constant after construction.
-  const std::unique_ptr<BenchDialect> dialect_;
+  const std::unique_ptr<BenchProtocol> dialect_;
   const int64_t late_ns_;
   const std::shared_ptr<grpc::Channel> channel_;
   grpc::GenericStub stub_;
@@ -143,7 +143,7 @@ class BenchStream {
   std::condition_variable changed_;
   // Guarded by mutex_.
   std::deque<grpc::ByteBuffer> unsent_;  // the front is on its way while writing_
-  TickLedger ledger_;
+  RequestLog log_;
   std::vector<SettledTick> settled_;  // by one reply: kept for its memory
   std::deque<BenchWindow> windows_;   // from first_window_ on
   int first_window_ = 0;

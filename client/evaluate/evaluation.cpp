@@ -68,7 +68,7 @@ class Progress {
 
 struct Played {
   std::vector<CameraFrame> frames;
-  std::vector<std::vector<TargetWord>> words;  // by frame; empty when the policy says nothing
+  std::vector<std::vector<ReportedShare>> words;  // by frame; empty when the policy says nothing
 };
 
 // One policy in one scene.
@@ -143,7 +143,7 @@ class Run {
     if (!truths) return tl::unexpected(truths.error());
     record_.metrics = summarize(scenario, played.frames, *truths, CameraLimits{});
     record_.target_count = record_.metrics.targets.size();
-    if (!played.words.empty()) record_.words = judge_words(*truths, played.words);
+    if (!played.words.empty()) record_.words = judge_reports(*truths, played.words);
     for (size_t i = 0; i < truths->size(); ++i)
       if (const auto& picture = (*truths)[i].picture)
         record_.sights.push_back({played.frames[i].time_s, least_share(*picture)});

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
-#include "client/evaluate/reaction.h"
+#include "client/truth/reaction.h"
 
 namespace sightline {
 
@@ -50,7 +50,7 @@ struct RunRecord {
   std::string policy;
   RunMetrics metrics;
   ReactionMetrics reaction;
-  std::optional<WordMetrics> words;  // of policies that say what they see
+  std::optional<ReportMetrics> words;  // of policies that say what they see
   std::vector<JointSight> sights;
   double rate_hz = 60.0;
   std::vector<glm::dvec3> path_m;  // of the camera, by frame, at that rate

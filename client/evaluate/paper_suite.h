@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "client/evaluate/evaluation.h"
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 
 namespace sightline {
 

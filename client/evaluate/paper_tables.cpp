@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "client/evaluate/evaluation_tables.h"
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 
 namespace sightline {
 namespace {
@@ -22,7 +22,7 @@ constexpr NamedFigure kModelFigures[] = {
     {"r_p", [](const RunRecord& r) { return r.metrics.r_p; }},
     {"r_p_tolerant", [](const RunRecord& r) { return r.metrics.r_p_tolerant; }},
     {"mean_hidden_share", [](const RunRecord& r) { return r.metrics.mean_hidden_share; }},
-    {"joint_visible_share", [](const RunRecord& r) { return r.metrics.all_clear(); }},
+    {"joint_visible_share", [](const RunRecord& r) { return r.metrics.joint_visible_share(); }},
     {"d_c_m", [](const RunRecord& r) { return r.metrics.d_c_m; }},
     {"d_s_heights", [](const RunRecord& r) { return r.metrics.d_s_heights; }},
     {"step_time_ms", [](const RunRecord& r) { return r.timing.step_ms; }},
@@ -33,7 +33,7 @@ constexpr NamedFigure kStabilityFigures[] = {
     {"d_c_m", [](const RunRecord& r) { return r.metrics.d_c_m; }},
     {"d_s_heights", [](const RunRecord& r) { return r.metrics.d_s_heights; }},
     {"mean_visible_share", [](const RunRecord& r) { return r.metrics.mean_visible_share; }},
-    {"joint_visible_share", [](const RunRecord& r) { return r.metrics.all_clear(); }},
+    {"joint_visible_share", [](const RunRecord& r) { return r.metrics.joint_visible_share(); }},
 };
 constexpr std::string_view kRatios[] = {"d_c_ratio", "d_s_ratio"};
 

@@ -68,7 +68,7 @@ void draw_share(Svg& svg, const Strip& strip, const RunRecord& run, size_t numbe
   for (const JointSight& sight : run.sights) points.push_back(strip.at(sight.time_s, sight.least_share));
   points.push_back(strip.at(run.sights.empty() ? 0.0 : run.sights.back().time_s, 0));
   svg.area(points, color_of(run.policy, number));
-  draw_names(svg, strip, run.policy, percent(run.metrics.all_clear()) + " joint");
+  draw_names(svg, strip, run.policy, percent(run.metrics.joint_visible_share()) + " joint");
 }
 
 // Of the frames' places from the first.

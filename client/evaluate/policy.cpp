@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "client/evaluate/follow.h"
+#include "client/truth/follow.h"
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
 #include "client/evaluate/policy_step.h"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/scenario/scenario_world.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
@@ -35,7 +35,7 @@ struct PolicyStep {
   Lens lens;
   bool jump = false;  // see CameraFrame
   // What the policy says that its camera sees; none: it says nothing.
-  std::optional<std::vector<TargetWord>> words;
+  std::optional<std::vector<ReportedShare>> words;
 };
 
 // Deterministic: the same site and calls give the same answers. One thread at a time.

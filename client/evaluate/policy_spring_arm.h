@@ -2,7 +2,7 @@
 // along it touches something, eased in and out as Unreal's spring arm and Cinemachine's follow do.
 #pragma once
 
-#include "client/evaluate/follow.h"
+#include "client/truth/follow.h"
 #include "client/evaluate/policy.h"
 #include "server/scene/clearance.h"
 

@@ -10,9 +10,9 @@
 #include <cstdlib>
 #include <string>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/scenario/scenario_world.h"
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 #include "server/step/presets.h"
 #include "server/sample/embree_sampler.h"
 

@@ -1,4 +1,4 @@
-// What a step costs, stage by stage, on the city (280 K triangles), printed as Table 1 of the paper: see client/evaluate/step_timing.h.
+// What a step costs, stage by stage, on the city (280 K triangles), printed as Table 1 of the paper: see tests/bench/step_timing.h.
 //
 //   step_bench [--benchmark_filter=...] [--benchmark_repetitions=N]
 #include <benchmark/benchmark.h>
@@ -7,7 +7,7 @@
 #include <map>
 #include <tuple>
 
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 #include "server/gl/software_renderer.h"
 
 namespace sightline {

@@ -11,7 +11,7 @@
 #include <map>
 #include <set>
 
-#include "client/bench/ledger.h"
+#include "client/bench/request_log.h"
 #include "client/bench/result.h"
 #include "client/bench/schedule.h"
 #include "client/bench/statistics.h"
@@ -162,34 +162,34 @@ class BenchLedgerTest : public testing::Test {
  protected:
   void send(uint64_t first, uint64_t last) {
     for (uint64_t s = first; s <= last; ++s)
-      ledger_.sent(s, static_cast<int64_t>(s) * 10, static_cast<int>(s));
+      log_.sent(s, static_cast<int64_t>(s) * 10, static_cast<int>(s));
   }
   std::vector<int64_t> answer(uint64_t sequence, uint32_t merged) {
     settled_.clear();
-    ledger_.answered(sequence, merged, settled_);
+    log_.answered(sequence, merged, settled_);
     std::vector<int64_t> due;
     for (const SettledTick& tick : settled_) due.push_back(tick.due_ns);
     return due;
   }
   void expect_counts(uint64_t answered, uint64_t merged, uint64_t rejected, uint64_t lost) {
-    const TickCounts& counts = ledger_.counts();
+    const TickCounts& counts = log_.counts();
     EXPECT_EQ(counts.answered, answered);
     EXPECT_EQ(counts.merged, merged);
     EXPECT_EQ(counts.rejected, rejected);
     EXPECT_EQ(counts.lost, lost);
   }
-  TickLedger ledger_;
+  RequestLog log_;
   std::vector<SettledTick> settled_;
 };
 
 TEST_F(BenchLedgerTest, AReplySettlesTheTicksThatItCovers) {
   send(1, 5);
   EXPECT_THAT(answer(1, 0), ElementsAre(10));
-  EXPECT_EQ(ledger_.oldest_pending_ns(), 20);
+  EXPECT_EQ(log_.oldest_pending_ns(), 20);
   EXPECT_THAT(answer(4, 2), ElementsAre(20, 30, 40)) << "merged ones waited as long";
   EXPECT_EQ(settled_.back().window, 4);
   expect_counts(2, 2, 0, 0);
-  EXPECT_EQ(ledger_.oldest_pending_ns(), 50);
+  EXPECT_EQ(log_.oldest_pending_ns(), 50);
 }
 
 TEST_F(BenchLedgerTest, WhatAReplyLeavesOutIsLost) {
@@ -200,7 +200,7 @@ TEST_F(BenchLedgerTest, WhatAReplyLeavesOutIsLost) {
 
 TEST_F(BenchLedgerTest, RejectedTicksAreNotMergedOnes) {
   send(1, 3);
-  ledger_.rejected(2);
+  log_.rejected(2);
   EXPECT_THAT(answer(3, 1), ElementsAre(10, 30));
   expect_counts(1, 1, 1, 0);
 }
@@ -210,7 +210,7 @@ TEST_F(BenchLedgerTest, AnAnswerToNothingThatWaitsCountsNothing) {
   EXPECT_TRUE(answer(7, 0).empty());
   EXPECT_THAT(answer(2, 1), ElementsAre(10, 20));
   EXPECT_TRUE(answer(2, 0).empty()) << "a second time";
-  ledger_.rejected(1);
+  log_.rejected(1);
   expect_counts(1, 1, 0, 0);
 }
 
@@ -222,15 +222,15 @@ TEST_F(BenchLedgerTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
     send(sent + 1, sent + more);
     sent += more;
     if (random.next_below(3) == 0 && sent > answered)
-      ledger_.rejected(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
+      log_.rejected(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
     if (random.next_below(2) == 0) continue;
     answered =
         std::max(answered, sent - random.next_below(static_cast<uint32_t>(std::min<uint64_t>(sent, 3) + 1)));
     answer(answered, random.next_below(5));
   }
-  ledger_.give_up();
-  const TickCounts& counts = ledger_.counts();
-  EXPECT_EQ(ledger_.oldest_pending_ns(), std::numeric_limits<int64_t>::max());
+  log_.give_up();
+  const TickCounts& counts = log_.counts();
+  EXPECT_EQ(log_.oldest_pending_ns(), std::numeric_limits<int64_t>::max());
   EXPECT_EQ(counts.sent, sent);
   EXPECT_EQ(counts.sent, counts.answered + counts.merged + counts.rejected + counts.lost);
   EXPECT_GT(std::min({counts.answered, counts.merged, counts.rejected, counts.lost}), 0u);

@@ -196,7 +196,7 @@ TEST(Motion, AJumpLeavesNoJerkForThreeFrames) {
 TEST(Words, EqualAPlainCountOnRandomShares) {
   Random random(5);
   std::vector<FrameTruth> truths;
-  std::vector<std::vector<TargetWord>> words;
+  std::vector<std::vector<ReportedShare>> words;
   struct Sums {
     double error = 0, false_visible = 0, false_occluded = 0;
   };
@@ -209,7 +209,7 @@ TEST(Words, EqualAPlainCountOnRandomShares) {
   };
   for (int i = 0; i < 500; ++i) {
     FrameTruth& truth = truths.emplace_back();
-    std::vector<TargetWord>& said = words.emplace_back();
+    std::vector<ReportedShare>& said = words.emplace_back();
     if (i % 3 == 0) truth.picture.emplace();
     for (uint64_t id = 1; id <= 2; ++id) {
       const auto alone = static_cast<uint32_t>(unit(random) < 0.2 ? 0 : 100);
@@ -225,7 +225,7 @@ TEST(Words, EqualAPlainCountOnRandomShares) {
       add(filtered, filtered_share, true_share);
     }
   }
-  const WordMetrics metrics = judge_words(truths, words);
+  const ReportMetrics metrics = judge_reports(truths, words);
   EXPECT_EQ(static_cast<double>(metrics.pairs), pairs);
   EXPECT_EQ(static_cast<double>(metrics.hidden_pairs), hidden);
   for (const auto& [got, sums] : {std::pair(metrics.visible, step), std::pair(metrics.filtered, filtered)}) {

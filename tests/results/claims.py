@@ -160,7 +160,7 @@ def _none_of(runs, name, text):
 
 
 def _word_claim(runs):
-    errors = {scene: weighted_mean(select(_own(runs), scene=scene), "filtered_share_error", "word_pairs")
+    errors = {scene: weighted_mean(select(_own(runs), scene=scene), "filtered_share_error", "reported_pairs")
               for scene in distinct(_own(runs), "scene")}
     errors = {scene: error for scene, error in errors.items() if error is not None}
     return _in_scenes("Every scene: mean absolute error of the filtered share at most 0.05", list(errors),

@@ -21,8 +21,8 @@ PAPER_PLOTS = ("table2-r_n.svg", "table3-offset.svg")
 SCENE_PLOTS = ("bars-joint_visible_share.svg", "hall-s1-share.svg", "hall-s1-path.svg")
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "lasting_occlusions", "mean_reaction_s", "d_c_m",
-               "d_s_heights", "rms_jerk_mps3", "body_collisions", "limit_violations", "pops", "word_pairs",
-               "word_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
+               "d_s_heights", "rms_jerk_mps3", "body_collisions", "limit_violations", "pops", "reported_pairs",
+               "reported_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
                "filtered_false_occluded", "filtered_share_error")
 HOW_KEYS = ("paper_command", "scenes_command", "rate_hz", "seeds", "paper_every", "scenes_every", "minutes", "cores")
 
@@ -72,7 +72,7 @@ folder. It took {how['minutes']} minutes on {how['cores']} cores to run
 
 Each scene is played at {how['rate_hz']} Hz under {how['seeds']} seed(s), with Embree as the sampler (in Table 1 {egl_words}). Every
 {how['paper_every']}th frame of Tables 2 and 3 and every {how['scenes_every']}th of the scenes is judged by re-rendering it at 512 x 512 with an id for each
-body, which is what takes the time; motion, collisions and reactions are judged at every frame. What each figure means: `client/evaluate/metrics.h` and `client/evaluate/reaction.h`. *Sightline* is the default; *paper* is the method
+body, which is what takes the time; motion, collisions and reactions are judged at every frame. What each figure means: `client/truth/metrics.h` and `client/truth/reaction.h`. *Sightline* is the default; *paper* is the method
 as printed with RobustMove, a prediction of 300 ms and the filter 6/10. Tables: `table1.csv`, `table2.csv`, `table3.csv`, `scenes.csv` (a row a run).
 All but times is the same on every run with the same seeds.
 """
@@ -207,11 +207,11 @@ those truly not; *false occluded*: said not to be, of those truly visible.
 
 def word_row(scene, runs):
     for run in runs:
-        run["word_visible_pairs"] = (run["word_pairs"] or 0) - (run["word_hidden_pairs"] or 0)
-    cells = [scene, int(total(runs, "word_pairs")), int(total(runs, "word_hidden_pairs"))]
+        run["word_visible_pairs"] = (run["reported_pairs"] or 0) - (run["reported_hidden_pairs"] or 0)
+    cells = [scene, int(total(runs, "reported_pairs")), int(total(runs, "reported_hidden_pairs"))]
     for kind in ("", "filtered_"):
-        cells += [number(weighted_mean(runs, kind + "share_error", "word_pairs"), 3),
-                  percent(weighted_mean(runs, kind + "false_visible", "word_hidden_pairs"), 1),
+        cells += [number(weighted_mean(runs, kind + "share_error", "reported_pairs"), 3),
+                  percent(weighted_mean(runs, kind + "false_visible", "reported_hidden_pairs"), 1),
                   percent(weighted_mean(runs, kind + "false_occluded", "word_visible_pairs"), 1)]
     return cells
 

@@ -55,8 +55,8 @@ def good_table2():
 
 def run(scene, policy, seed, joint, episodes, **other):
     row = dict.fromkeys(make_page.RUN_COLUMNS, 0.0)
-    row.update(scene=scene, policy=policy, seed=seed, joint_visible_share=joint, episodes=episodes, word_pairs=100.0,
-               word_hidden_pairs=20.0, filtered_share_error=0.05, lasting_occlusions=1.0, mean_reaction_s=0.3)
+    row.update(scene=scene, policy=policy, seed=seed, joint_visible_share=joint, episodes=episodes, reported_pairs=100.0,
+               reported_hidden_pairs=20.0, filtered_share_error=0.05, lasting_occlusions=1.0, mean_reaction_s=0.3)
     row.update(other)
     return row
 
@@ -195,10 +195,10 @@ class SceneClaims(unittest.TestCase):
             self.assertEqual(failing(claims.scene_claims(others)), [], "only the default promises it")
 
     def test_the_words_error_is_weighed_by_the_words(self):
-        runs = change(good_runs(), {"filtered_share_error": 0.2, "word_pairs": 1.0}, scene="hall", policy="sightline", seed=1.0)
+        runs = change(good_runs(), {"filtered_share_error": 0.2, "reported_pairs": 1.0}, scene="hall", policy="sightline", seed=1.0)
         change(runs, {"filtered_share_error": 0.01}, scene="hall", policy="sightline", seed=2.0)
         self.assertEqual(failing(claims.scene_claims(runs)), [])
-        change(runs, {"word_pairs": 100.0}, scene="hall", policy="sightline", seed=1.0)
+        change(runs, {"reported_pairs": 100.0}, scene="hall", policy="sightline", seed=1.0)
         self.assertEqual(len(failing(claims.scene_claims(runs))), 1)
 
 

@@ -11,7 +11,7 @@
 #include <filesystem>
 
 #include "client/scenario/scenario_world.h"
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 #include "server/gl/software_renderer.h"
 #include "server/step/presets.h"
 #include "server/sample/egl_sampler.h"

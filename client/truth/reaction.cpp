@@ -1,8 +1,8 @@
-#include "client/evaluate/reaction.h"
+#include "client/truth/reaction.h"
 
 #include <algorithm>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 
 namespace sightline {
 namespace {

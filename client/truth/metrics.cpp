@@ -1,4 +1,4 @@
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -159,14 +159,14 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   metrics.episodes = episodes_of(sights);
 }
 
-void add_word(double said, double truth, WordErrors& sums) {
+void add_word(double said, double truth, ReportErrors& sums) {
   sums.false_visible += said >= 0.5 && truth < 0.5;
   sums.false_occluded += said < 0.5 && truth >= 0.5;
   sums.mean_absolute_error += std::abs(said - truth);
 }
 
 // Sums over pairs become shares and a mean.
-void divide_by_pairs(const WordMetrics& metrics, WordErrors& errors) {
+void divide_by_pairs(const ReportMetrics& metrics, ReportErrors& errors) {
   const auto divide = [](double& sum, size_t n) { sum = n == 0 ? 0.0 : sum / static_cast<double>(n); };
   divide(errors.false_visible, metrics.hidden_pairs);
   divide(errors.false_occluded, metrics.pairs - metrics.hidden_pairs);
@@ -184,7 +184,7 @@ size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted 
 }  // namespace
 
 // A count over the pictures, so that runs compare without the rounding of differences.
-double RunMetrics::all_clear() const {
+double RunMetrics::joint_visible_share() const {
   if (pictures == 0) return 0.0;
   const double n = static_cast<double>(pictures);
   return std::round((1.0 - r_n - r_p_tolerant) * n) / n;
@@ -234,13 +234,13 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
   return metrics;
 }
 
-WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words) {
-  WordMetrics metrics;
+ReportMetrics judge_reports(std::span<const FrameTruth> truths, std::span<const std::vector<ReportedShare>> words) {
+  ReportMetrics metrics;
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;
     for (const TargetTruth& target : truths[i].picture->targets) {
       const auto word = std::find_if(words[i].begin(), words[i].end(),
-                                     [&](const TargetWord& w) { return w.id == target.id; });
+                                     [&](const ReportedShare& w) { return w.id == target.id; });
       if (word == words[i].end() || target.alone_pixels == 0) continue;
       ++metrics.pairs;
       metrics.hidden_pairs += target.visible_share() < 0.5;
@@ -291,7 +291,7 @@ std::string to_json(const RunMetrics& metrics) {
       {"r_p", metrics.r_p},
       {"r_p_tolerant", metrics.r_p_tolerant},
       {"all_seen", metrics.all_seen},
-      {"all_clear", metrics.all_clear()},
+      {"joint_visible_share", metrics.joint_visible_share()},
       {"episodes", metrics.episodes.count},
       {"p95_episode_s", metrics.episodes.p95_length_s},
       {"mean_reacquire_s", metrics.episodes.mean_reacquire_s},

@@ -1,4 +1,4 @@
-#include "client/bench/ledger.h"
+#include "client/bench/request_log.h"
 
 #include <algorithm>
 #include <limits>
@@ -14,12 +14,12 @@ TickCounts& TickCounts::operator+=(const TickCounts& other) {
   return *this;
 }
 
-void TickLedger::sent(uint64_t sequence, int64_t due_ns, int window) {
+void RequestLog::sent(uint64_t sequence, int64_t due_ns, int window) {
   ++counts_.sent;
   pending_.push_back({sequence, {due_ns, window}});
 }
 
-void TickLedger::answered(uint64_t sequence, uint32_t merged, std::vector<SettledTick>& settled) {
+void RequestLog::answered(uint64_t sequence, uint32_t merged, std::vector<SettledTick>& settled) {
   const auto newest = std::lower_bound(pending_.begin(), pending_.end(), sequence,
                                        [](const Pending& tick, uint64_t s) { return tick.sequence < s; });
   if (newest == pending_.end() || newest->sequence != sequence) return;
@@ -32,7 +32,7 @@ void TickLedger::answered(uint64_t sequence, uint32_t merged, std::vector<Settle
   pending_.erase(pending_.begin(), newest + 1);
 }
 
-void TickLedger::rejected(uint64_t sequence) {
+void RequestLog::rejected(uint64_t sequence) {
   const auto found = std::find_if(pending_.begin(), pending_.end(),
                                   [&](const Pending& tick) { return tick.sequence == sequence; });
   if (found == pending_.end()) return;
@@ -40,12 +40,12 @@ void TickLedger::rejected(uint64_t sequence) {
   pending_.erase(found);
 }
 
-void TickLedger::give_up() {
+void RequestLog::give_up() {
   counts_.lost += pending_.size();
   pending_.clear();
 }
 
-int64_t TickLedger::oldest_pending_ns() const {
+int64_t RequestLog::oldest_pending_ns() const {
   return pending_.empty() ? std::numeric_limits<int64_t>::max() : pending_.front().tick.due_ns;
 }
 

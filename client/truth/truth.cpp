@@ -1,4 +1,4 @@
-#include "client/evaluate/truth.h"
+#include "client/truth/truth.h"
 
 #include <algorithm>
 #include <array>
@@ -165,7 +165,7 @@ PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const gl
   return box.x0 < box.x1 && box.y0 < box.y1 ? box : PixelBox{};
 }
 
-PictureTruth look(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
+PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
                   const Pose& world_from_camera, const Lens& lens, int size) {
   const Eye eye{world_from_camera, lens, size};
   PictureTruth picture;
@@ -191,7 +191,7 @@ bool PictureTruth::all_seen() const {
                      [](const TargetTruth& target) { return target.visible_pixels > 0; });
 }
 
-BodyTruth feel(const EmbreeScene& colliders, const glm::dvec3& before_m, const glm::dvec3& now_m) {
+BodyTruth measure_body(const EmbreeScene& colliders, const glm::dvec3& before_m, const glm::dvec3& now_m) {
   BodyTruth body;
   body.clearance_m = colliders.nearest_surface_m(now_m, BodyTruth::kReachM);
   const glm::dvec3 way = now_m - before_m;

@@ -26,7 +26,7 @@ struct SettledTick {
 };
 
 // Not thread-safe. Holds what is pending: as many ticks as the server is behind.
-class TickLedger {
+class RequestLog {
  public:
   // Sequences increase.
   void sent(uint64_t sequence, int64_t due_ns, int window);

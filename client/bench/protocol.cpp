@@ -1,4 +1,4 @@
-#include "client/bench/dialect.h"
+#include "client/bench/protocol.h"
 
 #include <grpcpp/impl/codegen/proto_utils.h>
 
@@ -22,7 +22,7 @@ BenchStages stages_of(const v1::StageTimes& times) {
           times.aggregate_us(), times.move_us(),  times.total_us()};
 }
 
-class ControlDialect final : public BenchDialect {
+class ControlDialect final : public BenchProtocol {
  public:
   ControlDialect(const BenchWorld& world, size_t session, v1::OpenSession open)
       : world_(world), session_(session), open_(std::move(open)) {}
@@ -81,7 +81,7 @@ class ControlDialect final : public BenchDialect {
   v1::ControlReply reply_;      // by the reading one
 };
 
-class EchoDialect final : public BenchDialect {
+class EchoDialect final : public BenchProtocol {
  public:
   explicit EchoDialect(const BenchStream& twin) : twin_(twin) {}
 
@@ -108,11 +108,11 @@ class EchoDialect final : public BenchDialect {
 
 }  // namespace
 
-std::unique_ptr<BenchDialect> control_dialect(const BenchWorld& world, size_t session, v1::OpenSession open) {
+std::unique_ptr<BenchProtocol> control_protocol(const BenchWorld& world, size_t session, v1::OpenSession open) {
   return std::make_unique<ControlDialect>(world, session, std::move(open));
 }
 
-std::unique_ptr<BenchDialect> echo_dialect(const BenchStream& twin) {
+std::unique_ptr<BenchProtocol> echo_protocol(const BenchStream& twin) {
   return std::make_unique<EchoDialect>(twin);
 }
 

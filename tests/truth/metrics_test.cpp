@@ -1,5 +1,5 @@
 // Figures of a run against cases worked out by hand.
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "client/evaluate/follow.h"
+#include "client/truth/follow.h"
 #include "scenes/glb_writer.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
@@ -140,7 +140,7 @@ TEST(RunMetrics, SharesAreOfTheFrames) {
   EXPECT_DOUBLE_EQ(metrics.r_n, 0.5) << "hidden from 0.5 s on";
   EXPECT_DOUBLE_EQ(metrics.r_p, 0.0);
   EXPECT_DOUBLE_EQ(metrics.all_seen, 0.5);
-  EXPECT_DOUBLE_EQ(metrics.all_clear(), 0.5);
+  EXPECT_DOUBLE_EQ(metrics.joint_visible_share(), 0.5);
   ASSERT_EQ(metrics.targets.size(), 2u);
   EXPECT_EQ(metrics.targets[1].name, "ben");
   EXPECT_DOUBLE_EQ(metrics.targets[0].mean_visible_share, 0.5);

@@ -9,11 +9,11 @@
 namespace sightline {
 
 // Session `session` of `world`, opened with `open`. `world` must outlive it.
-std::unique_ptr<BenchDialect> control_dialect(const BenchWorld& world, size_t session, v1::OpenSession open);
+std::unique_ptr<BenchProtocol> control_protocol(const BenchWorld& world, size_t session, v1::OpenSession open);
 
 // Says to the echo (bench_echo.h) what `twin` says to the daemon, byte for byte as long, and asks for as many bytes back as the
 // daemon last answered there. Built without protobuf on either side. `twin` must outlive it.
-std::unique_ptr<BenchDialect> echo_dialect(const BenchStream& twin);
+std::unique_ptr<BenchProtocol> echo_protocol(const BenchStream& twin);
 
 // StepFlags.degraded of a reply: true, or a message that is there. False for servers whose protocol has no such flag.
 bool is_degraded(const v1::StepFlags& flags);

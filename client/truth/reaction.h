@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 

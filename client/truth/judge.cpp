@@ -1,4 +1,4 @@
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 
 #include <algorithm>
 #include <cmath>
@@ -33,12 +33,12 @@ FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, s
 FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, const CameraFrame& frame,
                        int picture_size) {
   FrameTruth truth;
-  truth.body = feel(scene.colliders, before_m, frame.camera.position_m);
+  truth.body = measure_body(scene.colliders, before_m, frame.camera.position_m);
   for (const Target& target : scene.targets)
     truth.centers.push_back(place_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
   if (picture_size > 0)
     truth.picture =
-        look(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
+        measure_picture(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
   return truth;
 }
 

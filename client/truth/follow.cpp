@@ -1,4 +1,4 @@
-#include "client/evaluate/follow.h"
+#include "client/truth/follow.h"
 
 namespace sightline {
 

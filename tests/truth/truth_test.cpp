@@ -1,5 +1,5 @@
 // The truth renderer against plain loops: every sample of the picture, every triangle, in double precision.
-#include "client/evaluate/truth.h"
+#include "client/truth/truth.h"
 
 #include <gtest/gtest.h>
 
@@ -49,7 +49,7 @@ class Bench {
     targets.push_back(target);
   }
   PictureTruth look(int size = kTruthSize) const {
-    return sightline::look(occluders_, mirror_, targets, camera, lens, size);
+    return sightline::measure_picture(occluders_, mirror_, targets, camera, lens, size);
   }
   const EmbreeScene& colliders() const { return colliders_; }
 
@@ -267,7 +267,7 @@ TEST(TruthBounds, APixelOutsideASpheresRectangleNeverMeetsIt) {
 TEST(TruthBody, ClearanceIsTheDistanceToTheNearestCollider) {
   Bench bench;
   bench.add(1, BoxShape{{1, 1, 1}}, {0, 0, -4});
-  const BodyTruth body = feel(bench.colliders(), {0, 0, 0}, {0, 0, -2.5});
+  const BodyTruth body = measure_body(bench.colliders(), {0, 0, 0}, {0, 0, -2.5});
   EXPECT_NEAR(body.clearance_m, 0.5, 1e-5);
   EXPECT_FALSE(body.crossed);
   EXPECT_FALSE(body.touches(0.4));
@@ -277,8 +277,8 @@ TEST(TruthBody, ClearanceIsTheDistanceToTheNearestCollider) {
 TEST(TruthBody, PassingThroughAWallIsSeenFromOutsideToOutside) {
   Bench bench;
   bench.add(1, BoxShape{{5, 5, 0.05f}}, {0, 0, -4});
-  EXPECT_TRUE(feel(bench.colliders(), {0, 0, -2}, {0, 0, -6}).touches(0.3));
-  EXPECT_FALSE(feel(bench.colliders(), {0, 0, -2}, {1, 0, -3}).touches(0.3));
+  EXPECT_TRUE(measure_body(bench.colliders(), {0, 0, -2}, {0, 0, -6}).touches(0.3));
+  EXPECT_FALSE(measure_body(bench.colliders(), {0, 0, -2}, {1, 0, -3}).touches(0.3));
 }
 
 TEST(TruthBody, WhatDoesNotCollideIsPassed) {
@@ -286,7 +286,7 @@ TEST(TruthBody, WhatDoesNotCollideIsPassed) {
   InstanceAttributes ghost;
   ghost.collides = false;
   bench.add(1, BoxShape{{5, 5, 0.05f}}, {0, 0, -4}, ghost);
-  EXPECT_FALSE(feel(bench.colliders(), {0, 0, -2}, {0, 0, -6}).touches(0.3));
+  EXPECT_FALSE(measure_body(bench.colliders(), {0, 0, -2}, {0, 0, -6}).touches(0.3));
 }
 
 }  // namespace

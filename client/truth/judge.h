@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/scenario/scenario_world.h"
-#include "client/evaluate/truth.h"
+#include "client/truth/truth.h"
 
 namespace sightline {
 

@@ -55,7 +55,7 @@ struct PictureTruth {
 
 // `occluders` must have taken in `mirror` and be of EmbreeScene::Content::kOccluders. Thread-safe on one
 // scene.
-PictureTruth look(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
+PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
                   const Pose& world_from_camera, const Lens& lens, int size = kTruthSize);
 
 // World direction, one unit of depth long, through sample (x, y) of `columns` x `rows`.
@@ -79,6 +79,6 @@ struct BodyTruth {
   bool touches(double body_radius_m) const { return crossed || clearance_m < body_radius_m; }
 };
 // `colliders` of EmbreeScene::Content::kColliders.
-BodyTruth feel(const EmbreeScene& colliders, const glm::dvec3& before_m, const glm::dvec3& now_m);
+BodyTruth measure_body(const EmbreeScene& colliders, const glm::dvec3& before_m, const glm::dvec3& now_m);
 
 }  // namespace sightline

@@ -1,8 +1,8 @@
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 
 #include <chrono>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "scenes/city.h"
 #include "server/step/presets.h"
 #include "server/sample/egl_sampler.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 #include "server/base/camera.h"
 
 namespace sightline {
@@ -43,7 +43,7 @@ struct RunMetrics {
   double r_p_tolerant = 0.0;        // the same with 5 % tolerance
   double all_seen = 0.0;            // every target has a visible pixel
   // The joint visible share: every target visible to 95 % at least: 1 - r_n - r_p_tolerant, to the picture.
-  double all_clear() const;
+  double joint_visible_share() const;
   size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four limits
@@ -87,25 +87,25 @@ struct SightSample {
 EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
 
 // What a policy says of one target at one frame.
-struct TargetWord {
+struct ReportedShare {
   uint64_t id = 0;
   double visible_share = 0.0;   // of this step, as reported, [0, 1]
   double filtered_share = 0.0;  // of the last steps, as reported, [0, 1]
 };
 // Of one of the reported shares.
-struct WordErrors {
+struct ReportErrors {
   double false_visible = 0.0;        // of the hidden pairs, those said to be visible
   double false_occluded = 0.0;       // of the visible pairs, those said not to be
   double mean_absolute_error = 0.0;  // of the share, over all pairs
 };
 // The service's own word against the truth, over judged pictures and those targets of which the picture holds
 // a pixel. Visible means a share of at least one half, said or true.
-struct WordMetrics {
+struct ReportMetrics {
   size_t pairs = 0, hidden_pairs = 0;  // (picture, target): all; truly not visible
-  WordErrors visible, filtered;        // of visible_share, of filtered_share
+  ReportErrors visible, filtered;        // of visible_share, of filtered_share
 };
 // `words` as long as `truths`, matched by id; a target without a word is left out.
-WordMetrics judge_words(std::span<const FrameTruth> truths, std::span<const std::vector<TargetWord>> words);
+ReportMetrics judge_reports(std::span<const FrameTruth> truths, std::span<const std::vector<ReportedShare>> words);
 
 // `truths` as long as `frames`.
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
