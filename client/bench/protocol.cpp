@@ -3,9 +3,9 @@
 #include <grpcpp/impl/codegen/proto_utils.h>
 
 #include <algorithm>
-#include <vector>
+#include <cstring>
+#include <memory>
 
-#include "client/bench/echo.h"
 #include "client/cpp/sightline_client.h"
 
 namespace sightline {
@@ -17,114 +17,79 @@ void to_bytes(const Message& message, grpc::ByteBuffer& bytes) {
   grpc::SerializationTraits<Message>::Serialize(message, &bytes, &owned);
 }
 
-BenchStages stages_of(const v1::StageTimes& times) {
-  return {times.queue_us(),     times.scene_us(), times.bound_us(), times.sample_us(),
-          times.aggregate_us(), times.move_us(),  times.total_us()};
+BenchAnswer opened(const v1::SessionOpened& session) {
+  return {.kind = BenchAnswer::Kind::kOpened,
+          .opened = {session.sampler(), session.instances(), session.triangles()}};
 }
 
-class ControlDialect final : public BenchProtocol {
- public:
-  ControlDialect(const BenchWorld& world, size_t session, v1::OpenSession open)
-      : world_(world), session_(session), open_(std::move(open)) {}
+BenchAnswer answer(const v1::CameraReply& camera) {
+  const v1::StageTimes& t = camera.stage_times();
+  return {.kind = BenchAnswer::Kind::kReply,
+          .sequence = camera.sequence(),
+          .merged = camera.merged_ticks(),
+          .stages_us = {{t.queue_us(), t.scene_us(), t.bound_us(), t.sample_us(), t.aggregate_us(),
+                         t.move_us(), t.total_us()}},
+          .degraded = camera.flags().degraded()};
+}
 
-  std::string method() const override { return "/sightline.v1.CameraControl/Control"; }
-
-  bool opening(grpc::ByteBuffer& message) override {
-    v1::ControlRequest request;
-    request.mutable_open()->Swap(&open_);
-    to_bytes(request, message);
-    return true;
-  }
-
-  void tick(uint64_t sequence, grpc::ByteBuffer& message) override {
-    world_.fill_tick(session_, sequence, *request_.mutable_tick());
-    to_bytes(request_, message);
-  }
-
-  BenchAnswer read(grpc::ByteBuffer& message) override {
-    if (!grpc::SerializationTraits<v1::ControlReply>::Deserialize(&message, &reply_).ok())
-      return {.trouble = "a reply that is no ControlReply"};
-    switch (reply_.message_case()) {
-      case v1::ControlReply::kOpened:
-        return opened(reply_.opened());
-      case v1::ControlReply::kCamera:
-        return answer(reply_.camera());
-      case v1::ControlReply::kRejected:
-        return {.kind = BenchAnswer::Kind::kRejection,
-                .sequence = reply_.rejected().sequence(),
-                .trouble = to_string(to_error(reply_.rejected()))};
-      case v1::ControlReply::kDrain:
-        return {.trouble = "the server is going away: " + reply_.drain().reason()};
-      case v1::ControlReply::MESSAGE_NOT_SET:
-        break;
-    }
-    return {};
-  }
-
- private:
-  static BenchAnswer opened(const v1::SessionOpened& session) {
-    return {.kind = BenchAnswer::Kind::kOpened,
-            .opened = {session.sampler(), session.instances(), session.triangles()}};
-  }
-  static BenchAnswer answer(const v1::CameraReply& camera) {
-    return {.kind = BenchAnswer::Kind::kReply,
-            .sequence = camera.sequence(),
-            .merged = camera.merged_ticks(),
-            .stages = stages_of(camera.stage_times()),
-            .degraded = is_degraded(camera.flags())};
-  }
-
-  const BenchWorld& world_;
-  const size_t session_;
-  v1::OpenSession open_;
-  v1::ControlRequest request_;  // by the sending thread
-  v1::ControlReply reply_;      // by the reading one
-};
-
-class EchoDialect final : public BenchProtocol {
- public:
-  explicit EchoDialect(const BenchStream& twin) : twin_(twin) {}
-
-  std::string method() const override { return kEchoMethod; }
-  bool opening(grpc::ByteBuffer&) override { return false; }
-
-  void tick(uint64_t sequence, grpc::ByteBuffer& message) override {
-    bytes_.resize(std::max(kEchoHeaderBytes, twin_.last_tick_bytes()));
-    write_echo_header({sequence, static_cast<uint32_t>(twin_.last_reply_bytes())}, bytes_.data());
-    const grpc::Slice slice(bytes_.data(), bytes_.size());
-    message = grpc::ByteBuffer(&slice, 1);
-  }
-
-  BenchAnswer read(grpc::ByteBuffer& message) override {
-    uint8_t sequence[8];
-    if (!first_bytes(message, sizeof sequence, sequence)) return {.trouble = "an echo without a sequence"};
-    return {.kind = BenchAnswer::Kind::kReply, .sequence = sequence_of(sequence)};
-  }
-
- private:
-  const BenchStream& twin_;
-  std::vector<uint8_t> bytes_;
-};
+BenchAnswer read_reply(grpc::ByteBuffer& message, v1::ControlReply& reply) {
+  if (!grpc::SerializationTraits<v1::ControlReply>::Deserialize(&message, &reply).ok())
+    return {.trouble = "a reply that is no ControlReply"};
+  if (reply.has_opened()) return opened(reply.opened());
+  if (reply.has_camera()) return answer(reply.camera());
+  if (reply.has_rejected())
+    return {.kind = BenchAnswer::Kind::kRejection,
+            .sequence = reply.rejected().sequence(),
+            .trouble = to_string(to_error(reply.rejected()))};
+  if (reply.has_drain()) return {.trouble = "the server is going away: " + reply.drain().reason()};
+  return {};
+}
 
 }  // namespace
 
-std::unique_ptr<BenchProtocol> control_protocol(const BenchWorld& world, size_t session, v1::OpenSession open) {
-  return std::make_unique<ControlDialect>(world, session, std::move(open));
+BenchProtocol control_protocol(const BenchWorld& world, size_t session, const v1::OpenSession& open) {
+  BenchProtocol protocol;
+  protocol.method = "/sightline.v1.CameraControl/Control";
+  // Kept for their memory; one is used by the sending thread, the other by the reading thread.
+  const auto request = std::make_shared<v1::ControlRequest>();
+  const auto reply = std::make_shared<v1::ControlReply>();
+  *request->mutable_open() = open;
+  to_bytes(*request, protocol.opening.emplace());
+  protocol.write_tick = [&world, session, request](uint64_t sequence, grpc::ByteBuffer& message) {
+    world.fill_tick(session, sequence, *request->mutable_tick());
+    to_bytes(*request, message);
+  };
+  protocol.read = [reply](grpc::ByteBuffer& message) { return read_reply(message, *reply); };
+  return protocol;
 }
 
-std::unique_ptr<BenchProtocol> echo_protocol(const BenchStream& twin) {
-  return std::make_unique<EchoDialect>(twin);
+BenchProtocol echo_protocol(std::function<MessageSizes()> sizes) {
+  BenchProtocol protocol;
+  protocol.method = kEchoMethod;
+  protocol.write_tick = [sizes = std::move(sizes)](uint64_t sequence, grpc::ByteBuffer& message) {
+    const MessageSizes size = sizes();
+    write_echo({sequence, size.reply}, size.tick, message);
+  };
+  protocol.read = [](grpc::ByteBuffer& message) -> BenchAnswer {
+    const auto header = read_echo(message);
+    if (!header) return {.trouble = "an echo without a header"};
+    return {.kind = BenchAnswer::Kind::kReply, .sequence = header->sequence};
+  };
+  return protocol;
 }
 
-// By name, so that it works with every version of the protocol that has the flag.
-bool is_degraded(const v1::StepFlags& flags) {
-  static const google::protobuf::FieldDescriptor* const field =
-      v1::StepFlags::descriptor()->FindFieldByName("degraded");
-  if (!field) return false;
-  const google::protobuf::Reflection& read = *flags.GetReflection();
-  return field->message_type() ? read.HasField(flags, field)
-                               : field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_BOOL &&
-                                     read.GetBool(flags, field);
+void write_echo(const EchoHeader& header, size_t size, grpc::ByteBuffer& message) {
+  const grpc::Slice slice(grpc_slice_malloc(std::max(size, sizeof header)), grpc::Slice::STEAL_REF);
+  std::memcpy(const_cast<uint8_t*>(slice.begin()), &header, sizeof header);
+  message = grpc::ByteBuffer(&slice, 1);
+}
+
+std::optional<EchoHeader> read_echo(const grpc::ByteBuffer& message) {
+  grpc::Slice bytes;
+  EchoHeader header;
+  if (message.Length() < sizeof header || !message.DumpToSingleSlice(&bytes).ok()) return std::nullopt;
+  std::memcpy(&header, bytes.begin(), sizeof header);
+  return header;
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
-// What became of every tick of one session. Ticks are settled by what the server says, in whatever order they were sent late,
-// merged or refused; each counts from the time at which it was due.
+// Records what became of every tick of one session. A reply settles the ticks that it covers; each tick counts from the time at
+// which it was due.
 #pragma once
 
 #include <cstdint>
@@ -12,32 +12,32 @@ namespace sightline {
 struct TickCounts {
   uint64_t sent = 0;
   uint64_t answered = 0;  // the newest tick of a reply
-  uint64_t merged = 0;    // an earlier one that a reply covers, by the reply's own count
+  uint64_t merged = 0;    // an earlier tick that a reply covers, by the reply's own count
   uint64_t rejected = 0;
-  uint64_t lost = 0;  // the server went on without it, or never said anything
+  uint64_t lost = 0;  // skipped by the server, or never answered
 
   TickCounts& operator+=(const TickCounts& other);
 };
 
-// A tick that a reply covers, answered or merged.
+// A tick that a reply settled.
 struct SettledTick {
   int64_t due_ns = 0;
-  int window = -1;
+  int window = -1;  // the window in which it counts; -1: none
 };
 
-// Not thread-safe. Holds what is pending: as many ticks as the server is behind.
+// Not thread-safe. Holds the pending ticks: as many as the server is behind.
 class RequestLog {
  public:
-  // Sequences increase.
+  // Sequences must increase.
   void sent(uint64_t sequence, int64_t due_ns, int window);
-  // A reply whose newest tick is `sequence` and which says that it covers `merged` earlier ones. Appends every pending tick up
-  // to `sequence`, the newest last; those beyond what the reply covers are lost. Nothing when the tick is not pending.
+  // A reply whose newest tick is `sequence`, and which covers `merged` earlier ticks. Appends every pending tick up to `sequence`
+  // to `settled`, the newest last; those beyond what the reply covers count as lost. Does nothing when the tick is not pending.
   void answered(uint64_t sequence, uint32_t merged, std::vector<SettledTick>& settled);
   void rejected(uint64_t sequence);
-  // Whatever is pending will not be answered any more.
+  // Counts all pending ticks as lost.
   void give_up();
 
-  // When the oldest pending tick was due; INT64_MAX when none is.
+  // When the oldest pending tick was due; INT64_MAX when none is pending.
   int64_t oldest_pending_ns() const;
   const TickCounts& counts() const { return counts_; }
 

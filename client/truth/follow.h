@@ -1,21 +1,21 @@
-// The plainest of the baselines (design 9): a camera that follows with a fixed offset and avoids nothing.
+// The simplest baseline (design 9): a camera that follows at a fixed offset and avoids nothing.
 #pragma once
 
 #include <span>
 #include <vector>
 
-#include "client/truth/judge.h"
 #include "client/scenario/scenario_world.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 
-// Keeps the offset (world axes) from the targets' weighted centre that the scenario's camera has at the
-// start, and looks at that centre; no limits, no smoothing.
+// Keeps the offset (world axes) that the scenario's camera has from the targets' weighted centre at the start, and looks at that
+// centre. No limits, no smoothing.
 class FollowCamera {
  public:
-  // `world` must be at the scenario's start and have a target.
+  // `world` must be at the scenario's start and have at least one target.
   explicit FollowCamera(const ScenarioWorld& world);
-  // The pose for the scene as `world` has it now.
+  // The pose for the present time of `world`.
   Pose pose(const ScenarioWorld& world) const;
   const glm::dvec3& offset_m() const { return offset_m_; }
   const glm::dquat& rotation() const { return rotation_; }
@@ -25,7 +25,7 @@ class FollowCamera {
   glm::dquat rotation_;
 };
 
-// Its path at the times of `frames` and with their lenses. `world` is left at the last time.
+// The follow camera's path at the times of `frames` and with their lenses. Leaves `world` at the last time.
 std::vector<CameraFrame> follow_path(ScenarioWorld& world, std::span<const CameraFrame> frames);
 
 }  // namespace sightline

@@ -8,8 +8,8 @@
 namespace sightline {
 namespace {
 
-// In picture heights from the middle; none when outside the picture.
-std::optional<glm::dvec2> place_in_picture(const CameraFrame& frame, const glm::dvec3& point_m) {
+// In picture heights from the middle; none outside the picture.
+std::optional<glm::dvec2> point_in_picture(const CameraFrame& frame, const glm::dvec3& point_m) {
   const glm::dvec3 p = inverse_transform_point(frame.camera, point_m);
   if (p.z >= 0) return std::nullopt;
   const double height = 2 * -p.z * std::tan(frame.lens.vertical_fov_rad / 2);
@@ -24,8 +24,8 @@ FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, s
   const CameraFrame& before = i == 0 || frame.jump ? frame : frames[i - 1];
   world.set_time(frame.time_s);
   const bool picture = options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0;
-  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()}, before.camera.position_m,
-                     frame, picture ? options.picture_size : 0);
+  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()},
+                     before.camera.position_m, frame, picture ? options.picture_size : 0);
 }
 
 }  // namespace
@@ -35,7 +35,7 @@ FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, con
   FrameTruth truth;
   truth.body = measure_body(scene.colliders, before_m, frame.camera.position_m);
   for (const Target& target : scene.targets)
-    truth.centers.push_back(place_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
+    truth.centers.push_back(point_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
   if (picture_size > 0)
     truth.picture =
         measure_picture(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
@@ -55,7 +55,7 @@ Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& s
   std::vector<FrameTruth> truths(frames.size());
   std::mutex mutex;
   size_t done = 0;
-  // Interleaved, so that hard and easy passages are shared evenly.
+  // Frames are interleaved over the threads, so that expensive passages are shared evenly.
   const auto work = [&](size_t k) {
     for (size_t i = k; i < frames.size(); i += thread_count) {
       truths[i] = judge_at(*worlds[k], frames, i, options);

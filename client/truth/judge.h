@@ -1,4 +1,4 @@
-// Judges a camera's path through a scenario, frame by frame, whoever made the path: a session or a baseline.
+// Judges a camera's path through a scenario frame by frame, whether a session or a baseline made the path.
 #pragma once
 
 #include <functional>
@@ -11,43 +11,43 @@
 
 namespace sightline {
 
-// One frame of a path: where the camera was while the scene was as at `time_s`. Times never go back.
+// One frame of a path: the camera's pose at `time_s` of the scenario. Times never decrease.
 struct CameraFrame {
   double time_s = 0.0;
   Pose camera;
   Lens lens;
-  // The path need not obey the limits on the way to this frame: a declared cut, or a gap longer than a step
-  // may move.
+  // The camera was allowed to jump here: a declared cut, or a gap that is longer than the longest step.
   bool jump = false;
 };
 
 struct FrameTruth {
   BodyTruth body;
-  // Where each target's centre is in the picture, in picture heights from its middle, right and up; none:
-  // outside. In the order of ScenarioWorld::targets(); of every frame.
+  // Each target's centre in the picture, in picture heights from the middle, right and up; none when it is outside the picture.
+  // Filled for every frame, in the order of ScenarioWorld::targets().
   std::vector<std::optional<glm::dvec2>> centers;
-  std::optional<PictureTruth> picture;  // of every picture_every-th frame
+  std::optional<PictureTruth> picture;  // only at every picture_every-th frame
 };
 
-// What there is at one frame, whoever moves it. Refers to what is handed over.
+// The scene at one frame. Holds references.
 struct JudgedScene {
   const SceneMirror& mirror;
-  std::span<const Target> targets;  // instances of the mirror
+  std::span<const Target> targets;  // each an instance of the mirror
   const EmbreeScene& occluders;     // both have taken in the mirror
   const EmbreeScene& colliders;
 };
-// `before_m`: where the camera was at the frame before. `picture_size` 0: no picture. Thread-safe.
-FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, const CameraFrame& frame, int picture_size);
+// `before_m`: the camera's position at the previous frame. `picture_size` 0: no picture. Thread-safe.
+FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, const CameraFrame& frame,
+                       int picture_size);
 
 struct JudgeOptions {
-  int picture_every = 1;  // >= 1; 0: no pictures, bodies only
+  int picture_every = 1;  // every n-th frame gets a picture; 0: no pictures, only bodies
   int picture_size = kTruthSize;
   int threads = 1;
-  // Called on any of the threads, one call at a time, with the number of frames done.
+  // Called with the number of frames done, on any of the threads, one call at a time.
   std::function<void(size_t)> progress;
 };
 
-// In the order of `frames`. Fails only when the scenario's scene cannot be made.
+// One result a frame, in the order of `frames`. Fails only when the scenario's scene cannot be made.
 Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
                                       std::span<const CameraFrame> frames, const JudgeOptions& options);
 

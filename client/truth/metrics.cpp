@@ -8,12 +8,42 @@
 namespace sightline {
 namespace {
 
+using Run = RunMetrics;
+constexpr RunFigure kFigures[] = {
+    {"frames", [](const Run& r) { return double(r.frames); }},
+    {"pictures", [](const Run& r) { return double(r.pictures); }},
+    {"joint_visible_share", [](const Run& r) { return r.joint_visible_share(); }},
+    {"all_seen", [](const Run& r) { return r.all_seen; }},
+    {"mean_visible_share", [](const Run& r) { return r.mean_visible_share; }},
+    {"mean_hidden_share", [](const Run& r) { return r.mean_hidden_share; }},
+    {"in_frame_share", [](const Run& r) { return r.in_frame_share; }},
+    {"r_n", [](const Run& r) { return r.r_n; }},
+    {"r_p", [](const Run& r) { return r.r_p; }},
+    {"r_p_tolerant", [](const Run& r) { return r.r_p_tolerant; }},
+    {"episodes", [](const Run& r) { return double(r.episodes.count); }},
+    {"p95_episode_s", [](const Run& r) { return r.episodes.p95_length_s; }},
+    {"mean_reacquire_s", [](const Run& r) { return r.episodes.mean_reacquire_s; }},
+    {"never_reacquired", [](const Run& r) { return double(r.episodes.never_reacquired); }},
+    {"d_c_m", [](const Run& r) { return r.d_c_m; }},
+    {"d_s_heights", [](const Run& r) { return r.d_s_heights; }},
+    {"rms_acceleration_mps2", [](const Run& r) { return r.rms_acceleration_mps2; }},
+    {"peak_acceleration_mps2", [](const Run& r) { return r.peak_acceleration_mps2; }},
+    {"rms_jerk_mps3", [](const Run& r) { return r.rms_jerk_mps3; }},
+    {"peak_jerk_mps3", [](const Run& r) { return r.peak_jerk_mps3; }},
+    {"peak_speed_mps", [](const Run& r) { return r.peak_speed_mps; }},
+    {"peak_angular_speed_radps", [](const Run& r) { return r.peak_angular_speed_radps; }},
+    {"peak_angular_acceleration_radps2", [](const Run& r) { return r.peak_angular_acceleration_radps2; }},
+    {"pops", [](const Run& r) { return double(r.pops); }},
+    {"body_collisions", [](const Run& r) { return double(r.body_collisions); }},
+    {"least_clearance_m", [](const Run& r) { return r.least_clearance_m; }},
+    {"limit_violations", [](const Run& r) { return double(r.limit_violations); }},
+};
+
 struct Heading {
   double yaw_rad = 0.0, pitch_rad = 0.0;
 };
 
-// Of a camera without roll. Yaw is taken from its right-hand side, which stays level even straight up or
-// down.
+// The heading of a camera without roll. Yaw comes from its right axis, which stays level even when it looks straight up or down.
 Heading heading_of(const glm::dquat& rotation) {
   const glm::dvec3 right = rotation * glm::dvec3(1, 0, 0), forward = rotation * glm::dvec3(0, 0, -1);
   const glm::dvec3 ahead(right.z, 0.0, -right.x);  // level, at a right angle to `right`
@@ -28,7 +58,7 @@ bool exceeds(double value, double limit, double slack) {
   return value > limit * (1 + slack) + slack;
 }
 
-// What has to be remembered to take differences.
+// The rates at one frame; the next frame takes differences of them.
 struct Rates {
   glm::dvec3 velocity_mps{0.0};
   double yaw_radps = 0.0, pitch_radps = 0.0;
@@ -101,7 +131,7 @@ void add_bodies(std::span<const FrameTruth> truths, double body_radius_m, RunMet
   }
 }
 
-// The number of targets when it is none.
+// The index into metrics.targets; its size when the id is not there.
 size_t index_of(uint64_t target_id, const RunMetrics& metrics) {
   const auto is_it = [target_id](const TargetMetrics& target) { return target.id == target_id; };
   return static_cast<size_t>(std::find_if(metrics.targets.begin(), metrics.targets.end(), is_it) -
@@ -124,7 +154,7 @@ void add_picture(const PictureTruth& picture, RunMetrics& metrics) {
   }
 }
 
-// Sums over pictures become means.
+// Turns sums over pictures into means.
 void divide_by_pictures(RunMetrics& metrics) {
   if (metrics.pictures == 0) return;
   const double n = static_cast<double>(metrics.pictures);
@@ -159,13 +189,13 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   metrics.episodes = episodes_of(sights);
 }
 
-void add_word(double said, double truth, ReportErrors& sums) {
+void add_report(double said, double truth, ReportErrors& sums) {
   sums.false_visible += said >= 0.5 && truth < 0.5;
   sums.false_occluded += said < 0.5 && truth >= 0.5;
   sums.mean_absolute_error += std::abs(said - truth);
 }
 
-// Sums over pairs become shares and a mean.
+// Turns sums over pairs into shares and a mean.
 void divide_by_pairs(const ReportMetrics& metrics, ReportErrors& errors) {
   const auto divide = [](double& sum, size_t n) { sum = n == 0 ? 0.0 : sum / static_cast<double>(n); };
   divide(errors.false_visible, metrics.hidden_pairs);
@@ -173,7 +203,7 @@ void divide_by_pairs(const ReportMetrics& metrics, ReportErrors& errors) {
   divide(errors.mean_absolute_error, metrics.pairs);
 }
 
-// The index of the first sample from `from` on that `wanted` holds of; the last index when there is none.
+// The first index from `from` on for which `wanted` is true; the last index when there is none.
 template <typename Wanted>
 size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted wanted) {
   size_t i = from;
@@ -183,7 +213,7 @@ size_t first_where(const std::vector<SightSample>& samples, size_t from, Wanted 
 
 }  // namespace
 
-// A count over the pictures, so that runs compare without the rounding of differences.
+// Rounded to a whole number of pictures, so that runs compare without rounding errors.
 double RunMetrics::joint_visible_share() const {
   if (pictures == 0) return 0.0;
   const double n = static_cast<double>(pictures);
@@ -198,7 +228,7 @@ std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames) {
     if (!(dt_s > 0)) continue;
     Rates now = rates_between(frames[i - 1], frames[i], dt_s);
     now.acceleration_mps2 = (now.velocity_mps - before.velocity_mps) / dt_s;
-    // Neither the jump itself nor the change of velocity right after it says anything.
+    // Neither the jump nor the change of velocity right after it is a motion.
     if (!frames[i].jump && !frames[i - 1].jump) samples[i] = sample_of(before, now, dt_s);
     samples[i].has_jerk = samples[i].valid && (i == 1 || samples[i - 1].valid);
     before = now;
@@ -234,18 +264,19 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
   return metrics;
 }
 
-ReportMetrics judge_reports(std::span<const FrameTruth> truths, std::span<const std::vector<ReportedShare>> words) {
+ReportMetrics judge_reports(std::span<const FrameTruth> truths,
+                            std::span<const std::vector<ReportedShare>> reports) {
   ReportMetrics metrics;
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;
     for (const TargetTruth& target : truths[i].picture->targets) {
-      const auto word = std::find_if(words[i].begin(), words[i].end(),
-                                     [&](const ReportedShare& w) { return w.id == target.id; });
-      if (word == words[i].end() || target.alone_pixels == 0) continue;
+      const auto report = std::find_if(reports[i].begin(), reports[i].end(),
+                                       [&](const ReportedShare& r) { return r.id == target.id; });
+      if (report == reports[i].end() || target.alone_pixels == 0) continue;
       ++metrics.pairs;
       metrics.hidden_pairs += target.visible_share() < 0.5;
-      add_word(word->visible_share, target.visible_share(), metrics.visible);
-      add_word(word->filtered_share, target.visible_share(), metrics.filtered);
+      add_report(report->visible_share, target.visible_share(), metrics.visible);
+      add_report(report->filtered_share, target.visible_share(), metrics.filtered);
     }
   }
   divide_by_pairs(metrics, metrics.visible);
@@ -273,42 +304,19 @@ RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraF
   return metrics;
 }
 
+std::span<const RunFigure> run_figures() {
+  return kFigures;
+}
+
 std::string to_json(const RunMetrics& metrics) {
-  nlohmann::ordered_json targets = nlohmann::ordered_json::array();
+  nlohmann::ordered_json json;
+  for (const RunFigure& figure : kFigures) json[std::string(figure.name)] = figure.of(metrics);
+  json["targets"] = nlohmann::ordered_json::array();
   for (const TargetMetrics& target : metrics.targets)
-    targets.push_back({{"id", target.id},
-                       {"name", target.name},
-                       {"mean_visible_share", target.mean_visible_share},
-                       {"in_frame_share", target.in_frame_share}});
-  const nlohmann::ordered_json json = {
-      {"frames", metrics.frames},
-      {"pictures", metrics.pictures},
-      {"targets", targets},
-      {"mean_visible_share", metrics.mean_visible_share},
-      {"mean_hidden_share", metrics.mean_hidden_share},
-      {"in_frame_share", metrics.in_frame_share},
-      {"r_n", metrics.r_n},
-      {"r_p", metrics.r_p},
-      {"r_p_tolerant", metrics.r_p_tolerant},
-      {"all_seen", metrics.all_seen},
-      {"joint_visible_share", metrics.joint_visible_share()},
-      {"episodes", metrics.episodes.count},
-      {"p95_episode_s", metrics.episodes.p95_length_s},
-      {"mean_reacquire_s", metrics.episodes.mean_reacquire_s},
-      {"never_reacquired", metrics.episodes.never_reacquired},
-      {"body_collisions", metrics.body_collisions},
-      {"least_clearance_m", metrics.least_clearance_m},
-      {"limit_violations", metrics.limit_violations},
-      {"d_c_m", metrics.d_c_m},
-      {"d_s_heights", metrics.d_s_heights},
-      {"pops", metrics.pops},
-      {"peak_speed_mps", metrics.peak_speed_mps},
-      {"peak_acceleration_mps2", metrics.peak_acceleration_mps2},
-      {"peak_angular_speed_radps", metrics.peak_angular_speed_radps},
-      {"peak_angular_acceleration_radps2", metrics.peak_angular_acceleration_radps2},
-      {"rms_acceleration_mps2", metrics.rms_acceleration_mps2},
-      {"rms_jerk_mps3", metrics.rms_jerk_mps3},
-      {"peak_jerk_mps3", metrics.peak_jerk_mps3}};
+    json["targets"].push_back({{"id", target.id},
+                               {"name", target.name},
+                               {"mean_visible_share", target.mean_visible_share},
+                               {"in_frame_share", target.in_frame_share}});
   return json.dump(2);
 }
 

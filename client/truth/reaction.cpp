@@ -7,14 +7,14 @@
 namespace sightline {
 namespace {
 
-// Whether anything but the target itself stands between a place and its aim point.
-bool blocked(const ScenarioWorld& world, const Target& target, const glm::dvec3& place_m) {
+// True when anything but the target itself lies between a position and the target's aim point.
+bool blocked(const ScenarioWorld& world, const Target& target, const glm::dvec3& position_m) {
   const uint32_t own = *world.mirror().slot_of(target.instance_id);
   RayFilter filter;
   filter.layer_mask = target.layer_mask;
   filter.ignored_slots = std::span(&own, 1);
   const glm::dvec3 aim = aim_point_m(*world.mirror().find(target.instance_id));
-  return world.occluders().trace(aim, glm::vec3(place_m - aim), 0.0f, 1.0f, filter).slot != UINT32_MAX;
+  return world.occluders().trace(aim, glm::vec3(position_m - aim), 0.0f, 1.0f, filter).slot != UINT32_MAX;
 }
 
 class Reactions {
@@ -34,10 +34,10 @@ class Reactions {
     std::vector<double>& delays = metrics.delays_s;
     for (size_t k = 0; k < world_.targets().size(); ++k)
       for (size_t i = 2; i < frames_.size(); ++i) {
-        if (!hidden_[i][k] || hidden_[i - 1][k] || frames_[i].jump || !lasts(i, k)) continue;
-        const size_t answer = answer_to(i, k);
-        delays.push_back(frames_[answer].time_s - frames_[i].time_s);
-        metrics.unanswered += !answers(i, k, answer);
+        if (!hidden_[i][k] || hidden_[i - 1][k] || frames_[i].jump || !is_sustained(i, k)) continue;
+        const size_t reaction = reaction_to(i, k);
+        delays.push_back(frames_[reaction].time_s - frames_[i].time_s);
+        metrics.unanswered += !has_reacted(i, k, reaction);
         metrics.mean_regain_s += frames_[free_again(i, k)].time_s - frames_[i].time_s;
       }
     metrics.occlusions = delays.size();
@@ -48,13 +48,13 @@ class Reactions {
   }
 
  private:
-  // Had the camera kept its place relative to the targets.
-  bool lasts(size_t onset, size_t k) {
+  // True when the line stays blocked for a camera that keeps its offset from the targets.
+  bool is_sustained(size_t onset, size_t k) {
     const glm::dvec3 offset_m = frames_[onset].camera.position_m - centers_m_[onset];
     for (size_t j = onset; j < frames_.size(); ++j) {
       world_.set_time(frames_[j].time_s);
       if (!blocked(world_, world_.targets()[k], centers_m_[j] + offset_m)) return false;
-      if (frames_[j].time_s - frames_[onset].time_s >= kLastingS - 1e-9) return true;
+      if (frames_[j].time_s - frames_[onset].time_s >= kSustainedS - 1e-9) return true;
     }
     return false;
   }
@@ -67,7 +67,7 @@ class Reactions {
            dt_s;
   }
 
-  bool answers(size_t onset, size_t k, size_t j) const {
+  bool has_reacted(size_t onset, size_t k, size_t j) const {
     return !hidden_[j][k] || glm::distance(relative_velocity(j), relative_velocity(onset - 1)) > kReactionMps;
   }
 
@@ -77,9 +77,9 @@ class Reactions {
     return j;
   }
 
-  size_t answer_to(size_t onset, size_t k) const {
+  size_t reaction_to(size_t onset, size_t k) const {
     size_t j = onset;
-    while (j + 1 < frames_.size() && !answers(onset, k, j) &&
+    while (j + 1 < frames_.size() && !has_reacted(onset, k, j) &&
            frames_[j].time_s - frames_[onset].time_s < kLongestReactionS - 1e-9)
       ++j;
     return j;

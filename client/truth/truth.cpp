@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// Slots of what never occludes the target, ascending.
+// The slots of the instances that never occlude the target, in ascending order.
 std::vector<uint32_t> see_through_slots(const SceneMirror& mirror, const Target& target) {
   std::vector<uint32_t> slots;
   for (const auto* ids : {&target.attached_ids, &target.ignored_ids})
@@ -24,7 +24,7 @@ struct Eye {
   int size;
 };
 
-// The corners of an instance's bounding box as the camera has them.
+// The corners of an instance's bounding box in the camera's frame.
 std::array<glm::dvec3, 8> corners_in_camera(const Pose& world_from_camera, const Instance& instance) {
   const Aabb& bounds = instance.geometry->bounds;
   std::array<glm::dvec3, 8> corners;
@@ -37,8 +37,8 @@ std::array<glm::dvec3, 8> corners_in_camera(const Pose& world_from_camera, const
   return corners;
 }
 
-// The samples that an instance can cover: those of its bounding sphere, and of them those of its bounding
-// box, which is tighter round a standing person. A box that reaches behind the eye bounds nothing.
+// The samples that an instance can cover: the intersection of what its bounding sphere and its bounding box can cover, since the
+// box is tighter round a standing person. A box that reaches behind the eye bounds nothing.
 PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const Instance& instance,
                          int size) {
   PixelBox box = sphere_pixels(world_from_camera, lens, instance.center_m, instance.radius_m, size, size);
@@ -50,7 +50,7 @@ PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const 
     low = glm::min(low, window);
     high = glm::max(high, window);
   }
-  // A sample more on each side than rounding could take away.
+  // One more sample on each side, so that rounding loses none.
   const auto sample = [size](double w) {
     return static_cast<int>(std::floor((std::clamp(w, -1.1, 1.1) + 1) / 2 * size));
   };
@@ -59,7 +59,7 @@ PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const 
   return box;
 }
 
-// One target: its pixels alone, and those that nothing in front takes away.
+// Counts the pixels of one target.
 class TargetLook {
  public:
   TargetLook(const EmbreeScene& scene, const SceneMirror& mirror, const Target& target, const Eye& eye)
@@ -81,8 +81,7 @@ class TargetLook {
   }
 
  private:
-  // One ray decides most pixels: the target is what it meets first, or nothing is there as far as the target
-  // reaches.
+  // One ray decides most pixels: either it meets the target first, or it meets nothing as far as the target reaches.
   void count(int x, int y, TargetTruth& truth) const {
     const glm::vec3 direction(sample_direction(eye_.pose, eye_.lens, x + 0.5, y + 0.5, eye_.size, eye_.size));
     const float reach = reach_beyond_target(direction);
@@ -103,7 +102,7 @@ class TargetLook {
 
   float near() const { return static_cast<float>(eye_.lens.near_m); }
 
-  // No ray meets the target beyond its bounding sphere; saying so keeps Embree from looking.
+  // No ray meets the target beyond its bounding sphere; the limit spares Embree the search.
   float reach_beyond_target(const glm::vec3& direction) const {
     const double far = glm::distance(instance_.center_m, eye_.pose.position_m) + instance_.radius_m;
     return static_cast<float>(1.001 * far / glm::length(direction));
@@ -122,8 +121,8 @@ class TargetLook {
   const std::vector<uint32_t> see_through_;
 };
 
-// The interval of tangents (coordinate / depth) of a circle at (coordinate, depth) of `radius`, seen from the
-// origin; false when the origin is inside or the circle reaches behind the eye: then nothing bounds it.
+// The interval of tangents (coordinate / depth) that a circle at (coordinate, depth) covers, seen from the origin. False when the
+// origin is inside the circle or the circle reaches behind the eye: then nothing bounds it.
 bool tangent_interval(double coordinate, double depth, double radius, double& low, double& high) {
   const double distance = std::hypot(coordinate, depth);
   if (distance <= radius) return false;
@@ -165,8 +164,9 @@ PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const gl
   return box.x0 < box.x1 && box.y0 < box.y1 ? box : PixelBox{};
 }
 
-PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
-                  const Pose& world_from_camera, const Lens& lens, int size) {
+PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror,
+                             std::span<const Target> targets, const Pose& world_from_camera, const Lens& lens,
+                             int size) {
   const Eye eye{world_from_camera, lens, size};
   PictureTruth picture;
   for (const Target& target : targets)

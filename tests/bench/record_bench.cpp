@@ -1,4 +1,4 @@
-// What a recording costs the session that is recorded, the disk, and whoever opens it:
+// Measures the cost of a recording for the recorded session, for the disk, and for its reader:
 //
 //   record_bench [FOLDER]     an hour at 60 Hz goes into new files there (default: the system's temporary folder)
 //

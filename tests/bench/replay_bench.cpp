@@ -1,4 +1,4 @@
-// What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
+// Measures reading and replaying a long recording: opening, the first pose, a seek to the middle, all steps again as
 // fast as possible, and what of that is not the step itself.
 //
 //   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
@@ -44,7 +44,7 @@ struct Options {
   size_t threads = replay_threads();
 };
 
-// Of this thread alone: what the machine does for others meanwhile does not count.
+// Processor time of this thread alone, so that other work on the machine does not count.
 double processor_seconds() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -121,7 +121,7 @@ struct Spread {
   }
 };
 
-// Of the file alone: from its name to a pose at `at_s`.
+// Reads the file alone: from its name to a pose at `at_s`.
 void time_first_pose(const std::string& path, const char* what, double at_s) {
   constexpr int kTimes = 9;
   Spread open_s, pose_s;

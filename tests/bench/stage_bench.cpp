@@ -1,4 +1,4 @@
-// What the stages of a step cost as candidates, maps and targets grow: on the city, with its two walkers, and
+// Measures the stages of a step as candidates, maps and targets grow: on the city, with its two walkers, and
 // more of them abreast and behind as further targets. Processor time of this thread, medians. "In turn" are a hundred cameras that
 // step one after the other, as in a daemon with as many sessions: each finds the caches as the others left them.
 //

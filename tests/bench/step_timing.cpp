@@ -4,10 +4,10 @@
 
 #include "client/truth/metrics.h"
 #include "scenes/city.h"
-#include "server/step/presets.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
+#include "server/step/presets.h"
 
 namespace sightline {
 namespace {

@@ -1,7 +1,7 @@
-// What a step costs, stage by stage, on the city (280 K triangles): Table 1 of the paper. Two targets walk, the maps have
-// r x r texels, and there are about r^3 candidates.
+// Times a step, stage by stage, on the city (280 K triangles): Table 1 of the paper. Two targets walk, the maps have r x r texels,
+// and there are about r^3 candidates.
 //
-// Times are wall-clock times of this thread. Nothing else should run meanwhile.
+// Times are wall-clock times of the calling thread. Nothing else should run on the machine.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,9 @@
 
 namespace sightline {
 
-// The settings that are timed; the resolution and the number of candidates are set over them.
-//   paper: preset paper with Basic, one point a target, without filter and prediction, as the paper's Table 1
-//   sightline: the default settings, with the points of the targets' surfaces
+// The settings that are timed; resolution and number of candidates are set on top of them.
+//   paper: preset paper with Basic and one point for each target, without filter and prediction, as in the paper's Table 1
+//   sightline: the default settings, with several points on each target's surface
 struct TimedSettings {
   std::string_view name;
   StepSettings settings;
@@ -26,17 +26,17 @@ struct TimedSettings {
 std::vector<TimedSettings> timed_settings();
 inline constexpr int kTimedResolutions[] = {5, 7, 10, 15};
 
-// EGL where a context can be made, and Embree. `no_egl`, if not null, is told why there is no EGL; else it is emptied.
-// In a program that renders in software, see prepare_software_rendering first.
+// EGL, where a context can be made, and Embree. `no_egl`, if not null, receives the reason why EGL is missing, or "".
+// A program that may render in software must call prepare_software_rendering first.
 std::vector<std::unique_ptr<SamplerDevice>> timed_samplers(std::string* no_egl);
 
-// The city, loaded once for any number of timings. One thread at a time.
+// The city, loaded once for any number of timings. Used by one thread at a time.
 struct TimedCity {
   GeometryStore store;
   EmbreeDevice device;
   ExtentCache extents;
   std::unique_ptr<Scenario> scenario;
-  std::vector<std::shared_ptr<const ExtentTable>> tables;  // by target
+  std::vector<std::shared_ptr<const ExtentTable>> tables;  // one for each target
   static Result<std::unique_ptr<TimedCity>> load();
 };
 
@@ -45,21 +45,22 @@ struct Percentiles {
 };
 struct StepTiming {
   size_t frames = 0;
-  size_t samples = 0;  // places judged in a step: the median
+  size_t samples = 0;  // candidates judged in a step: the median
   Percentiles sample, aggregate, move;
   Percentiles total;  // the whole step
 };
 
-// One sampler under one setting, frame after frame at 60 Hz; at the city's end from its start again, with the camera put back.
+// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the city it starts again from the first,
+// with the camera at its start.
 class StepTimer {
  public:
   // Both must outlive it. `resolution`: r, [2, 64].
   static Result<std::unique_ptr<StepTimer>> make(TimedCity& city, SamplerDevice& device,
                                                  StepSettings settings, int resolution);
-  // Takes the next frame's step; the city's own movement is not measured. Returns how long it took, milliseconds; of the
-  // first kWarmUpSteps nothing is kept: they bring the scene to the sampler. Fails when the sampler does.
+  // Takes the next frame's step and returns its duration in milliseconds, without the city's own movement. The first kWarmUpSteps
+  // load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
   Result<double> step();
-  StepTiming timing() const;  // of the steps kept; all 0 without any
+  StepTiming timing() const;  // all 0 before the first step that counts
 
   static constexpr int kWarmUpSteps = 5;
 

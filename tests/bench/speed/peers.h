@@ -1,4 +1,4 @@
-// What one would write instead: the peers that a step is measured beside. Each answers which candidates see which targets' aim
+// The peers that a step is compared with: simpler ways to find what is visible. Each answers which candidates see which targets' aim
 // points, or does the costly part of it, over the scene of one mirror.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace sightline::bench {
 
-// What is asked of one target.
+// A query for one target.
 struct SeenFrom {
   glm::dvec3 aim_m{0.0};
   uint32_t slot = 0;  // of the target itself: never in its own way

@@ -1,4 +1,4 @@
-// What a step costs beside what one would write instead, and how it grows. All contenders of a section are measured in one run, frame
+// Compares a step with simpler methods, and measures how it grows. All contenders of a section are measured in one run, frame
 // by frame in turn, over the same scene at the same time.
 //
 //   speed_bench --out FOLDER [--quick] [--section NAME]...
@@ -49,7 +49,7 @@ StepSettings with_defaults(int resolution, int candidates) {
   return settings;
 }
 
-// A peer's answer beside that of the step just taken.
+// Compares a peer's answer with the step just taken.
 double agreement(const std::vector<uint32_t>& seen, const StepMemory& memory, size_t targets) {
   size_t same = 0;
   for (size_t k = 0; k < seen.size(); ++k)
