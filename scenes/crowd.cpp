@@ -85,8 +85,8 @@ std::vector<Column> place_columns(const std::array<Plan, 2>& targets, const glm:
   return columns;
 }
 
-// Plans the walks of the movers one after another: each a row of straight legs to places near the targets, chosen so
-// that they lead nobody into those who were planned before.
+// Plans the walks of the movers one after another. A walk is a row of straight legs to points near the targets, chosen so that the
+// mover meets none of those planned before.
 class CrowdPlanner {
  public:
   CrowdPlanner(const std::array<Plan, 2>& targets, const std::vector<Column>& columns,

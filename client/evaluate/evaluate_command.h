@@ -1,4 +1,5 @@
-// `sightline evaluate`: plays scenes under camera policies in this process, judges every run, and writes into the folder `out`:
+// `sightline evaluate`: plays scenes under camera policies in this process and judges every run. It writes into the folder `out`:
+//
 //   runs.csv       one row a run, every figure
 //   pictures.csv   one row a judged picture: where the camera was and what it saw
 //   timing.csv     times measured by a clock; the other files have the same bytes on every run

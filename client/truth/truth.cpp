@@ -37,8 +37,8 @@ std::array<glm::dvec3, 8> corners_in_camera(const Pose& world_from_camera, const
   return corners;
 }
 
-// The samples that an instance can cover: the intersection of what its bounding sphere and its bounding box can cover, since the
-// box is tighter round a standing person. A box that reaches behind the eye bounds nothing.
+// The samples that an instance can cover: those that its bounding sphere and its bounding box both can cover. The box is tighter round
+// a standing person. A box that reaches behind the eye bounds nothing.
 PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const Instance& instance,
                          int size) {
   PixelBox box = sphere_pixels(world_from_camera, lens, instance.center_m, instance.radius_m, size, size);

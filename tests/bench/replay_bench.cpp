@@ -1,10 +1,10 @@
-// Measures reading and replaying a long recording: opening, the first pose, a seek to the middle, all steps again as
-// fast as possible, and what of that is not the step itself.
+// Measures reading and replaying a long recording: opening it, the first pose, a seek to the middle, and all steps again as fast as
+// possible, with the part of that time that is not the step itself.
 //
 //   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
-// Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
-// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the preset's.
+// Makes a recording of a scene that repeats, at 60 Hz, and prints the figures. --file keeps the recording; a file that exists is used
+// as it is. --points sets Sample.points; -1 keeps the preset's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>

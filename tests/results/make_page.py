@@ -96,7 +96,7 @@ def notes_part(folder):
 def introduction(how, times):
     egl = find(times, sampler="egl")
     egl_words = f"Table 1 also has EGL ({egl['renderer']})" if egl else "No EGL context could be made for Table 1"
-    commands = "\n".join("    " + command for command in how["commands"].splitlines())
+    commands = "\n".join("    " + command.strip() for command in how["commands"].splitlines())
     return f"""# Results
 
 `tests/results/make.sh` makes this page: do not edit it by hand. `tests/results/make_page.py` writes it again from the tables in this

@@ -215,8 +215,8 @@ class GridRun {
   int frame_ = 0;
 };
 
-// The least first. Each larger one is measured in turn with the least, some frames of one and then as many of the other: a machine
-// that is faster at one time than at another is so for both, and the caches are a city's own for most of its frames.
+// `cities`: the smallest first. Each larger one is measured in turn with the smallest, some frames of one and then as many of the
+// other. Changes of the machine's speed then affect both, and for most frames the caches hold only one city.
 void run_growth(Bench& bench, const std::string& section,
                 const std::vector<std::pair<double, GridCityOptions>>& cities) {
   constexpr int kTurn = 20;
