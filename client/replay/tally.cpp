@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numbers>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/command/text_table.h"
 
 namespace sightline {

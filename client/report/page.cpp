@@ -308,7 +308,7 @@ class Maker {
     }
     CameraFrame camera{frame.time_s, frame.camera, session.lens()};
     camera.lens.vertical_fov_rad = frame.vertical_fov_rad;
-    const PictureTruth truth = look(occluders_, session.mirror(), targets, camera.camera, camera.lens);
+    const PictureTruth truth = measure_picture(occluders_, session.mirror(), targets, camera.camera, camera.lens);
     for (size_t i = 0; whole_scene_ && i < targets.size(); ++i)
       if (truth.targets[i].alone_pixels > 0)
         frame.sights[colours[i]].true_share = truth.targets[i].visible_share();

@@ -1,5 +1,5 @@
 // One line a scene and set of settings: a hash over every step's answer and what led to it. Two builds whose lines are equal give
-// the same bits; `diff` tells which scene to look at. Embree's maps; the first seconds of every scene.
+// the same bits; `diff` shows which scene changed. Embree's maps; the first seconds of every scene.
 //
 //   step_digest [scene ...]        all scenes of the catalogue but the city without
 #include <cstdio>
