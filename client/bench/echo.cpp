@@ -7,7 +7,7 @@
 #include <iostream>
 #include <vector>
 
-#include "server/service/call.h"
+#include "server/rpc/call.h"
 
 namespace sightline {
 namespace {

@@ -19,7 +19,7 @@
 #include "client/bench/ledger.h"
 #include "client/bench/window.h"
 #include "server/base/error.h"
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
 

@@ -30,7 +30,7 @@
 #include <optional>
 #include <string>
 
-#include "server/service/call.h"
+#include "server/rpc/call.h"
 #include "server/service/inbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_tape.h"

@@ -11,7 +11,7 @@
 #include <memory>
 #include <utility>
 
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
 
