@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/bench/result.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

@@ -15,10 +15,10 @@
 #include "client/bench/generator.h"
 #include "client/bench/process.h"
 #include "client/bench/schedule.h"
-#include "client/command/file_bytes.h"
-#include "client/command/progress_bar.h"
+#include "client/base/file_bytes.h"
+#include "client/base/progress_bar.h"
 #include "client/cpp/sightline_client.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "scenes/catalog.h"
 
 namespace sightline {

@@ -18,9 +18,9 @@
 #include "client/report/report_command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 #include "client/recordings/verify_command.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
 namespace {

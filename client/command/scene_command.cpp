@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {

@@ -9,15 +9,15 @@
 
 #include "client/page/contact_sheet.h"
 #include "client/drive/page.h"
-#include "client/command/file_bytes.h"
+#include "client/base/file_bytes.h"
 #include "client/evaluate/follow.h"
 #include "client/evaluate/metrics.h"
 #include "client/drive/player.h"
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "client/drive/report.h"
 #include "client/scenario/scenario_session.h"
 #include "client/drive/trace.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "server/base/cpu_budget.h"
 
 namespace sightline {

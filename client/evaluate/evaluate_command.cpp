@@ -12,7 +12,7 @@
 #include "client/evaluate/paper_suite.h"
 #include "client/evaluate/paper_tables.h"
 #include "client/evaluate/plot.h"
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "scenes/catalog.h"
 #include "server/base/cpu_budget.h"
 #include "server/scene/gltf.h"

@@ -6,7 +6,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

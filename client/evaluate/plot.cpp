@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "client/evaluate/svg.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

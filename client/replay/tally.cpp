@@ -4,7 +4,7 @@
 #include <numbers>
 
 #include "client/evaluate/metrics.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {
