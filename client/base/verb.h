@@ -1,4 +1,4 @@
-// A verb of the command `sightline`: how its flags are told, and what it does.
+// A sub-command of `sightline`: its flags, and what it does.
 #pragma once
 
 #include <functional>
@@ -9,8 +9,11 @@ class App;
 
 namespace sightline {
 
-// Made by add_..._verb(app), one a file, which adds the sub-command with its flags. `run` answers the exit status: 0 done,
-// 1 it did not work or the answer is "no" (differs, damaged), 2 wrong flags.
+// Exit status of the command when its flags cannot be used. 0 means done; 1 means that it failed, or that the answer is "no" (the
+// recordings differ, the file is damaged).
+inline constexpr int kWrongFlags = 2;
+
+// Each sub-command has a function add_..._verb(app), which adds it to the command line. `run` returns the exit status.
 struct Verb {
   CLI::App* command = nullptr;
   std::function<int()> run;

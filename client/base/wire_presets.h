@@ -1,4 +1,4 @@
-// The presets of settings.proto by the names that a person types.
+// The presets of settings.proto by the names used on the command line.
 #pragma once
 
 #include <string>

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "client/page/contact_sheet.h"
+#include "client/drive/comparison.h"
 #include "client/drive/page.h"
 #include "client/base/file_bytes.h"
 #include "client/evaluate/follow.h"
@@ -123,9 +124,11 @@ class Drive {
     if (!run) return tl::unexpected(run.error());
     run_ = std::move(*run);
     if (!options_.truth || world_->targets().empty()) return {};
-    auto follow = judge_path("follow", follow_path(*world_, path_));
+    follow_path_ = follow_path(*world_, path_);
+    auto follow = judge_path("follow", follow_path_);
     if (!follow) return tl::unexpected(follow.error());
     follow_ = std::move(follow->metrics);
+    telling_ = telling_frame(follow->truths, run_.truths);
     return {};
   }
 
@@ -146,7 +149,17 @@ class Drive {
     bar_.clear();
     if (!written) return written;
     out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    if (const Status compared = write_comparison(folder / "comparison.png"); !compared) return compared;
     return options_.page.empty() ? Status() : write_page();
+  }
+
+  Status write_comparison(const std::string& path) {
+    if (!follow_) return {};
+    constexpr int kWidth = 640;
+    const Picture picture = comparison(*world_, follow_path_[telling_], path_[telling_], kWidth);
+    if (auto written = write_png(picture, path); !written) return written;
+    out_ << "compare " << path << '\n';
+    return {};
   }
 
   Status write_page() {
@@ -180,7 +193,8 @@ class Drive {
   v1::OpenSession open_;
   v1::SessionOpened opened_;
   std::vector<PlayedFrame> frames_;
-  std::vector<CameraFrame> path_;
+  std::vector<CameraFrame> path_, follow_path_;
+  size_t telling_ = 0;  // index of the frame that comparison.png shows
   Judged run_;
   std::optional<RunMetrics> follow_;
 };
