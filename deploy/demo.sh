@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Builds Sightline, starts the daemon, and lets it steer a camera through a hall of columns. Prints how well it did beside a
+# Builds Sightline, starts the daemon, and lets it steer a camera through a crowd of people. Prints how well it did beside a
 # plain follow camera, and where the pictures and the page of the session are. Takes under 30 s when everything is built.
-#   deploy/demo.sh [--sampler egl|embree|auto] [--scene hall|rooms|arena|fence|city|...] [--out FOLDER] [flags of sightline drive]
+#   deploy/demo.sh [--sampler egl|embree|auto] [--scene crowd|hall|rooms|arena|fence|city|...] [--out FOLDER] [flags of sightline drive]
 #
 # The demo takes depth maps with EGL, as the daemon does on a GPU. Without a GPU, OpenGL renders in software (Mesa's llvmpipe), and a
 # daemon that may choose (--sampler auto) takes Embree instead, which is faster there.
-# The camera is driven as fast as it answers, and every 4th frame is judged. Flags of your own replace these two (--fast
-# --truth-every 4): without --fast the scene plays in real time.
+# The camera is driven as fast as it answers, and every 10th frame is judged. Flags of your own replace these two (--fast
+# --truth-every 10): without --fast the scene plays in real time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-sampler=egl scene=hall out=out/demo drive=()
+sampler=egl scene=crowd out=out/demo drive=()
 while [ $# -gt 0 ]; do
   case "$1" in
     --sampler) sampler=${2:?--sampler needs egl, embree or auto}; shift 2 ;;
@@ -19,7 +19,7 @@ while [ $# -gt 0 ]; do
     *) drive+=("$1"); shift ;;
   esac
 done
-[ ${#drive[@]} -gt 0 ] || drive=(--fast --truth-every 4)
+[ ${#drive[@]} -gt 0 ] || drive=(--fast --truth-every 10)
 
 deploy/install-packages.sh build
 cmake --preset release >/dev/null
@@ -53,5 +53,5 @@ done
 # The recording is complete once the daemon has stopped.
 stop_daemon
 recording=$(find "$out/recordings" -name '*.mcap' -printf '%T@ %p\n' | sort -n | tail -n 1 | cut -d ' ' -f 2-)
-"$bin/sightline" report "$recording" --out "$out/report.html"
+"$bin/sightline" report "$recording" --out "$out/report.html" --pictures 12
 echo "record  $recording"

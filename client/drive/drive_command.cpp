@@ -26,6 +26,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
+// Moments that comparison.png shows, and the width of each picture in pixels.
+constexpr size_t kComparedFrames = 3;
+constexpr int kComparedWidth = 426;
+
 // The figures of one path, and the truth that they come from.
 struct Judged {
   std::vector<FrameTruth> truths;
@@ -128,7 +132,7 @@ class Drive {
     auto follow = judge_path("follow", follow_path_);
     if (!follow) return tl::unexpected(follow.error());
     follow_ = std::move(follow->metrics);
-    telling_ = telling_frame(follow->truths, run_.truths);
+    telling_ = telling_frames(follow->truths, run_.truths, kComparedFrames);
     return {};
   }
 
@@ -154,9 +158,13 @@ class Drive {
   }
 
   Status write_comparison(const std::string& path) {
-    if (!follow_) return {};
-    constexpr int kWidth = 640;
-    const Picture picture = comparison(*world_, follow_path_[telling_], path_[telling_], kWidth);
+    if (telling_.empty()) return {};
+    std::vector<CameraFrame> theirs, ours;
+    for (const size_t i : telling_) {
+      theirs.push_back(follow_path_[i]);
+      ours.push_back(path_[i]);
+    }
+    const Picture picture = comparison(*world_, theirs, ours, kComparedWidth);
     if (auto written = write_png(picture, path); !written) return written;
     out_ << "compare " << path << '\n';
     return {};
@@ -194,7 +202,7 @@ class Drive {
   v1::SessionOpened opened_;
   std::vector<PlayedFrame> frames_;
   std::vector<CameraFrame> path_, follow_path_;
-  size_t telling_ = 0;  // index of the frame that comparison.png shows
+  std::vector<size_t> telling_;  // indices of the frames that comparison.png shows
   Judged run_;
   std::optional<RunMetrics> follow_;
 };
