@@ -21,7 +21,6 @@ from code_blocks import all_blocks
 NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
-    (r"^tests/results/", "takes minutes"),
     (r"^docker ", "needs docker"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
@@ -38,10 +37,13 @@ def free_port():
 
 
 def commands(block):
-    """The commands of a shell block, without comments; one that ends with a backslash goes on in the next line."""
-    text = re.sub(r"\\\n\s*", " ", block.text)
-    lines = [re.sub(r"(^|\s)#.*$", "", line).strip() for line in text.splitlines()]
-    return [line for line in lines if line]
+    """The commands of a shell block, without comments. A comment "exits with 1" says that the command must."""
+    lines = []
+    for line in re.sub(r"\\\n\s*", " ", block.text).splitlines():
+        command = re.sub(r"(^|\s)#.*$", "", line).strip()
+        if command:
+            lines.append(f"if {command}; then exit 9; else [ $? = 1 ]; fi" if "# " in line and "exits with 1" in line else command)
+    return lines
 
 
 def plain(command):
@@ -64,8 +66,9 @@ class Workshop:
             if program.name not in ("sightline", "sightlined"):
                 (self.bin / program.name).symlink_to(program)
         (self.folder / "build/release/python").symlink_to(STUBS)
-        for name in ("client", "deploy", "proto", "scenes", "server", "tests"):
+        for name in ("deploy", "proto", "scenes", "server", "tests"):
             (self.folder / name).symlink_to(ROOT / name)
+        (self.folder / "client/python").mkdir(parents=True)
         self.port = free_port()
         # Scenes are played for a second only.
         self.wrapper("sightline", 'case "$1" in drive|evaluate) set -- "$@" --duration 1 ;; esac\n'
@@ -78,6 +81,9 @@ class Workshop:
         path.chmod(0o755)
 
     def listen_on(self, port):
+        """Where a daemon of the documents listens, and where the example looks for it."""
+        for example in (ROOT / "client/python").glob("*.py"):
+            (self.folder / "client/python" / example.name).write_text(example.read_text().replace(DEFAULT_ADDRESS, f"127.0.0.1:{port}"))
         self.wrapper("sightlined", f'case "$1" in devices|--print-config) ;; *) set -- "$@" --listen 127.0.0.1:{port} --log-level warning ;; esac\n'
                      f'exec {BIN}/sightlined "$@"')
 
@@ -115,7 +121,7 @@ class Documents(unittest.TestCase):
     @classmethod
     def make_files(cls):
         """The files that the documents speak of: a scene, a recording of three seconds, and the same, cut off."""
-        made = cls.shop.bash(f"make-scenes --out . hall && cp hall.glb my_level.glb && {BIN}/sightline drive hall.glb --fast --duration 3"
+        made = cls.shop.bash(f"make-scenes --out . hall && cp hall.glb my_level.glb && {BIN}/sightline drive hall.glb --duration 3"
                              f" --no-truth --server 127.0.0.1:{cls.shop.port} --out made && sleep 1.2 && cp recorded/*.mcap hall.mcap")
         assert made.returncode == 0, made.stderr + made.stdout
         whole = (cls.shop.folder / "hall.mcap").read_bytes()
@@ -141,6 +147,10 @@ class Documents(unittest.TestCase):
                 done = subprocess.run([sys.executable, "-c", text], env=self.shop.environment(), capture_output=True, text=True, timeout=60)
                 self.assertEqual(done.returncode, 0, done.stderr)
                 self.expect_a_moving_camera(done.stdout)
+
+    def test_the_readme_shows_the_example(self):
+        example = (ROOT / "client/python/example.py").read_text()
+        self.assertIn(example, [block.text for block in self.of_language("python") if block.path == "README.md"])
 
     def expect_a_moving_camera(self, output):
         places = re.findall(r"camera \(([^)]*)\)", output)
