@@ -27,7 +27,7 @@ class ControlDialect final : public BenchDialect {
   ControlDialect(const BenchWorld& world, size_t session, v1::OpenSession open)
       : world_(world), session_(session), open_(std::move(open)) {}
 
-  std::string method() const override { return "/sightline.v1.CameraControl/Control"; }
+  std::string method() const override { return "/sightline.v1.CameraControlService/Control"; }
 
   bool opening(grpc::ByteBuffer& message) override {
     v1::ControlRequest request;
@@ -42,20 +42,20 @@ class ControlDialect final : public BenchDialect {
   }
 
   BenchAnswer read(grpc::ByteBuffer& message) override {
-    if (!grpc::SerializationTraits<v1::ControlReply>::Deserialize(&message, &reply_).ok())
-      return {.trouble = "a reply that is no ControlReply"};
+    if (!grpc::SerializationTraits<v1::ControlResponse>::Deserialize(&message, &reply_).ok())
+      return {.trouble = "a reply that is no ControlResponse"};
     switch (reply_.message_case()) {
-      case v1::ControlReply::kOpened:
+      case v1::ControlResponse::kOpened:
         return opened(reply_.opened());
-      case v1::ControlReply::kCamera:
+      case v1::ControlResponse::kCamera:
         return answer(reply_.camera());
-      case v1::ControlReply::kRejected:
+      case v1::ControlResponse::kTickError:
         return {.kind = BenchAnswer::Kind::kRejection,
-                .sequence = reply_.rejected().sequence(),
-                .trouble = to_string(to_error(reply_.rejected()))};
-      case v1::ControlReply::kDrain:
+                .sequence = reply_.tick_error().sequence(),
+                .trouble = to_string(to_error(reply_.tick_error()))};
+      case v1::ControlResponse::kDrain:
         return {.trouble = "the server is going away: " + reply_.drain().reason()};
-      case v1::ControlReply::MESSAGE_NOT_SET:
+      case v1::ControlResponse::MESSAGE_NOT_SET:
         break;
     }
     return {};
@@ -64,7 +64,7 @@ class ControlDialect final : public BenchDialect {
  private:
   static BenchAnswer opened(const v1::SessionOpened& session) {
     return {.kind = BenchAnswer::Kind::kOpened,
-            .opened = {session.sampler(), session.instances(), session.triangles()}};
+            .opened = {session.sampler(), session.instance_count(), session.triangle_count()}};
   }
   static BenchAnswer answer(const v1::CameraReply& camera) {
     return {.kind = BenchAnswer::Kind::kReply,
@@ -78,7 +78,7 @@ class ControlDialect final : public BenchDialect {
   const size_t session_;
   v1::OpenSession open_;
   v1::ControlRequest request_;  // by the sending thread
-  v1::ControlReply reply_;      // by the reading one
+  v1::ControlResponse reply_;      // by the reading one
 };
 
 class EchoDialect final : public BenchDialect {

@@ -32,7 +32,7 @@ void TickLedger::answered(uint64_t sequence, uint32_t merged, std::vector<Settle
   pending_.erase(pending_.begin(), newest + 1);
 }
 
-void TickLedger::rejected(uint64_t sequence) {
+void TickLedger::tick_error(uint64_t sequence) {
   const auto found = std::find_if(pending_.begin(), pending_.end(),
                                   [&](const Pending& tick) { return tick.sequence == sequence; });
   if (found == pending_.end()) return;

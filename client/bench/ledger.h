@@ -33,7 +33,7 @@ class TickLedger {
   // A reply whose newest tick is `sequence` and which says that it covers `merged` earlier ones. Appends every pending tick up
   // to `sequence`, the newest last; those beyond what the reply covers are lost. Nothing when the tick is not pending.
   void answered(uint64_t sequence, uint32_t merged, std::vector<SettledTick>& settled);
-  void rejected(uint64_t sequence);
+  void tick_error(uint64_t sequence);
   // Whatever is pending will not be answered any more.
   void give_up();
 

@@ -159,7 +159,7 @@ void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t n
       count_reply(answer, bytes, now_ns);
       break;
     case BenchAnswer::Kind::kRejection:
-      ledger_.rejected(answer.sequence);
+      ledger_.tick_error(answer.sequence);
       [[fallthrough]];
     case BenchAnswer::Kind::kOther:
       if (trouble_.empty()) trouble_ = answer.trouble;

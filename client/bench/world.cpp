@@ -41,7 +41,7 @@ glm::dvec3 on_circle(double radius_m, double angle_rad) {
   return {radius_m * std::cos(angle_rad), 0.0, radius_m * std::sin(angle_rad)};
 }
 
-void set_vector(const glm::dvec3& value, v1::Vector3* message) {
+void set_vector(const glm::dvec3& value, v1::Vec3* message) {
   message->set_x(value.x);
   message->set_y(value.y);
   message->set_z(value.z);
@@ -54,10 +54,10 @@ struct Motion {
 
 void set_transform(int at, uint64_t id, const Motion& motion, v1::Transforms& transforms) {
   const auto& [p, r] = motion.pose;
-  transforms.set_id(at, id);
-  double* position = transforms.mutable_position()->mutable_data() + 3 * at;
-  float* rotation = transforms.mutable_rotation()->mutable_data() + 4 * at;
-  float* velocity = transforms.mutable_velocity()->mutable_data() + 3 * at;
+  transforms.set_ids(at, id);
+  double* position = transforms.mutable_positions()->mutable_data() + 3 * at;
+  float* rotation = transforms.mutable_rotations()->mutable_data() + 4 * at;
+  float* velocity = transforms.mutable_velocities()->mutable_data() + 3 * at;
   for (int axis = 0; axis < 3; ++axis) {
     position[axis] = p[axis];
     velocity[axis] = static_cast<float>(motion.velocity_mps[axis]);
@@ -69,10 +69,10 @@ void set_transform(int at, uint64_t id, const Motion& motion, v1::Transforms& tr
 }
 
 void make_room(int n, v1::Transforms& transforms) {
-  transforms.mutable_id()->Resize(n, 0);
-  transforms.mutable_position()->Resize(3 * n, 0.0);
-  transforms.mutable_rotation()->Resize(4 * n, 0.0f);
-  transforms.mutable_velocity()->Resize(3 * n, 0.0f);
+  transforms.mutable_ids()->Resize(n, 0);
+  transforms.mutable_positions()->Resize(3 * n, 0.0);
+  transforms.mutable_rotations()->Resize(4 * n, 0.0f);
+  transforms.mutable_velocities()->Resize(3 * n, 0.0f);
 }
 
 }  // namespace
@@ -195,7 +195,7 @@ void BenchWorld::fill_tick(size_t session, uint64_t sequence, v1::Tick& tick) co
   tick.set_time_s(time_s);
   v1::Transforms& transforms = *tick.mutable_transforms();
   const int movers = static_cast<int>(walkers_.size() + options_.moving);
-  if (transforms.id_size() != movers) make_room(movers, transforms);
+  if (transforms.ids_size() != movers) make_room(movers, transforms);
   const double way_s = way_time_s(session, sequence);
   const double before_s = way_time_s(session, std::max<uint64_t>(sequence, 2) - 1);
   int at = 0;

@@ -1,6 +1,8 @@
 #include "client/cpp/client_error.h"
 
 #include "client/cpp/sightline_client.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "sightline/v1/errors.pb.h"
 
 namespace sightline {
@@ -32,31 +34,26 @@ ErrorCode code_from_status(grpc::StatusCode code) {
   }
 }
 
-ErrorCode code_from_rejection(v1::Rejection::Code code) {
+ErrorCode code_from_rejection(v1::TickError::Code code) {
   switch (code) {
-    case v1::Rejection::INVALID_ARGUMENT:
+    case v1::TickError::CODE_INVALID_ARGUMENT:
       return ErrorCode::kInvalidArgument;
-    case v1::Rejection::NOT_FOUND:
+    case v1::TickError::CODE_NOT_FOUND:
       return ErrorCode::kNotFound;
-    case v1::Rejection::ALREADY_EXISTS:
+    case v1::TickError::CODE_ALREADY_EXISTS:
       return ErrorCode::kAlreadyExists;
-    case v1::Rejection::FAILED_PRECONDITION:
+    case v1::TickError::CODE_FAILED_PRECONDITION:
       return ErrorCode::kFailedPrecondition;
-    case v1::Rejection::RESOURCE_EXHAUSTED:
+    case v1::TickError::CODE_RESOURCE_EXHAUSTED:
       return ErrorCode::kResourceExhausted;
-    case v1::Rejection::UNAVAILABLE:
+    case v1::TickError::CODE_UNAVAILABLE:
       return ErrorCode::kUnavailable;
     default:
       return ErrorCode::kInternal;
   }
 }
 
-// Any's type URL is "<host>/<type>"; the type is what counts.
-bool is_bad_request(const google::protobuf::Any& detail) {
-  return detail.type_url().ends_with("/google.rpc.BadRequest");
-}
-
-void take_first_violation(const v1::BadRequest& bad, Error& error) {
+void take_first_violation(const google::rpc::BadRequest& bad, Error& error) {
   if (bad.field_violations().empty()) return;
   error.field = bad.field_violations(0).field();
   error.message = bad.field_violations(0).description();
@@ -67,16 +64,16 @@ void take_first_violation(const v1::BadRequest& bad, Error& error) {
 Error error_from_status(const grpc::Status& status) {
   Error error{code_from_status(status.error_code()), "", status.error_message()};
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) error.field = "deadline";
-  v1::StatusDetails details;
+  google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return error;
   for (const auto& detail : details.details()) {
-    v1::BadRequest bad;
-    if (is_bad_request(detail) && bad.ParseFromString(detail.value())) take_first_violation(bad, error);
+    google::rpc::BadRequest bad;
+    if (detail.UnpackTo(&bad)) take_first_violation(bad, error);
   }
   return error;
 }
 
-Error to_error(const v1::Rejection& rejection) {
+Error to_error(const v1::TickError& rejection) {
   Error error{code_from_rejection(rejection.code()), "", rejection.message()};
   if (rejection.field_violations().empty()) return error;
   error.field = rejection.field_violations(0).field();

@@ -7,7 +7,7 @@ namespace sightline {
 ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request,
                               Handler handler)
     : channel_(std::move(channel)),
-      stub_(v1::CameraControl::NewStub(channel_)),
+      stub_(v1::CameraControlService::NewStub(channel_)),
       handler_(std::move(handler)) {
   stub_->async()->Control(&context_, this);
   // Writes start outside the reactions (in send), so the stream must be held open until the last of them.
@@ -51,16 +51,16 @@ void ClientSession::Stream::OnWriteDone(bool ok) {
 
 std::optional<SessionEvent> ClientSession::Stream::take_reply() {
   switch (reply_.message_case()) {
-    case v1::ControlReply::kOpened:
+    case v1::ControlResponse::kOpened:
       opened_ = std::move(*reply_.mutable_opened());
       break;
-    case v1::ControlReply::kCamera:
+    case v1::ControlResponse::kCamera:
       return std::move(*reply_.mutable_camera());
-    case v1::ControlReply::kRejected:
-      return std::move(*reply_.mutable_rejected());
-    case v1::ControlReply::kDrain:
+    case v1::ControlResponse::kTickError:
+      return std::move(*reply_.mutable_tick_error());
+    case v1::ControlResponse::kDrain:
       return std::move(*reply_.mutable_drain());
-    case v1::ControlReply::MESSAGE_NOT_SET:
+    case v1::ControlResponse::MESSAGE_NOT_SET:
       break;  // from a newer server: nothing that we know
   }
   return std::nullopt;

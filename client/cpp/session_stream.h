@@ -14,7 +14,7 @@
 namespace sightline {
 
 // Made and started at once; must not be destroyed before wait_end() or cancel_and_wait() returned.
-class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlReply> {
+class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
   Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request, Handler handler);
   ~Stream() override;
@@ -42,11 +42,11 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
 
   // constant after construction
   const std::shared_ptr<grpc::Channel> channel_;
-  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  const std::unique_ptr<v1::CameraControlService::Stub> stub_;
   const Handler handler_;
 
   grpc::ClientContext context_;
-  v1::ControlReply reply_;  // owned by gRPC between StartRead and OnReadDone
+  v1::ControlResponse reply_;  // owned by gRPC between StartRead and OnReadDone
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;

@@ -24,7 +24,7 @@ std::chrono::system_clock::time_point deadline_after(std::chrono::nanoseconds ti
 
 struct Client::Connection {
   std::shared_ptr<grpc::Channel> channel;
-  std::unique_ptr<v1::CameraControl::Stub> stub;
+  std::unique_ptr<v1::CameraControlService::Stub> stub;
 };
 
 Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {}
@@ -48,16 +48,16 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   if (!channel->WaitForConnected(deadline_after(timeout)))
     return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);
   auto connection = std::make_shared<Connection>();
-  connection->stub = v1::CameraControl::NewStub(channel);
+  connection->stub = v1::CameraControlService::NewStub(channel);
   connection->channel = std::move(channel);
   return Client(std::move(connection));
 }
 
-Result<v1::UploadSceneReply> Client::upload_scene(std::span<const std::byte> file,
+Result<v1::UploadSceneResponse> Client::upload_scene(std::span<const std::byte> file,
                                                   std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
   context.set_deadline(deadline_after(timeout));
-  v1::UploadSceneReply reply;
+  v1::UploadSceneResponse reply;
   const auto writer = connection_->stub->UploadScene(&context, &reply);
   v1::UploadSceneRequest request;
   for (size_t at = 0; at < file.size(); at += kChunkBytes) {
@@ -72,21 +72,37 @@ Result<v1::UploadSceneReply> Client::upload_scene(std::span<const std::byte> fil
 }
 
 Result<std::vector<std::string>> Client::list_scenes(std::chrono::nanoseconds timeout) {
-  grpc::ClientContext context;
-  context.set_deadline(deadline_after(timeout));
-  v1::ListScenesReply reply;
-  const grpc::Status status = connection_->stub->ListScenes(&context, {}, &reply);
-  if (!status.ok()) return tl::unexpected(error_from_status(status));
-  return std::vector<std::string>(reply.names().begin(), reply.names().end());
+  const auto deadline = deadline_after(timeout);
+  std::vector<std::string> names;
+  v1::ListScenesRequest page;
+  do {
+    grpc::ClientContext context;
+    context.set_deadline(deadline);
+    v1::ListScenesResponse response;
+    const grpc::Status status = connection_->stub->ListScenes(&context, page, &response);
+    if (!status.ok()) return tl::unexpected(error_from_status(status));
+    names.insert(names.end(), response.names().begin(), response.names().end());
+    page.set_page_token(response.next_page_token());
+  } while (!page.page_token().empty());
+  return names;
 }
 
-Result<v1::ServerInfo> Client::server_info(std::chrono::nanoseconds timeout) {
+Result<v1::GetServerInfoResponse> Client::server_info(std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
   context.set_deadline(deadline_after(timeout));
-  v1::ServerInfo info;
+  v1::GetServerInfoResponse info;
   const grpc::Status status = connection_->stub->GetServerInfo(&context, {}, &info);
   if (!status.ok()) return tl::unexpected(error_from_status(status));
   return info;
+}
+
+Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds timeout) {
+  grpc::ClientContext context;
+  context.set_deadline(deadline_after(timeout));
+  v1::GetServerStatsResponse stats;
+  const grpc::Status status = connection_->stub->GetServerStats(&context, {}, &stats);
+  if (!status.ok()) return tl::unexpected(error_from_status(status));
+  return stats;
 }
 
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,

@@ -36,11 +36,11 @@ namespace sightline {
 // The address on which `sightlined` listens by default.
 inline constexpr const char* kDefaultAddress = "127.0.0.1:50151";
 
-// What a server sends on an open session. A Rejection means that nothing of one tick was applied; the session goes on.
-using SessionEvent = std::variant<v1::CameraReply, v1::Rejection, v1::Drain>;
+// What a server sends on an open session. A TickError means that nothing of one tick was applied; the session goes on.
+using SessionEvent = std::variant<v1::CameraReply, v1::TickError, v1::Drain>;
 
 // The Error that a failed call with this cause would return; for logs.
-Error to_error(const v1::Rejection& rejection);
+Error to_error(const v1::TickError& error);
 
 class ClientSession {
  public:
@@ -67,7 +67,7 @@ class ClientSession {
 
   // Changes settings or limits of the session with the next tick that is sent, like the fields of these names in that tick. Fields that
   // are set replace those of the session; a preset resets all settings first. Several changes before one tick apply in order, and
-  // what that tick itself holds comes last. When the tick is refused, so are its changes, and the Rejection names the
+  // what that tick itself holds comes last. When the tick is refused, so are its changes, and the TickError names the
   // field ("tick.settings...."). Must be called on the thread that sends.
   void change(const v1::Settings& settings);
   void change(const v1::CameraLimits& limits);
@@ -110,10 +110,13 @@ class Client {
   Client& operator=(Client&&) noexcept;
 
   // Sends one .glb, or one .gltf without external files. The hash of the reply goes into SceneRef.hash.
-  Result<v1::UploadSceneReply> upload_scene(std::span<const std::byte> file,
+  Result<v1::UploadSceneResponse> upload_scene(std::span<const std::byte> file,
                                             std::chrono::nanoseconds timeout);
+  // The names of all scenes in the server's scene folder, sorted by bytes; fetches as many pages as there are.
   Result<std::vector<std::string>> list_scenes(std::chrono::nanoseconds timeout);
-  Result<v1::ServerInfo> server_info(std::chrono::nanoseconds timeout);
+  // What the server is, and what it has done since its start.
+  Result<v1::GetServerInfoResponse> server_info(std::chrono::nanoseconds timeout);
+  Result<v1::GetServerStatsResponse> server_stats(std::chrono::nanoseconds timeout);
 
   // Opens one session and waits for the server's answer. With a `handler`, events go to it instead of to receive().
   Result<std::unique_ptr<ClientSession>> open_session(const v1::OpenSession& request,

@@ -95,8 +95,8 @@ class Drive {
   }
 
   void say_opened(const v1::SessionOpened& opened) {
-    out_ << "session " << opened.session_id() << ": " << opened.instances() << " instances, "
-         << opened.triangles() << " triangles, " << scenario_->targets().size() << " targets, sampler "
+    out_ << "session " << opened.session_id() << ": " << opened.instance_count() << " instances, "
+         << opened.triangle_count() << " triangles, " << scenario_->targets().size() << " targets, sampler "
          << opened.sampler() << '\n';
     for (const std::string& warning : opened.warnings()) out_ << "warning: " << warning << '\n';
   }

@@ -9,6 +9,7 @@
 #include "client/page/contact_sheet.h"
 #include "client/page/page_reply.h"
 #include "client/drive/report.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
@@ -32,9 +33,9 @@ class Builder {
     page_.facts = {{"session", opened.session_id()},
                    {"sampler", opened.sampler()},
                    {"seed", std::to_string(input_.open.seed())},
-                   {"preset", v1::Settings::Preset_Name(input_.open.settings().preset())},
-                   {"instances", std::to_string(opened.instances())},
-                   {"triangles", std::to_string(opened.triangles())}};
+                   {"preset", short_name(input_.open.settings().preset())},
+                   {"instances", std::to_string(opened.instance_count())},
+                   {"triangles", std::to_string(opened.triangle_count())}};
     for (const std::string& warning : opened.warnings()) page_.facts.emplace_back("warning", warning);
     page_.aspect = input_.scenario.lens().aspect;
     page_.body_radius_m = input_.limits.body_radius_m;

@@ -67,7 +67,7 @@ class Player {
   }
 
   Status take(SessionEvent event) {
-    if (const auto* rejection = std::get_if<v1::Rejection>(&event))
+    if (const auto* rejection = std::get_if<v1::TickError>(&event))
       return tl::unexpected(to_error(*rejection));
     if (const auto* drain = std::get_if<v1::Drain>(&event))
       return fail(ErrorCode::kUnavailable, "session", "the server is going away: " + drain->reason());

@@ -75,8 +75,8 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame) {
     line += "  " + name + formatted(" %.2f", sight.visible_share());
     if (!sight.in_picture()) line += " (off screen)";
   }
-  line += formatted("  S_N %u  S_P %u  S_V %u  ", reply.counts().none_visible(),
-                    reply.counts().some_visible(), reply.counts().all_visible());
+  line += formatted("  S_N %u  S_P %u  S_V %u  ", reply.candidate_counts().none_visible(),
+                    reply.candidate_counts().some_visible(), reply.candidate_counts().all_visible());
   return line + name_of(reply.status()) + " " + name_of(reply.reason()) +
          formatted("  %.2f ms", frame.latency_ms);
 }

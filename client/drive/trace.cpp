@@ -1,5 +1,7 @@
 #include "client/drive/trace.h"
 
+#include "server/wire/short_name.h"
+
 #include <limits>
 
 namespace sightline {
@@ -30,15 +32,15 @@ void write_reply(std::ostream& out, const v1::CameraReply& reply) {
   const auto& p = reply.pose().position();
   const auto& r = reply.pose().rotation();
   const auto& v = reply.velocity();
-  const auto& counts = reply.counts();
+  const auto& counts = reply.candidate_counts();
   out << reply.sequence() << ',' << reply.time_s() << ',' << reply.pose_time_s() << ',' << p.x() << ','
       << p.y() << ',' << p.z() << ',' << r.x() << ',' << r.y() << ',' << r.z() << ',' << r.w() << ',' << v.x()
       << ',' << v.y() << ',' << v.z() << ',' << reply.field_of_view() << ',' << counts.total() << ','
       << counts.all_visible() << ',' << counts.some_visible() << ',' << counts.none_visible() << ','
       << name_of(reply.status()) << ',' << name_of(reply.reason()) << ','
-      << v1::VolumeUsed_Name(reply.volume()) << ',' << v1::PairFallback_Name(reply.pair_fallback()) << ','
+      << short_name(reply.volume_used()) << ',' << short_name(reply.pair_fallback()) << ','
       << reply.merged_ticks() << ',' << reply.cut() << ',' << reply.flags().dt_capped() << ','
-      << reply.flags().resampled_faces() << ',' << reply.flags().body_overlap();
+      << reply.flags().used_cube_map() << ',' << reply.flags().body_overlap();
 }
 
 void write_times(std::ostream& out, const PlayedFrame& frame) {
@@ -66,7 +68,7 @@ void write_sight(std::ostream& out, const v1::TargetVisibility* sight) {
     out << ",,,,,,";
     return;
   }
-  out << ',' << v1::TargetState_Name(sight->state()) << ',' << sight->visible_share() << ','
+  out << ',' << short_name(sight->state()) << ',' << sight->visible_share() << ','
       << sight->in_picture() << ',' << sight->distance();
   if (sight->occluders().empty())
     out << ",,";
@@ -113,11 +115,11 @@ void write_trace(std::ostream& out, const Scenario& scenario, std::span<const Pl
   out.precision(precision);
 }
 
-std::string name_of(v1::Status status) {
-  return v1::Status_Name(status);
+std::string name_of(v1::TrackingStatus status) {
+  return short_name(status);
 }
-std::string name_of(v1::Reason reason) {
-  return v1::Reason_Name(reason);
+std::string name_of(v1::MoveReason reason) {
+  return short_name(reason);
 }
 
 }  // namespace sightline

@@ -20,7 +20,7 @@ void write_trace(std::ostream& out, const Scenario& scenario, std::span<const Pl
 
 // As the wire names them: "TRACKING", "NEAREST_ALL_VISIBLE"; a number for a value that this build does not
 // know.
-std::string name_of(v1::Status status);
-std::string name_of(v1::Reason reason);
+std::string name_of(v1::TrackingStatus status);
+std::string name_of(v1::MoveReason reason);
 
 }  // namespace sightline

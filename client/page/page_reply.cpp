@@ -3,12 +3,13 @@
 #include <algorithm>
 
 #include "client/scenario/scenario_session.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
 
 uint32_t flag_bits(const v1::StepFlags& flags) {
-  const bool set[] = {flags.dt_capped(), flags.resampled_faces(), flags.body_overlap(), flags.degraded(),
+  const bool set[] = {flags.dt_capped(), flags.used_cube_map(), flags.body_overlap(), flags.degraded(),
                       flags.recording_degraded()};
   uint32_t bits = 0;
   for (size_t i = 0; i < std::size(set); ++i)
@@ -27,7 +28,7 @@ void say(const v1::TargetVisibility& seen, double metres_per_unit, PageSight& si
   sight.present = true;
   sight.visible_share = seen.visible_share();
   sight.filtered_share = seen.filtered_share();
-  sight.state = v1::TargetState_Name(seen.state());
+  sight.state = short_name(seen.state());
   sight.distance_m = seen.distance() * metres_per_unit;
   if (seen.occluders().empty()) return;
   sight.occluder_id = seen.occluders(0).id();
@@ -51,11 +52,11 @@ PageFrame page_frame(const v1::CameraReply& reply, const Convention& convention,
   frame.time_s = reply.pose_time_s();
   frame.camera = camera_from_client(convention, pose_from(reply.pose()));
   frame.vertical_fov_rad = fov_from_client(convention, reply.field_of_view(), aspect);
-  const v1::Vector3& v = reply.velocity();
+  const v1::Vec3& v = reply.velocity();
   frame.velocity_mps = vector_from_client(convention, {v.x(), v.y(), v.z()});
-  frame.counts = {reply.counts().all_visible(), reply.counts().some_visible(), reply.counts().none_visible()};
-  frame.status = v1::Status_Name(reply.status());
-  frame.reason = v1::Reason_Name(reply.reason());
+  frame.counts = {reply.candidate_counts().all_visible(), reply.candidate_counts().some_visible(), reply.candidate_counts().none_visible()};
+  frame.status = short_name(reply.status());
+  frame.reason = short_name(reply.reason());
   frame.text = reply.reason_text();
   frame.cut = reply.cut();
   frame.flags = flag_bits(reply.flags());
@@ -80,19 +81,19 @@ void add_page_cells(const v1::CameraReply& reply, const Convention& convention,
   const v1::Candidates& candidates = reply.candidates();
   std::vector<size_t> bit_of;  // by the reply's target: the page's
   for (const v1::TargetVisibility& seen : reply.targets()) bit_of.push_back(index_of(seen.id(), targets));
-  const int count = std::min(candidates.visible_mask_size(), candidates.position_size() / 3);
+  const int count = std::min(candidates.visible_masks_size(), candidates.positions_size() / 3);
   frame.cells.reserve(static_cast<size_t>(count));
   for (int i = 0; i < count; ++i) {
     PageCell& cell = frame.cells.emplace_back();
     cell.position_m = position_from_client(
         convention,
-        {candidates.position(3 * i), candidates.position(3 * i + 1), candidates.position(3 * i + 2)});
+        {candidates.positions(3 * i), candidates.positions(3 * i + 1), candidates.positions(3 * i + 2)});
     for (size_t k = 0; k < bit_of.size() && k < 32; ++k)
-      if ((candidates.visible_mask(i) >> k & 1u) != 0 && bit_of[k] < 32)
+      if ((candidates.visible_masks(i) >> k & 1u) != 0 && bit_of[k] < 32)
         cell.visible_targets |= 1u << bit_of[k];
   }
   // Without any, `chosen` would be 0.
-  frame.chosen_cell = candidates.chosen() < count ? std::max(-1, candidates.chosen()) : -1;
+  frame.chosen_cell = candidates.chosen_index() < count ? std::max(-1, candidates.chosen_index()) : -1;
 }
 
 }  // namespace sightline

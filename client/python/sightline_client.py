@@ -12,7 +12,7 @@ from typing import Any, Mapping, Tuple
 import grpc
 
 from sightline.v1 import camera_control_pb2 as control
-from sightline.v1 import camera_control_pb2_grpc, camera_pb2
+from sightline.v1 import camera_control_pb2_grpc, camera_pb2, session_pb2
 from sightline.v1.scene_pb2 import NewInstance, Shape, Target
 
 Vector = Tuple[float, float, float]
@@ -26,8 +26,8 @@ class Ended(Exception):
     """The daemon is shutting down and takes no more ticks."""
 
 
-def _vector(values: Vector) -> camera_pb2.Vector3:
-    return camera_pb2.Vector3(x=values[0], y=values[1], z=values[2])
+def _vector(values: Vector) -> camera_pb2.Vec3:
+    return camera_pb2.Vec3(x=values[0], y=values[1], z=values[2])
 
 
 def box(width: float, height: float, depth: float) -> Shape:
@@ -52,33 +52,33 @@ class Camera:
 
     def __init__(self, address: str, *, position: Vector, targets: Mapping[int, Shape], occluders: Mapping[int, Shape],
                  at: Mapping[int, Vector], **more: Any) -> None:
-        request = control.OpenSession(camera=camera_pb2.Pose(position=_vector(position)), **more)
+        request = session_pb2.OpenSession(camera=camera_pb2.Pose3(position=_vector(position)), **more)
         request.targets.extend(Target(id=target) for target in targets)
         for id_, shape in {**targets, **occluders}.items():
-            request.instances.append(NewInstance(id=id_, shape=shape, pose=camera_pb2.Pose(position=_vector(at[id_]))))
+            request.instances.append(NewInstance(id=id_, shape=shape, pose=camera_pb2.Pose3(position=_vector(at[id_]))))
         self._sequence = 0
         self._requests: queue.SimpleQueue = queue.SimpleQueue()
         self._channel = grpc.insecure_channel(address)
         try:
-            self._replies = camera_control_pb2_grpc.CameraControlStub(self._channel).Control(iter(self._requests.get, None))
+            self._replies = camera_control_pb2_grpc.CameraControlServiceStub(self._channel).Control(iter(self._requests.get, None))
             self._requests.put(control.ControlRequest(open=request))
-            self.opened: control.SessionOpened = next(self._replies).opened
+            self.opened: session_pb2.SessionOpened = next(self._replies).opened
         except BaseException:
             self._requests.put(None)
             self._channel.close()
             raise
 
-    def tick(self, time_s: float, positions: Mapping[int, Vector], **more: Any) -> control.CameraReply:
+    def tick(self, time_s: float, positions: Mapping[int, Vector], **more: Any) -> session_pb2.CameraReply:
         """Tells the daemon what has moved, and returns where the camera goes. more: other fields of Tick, such as settings, limits."""
         self._sequence += 1
-        message = control.Tick(sequence=self._sequence, time_s=time_s, **more)
+        message = session_pb2.Tick(sequence=self._sequence, time_s=time_s, **more)
         for id_, position in positions.items():
-            message.transforms.id.append(id_)
-            message.transforms.position.extend(position)
+            message.transforms.ids.append(id_)
+            message.transforms.positions.extend(position)
         self._requests.put(control.ControlRequest(tick=message))
         reply = next(self._replies)
-        if reply.HasField("rejected"):
-            raise Refused(reply.rejected.message)
+        if reply.HasField("tick_error"):
+            raise Refused(reply.tick_error.message)
         if reply.HasField("drain"):
             raise Ended(reply.drain.reason)
         return reply.camera

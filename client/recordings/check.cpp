@@ -23,7 +23,7 @@ bool begins_with_session(const Recording& recording) {
   const auto& metadata = recording.container().metadata;
   const bool cut = std::any_of(metadata.begin(), metadata.end(),
                                [](const mcap::MetadataIndex& index) { return index.name == kCutMetadata; });
-  return recording.info().part() <= 1 && recording.info().folded_ticks() == 0 && !cut;
+  return recording.info().part() <= 1 && recording.info().snapshot_ticks() == 0 && !cut;
 }
 
 class SessionCheck {
@@ -31,7 +31,7 @@ class SessionCheck {
   explicit SessionCheck(const Recording& recording)
       : start_ns_(recording.start_ns()),
         from_start_(begins_with_session(recording)),
-        fold_next_(recording.info().folded_ticks() > 0),
+        fold_next_(recording.info().snapshot_ticks() > 0),
         in_head_(!from_start_),
         ticks_count_(from_start_) {}
 
@@ -45,7 +45,7 @@ class SessionCheck {
     if (*topic == RecordTopic::kReply)
       parsed<v1::CameraReply>(m, [this](const v1::CameraReply& reply) { take_reply(reply); });
     if (*topic == RecordTopic::kRejection)
-      parsed<v1::Rejection>(m, [this](const v1::Rejection& rejection) { take_rejection(rejection); });
+      parsed<v1::TickError>(m, [this](const v1::TickError& rejection) { take_rejection(rejection); });
     if (*topic == RecordTopic::kGap) parsed<v1::Gap>(m, [this](const v1::Gap& gap) { take_gap(gap); });
   }
 
@@ -99,7 +99,7 @@ class SessionCheck {
     if (pending_.size() > kMaxPending) pending_.pop_front(), unsure_ = true;
   }
 
-  void take_rejection(const v1::Rejection& rejection) {
+  void take_rejection(const v1::TickError& rejection) {
     ++verdict_.rejections;
     if (rejection.field_violations().empty()) return;
     const auto refused = find_refused(pending_, rejection, std::identity());
@@ -116,7 +116,7 @@ class SessionCheck {
     unsure_ = true;
     // It ends a head, unless it stands for the tick that should stand for others: the ticks that wait come after that.
     const bool for_fold =
-        gap.reason() == v1::Gap::TOO_LARGE && !last_number_[static_cast<size_t>(RecordTopic::kTick)];
+        gap.reason() == v1::Gap::REASON_TOO_LARGE && !last_number_[static_cast<size_t>(RecordTopic::kTick)];
     in_head_ = in_head_ && for_fold;
   }
 

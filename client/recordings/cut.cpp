@@ -30,7 +30,7 @@ class Cutter {
         end_ns_(log_time_after(recording.start_ns(), range.end_s)),
         writer_(sink, {.profile = recording.container().header.profile,
                        .library = recording.container().header.library}),
-        fold_next_(recording.info().folded_ticks() > 0) {
+        fold_next_(recording.info().snapshot_ticks() > 0) {
     fold_.take_open(recording.open_session());
   }
 
@@ -107,7 +107,7 @@ class Cutter {
       case RecordTopic::kReply:
         return parsed<v1::CameraReply>(m, [&](const v1::CameraReply& reply) { fold_.take_reply(reply); });
       case RecordTopic::kRejection:
-        return parsed<v1::Rejection>(m, [&](const v1::Rejection& refused) { fold_.take_rejection(refused); });
+        return parsed<v1::TickError>(m, [&](const v1::TickError& refused) { fold_.take_rejection(refused); });
       case RecordTopic::kGap:
         return parsed<v1::Gap>(m, [&](const v1::Gap& gap) { take_gap(gap, m); });
       default:
@@ -134,7 +134,7 @@ class Cutter {
     tick_channel_id_ = m.channel_id;
     const TickStamp stamp{m.sequence, m.log_time_ns, m.publish_time_ns};
     if (std::exchange(fold_next_, false))
-      fold_.take_folded(tick, recording_.info().folded_ticks(), stamp);
+      fold_.take_folded(tick, recording_.info().snapshot_ticks(), stamp);
     else
       fold_.take_tick(std::move(tick), stamp);
   }
@@ -153,10 +153,10 @@ class Cutter {
   void write_head() {
     const bool folded = fold_.ticks() > 0;
     const uint64_t now_ns = folded ? fold_.stamp().log_ns : start_ns_;
-    done_.folded_ticks = fold_.ticks();
+    done_.snapshot_ticks = fold_.ticks();
     if (auto& info = kept_[static_cast<size_t>(RecordTopic::kInfo)]) {
       v1::RecordingInfo told = recording_.info();
-      told.set_folded_ticks(fold_.ticks());
+      told.set_snapshot_ticks(fold_.ticks());
       info->bytes = told.SerializeAsString();
     }
     auto gap = std::exchange(kept_[static_cast<size_t>(RecordTopic::kGap)], std::nullopt);

@@ -8,7 +8,7 @@ namespace sightline {
 
 struct RecordingCut {
   uint64_t messages = 0;  // of the range
-  uint64_t folded_ticks =
+  uint64_t snapshot_ticks =
       0;  // that the first tick of the cut stands for; 0: it begins where the recording does
   uint64_t attachments = 0;
   McapLoss loss;  // of what was read: what should have been copied, and, before the range, folded

@@ -47,8 +47,8 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
       << "copied      " << grouped(done->messages) << " messages, " << grouped(done->attachments)
       << " attachments\n"
       << "begins      "
-      << (done->folded_ticks == 0 ? std::string("where the recording begins")
-                                  : "after " + grouped(done->folded_ticks) + " ticks, folded into one")
+      << (done->snapshot_ticks == 0 ? std::string("where the recording begins")
+                                  : "after " + grouped(done->snapshot_ticks) + " ticks, folded into one")
       << '\n';
   const bool lost = done->loss.chunks + done->loss.messages > 0;
   if (!lost) return 0;

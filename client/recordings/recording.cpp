@@ -34,7 +34,7 @@ bool parse(RecordTopic topic, std::string_view bytes, RecordedMessage& out) {
     case RecordTopic::kReply:
       return parse_into<v1::CameraReply>(bytes, out);
     case RecordTopic::kRejection:
-      return parse_into<v1::Rejection>(bytes, out);
+      return parse_into<v1::TickError>(bytes, out);
     case RecordTopic::kFault:
       return parse_into<v1::Fault>(bytes, out);
     case RecordTopic::kGap:
@@ -96,8 +96,8 @@ Status Recording::read_head() {
   });
   if (!has_info)
     return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
-  if (info_.version() > kKnownVersion)
-    return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.version()) +
+  if (info_.layout_version() > kKnownVersion)
+    return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.layout_version()) +
                                               ", this program knows up to " + std::to_string(kKnownVersion)));
   if (!has_open) return tl::unexpected(not_ours(name_, "the session's opening is missing (/sightline/open)"));
   return {};
@@ -166,7 +166,7 @@ bool StepAssembler::add(RecordedEvent& event) {
       step_.tick_log_ns.push_back(event.log_ns);
       return false;
     case RecordTopic::kRejection:
-      step_.rejections.push_back(std::move(std::get<v1::Rejection>(event.message)));
+      step_.rejections.push_back(std::move(std::get<v1::TickError>(event.message)));
       return false;
     case RecordTopic::kFault:
       step_.faults.push_back(std::move(std::get<v1::Fault>(event.message)));

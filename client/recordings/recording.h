@@ -27,7 +27,7 @@
 namespace sightline {
 
 // What is made of other messages, or stands at the head of the file, is not among them.
-using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::Rejection, v1::Fault, v1::Gap>;
+using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::TickError, v1::Fault, v1::Gap>;
 
 struct RecordedEvent {
   RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kRejection, kFault or kGap, as `message` holds
@@ -102,7 +102,7 @@ class Recording {
 
 // How much the step of a reply left out, [0, 5] whatever the file says: what Session::step takes.
 inline int economy_level_of(const v1::CameraReply& reply) {
-  return static_cast<int>(std::min(reply.economy().level(), 5u));
+  return static_cast<int>(std::min(reply.degradation().quality_level(), 5u));
 }
 
 // One step as it was taken: the ticks that were applied for it, oldest first, then its reply.
@@ -110,13 +110,13 @@ struct RecordedStep {
   // Refused ticks among them, with their refusals: a replay refuses them again.
   std::vector<v1::Tick> ticks;
   std::vector<uint64_t> tick_log_ns;  // of each
-  std::vector<v1::Rejection> rejections;
+  std::vector<v1::TickError> rejections;
   std::vector<v1::Fault> faults;
   v1::CameraReply reply;
   uint64_t log_ns = 0;    // of the reply
   uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
   bool has_reply = true;  // false: the file ends with ticks that nothing answers
-  int economy_level() const { return economy_level_of(reply); }
+  int quality_level() const { return economy_level_of(reply); }
 };
 
 // Puts events together to steps. Feed it every event of a recording in order. What is missing without a Gap (a damaged

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "client/base/text_table.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
@@ -60,14 +61,14 @@ void take_gaps(const McapReader& reader, RecordingSummary& out) {
   reader.read(query, [&](const McapMessage& m) {
     v1::Gap gap;
     if (gap.ParseFromArray(m.message.data.data(), static_cast<int>(m.message.data.size())))
-      out.missing[v1::Gap::Reason_Name(gap.reason())] += gap.messages();
+      out.missing[short_name(gap.reason())] += gap.messages();
     return ++read < RecordingSummary::kMaxGaps;
   });
 }
 
 void take_session(const Recording& recording, RecordingSummary& out) {
   out.session = recording.info();
-  const uint64_t folded = recording.info().folded_ticks() > 0 ? 1 : 0;
+  const uint64_t folded = recording.info().snapshot_ticks() > 0 ? 1 : 0;
   const auto less = [](uint64_t a, uint64_t b) { return a > b ? a - b : 0; };
   out.ticks = less(messages_of(out, RecordTopic::kTick), folded);
   out.replies = messages_of(out, RecordTopic::kReply);
@@ -128,10 +129,10 @@ void print_session(std::ostream& out, const RecordingSummary& s) {
       << "seed        " << info.seed() << '\n'
       << "started     " << utc_text(info.start_time_ns()) << '\n'
       << "begins      "
-      << (info.folded_ticks() == 0
+      << (info.snapshot_ticks() == 0
               ? std::string(info.part() > 1 ? "within the session, without what came before"
                                             : "with the session")
-              : "after " + counted(info.folded_ticks(), "tick") + ", folded into one")
+              : "after " + counted(info.snapshot_ticks(), "tick") + ", folded into one")
       << '\n';
   out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, "
       << grouped(s.merged) << " merged or not answered, " << grouped(s.rejections) << " refused\n"
@@ -172,7 +173,7 @@ nlohmann::ordered_json session_json(const RecordingSummary& s) {
           {"seed", info.seed()},
           {"start_time_ns", info.start_time_ns()},
           {"start_time", utc_text(info.start_time_ns())},
-          {"folded_ticks", info.folded_ticks()},
+          {"snapshot_ticks", info.snapshot_ticks()},
           {"ticks", s.ticks},
           {"replies", s.replies},
           {"merged", s.merged},

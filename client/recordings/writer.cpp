@@ -8,7 +8,7 @@ namespace {
 constexpr uint32_t kVersion = 1;  // FORMAT.md
 
 v1::RecordingInfo versioned(v1::RecordingInfo info) {
-  info.set_version(kVersion);
+  info.set_layout_version(kVersion);
   return info;
 }
 
@@ -61,7 +61,7 @@ Status RecordingWriter::write(const v1::Tick& tick, uint64_t log_ns) {
 Status RecordingWriter::write(const v1::CameraReply& reply, uint64_t log_ns) {
   return put(RecordTopic::kReply, reply, log_ns, &ViewerChannels::take_reply);
 }
-Status RecordingWriter::write(const v1::Rejection& rejection, uint64_t log_ns) {
+Status RecordingWriter::write(const v1::TickError& rejection, uint64_t log_ns) {
   return put(RecordTopic::kRejection, rejection, log_ns, &ViewerChannels::take_rejection);
 }
 Status RecordingWriter::write(const v1::Fault& fault, uint64_t log_ns) {

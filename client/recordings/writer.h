@@ -25,7 +25,7 @@ class RecordingWriter {
   Status write(const v1::SessionOpened& opened, uint64_t log_ns);
   Status write(const v1::Tick& tick, uint64_t log_ns);
   Status write(const v1::CameraReply& reply, uint64_t log_ns);
-  Status write(const v1::Rejection& rejection, uint64_t log_ns);
+  Status write(const v1::TickError& rejection, uint64_t log_ns);
   Status write(const v1::Fault& fault, uint64_t log_ns);
   Status write(const v1::Gap& gap, uint64_t log_ns);
   Status attach(const RecordedFile& file, uint64_t log_ns);

@@ -11,8 +11,8 @@ namespace {
 
 const IgnoredFields& fields_beside_the_input() {
   static const IgnoredFields fields =
-      fields_named({"sightline.v1.OpenSession.recording", "sightline.v1.OpenSession.never_degrade",
-                    "sightline.v1.Tick.step"});
+      fields_named({"sightline.v1.OpenSession.recording", "sightline.v1.OpenSession.degradation_policy",
+                    "sightline.v1.Tick.step_control"});
   return fields;
 }
 

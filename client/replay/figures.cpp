@@ -101,10 +101,10 @@ std::vector<FigureRow> side_by_side(const ReplayFigures& recorded, const ReplayF
   }
   row("all targets seen", [](const Run& run) { return percent(share(run.all_seen_, run.replies())); });
   for (const int status : values_of(recorded.statuses_, replayed.statuses_))
-    row("status " + name_of(static_cast<v1::Status>(status)),
+    row("status " + name_of(static_cast<v1::TrackingStatus>(status)),
         [status](const Run& run) { return percent(share(count_of(run.statuses_, status), run.replies())); });
   for (const int reason : values_of(recorded.reasons_, replayed.reasons_))
-    row("reason " + name_of(static_cast<v1::Reason>(reason)),
+    row("reason " + name_of(static_cast<v1::MoveReason>(reason)),
         [reason](const Run& run) { return percent(share(count_of(run.reasons_, reason), run.replies())); });
 
   const auto motion = [](const Run& run) {

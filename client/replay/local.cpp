@@ -31,16 +31,16 @@ class LocalPlace final : public ReplayPlace {
     return keep_opened(LocalSession::open(open, world_, monotonic_ns), session_);
   }
 
-  Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) override {
+  Status take(std::span<const v1::Tick> ticks, int quality_level, ReplayAnswer& answer) override {
     for (const v1::Tick& tick : ticks) {
-      v1::Rejection rejection;
+      v1::TickError rejection;
       if (session_->apply(tick, rejection))
         waiting_ = true;
       else
         answer.rejections.push_back(std::move(rejection));
     }
     if (!steps_ || !waiting_) return {};
-    if (Status stepped = session_->step(economy_level, answer.reply); !stepped) return stepped;
+    if (Status stepped = session_->step(quality_level, answer.reply); !stepped) return stepped;
     answer.has_reply = true;
     waiting_ = false;
     return {};

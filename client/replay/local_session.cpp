@@ -23,15 +23,15 @@ Result<std::unique_ptr<LocalSession>> LocalSession::open(const v1::OpenSession& 
   return local;
 }
 
-bool LocalSession::apply(const v1::Tick& tick, v1::Rejection& rejection) {
+bool LocalSession::apply(const v1::Tick& tick, v1::TickError& rejection) {
   auto input = tick_from_proto(tick, *session_, SceneSource{world_.scenes, world_.geometry});
   const Status applied = input ? session_->apply(*input) : tl::unexpected(std::move(input.error()));
-  if (!applied) rejection_to_proto(applied.error(), tick.sequence(), &session_->mirror(), rejection);
+  if (!applied) tick_error_to_proto(applied.error(), tick.sequence(), &session_->mirror(), rejection);
   return applied.has_value();
 }
 
-Status LocalSession::step(int economy_level, v1::CameraReply& reply) {
-  const auto answer = session_->step(economy_level);
+Status LocalSession::step(int quality_level, v1::CameraReply& reply) {
+  const auto answer = session_->step(quality_level);
   if (!answer) return tl::unexpected(answer.error());
   camera_reply_to_proto(*answer, *session_, wanted_, reply);
   return {};

@@ -39,11 +39,11 @@ class LocalSession {
 
   // Applies a tick whole; or answers why not, as the daemon's Rejection says it, and changes nothing.
   // False: refused, and `rejection` is filled.
-  bool apply(const v1::Tick& tick, v1::Rejection& rejection);
+  bool apply(const v1::Tick& tick, v1::TickError& rejection);
 
   // One step for the newest applied tick, at a level of economy (server/step/economy.h). Clears and fills `reply`.
   // Fails only when the sampler does.
-  Status step(int economy_level, v1::CameraReply& reply);
+  Status step(int quality_level, v1::CameraReply& reply);
 
   // Of every reply from now on, beside what the opening asked for.
   void want_candidates() { wanted_.candidates = true; }

@@ -17,7 +17,7 @@ namespace sightline {
 
 // What became of one step's ticks.
 struct ReplayAnswer {
-  std::vector<v1::Rejection> rejections;
+  std::vector<v1::TickError> rejections;
   bool has_reply = false;  // false: every tick was refused, or none was to be answered yet
   v1::CameraReply reply;
 };
@@ -34,7 +34,7 @@ class ReplayPlace {
   // Applies the ticks, oldest first, and takes one step for the last of them, at this level of economy; where that is refused,
   // those before it are part of the next step. `answer` comes empty. kUnavailable: the place is gone, and what was applied there
   // is lost.
-  virtual Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) = 0;
+  virtual Status take(std::span<const v1::Tick> ticks, int quality_level, ReplayAnswer& answer) = 0;
   // Whether it comes back when it is gone (open() then works again); waits for it for no longer than it was told to.
   virtual bool wait_until_back() { return false; }
   // Of the session here; null: it is elsewhere.

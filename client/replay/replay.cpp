@@ -20,13 +20,13 @@ void move_tick(RecordedStep& from, size_t i, RecordedStep& to) {
 
 }  // namespace
 
-bool refuses(const v1::Rejection& rejection) {
+bool refuses(const v1::TickError& rejection) {
   return rejection.field_violations_size() > 0;
 }
 
 std::vector<bool> refused_ticks(const RecordedStep& step) {
   std::vector<bool> refused(step.ticks.size(), false);
-  for (const v1::Rejection& rejection : step.rejections) {
+  for (const v1::TickError& rejection : step.rejections) {
     if (!refuses(rejection)) continue;
     // The newest with that number: one that repeats the number of a good tick stands behind it.
     for (size_t i = step.ticks.size(); i-- > 0;)
@@ -75,7 +75,7 @@ void ReplayFeed::split(RecordedStep& recorded) {
     --left;
     if (lost == 0) continue;
     --lost;
-    if (now.ticks.back().step().merge_into_next()) continue;  // never had a reply: what a file begins with
+    if (now.ticks.back().step_control().merge_into_next()) continue;  // never had a reply: what a file begins with
     now.has_reply = false;
     ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
   }
@@ -132,7 +132,7 @@ Status Replay::open_place(ReplayPlace& place, ReplayScenes& scenes) {
   scenes.bring_to([&](std::span<const std::byte> file) { return place.bring(file); });
   v1::OpenSession open = asked_;
   open.clear_recording();        // whether the replay is recorded is the place's affair
-  open.set_never_degrade(true);  // nothing is left out but what the recording says
+  open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);  // nothing is left out but what the recording says
   if (Status named = scenes.name_by_hash(open); !named) return named;
   auto opened = place.open(open);
   if (!opened) return tl::unexpected(std::move(opened.error()));
@@ -207,7 +207,7 @@ Status Replay::take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& ste
   answer.rejections.clear();
   answer.has_reply = false;
   if (ticks.empty() || (step.answer == StepAnswer::kNone && !place.session())) return {};
-  const int level = step.step.economy_level();
+  const int level = step.step.quality_level();
   if (std::none_of(ticks.begin(), ticks.end(), ReplayScenes::named_in))
     return place.take(ticks, level, answer);
   renamed_ = ticks;

@@ -71,7 +71,7 @@ class ReplayFeed {
 };
 
 // Whether nothing of the tick was applied: a step that failed is told as a Rejection too, without a field.
-bool refuses(const v1::Rejection& rejection);
+bool refuses(const v1::TickError& rejection);
 
 // Which of a step's ticks the recording says were refused; a tick whose step failed was not.
 std::vector<bool> refused_ticks(const RecordedStep& step);

@@ -55,7 +55,7 @@ class ReplayOutput {
     Status done;
     for (size_t i = 0; done && i < recorded.ticks.size(); ++i) {
       done = writer_->write(recorded.ticks[i], recorded.tick_log_ns[i]);
-      for (const v1::Rejection& rejection : step.answer.rejections)
+      for (const v1::TickError& rejection : step.answer.rejections)
         if (done && rejection.sequence() == recorded.ticks[i].sequence())
           done = writer_->write(rejection, recorded.tick_log_ns[i]);
     }
@@ -164,9 +164,9 @@ class Command {
     if (replay_->opened().sampler() != recording_->info().sampler())
       return "recorded with " + recording_->info().sampler() + ", replayed with " +
              replay_->opened().sampler();
-    if (recording_->info().folded_ticks() > 0)
+    if (recording_->info().snapshot_ticks() > 0)
       return formatted("the file begins with %lu ticks folded into one",
-                       static_cast<unsigned long>(recording_->info().folded_ticks()));
+                       static_cast<unsigned long>(recording_->info().snapshot_ticks()));
     return {};
   }
 
@@ -286,7 +286,7 @@ class Command {
     const v1::CameraReply& reply = step_.answer.reply;
     if (!step_.answer.has_reply) {
       out_ << "no reply";
-      for (const v1::Rejection& rejection : step_.answer.rejections)
+      for (const v1::TickError& rejection : step_.answer.rejections)
         out_ << "; tick " << rejection.sequence() << " refused: " << rejection.message();
       out_ << '\n';
       return;
@@ -296,7 +296,7 @@ class Command {
                       reply.time_s(), p.x(), p.y(), p.z());
     for (const auto& target : reply.targets())
       out_ << formatted("  %lu %.2f", static_cast<unsigned long>(target.id()), target.visible_share());
-    out_ << formatted("  S_V %u of %u  ", reply.counts().all_visible(), reply.counts().total())
+    out_ << formatted("  S_V %u of %u  ", reply.candidate_counts().all_visible(), reply.candidate_counts().total())
          << name_of(reply.status()) << ' ' << name_of(reply.reason());
     if (step_.recorded.answer == StepAnswer::kRecorded)
       out_ << (reply_hash(reply) == reply_hash(step_.recorded.step.reply) ? "  equal" : "  differs");

@@ -178,14 +178,14 @@ Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
 }
 
 bool ReplayScenes::named_in(const v1::Tick& tick) {
-  const auto& added = tick.delta().add();
+  const auto& added = tick.delta().added_instances();
   return std::any_of(added.begin(), added.end(),
                      [](const v1::NewInstance& instance) { return instance.has_mesh(); });
 }
 
 Status ReplayScenes::name_by_hash(v1::Tick& tick) {
   if (!named_in(tick)) return {};
-  for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_add())
+  for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_added_instances())
     if (Status named = name_by_hash(instance); !named) return named;
   return {};
 }

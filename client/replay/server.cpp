@@ -33,11 +33,11 @@ class ServerPlace final : public ReplayPlace {
     return keep_opened(client_.open_session(open, kOpenTimeout), session_);
   }
 
-  Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) override {
+  Status take(std::span<const v1::Tick> ticks, int quality_level, ReplayAnswer& answer) override {
     if (!session_) return fail(ErrorCode::kUnavailable, "session", "is not open");
     for (size_t i = 0; i < ticks.size(); ++i) {
       const bool last = i + 1 == ticks.size();
-      if (Status sent = send(ticks[i], economy_level, last, answer); !sent) return sent;
+      if (Status sent = send(ticks[i], quality_level, last, answer); !sent) return sent;
     }
     while (!done(ticks, answer)) {
       auto event = session_->receive(kReplyTimeout);
@@ -62,10 +62,10 @@ class ServerPlace final : public ReplayPlace {
   }
 
  private:
-  Status send(const v1::Tick& recorded, int economy_level, bool last, ReplayAnswer& answer) {
+  Status send(const v1::Tick& recorded, int quality_level, bool last, ReplayAnswer& answer) {
     tick_.CopyFrom(recorded);
-    tick_.mutable_step()->set_merge_into_next(!last);
-    tick_.mutable_step()->set_economy_level(static_cast<uint32_t>(economy_level));
+    tick_.mutable_step_control()->set_merge_into_next(!last);
+    tick_.mutable_step_control()->set_quality_level(static_cast<uint32_t>(quality_level));
     ++unanswered_;
     while (true) {
       Status sent = session_->send(tick_);
@@ -82,7 +82,7 @@ class ServerPlace final : public ReplayPlace {
       unanswered_ -= std::min<size_t>(unanswered_, size_t{1} + reply->merged_ticks());
       answer.reply = std::move(*reply);
       answer.has_reply = true;
-    } else if (auto* rejection = std::get_if<v1::Rejection>(&event)) {
+    } else if (auto* rejection = std::get_if<v1::TickError>(&event)) {
       unanswered_ -= std::min<size_t>(unanswered_, 1);
       answer.rejections.push_back(std::move(*rejection));
     }  // a drain: what was sent is still answered, and the end of the stream says the rest

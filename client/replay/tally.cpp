@@ -53,9 +53,9 @@ void ReplayTally::add(const ReplayedStep& step) {
 
 // Refused ticks may stand a step later in the replay than in the recording (FedStep).
 void ReplayTally::add_rejections(const ReplayedStep& step) {
-  for (const v1::Rejection& rejection : step.recorded.step.rejections)
+  for (const v1::TickError& rejection : step.recorded.step.rejections)
     if (refuses(rejection)) refused_recorded_.push_back(rejection.sequence());
-  for (const v1::Rejection& rejection : step.answer.rejections) {
+  for (const v1::TickError& rejection : step.answer.rejections) {
     const auto same = std::find(refused_recorded_.begin(), refused_recorded_.end(), rejection.sequence());
     if (same != refused_recorded_.end()) {
       refused_recorded_.erase(same);

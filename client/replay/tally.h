@@ -42,7 +42,7 @@ class ReplayTally {
   uint64_t only_recorded_ = 0, only_replayed_ = 0;  // replies
   uint64_t refused_both_ = 0, refused_only_replayed_ = 0;
   std::vector<uint64_t> refused_recorded_;  // sequences that the replay has not refused yet
-  std::optional<v1::Rejection> first_new_refusal_;
+  std::optional<v1::TickError> first_new_refusal_;
   uint64_t faults_ = 0, gaps_ = 0, missing_ = 0, lost_replies_ = 0, unanswered_ticks_ = 0;
   std::string first_fault_;
   uint64_t compared_before_gap_ = 0, equal_before_gap_ = 0;

@@ -7,6 +7,7 @@
 
 #include "client/page/page_reply.h"
 #include "client/scenario/scenario_session.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
@@ -24,8 +25,8 @@ std::string json_of(const google::protobuf::Message& message) {
 
 // What of a reply must not be lost when frames are left out.
 struct Outline {
-  v1::Status status{};
-  v1::Reason reason{};
+  v1::TrackingStatus status{};
+  v1::MoveReason reason{};
   std::string flags;
   bool operator==(const Outline&) const = default;
 };
@@ -57,7 +58,7 @@ class Digester {
   void take(const v1::Tick& tick, uint64_t log_ns) {
     ++digest_.figures.ticks;
     newest_tick_ = {tick.sequence(), log_ns};
-    poses_ += static_cast<size_t>(tick.transforms().id_size());
+    poses_ += static_cast<size_t>(tick.transforms().ids_size());
     if (tick.has_settings()) mark("change", "settings " + json_of(tick.settings()));
     if (tick.has_limits()) mark("change", "limits " + json_of(tick.limits()));
     if (tick.has_lens()) mark("change", "lens " + json_of(tick.lens()));
@@ -70,7 +71,7 @@ class Digester {
     return list.targets().empty() ? "no targets" : text;
   }
 
-  void take(const v1::Rejection& rejection, uint64_t) {
+  void take(const v1::TickError& rejection, uint64_t) {
     ++digest_.figures.rejections;
     mark("rejection", "tick " + std::to_string(rejection.sequence()) + ": " + rejection.message());
   }
@@ -81,15 +82,15 @@ class Digester {
   void take(const v1::Gap& gap, uint64_t) {
     digest_.figures.missing += gap.messages();
     std::string text =
-        std::to_string(gap.messages()) + " messages are missing: " + v1::Gap::Reason_Name(gap.reason());
+        std::to_string(gap.messages()) + " messages are missing: " + short_name(gap.reason());
     mark("gap", gap.text().empty() ? text : text + ", " + gap.text());
   }
 
   void take(const v1::CameraReply& reply, uint64_t log_ns) {
     if (digest_.figures.replies == 0) digest_.first_log_ns = log_ns;
     digest_.candidates =
-        std::max(digest_.candidates, static_cast<size_t>(reply.candidates().visible_mask_size()));
-    if (reply.candidates().visible_mask_size() > 0) digest_.has_candidates = true;
+        std::max(digest_.candidates, static_cast<size_t>(reply.candidates().visible_masks_size()));
+    if (reply.candidates().visible_masks_size() > 0) digest_.has_candidates = true;
     Outline outline{reply.status(), reply.reason(), reply.flags().SerializeAsString()};
     important_.push_back(reply.cut() || !(outline == last_));
     last_ = std::move(outline);
@@ -108,11 +109,11 @@ class Digester {
       sums.visible += seen.visible_share();
       sums.filtered += seen.filtered_share();
       sums.distance_m += seen.distance() * convention_.metres_per_unit;
-      all = all && seen.state() == v1::VISIBLE;
+      all = all && seen.state() == v1::TARGET_STATE_VISIBLE;
     }
     if (!reply.targets().empty()) ++figures.with_targets, figures.all_visible += all ? 1 : 0;
-    ++figures.statuses[v1::Status_Name(reply.status())];
-    ++figures.reasons[v1::Reason_Name(reply.reason())];
+    ++figures.statuses[short_name(reply.status())];
+    ++figures.reasons[short_name(reply.reason())];
     const glm::dvec3 place = position_from_client(convention_, pose_from(reply.pose()).position_m);
     if (place_m_ && !reply.cut()) figures.travel_m += glm::distance(*place_m_, place);
     place_m_ = place;

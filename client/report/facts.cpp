@@ -3,21 +3,22 @@
 #include <filesystem>
 
 #include "client/base/text_table.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
 
 std::string part_text(const v1::RecordingInfo& info) {
   std::string text = std::to_string(info.part());
-  if (info.folded_ticks() > 0)
-    text.append(", begins after ").append(std::to_string(info.folded_ticks())).append(" ticks");
+  if (info.snapshot_ticks() > 0)
+    text.append(", begins after ").append(std::to_string(info.snapshot_ticks())).append(" ticks");
   return text;
 }
 
 std::string convention_text(const v1::Convention& convention) {
   return convention.preset() == v1::Convention::PRESET_UNSPECIFIED
              ? "GLTF"
-             : v1::Convention::Preset_Name(convention.preset());
+             : short_name(convention.preset());
 }
 
 }  // namespace
@@ -44,9 +45,9 @@ std::vector<std::pair<std::string, std::string>> recording_facts(const Recording
       {"server", info.server_version()},
       {"build", info.build()},
       {"convention", convention_text(recording.open_session().convention())},
-      {"instances", std::to_string(opened.instances())},
-      {"triangles", std::to_string(opened.triangles())},
-      {"mirror", formatted("%016llx", static_cast<unsigned long long>(opened.hash()))}};
+      {"instances", std::to_string(opened.instance_count())},
+      {"triangles", std::to_string(opened.triangle_count())},
+      {"mirror", formatted("%016llx", static_cast<unsigned long long>(opened.mirror_hash()))}};
   for (const std::string& warning : opened.warnings()) facts.emplace_back("warning", warning);
   std::erase_if(facts, [](const auto& fact) { return fact.second.empty(); });
   return facts;
@@ -72,9 +73,9 @@ std::vector<std::string> recording_notices(const Recording& recording, const Rec
         " places cannot be read.");
   if (digest.read.undecodable > 0)
     notices.push_back(count(digest.read.undecodable) + " messages cannot be decoded and are left out.");
-  if (recording.info().folded_ticks() > 0)
+  if (recording.info().snapshot_ticks() > 0)
     notices.push_back("The file begins in the middle of its session, after " +
-                      count(recording.info().folded_ticks()) + " ticks.");
+                      count(recording.info().snapshot_ticks()) + " ticks.");
   if (digest.figures.missing > 0)
     notices.push_back(count(digest.figures.missing) +
                       " messages were not recorded: after such a gap things may not stand where they stood.");

@@ -117,7 +117,7 @@ class Maker {
     session_ = std::move(*session);
     const auto told = recording_.opened();
     whole_scene_ = whole_scene_ && stand_ins_->missed().empty();
-    if (whole_scene_ && told.hash() != 0 && told.hash() != session_->opened().hash()) {
+    if (whole_scene_ && told.mirror_hash() != 0 && told.mirror_hash() != session_->opened().mirror_hash()) {
       notice(
           "The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
       whole_scene_ = false;
@@ -157,7 +157,7 @@ class Maker {
     std::string why;
     if (options_.cells == PageCells::kRecorded)
       why = "they were not recorded";
-    else if (recording_.info().folded_ticks() > 0)
+    else if (recording_.info().snapshot_ticks() > 0)
       why = "they were not recorded, and this file does not begin with its session";
     else if (!whole_scene_)
       why = "they were not recorded, and without the scene no step can be taken again";
@@ -174,7 +174,7 @@ class Maker {
   void play() {
     recording_.read({0.0, options_.range.end_s}, [this](RecordedEvent& event) {
       if (auto* tick = std::get_if<v1::Tick>(&event.message)) apply(*tick, event.log_ns);
-      if (auto* rejection = std::get_if<v1::Rejection>(&event.message))
+      if (auto* rejection = std::get_if<v1::TickError>(&event.message))
         refused_.insert(rejection->sequence());
       if (auto* reply = std::get_if<v1::CameraReply>(&event.message)) take(*reply, event.log_ns);
       return true;
@@ -185,7 +185,7 @@ class Maker {
   void apply(v1::Tick& tick, uint64_t log_ns) {
     newest_tick_ = {tick.sequence(), log_ns};
     stand_ins_->replace(tick);
-    v1::Rejection rejection;
+    v1::TickError rejection;
     if (session_->apply(tick, rejection)) return;
     refused_now_.insert(tick.sequence());
     if (first_refusal_.empty()) first_refusal_ = rejection.message();

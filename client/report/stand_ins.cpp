@@ -14,14 +14,14 @@ bool of_a_file(uint64_t id) {
 // Transforms of instances that there are; the others would be refused, and the whole tick with them.
 void keep_clients_own(v1::Transforms& transforms) {
   v1::Transforms kept;
-  const bool turns = transforms.rotation_size() == 4 * transforms.id_size();
-  const bool moves = transforms.velocity_size() == 3 * transforms.id_size();
-  for (int i = 0; i < transforms.id_size() && transforms.position_size() >= 3 * (i + 1); ++i) {
-    if (of_a_file(transforms.id(i))) continue;
-    kept.add_id(transforms.id(i));
-    for (int k = 0; k < 3; ++k) kept.add_position(transforms.position(3 * i + k));
-    for (int k = 0; turns && k < 4; ++k) kept.add_rotation(transforms.rotation(4 * i + k));
-    for (int k = 0; moves && k < 3; ++k) kept.add_velocity(transforms.velocity(3 * i + k));
+  const bool turns = transforms.rotations_size() == 4 * transforms.ids_size();
+  const bool moves = transforms.velocities_size() == 3 * transforms.ids_size();
+  for (int i = 0; i < transforms.ids_size() && transforms.positions_size() >= 3 * (i + 1); ++i) {
+    if (of_a_file(transforms.ids(i))) continue;
+    kept.add_ids(transforms.ids(i));
+    for (int k = 0; k < 3; ++k) kept.add_positions(transforms.positions(3 * i + k));
+    for (int k = 0; turns && k < 4; ++k) kept.add_rotations(transforms.rotations(4 * i + k));
+    for (int k = 0; moves && k < 3; ++k) kept.add_velocities(transforms.velocities(3 * i + k));
   }
   transforms = std::move(kept);
 }
@@ -85,13 +85,13 @@ void StandIns::replace(v1::OpenSession& open, bool without_scene) {
 
 void StandIns::replace(v1::Tick& tick) {
   if (tick.has_delta())
-    for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_add()) replace(instance);
+    for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_added_instances()) replace(instance);
   if (!without_scene_) return;
   if (tick.has_delta()) {
     v1::SceneDelta& delta = *tick.mutable_delta();
     delta.clear_base_revision();
-    drop_of_a_file(*delta.mutable_remove(), [](uint64_t id) { return id; });
-    drop_of_a_file(*delta.mutable_change(), [](const v1::AttributeChange& change) { return change.id(); });
+    drop_of_a_file(*delta.mutable_removed_ids(), [](uint64_t id) { return id; });
+    drop_of_a_file(*delta.mutable_changed_instances(), [](const v1::AttributeChange& change) { return change.id(); });
   }
   if (tick.has_targets())
     drop_of_a_file(*tick.mutable_targets()->mutable_targets(),

@@ -2,7 +2,7 @@
 
 namespace sightline {
 
-void set_pose(const Pose& pose, v1::Pose* message) {
+void set_pose(const Pose& pose, v1::Pose3* message) {
   message->mutable_position()->set_x(pose.position_m.x);
   message->mutable_position()->set_y(pose.position_m.y);
   message->mutable_position()->set_z(pose.position_m.z);
@@ -12,7 +12,7 @@ void set_pose(const Pose& pose, v1::Pose* message) {
   message->mutable_rotation()->set_w(pose.rotation.w);
 }
 
-Pose pose_from(const v1::Pose& message) {
+Pose pose_from(const v1::Pose3& message) {
   const auto& p = message.position();
   const auto& r = message.rotation();
   return {{p.x(), p.y(), p.z()}, glm::dquat(r.w(), r.x(), r.y(), r.z())};
@@ -20,7 +20,7 @@ Pose pose_from(const v1::Pose& message) {
 
 v1::OpenSession open_request(const Scenario& scenario, const std::string& scene_hash, uint64_t seed) {
   v1::OpenSession open;
-  open.mutable_convention()->set_preset(v1::Convention::GLTF);
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_GLTF);
   open.set_seed(seed);
   open.mutable_scene()->set_hash(scene_hash);
   for (const ScenarioActor& actor : scenario.actors()) {
@@ -48,14 +48,14 @@ v1::Tick tick_at(const Scenario& scenario, uint64_t sequence, double time_s, dou
   v1::Transforms& transforms = *tick.mutable_transforms();
   const std::vector<ActorMotion> motion = scenario.motion_at(time_s, step_s);
   for (size_t i = 0; i < motion.size(); ++i) {
-    transforms.add_id(scenario.actors()[i].id);
+    transforms.add_ids(scenario.actors()[i].id);
     const auto& [pose, velocity] = motion[i];
     for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z})
-      transforms.add_position(value);
+      transforms.add_positions(value);
     for (const double value : {pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w})
-      transforms.add_rotation(static_cast<float>(value));
+      transforms.add_rotations(static_cast<float>(value));
     for (const double value : {velocity.x, velocity.y, velocity.z})
-      transforms.add_velocity(static_cast<float>(value));
+      transforms.add_velocities(static_cast<float>(value));
   }
   return tick;
 }

@@ -16,7 +16,7 @@ v1::OpenSession open_request(const Scenario& scenario, const std::string& scene_
 v1::Tick tick_at(const Scenario& scenario, uint64_t sequence, double time_s, double step_s);
 
 // Between the wire's poses and ours.
-void set_pose(const Pose& pose, v1::Pose* message);
-Pose pose_from(const v1::Pose& message);
+void set_pose(const Pose& pose, v1::Pose3* message);
+Pose pose_from(const v1::Pose3& message);
 
 }  // namespace sightline

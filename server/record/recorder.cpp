@@ -21,11 +21,11 @@ constexpr int kNameTries = 1000;
 
 const char* reason_text(v1::Gap::Reason reason) {
   switch (reason) {
-    case v1::Gap::QUEUE_FULL:
+    case v1::Gap::REASON_QUEUE_FULL:
       return "messages come faster than they can be written";
-    case v1::Gap::TOO_LARGE:
+    case v1::Gap::REASON_TOO_LARGE:
       return "a message is larger than a recording can hold";
-    case v1::Gap::NO_SPACE:
+    case v1::Gap::REASON_NO_SPACE:
       return "there is no space for recordings";
     default:
       return "the recording cannot be written";
@@ -35,7 +35,7 @@ const char* reason_text(v1::Gap::Reason reason) {
 // In the place of a folded tick that is too large. Its ticks are in the parts before, so they do not count as dropped.
 v1::Gap unsaid(const TickFold& fold, const Session& session) {
   v1::Gap gap;
-  add_to_gap(gap, v1::Gap::TOO_LARGE, fold.ticks(), session.info.start_time_ns(), fold.stamp().log_ns);
+  add_to_gap(gap, v1::Gap::REASON_TOO_LARGE, fold.ticks(), session.info.start_time_ns(), fold.stamp().log_ns);
   gap.set_text("what these ticks changed is too much for the one that should stand for them");
   return gap;
 }
@@ -83,7 +83,7 @@ RecordWriter::~RecordWriter() {
 }
 
 std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo info) {
-  info.set_version(kLayoutVersion);
+  info.set_layout_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
   auto session = std::make_shared<Session>(std::move(info), settings_, bell_);
   const std::lock_guard lock(mutex_);
@@ -148,9 +148,9 @@ void RecordWriter::serve(Book& book) {
   if (book.file) check(book, book.file->tend(now_ns_()));
 
   const Session& session = *book.session;
-  tell_drops(book, v1::Gap::QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
+  tell_drops(book, v1::Gap::REASON_QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
              book.queue_full);
-  tell_drops(book, v1::Gap::TOO_LARGE,
+  tell_drops(book, v1::Gap::REASON_TOO_LARGE,
              session.dropped_too_large.load(std::memory_order_relaxed) + book.viewers_too_large,
              book.too_large);
 }
@@ -215,8 +215,8 @@ void RecordWriter::take_in(Book& book, const RecordMessage& message, bool writte
       return parsed(v1::CameraReply(), &ViewerChannels::take_reply,
                     [&](const v1::CameraReply& reply) { book.fold.take_reply(reply); });
     case RecordTopic::kRejection:
-      return parsed(v1::Rejection(), &ViewerChannels::take_rejection,
-                    [&](const v1::Rejection& rejection) { book.fold.take_rejection(rejection); });
+      return parsed(v1::TickError(), &ViewerChannels::take_rejection,
+                    [&](const v1::TickError& rejection) { book.fold.take_rejection(rejection); });
     case RecordTopic::kFault:
       return parsed(v1::Fault(), &ViewerChannels::take_fault, forget);
     case RecordTopic::kGap:
@@ -290,7 +290,7 @@ bool RecordWriter::ensure_file(Book& book) {
   options.max_message_bytes = settings_.max_message_bytes;
   // The info comes first, and must not tell of a tick that does not follow.
   const std::string folded = folded_tick(book);
-  info.set_folded_ticks(folded.empty() ? 0 : book.fold.ticks());
+  info.set_snapshot_ticks(folded.empty() ? 0 : book.fold.ticks());
   book.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
   being_written_.insert(book.file_name);
   book.counted_bytes = 0;
@@ -380,7 +380,7 @@ void RecordWriter::lose_file(Book& book, const Error& error) {
   book.retry_ns = now_ns_() + kHousekeepingNs;
   book.session->failing.store(true, std::memory_order_relaxed);
   book.gap.set_text(to_string(error));
-  book.gap.set_reason(full ? v1::Gap::NO_SPACE : v1::Gap::WRITE_FAILED);
+  book.gap.set_reason(full ? v1::Gap::REASON_NO_SPACE : v1::Gap::REASON_WRITE_FAILED);
   if (waiting.messages > 0) lose_messages(book, waiting);
   if (!std::exchange(book.warned, true)) {
     std::string text = reason_text(book.gap.reason());

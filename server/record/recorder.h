@@ -135,7 +135,7 @@ class RecordWriter {
   // Writes what is queued and finishes every file. Recorders may outlive it; what they take then goes nowhere.
   ~RecordWriter();
 
-  // The info's `version`, `part`, `start_time_ns` and `folded_ticks` are filled here. May be called from any thread.
+  // The info's `version`, `part`, `start_time_ns` and `snapshot_ticks` are filled here. May be called from any thread.
   std::unique_ptr<SessionRecorder> open_session(v1::RecordingInfo info);
 
   // Takes what stands in the queues, writes it, closes chunks whose time has come, finishes the files of sessions

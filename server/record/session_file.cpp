@@ -7,7 +7,7 @@ namespace {
 
 mcap::Metadata metadata_of(const v1::RecordingInfo& info) {
   return {"sightline",
-          {{"version", std::to_string(info.version())},
+          {{"version", std::to_string(info.layout_version())},
            {"server_version", info.server_version()},
            {"build", info.build()},
            {"sampler", info.sampler()},

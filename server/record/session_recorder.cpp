@@ -45,7 +45,7 @@ char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
-  if (at == nullptr) drop(times, v1::Gap::QUEUE_FULL);
+  if (at == nullptr) drop(times, v1::Gap::REASON_QUEUE_FULL);
   return at;
 }
 
@@ -54,7 +54,7 @@ bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::s
   // An entry that is not committed is none.
   const bool too_large = serialised.size() > session_->max_message_bytes;
   if (too_large || !session_->large.put(std::move(serialised))) {
-    drop(times, too_large ? v1::Gap::TOO_LARGE : v1::Gap::QUEUE_FULL);
+    drop(times, too_large ? v1::Gap::REASON_TOO_LARGE : v1::Gap::REASON_QUEUE_FULL);
     return false;
   }
   commit(topic, times, 0, true);
@@ -83,7 +83,7 @@ bool SessionRecorder::record_gap(RecordTimes times) {
 
 void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
   add_to_gap(gap_, reason, 1, times.log_ns, times.log_ns);
-  auto& dropped = reason == v1::Gap::TOO_LARGE ? session_->dropped_too_large : session_->dropped_queue_full;
+  auto& dropped = reason == v1::Gap::REASON_TOO_LARGE ? session_->dropped_too_large : session_->dropped_queue_full;
   dropped.fetch_add(1, std::memory_order_relaxed);
 }
 

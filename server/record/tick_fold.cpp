@@ -9,22 +9,22 @@
 namespace sightline {
 namespace {
 
-std::array<float, 4> rotation_of(const v1::Pose& pose) {
+std::array<float, 4> rotation_of(const v1::Pose3& pose) {
   if (!pose.has_rotation()) return {0, 0, 0, 1};
-  const v1::Quaternion& q = pose.rotation();
+  const v1::Quat& q = pose.rotation();
   return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()),
           static_cast<float>(q.w())};
 }
 
-void set_rotation(v1::Pose& pose, const std::array<float, 4>& r) {
-  v1::Quaternion& q = *pose.mutable_rotation();
+void set_rotation(v1::Pose3& pose, const std::array<float, 4>& r) {
+  v1::Quat& q = *pose.mutable_rotation();
   q.set_x(r[0]);
   q.set_y(r[1]);
   q.set_z(r[2]);
   q.set_w(r[3]);
 }
 
-void set_position(v1::Pose& pose, const std::array<double, 3>& p) {
+void set_position(v1::Pose3& pose, const std::array<double, 3>& p) {
   pose.mutable_position()->set_x(p[0]);
   pose.mutable_position()->set_y(p[1]);
   pose.mutable_position()->set_z(p[2]);
@@ -76,7 +76,7 @@ void TickFold::take_reply(const v1::CameraReply& reply) {
   if (reply.has_velocity()) *camera_->mutable_velocity() = reply.velocity();
 }
 
-void TickFold::take_rejection(const v1::Rejection& rejection) {
+void TickFold::take_rejection(const v1::TickError& rejection) {
   const auto found =
       find_refused(waiting_, rejection, [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
   if (found == waiting_.end()) return;
@@ -125,7 +125,7 @@ bool TickFold::there(uint64_t id) const {
 }
 
 void TickFold::fold_delta(const v1::SceneDelta& delta) {
-  for (const uint64_t id : delta.remove()) {
+  for (const uint64_t id : delta.removed_ids()) {
     Entry* entry = find(id);
     if (entry == nullptr) continue;
     const bool of_opening = entry->of_opening;
@@ -133,28 +133,28 @@ void TickFold::fold_delta(const v1::SceneDelta& delta) {
     entry->of_opening = entry->removed = of_opening;
     if (!of_opening) entries_.erase(id);
   }
-  for (const v1::NewInstance& instance : delta.add()) {
+  for (const v1::NewInstance& instance : delta.added_instances()) {
     if (there(instance.id()) || entries_.size() >= kMaxInstances) continue;
     Entry& entry = entries_[instance.id()];
     entry.added = std::make_unique<v1::NewInstance>(instance);
     entry.rotation = rotation_of(instance.pose());
   }
-  for (const v1::AttributeChange& change : delta.change())
+  for (const v1::AttributeChange& change : delta.changed_instances())
     if (Entry* entry = find(change.id()))
       entry->attributes = std::make_unique<v1::Attributes>(change.attributes());
 }
 
 void TickFold::fold_transforms(const v1::Transforms& wire, bool paused) {
-  const int n = wire.id_size();
-  if (wire.position_size() != 3 * n) return;
-  const bool turns = n > 0 && wire.rotation_size() == 4 * n, tells = n > 0 && wire.velocity_size() == 3 * n;
+  const int n = wire.ids_size();
+  if (wire.positions_size() != 3 * n) return;
+  const bool turns = n > 0 && wire.rotations_size() == 4 * n, tells = n > 0 && wire.velocities_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
-    Entry* entry = find(wire.id(i));
+    Entry* entry = find(wire.ids(i));
     if (entry == nullptr) continue;
     const std::array<double, 3> before = entry->position;
-    take(wire.position(), i, entry->position);
-    if (turns) take(wire.rotation(), i, entry->rotation);
-    if (tells) take(wire.velocity(), i, entry->velocity);
+    take(wire.positions(), i, entry->position);
+    if (turns) take(wire.rotations(), i, entry->rotation);
+    if (tells) take(wire.velocities(), i, entry->velocity);
     entry->turned |= turns;
     // While paused, what stands where it stood keeps its velocity: see Session.
     const bool keeps = paused && entry->moved && before == entry->position;
@@ -200,25 +200,25 @@ v1::Tick TickFold::tick() const {
     tells_velocities |= entry->has_velocity && entry->velocity != std::array<float, 3>{};
   }
   for (const auto& [id, entry] : entries) {
-    if (entry->removed) out.mutable_delta()->add_remove(id);
+    if (entry->removed) out.mutable_delta()->add_removed_ids(id);
     if (entry->added) {
-      v1::NewInstance& added = *out.mutable_delta()->add_add();
+      v1::NewInstance& added = *out.mutable_delta()->add_added_instances();
       added = *entry->added;
       if (entry->moved) set_position(*added.mutable_pose(), entry->position);
       if (entry->turned) set_rotation(*added.mutable_pose(), entry->rotation);
       if (entry->attributes) *added.mutable_attributes() = *entry->attributes;
     } else if (entry->attributes) {
-      v1::AttributeChange& change = *out.mutable_delta()->add_change();
+      v1::AttributeChange& change = *out.mutable_delta()->add_changed_instances();
       change.set_id(id);
       *change.mutable_attributes() = *entry->attributes;
     }
     if (!entry->moved) continue;
     v1::Transforms& moved = *out.mutable_transforms();
-    moved.add_id(id);
-    put(*moved.mutable_position(), entry->position);
-    if (tells_rotations) put(*moved.mutable_rotation(), entry->rotation);
+    moved.add_ids(id);
+    put(*moved.mutable_positions(), entry->position);
+    if (tells_rotations) put(*moved.mutable_rotations(), entry->rotation);
     if (tells_velocities)
-      put(*moved.mutable_velocity(), entry->has_velocity ? entry->velocity : std::array<float, 3>{});
+      put(*moved.mutable_velocities(), entry->has_velocity ? entry->velocity : std::array<float, 3>{});
   }
   tell_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;
@@ -228,7 +228,7 @@ v1::Tick TickFold::tick() const {
     *out.mutable_observed_camera() = *camera_;
     out.mutable_observed_camera()->set_cut(true);
   }
-  out.mutable_step()->set_merge_into_next(true);
+  out.mutable_step_control()->set_merge_into_next(true);
   return out;
 }
 
@@ -244,10 +244,10 @@ void TickFold::tell_targets(v1::Tick& out) const {
     if (!there(target.id())) continue;
     v1::Target& told = *list.add_targets();
     told = target;
-    told.clear_attached();
-    told.clear_ignored();
-    keep(target.attached(), *told.mutable_attached());
-    keep(target.ignored(), *told.mutable_ignored());
+    told.clear_attached_ids();
+    told.clear_ignored_ids();
+    keep(target.attached_ids(), *told.mutable_attached_ids());
+    keep(target.ignored_ids(), *told.mutable_ignored_ids());
   }
 }
 

@@ -51,7 +51,7 @@ struct WaitingTick {
 // Which of the ticks that nobody has answered yet, oldest first, a rejection refuses; their end: none. A step that failed
 // refuses nothing: see Rejection. `number` gives a tick's sequence.
 template <typename Ticks, typename Number>
-auto find_refused(Ticks& waiting, const v1::Rejection& rejection, const Number& number) {
+auto find_refused(Ticks& waiting, const v1::TickError& rejection, const Number& number) {
   if (rejection.field_violations().empty()) return waiting.end();
   const auto is_it = [&](const auto& tick) { return number(tick) == rejection.sequence(); };
   // Two may have the same number. The second was refused for it, or the first for something else.
@@ -75,7 +75,7 @@ class TickFold {
   // A tick that stands for `ticks` others: what a later part begins with. It waits for nothing.
   void take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp);
   void take_reply(const v1::CameraReply& reply);
-  void take_rejection(const v1::Rejection& rejection);
+  void take_rejection(const v1::TickError& rejection);
 
   // How many ticks are folded; 0: none, and tick() says nothing.
   uint64_t ticks() const { return ticks_; }

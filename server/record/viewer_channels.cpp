@@ -7,6 +7,7 @@
 #include "foxglove/camera.pb.h"
 #include "server/wire/from_proto_values.h"
 #include "server/record/tick_fold.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
@@ -23,11 +24,11 @@ constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kCameraColour{0.15, 0.45,
 
 Colour colour_of(v1::TargetState state) {
   switch (state) {
-    case v1::VISIBLE:
+    case v1::TARGET_STATE_VISIBLE:
       return {0.10, 0.75, 0.30, 1.0};
-    case v1::PARTIAL:
+    case v1::TARGET_STATE_PARTIAL:
       return {0.95, 0.70, 0.10, 1.0};
-    case v1::OCCLUDED:
+    case v1::TARGET_STATE_OCCLUDED:
       return {0.90, 0.20, 0.20, 1.0};
     default:
       return {0.60, 0.60, 0.60, 1.0};
@@ -65,11 +66,11 @@ void set_time(google::protobuf::Timestamp& out, uint64_t time_ns) {
   out.set_nanos(static_cast<int32_t>(time_ns % 1'000'000'000));
 }
 
-glm::dvec3 vector_of(const v1::Vector3& wire) {
+glm::dvec3 vector_of(const v1::Vec3& wire) {
   return {wire.x(), wire.y(), wire.z()};
 }
 
-Pose pose_of(const v1::Pose& wire) {
+Pose pose_of(const v1::Pose3& wire) {
   Pose pose{vector_of(wire.position()), {1, 0, 0, 0}};
   if (wire.has_rotation())
     pose.rotation = glm::normalize(
@@ -229,8 +230,8 @@ void ViewerChannels::take_lens(const v1::Lens& wire) {
 }
 
 void ViewerChannels::take_delta(const v1::SceneDelta& delta) {
-  for (const uint64_t id : delta.remove()) instances_.erase(id);
-  for (const v1::NewInstance& instance : delta.add()) add_instance(instance);
+  for (const uint64_t id : delta.removed_ids()) instances_.erase(id);
+  for (const v1::NewInstance& instance : delta.added_instances()) add_instance(instance);
 }
 
 void ViewerChannels::add_instance(const v1::NewInstance& wire) {
@@ -244,16 +245,16 @@ void ViewerChannels::add_instance(const v1::NewInstance& wire) {
 }
 
 void ViewerChannels::move_instances(const v1::Transforms& wire) {
-  const bool rotated = wire.rotation_size() == 4 * wire.id_size();
-  if (wire.position_size() != 3 * wire.id_size()) return;
-  for (int i = 0; i < wire.id_size(); ++i) {
+  const bool rotated = wire.rotations_size() == 4 * wire.ids_size();
+  if (wire.positions_size() != 3 * wire.ids_size()) return;
+  for (int i = 0; i < wire.ids_size(); ++i) {
     // Nodes of the scene file are not named before they move.
-    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.id(i))) continue;
-    Instance& instance = instances_[wire.id(i)];
-    Pose client{{wire.position(3 * i), wire.position(3 * i + 1), wire.position(3 * i + 2)}, {1, 0, 0, 0}};
+    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.ids(i))) continue;
+    Instance& instance = instances_[wire.ids(i)];
+    Pose client{{wire.positions(3 * i), wire.positions(3 * i + 1), wire.positions(3 * i + 2)}, {1, 0, 0, 0}};
     if (rotated)
-      client.rotation = glm::normalize(glm::dquat(wire.rotation(4 * i + 3), wire.rotation(4 * i),
-                                                  wire.rotation(4 * i + 1), wire.rotation(4 * i + 2)));
+      client.rotation = glm::normalize(glm::dquat(wire.rotations(4 * i + 3), wire.rotations(4 * i),
+                                                  wire.rotations(4 * i + 1), wire.rotations(4 * i + 2)));
     Pose moved = to_viewer(pose_from_client(client_, client));
     if (!rotated) moved.rotation = instance.world_from_instance.rotation;
     instance.world_from_instance = moved;
@@ -305,7 +306,7 @@ void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, 
   last_status_ = reply.status();
   last_reason_ = reply.reason();
   if (changed)
-    emit_log(foxglove::Log::INFO, "camera", v1::Status_Name(reply.status()) + ": " + reply.reason_text(),
+    emit_log(foxglove::Log::INFO, "camera", short_name(reply.status()) + ": " + reply.reason_text(),
              time_ns, emit);
 }
 
@@ -360,7 +361,7 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
   emit(RecordTopic::kSight, sight);
 }
 
-void ViewerChannels::take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit) {
+void ViewerChannels::take_rejection(const v1::TickError& rejection, uint64_t time_ns, const Emit& emit) {
   const auto refused =
       find_refused(waiting_, rejection, [](const v1::Tick& tick) { return tick.sequence(); });
   if (refused != waiting_.end()) {

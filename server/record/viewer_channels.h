@@ -36,7 +36,7 @@ class ViewerChannels {
   // Makes nothing yet.
   void take_tick(const v1::Tick& tick, uint64_t time_ns, const Emit& emit);
   void take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit);
-  void take_rejection(const v1::Rejection& rejection, uint64_t time_ns, const Emit& emit);
+  void take_rejection(const v1::TickError& rejection, uint64_t time_ns, const Emit& emit);
   void take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit);
   void take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit);
   // Shapes and still frames again: for the head of a next part.
@@ -67,8 +67,8 @@ class ViewerChannels {
   std::deque<v1::Tick> waiting_;            // for a reply
   size_t waiting_bytes_ = 0;
   bool still_due_ = false;  // what is still has changed
-  v1::Status last_status_ = v1::STATUS_UNSPECIFIED;
-  v1::Reason last_reason_ = v1::REASON_UNSPECIFIED;
+  v1::TrackingStatus last_status_ = v1::TRACKING_STATUS_UNSPECIFIED;
+  v1::MoveReason last_reason_ = v1::MOVE_REASON_UNSPECIFIED;
 };
 
 }  // namespace sightline

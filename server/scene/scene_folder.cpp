@@ -195,7 +195,7 @@ Result<SceneFile> SceneLibrary::read_again(const Source& source) {
   return SceneFile{source.path, std::move(bytes)};
 }
 
-std::vector<std::string> SceneLibrary::names(size_t limit) const {
+std::vector<std::string> SceneLibrary::names(const std::string& after, size_t limit) const {
   namespace fs = std::filesystem;
   std::vector<std::string> found;
   if (!opened_) return found;
@@ -204,7 +204,7 @@ std::vector<std::string> SceneLibrary::names(size_t limit) const {
   for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end;
        it.increment(error)) {
     const std::string name = it->path().lexically_relative(folder_).generic_string();
-    if (is_scene_name(name) && opened_->stamp(name)) found.push_back(name);
+    if (name > after && is_scene_name(name) && opened_->stamp(name)) found.push_back(name);
   }
   std::sort(found.begin(), found.end());
   if (found.size() > limit) found.resize(limit);

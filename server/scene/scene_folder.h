@@ -48,8 +48,8 @@ class SceneLibrary {
   // loaded; or as reading fails. By hash: an upload, or a named scene of that content.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
   Result<std::vector<SceneFile>> files_of(const ContentHash& hash);
-  // Names of the .glb and .gltf files below the folder, sorted, at most `limit`.
-  std::vector<std::string> names(size_t limit) const;
+  // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
+  std::vector<std::string> names(const std::string& after, size_t limit) const;
 
   static constexpr size_t kKeptUploads = 8;
   const GltfLimits& limits() const { return limits_; }

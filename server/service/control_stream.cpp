@@ -33,13 +33,13 @@ const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open
 // How many of the newest messages are ticks that ask to be merged into what comes next.
 size_t ask_to_be_merged(const std::deque<Inbox::Message>& messages) {
   const auto other = std::find_if(messages.rbegin(), messages.rend(), [](const Inbox::Message& message) {
-    return !message.request.tick().step().merge_into_next();
+    return !message.request.tick().step_control().merge_into_next();
   });
   return static_cast<size_t>(other - messages.rbegin());
 }
 
 // Whose memory is worth keeping: what is drawn of a step takes much of it.
-bool is_usual(const v1::ControlReply& reply) {
+bool is_usual(const v1::ControlResponse& reply) {
   return reply.has_camera() && !reply.camera().has_candidates() && reply.camera().depth_maps().empty();
 }
 
@@ -123,7 +123,7 @@ void ControlStream::take_in(int64_t arrival_ns) {
   if (request_.has_tick()) {
     const std::optional<double> dt_s = told_dt_s(request_.tick());
     // One that asks for no step sets nobody a deadline.
-    if (!request_.tick().step().merge_into_next()) pace_.observe(parts_.steppers.now_ns(), dt_s);
+    if (!request_.tick().step_control().merge_into_next()) pace_.observe(parts_.steppers.now_ns(), dt_s);
   }
   inbox_.push(std::exchange(request_, {}), arrival_ns);
 }
@@ -283,7 +283,7 @@ void ControlStream::finish(const TakenMaps& taken) {
   opened_ = session_ != nullptr;
   needs_loader_ = work_.needs_loader;
   inbox_.put_back(work_.messages);
-  for (v1::ControlReply& reply : outcome_.replies) outbox_.push_back(std::move(reply));
+  for (v1::ControlResponse& reply : outcome_.replies) outbox_.push_back(std::move(reply));
   if (outcome_.end && !end_status_) end_status_ = std::move(outcome_.end);
   advance();
   // Behind the reply, which it would keep waiting.
@@ -376,7 +376,7 @@ void ControlStream::open(Messages& messages, Outcome& outcome) {
   if (messages.empty()) return;
   const Inbox::Message message = std::move(messages.front());
   messages.pop_front();
-  v1::ControlReply reply;
+  v1::ControlResponse reply;
   const Status opened =
       message.request.has_open()
           ? open_session(message.request.open(), message.arrival_ns, *reply.mutable_opened())
@@ -399,7 +399,7 @@ Status ControlStream::open_session(const v1::OpenSession& request, int64_t arriv
   if (!session) return tl::unexpected(std::move(session.error()));
   session_ = std::move(*session);
   BudgetRules rules = parts_.budget;
-  rules.degrade = rules.degrade && !request.never_degrade();
+  rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
   budget_.emplace(rules);
   share_slot_ = parts_.shares.join();
   opened_to_proto(*session_, opened);
@@ -409,8 +409,8 @@ Status ControlStream::open_session(const v1::OpenSession& request, int64_t arriv
   tape_.open(request, arrival_ns, opened);
   parts_.log.info("session opened", {{"session", session_id_},
                                      {"label", request.label()},
-                                     {"instances", std::to_string(opened.instances())},
-                                     {"triangles", std::to_string(opened.triangles())},
+                                     {"instances", std::to_string(opened.instance_count())},
+                                     {"triangles", std::to_string(opened.triangle_count())},
                                      {"targets", std::to_string(session_->targets().size())}});
   return {};
 }
@@ -430,7 +430,7 @@ std::optional<uint64_t> ControlStream::take_ticks(Work& work, Outcome& outcome) 
     if (work.needs_loader) break;
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
-      note_step_control(tick.step());
+      note_step_control(tick.step_control());
       tape_.attach_scenes(tick);
     } else {
       reject(applied.error(), tick.sequence(), outcome);
@@ -443,7 +443,7 @@ void ControlStream::note_step_control(const v1::StepControl& step) {
   wants_step_ = !step.merge_into_next();
   asked_merges_ += step.merge_into_next();
   told_level_.reset();
-  if (step.has_economy_level()) told_level_ = static_cast<int>(step.economy_level());
+  if (step.has_quality_level()) told_level_ = static_cast<int>(step.quality_level());
 }
 
 Status ControlStream::apply(const Inbox::Message& message) {
@@ -482,8 +482,8 @@ void ControlStream::reject(const Error& error, uint64_t sequence, Outcome& outco
   parts_.log.debug(
       "tick refused",
       {{"session", session_id_}, {"sequence", std::to_string(sequence)}, {"reason", to_string(error)}});
-  v1::Rejection& rejection = *outcome.replies.emplace_back().mutable_rejected();
-  rejection_to_proto(error, sequence, &session_->mirror(), rejection);
+  v1::TickError& rejection = *outcome.replies.emplace_back().mutable_tick_error();
+  tick_error_to_proto(error, sequence, &session_->mirror(), rejection);
   tape_.rejection(rejection);
 }
 

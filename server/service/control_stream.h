@@ -41,7 +41,7 @@
 
 namespace sightline {
 
-using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlReply, v1::ControlRequest>>;
+using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse, v1::ControlRequest>>;
 
 class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortWork {
  public:
@@ -59,14 +59,14 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
 
  private:
   using Messages = std::deque<Inbox::Message>;
-  using Replies = std::deque<v1::ControlReply>;
+  using Replies = std::deque<v1::ControlResponse>;
 
   struct Work {
     Messages messages;
     std::optional<std::string> drain_reason;
     bool may_take_long = false;  // on a loader
     bool needs_loader = false;   // the oldest message that is left does
-    v1::ControlReply written;    // a camera's that nobody needs any more: its memory is the next one's
+    v1::ControlResponse written;    // a camera's that nobody needs any more: its memory is the next one's
   };
   struct Outcome {
     Replies replies;
@@ -164,7 +164,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   // Guarded by mutex_. The front of outbox_ belongs to gRPC while writing_.
   Inbox inbox_;
   Replies outbox_;
-  v1::ControlReply written_;  // the newest usual answer that was
+  v1::ControlResponse written_;  // the newest usual answer that was
   TickPace pace_;
   std::optional<double> told_time_s_;  // of the newest tick, as it says
   bool heard_ = false;         // a message has come

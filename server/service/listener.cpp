@@ -128,7 +128,7 @@ Listener::~Listener() {
 }
 
 void Listener::set_serving(bool serving) {
-  health_.set(v1::CameraControl::service_full_name(), serving);
+  health_.set(v1::CameraControlService::service_full_name(), serving);
   health_.set("", serving);
 }
 

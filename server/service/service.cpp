@@ -21,19 +21,24 @@ void CameraControlService::take_calls(EventLoop& loop) {
 
 grpc::Status CameraControlService::UploadScene(grpc::ServerContext* context,
                                                grpc::ServerReader<v1::UploadSceneRequest>* reader,
-                                               v1::UploadSceneReply* reply) {
+                                               v1::UploadSceneResponse* reply) {
   return upload_scene(*context, *reader, parts_, limits_, open_uploads_, *reply);
 }
 
-grpc::Status CameraControlService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest*,
-                                              v1::ListScenesReply* reply) {
-  list_scenes(parts_.scenes, *reply);
-  return grpc::Status::OK;
+grpc::Status CameraControlService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest* request,
+                                              v1::ListScenesResponse* response) {
+  return list_scenes(parts_.scenes, *request, *response);
 }
 
 grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
-                                                 v1::ServerInfo* info) {
+                                                 v1::GetServerInfoResponse* info) {
   get_server_info(parts_, *info);
+  return grpc::Status::OK;
+}
+
+grpc::Status CameraControlService::GetServerStats(grpc::ServerContext*, const v1::GetServerStatsRequest*,
+                                                  v1::GetServerStatsResponse* stats) {
+  get_server_stats(parts_, *stats);
   return grpc::Status::OK;
 }
 

@@ -14,7 +14,7 @@ namespace sightline {
 
 // Thread-safe, as gRPC asks. `parts` must outlive it, and it must outlive the gRPC server and the loops.
 class CameraControlService final
-    : public v1::CameraControl::WithAsyncMethod_Control<v1::CameraControl::Service> {
+    : public v1::CameraControlService::WithAsyncMethod_Control<v1::CameraControlService::Service> {
  public:
   CameraControlService(ServiceParts parts, const ServiceLimits& limits)
       : parts_(std::move(parts)), limits_(limits) {}
@@ -24,11 +24,13 @@ class CameraControlService final
   void take_calls(EventLoop& loop);
 
   grpc::Status UploadScene(grpc::ServerContext* context, grpc::ServerReader<v1::UploadSceneRequest>* reader,
-                           v1::UploadSceneReply* reply) override;
+                           v1::UploadSceneResponse* reply) override;
   grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest* request,
-                          v1::ListScenesReply* reply) override;
+                          v1::ListScenesResponse* reply) override;
   grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
-                             v1::ServerInfo* info) override;
+                             v1::GetServerInfoResponse* info) override;
+  grpc::Status GetServerStats(grpc::ServerContext* context, const v1::GetServerStatsRequest* request,
+                              v1::GetServerStatsResponse* stats) override;
 
  private:
   const ServiceParts parts_;

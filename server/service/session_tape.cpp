@@ -11,9 +11,9 @@ namespace {
 
 bool is_wanted(const v1::RecordingRequest& request, bool all) {
   switch (request.mode()) {
-    case v1::RecordingRequest::ON:
+    case v1::RecordingRequest::MODE_ON:
       return true;
-    case v1::RecordingRequest::OFF:
+    case v1::RecordingRequest::MODE_OFF:
       return false;
     default:
       return all;
@@ -64,14 +64,14 @@ void SessionTape::open(const v1::OpenSession& request, int64_t arrival_ns, v1::S
   session_id_ = opened.session_id();
   if (!is_wanted(request.recording(), rules_.all)) return;
   if (!rules_.writer) {
-    if (request.recording().mode() == v1::RecordingRequest::ON)
+    if (request.recording().mode() == v1::RecordingRequest::MODE_ON)
       opened.add_warnings("recording: this server records no sessions (--record-dir)");
     return;
   }
   wall_from_clock_ns_ = static_cast<int64_t>(rules_.wall_ns()) - clock_();
   recorder_ = rules_.writer->open_session(info_of(request, opened));
   name_ = recorder_->file_name();
-  opened.set_recording(name_);
+  opened.set_recording_file(name_);
   recorder_->record(RecordTopic::kOpen, times(arrival_ns), request);
   attaches_ = rules_.attach_scenes || request.recording().attach_scenes();
   if (attaches_) attach_scenes(request, opened);
@@ -82,7 +82,7 @@ void SessionTape::tick(const v1::Tick& tick, int64_t arrival_ns) {
   if (recorder_) recorder_->record(RecordTopic::kTick, times(arrival_ns), tick);
 }
 
-void SessionTape::rejection(const v1::Rejection& rejection) {
+void SessionTape::rejection(const v1::TickError& rejection) {
   if (recorder_) recorder_->record(RecordTopic::kRejection, times(clock_()), rejection);
 }
 
@@ -104,16 +104,16 @@ void SessionTape::fault(uint64_t sequence, std::string_view stage, std::string_v
 }
 
 bool SessionTape::lacks_scenes(const v1::Tick& tick) const {
-  if (!attaches_ || tick.delta().add().empty()) return false;
+  if (!attaches_ || tick.delta().added_instances().empty()) return false;
   bool lacks = false;
-  for_each_mesh(tick.delta().add(),
+  for_each_mesh(tick.delta().added_instances(),
                 [&](const std::string& scene) { lacks |= !tried_scenes_.contains(scene); });
   return lacks;
 }
 
 void SessionTape::attach_scenes(const v1::Tick& tick) {
-  if (!attaches_ || tick.delta().add().empty()) return;
-  for_each_mesh(tick.delta().add(), [&](const std::string& scene) { attach(scene); });
+  if (!attaches_ || tick.delta().added_instances().empty()) return;
+  for_each_mesh(tick.delta().added_instances(), [&](const std::string& scene) { attach(scene); });
 }
 
 void SessionTape::attach_scenes(const v1::OpenSession& request, v1::SessionOpened& opened) {

@@ -45,7 +45,7 @@ class SessionTape {
   void open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
 
   void tick(const v1::Tick& tick, int64_t arrival_ns);
-  void rejection(const v1::Rejection& rejection);
+  void rejection(const v1::TickError& rejection);
   // Flags the reply when something is missing in the file, then keeps it.
   void reply(v1::CameraReply& reply);
   // Keeps what went wrong in the server; `sequence`: of the tick, 0 for none. Never throws.

@@ -54,14 +54,14 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
 }
 
 grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
-                  v1::UploadSceneReply& reply) try {
+                  v1::UploadSceneResponse& reply) try {
   const auto asset = parts.scenes.add_uploaded(bytes);
   if (!asset) {
     parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
     return status_from_error(asset.error());
   }
   reply.set_hash(to_hex((*asset)->hash));
-  reply.set_triangles((*asset)->triangle_count());
+  reply.set_triangle_count((*asset)->triangle_count());
   for (const std::string& warning : (*asset)->warnings) reply.add_warnings(warning);
   parts.log.info("scene uploaded", {{"hash", reply.hash()}, {"bytes", std::to_string(bytes.size())}});
   return grpc::Status::OK;
@@ -76,7 +76,7 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
 
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
                           const ServiceParts& parts, const ServiceLimits& limits,
-                          std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply) {
+                          std::atomic<size_t>& open_uploads, v1::UploadSceneResponse& reply) {
   const Place place(open_uploads);
   if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
   std::vector<std::byte> bytes;

@@ -19,6 +19,6 @@ namespace sightline {
 // CANCELLED and gives its place back.
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
                           const ServiceParts& parts, const ServiceLimits& limits,
-                          std::atomic<size_t>& open_uploads, v1::UploadSceneReply& reply);
+                          std::atomic<size_t>& open_uploads, v1::UploadSceneResponse& reply);
 
 }  // namespace sightline

@@ -41,8 +41,8 @@ Status check_target(const Target& target, const IdsAfter& ids, const std::string
   if (Status ok = check_range(weight.c_str(), target.weight, 0.0, kMaxWeight); !ok) return ok;
   if (target.aim_offset_m && !is_within(*target.aim_offset_m, kMaxCoordinateM))
     return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m");
-  if (Status ok = check_known(target.attached_ids, ids, field + ".attached"); !ok) return ok;
-  return check_known(target.ignored_ids, ids, field + ".ignored");
+  if (Status ok = check_known(target.attached_ids, ids, field + ".attached_ids"); !ok) return ok;
+  return check_known(target.ignored_ids, ids, field + ".ignored_ids");
 }
 
 // "poses[3].rotation" -> 3.
@@ -117,13 +117,17 @@ std::string client_field(const std::string& mirror_field) {
   const auto packed = [&](const char* array, size_t numbers) {
     return indexed(std::string("transforms.") + array, numbers * index_in(mirror_field));
   };
-  if (mirror_field.starts_with("ids[")) return packed("id", 1);
-  if (mirror_field.starts_with("velocities_mps[")) return packed("velocity", 3);
+  if (mirror_field.starts_with("ids[")) return packed("ids", 1);
+  if (mirror_field.starts_with("velocities_mps[")) return packed("velocities", 3);
   if (mirror_field.starts_with("poses["))
-    return mirror_field.ends_with("rotation") ? packed("rotation", 4) : packed("position", 3);
-  if (mirror_field == "poses") return "transforms.position";
-  if (mirror_field == "velocities_mps") return "transforms.velocity";
+    return mirror_field.ends_with("rotation") ? packed("rotations", 4) : packed("positions", 3);
+  if (mirror_field == "poses") return "transforms.positions";
+  if (mirror_field == "velocities_mps") return "transforms.velocities";
   std::string field = "delta." + mirror_field;
+  for (const auto& [mirror, client] : {std::pair("delta.remove[", "delta.removed_ids["),
+                                       std::pair("delta.add[", "delta.added_instances["),
+                                       std::pair("delta.change[", "delta.changed_instances[")})
+    if (field.starts_with(mirror)) field.replace(0, std::string_view(mirror).size(), client);
   replace_end(field, ".position_m", ".position");
   replace_end(field, ".linear", ".scale");
   return field;

@@ -34,7 +34,7 @@ class IdsAfter {
 
 // Fields "<list>" (more than kMaxTargets), "<list>[i].id" (unknown, or named twice), ".weight",
 // ".aim_offset",
-// ".attached[j]" and ".ignored[j]" (unknown: they must exist when they are named, and may be removed later).
+// ".attached_ids[j]" and ".ignored_ids[j]" (unknown: they must exist when they are named, and may be removed later).
 Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list);
 
 // A rotation's length is within 1e-3 of 1; false for NaN.
@@ -46,8 +46,8 @@ Status check_speed(const glm::dvec3& velocity_mps, const std::string& field);
 // Ranges of server/base/camera.h; fields "<field>.field_of_view", ".aspect", ".near_m".
 Status check_lens(const Lens& lens, const std::string& field);
 
-// The mirror's fields as the client calls them: "ids[3]" -> "transforms.id[3]", "poses[3].rotation" ->
-// "transforms.rotation[12]" (packed arrays count numbers), "add[1].linear" -> "delta.add[1].scale".
+// The mirror's fields as the client calls them: "ids[3]" -> "transforms.ids[3]", "poses[3].rotation" ->
+// "transforms.rotations[12]" (packed arrays count numbers), "add[1].linear" -> "delta.added_instances[1].scale".
 std::string client_field(const std::string& mirror_field);
 
 }  // namespace sightline

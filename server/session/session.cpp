@@ -133,7 +133,7 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
   if (Status ok = check_camera(tick); !ok) return ok;
   for (size_t i = 0; i < tick.transforms.velocities_mps.size(); ++i)
     if (Status ok =
-            check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocity", 3 * i));
+            check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocities", 3 * i));
         !ok)
       return ok;
   if (tick.targets) return check_targets(*tick.targets, ids, "tick.targets.targets");
@@ -141,7 +141,7 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
     const uint64_t id = tick.delta.remove[i];
     const auto is_it = [id](const Target& target) { return target.instance_id == id; };
     if (!ids.contains(id) && std::any_of(options_.targets.begin(), options_.targets.end(), is_it))
-      return fail(ErrorCode::kFailedPrecondition, indexed("tick.delta.remove", i),
+      return fail(ErrorCode::kFailedPrecondition, indexed("tick.delta.removed_ids", i),
                   "is a target; replace the target list in the same tick");
   }
   return {};
@@ -284,14 +284,14 @@ void Session::observe(const ObservedCamera& observed, double dt_s) {
   pending_dt_s_ = dt_s;
 }
 
-Result<SessionAnswer> Session::step(int economy_level) {
-  const TakeJob job = begin_step(economy_level);
+Result<SessionAnswer> Session::step(int quality_level) {
+  const TakeJob job = begin_step(quality_level);
   return finish_step(job.requests.empty() ? Status{} : sampler_->take(mirror_, job.requests, *job.maps));
 }
 
-TakeJob Session::begin_step(int economy_level) {
+TakeJob Session::begin_step(int quality_level) {
   step_start_ns_ = clock_();
-  economy_level_ = economy_level;
+  economy_level_ = quality_level;
   if (economy_level_ > 0) economised_ = economise(options_.settings, economy_level_);
   const StepSettings& settings = economy_level_ > 0 ? economised_ : options_.settings;
   const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
@@ -319,7 +319,7 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.cut = std::exchange(pending_cut_, false);
   if (answer.cut) answer.step.reason = MoveReason::kObservedCut;
   answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
-  answer.economy_level = economy_level_;
+  answer.quality_level = economy_level_;
   if (economises(options_.settings, economy_level_)) answer.economised = economised_;
   answer.revision = mirror_.revision();
   answer.hash = mirror_.hash();

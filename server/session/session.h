@@ -1,7 +1,7 @@
 // A session: one camera over one mirrored scene, in canonical units. It takes ticks, each whole or not at
 // all, and answers steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply`
 // translates answers back. Its errors speak the client's vocabulary all the same ("open.targets[2].weight",
-// "tick.transforms.id[7]").
+// "tick.transforms.ids[7]").
 #pragma once
 
 #include <cstdint>
@@ -96,7 +96,7 @@ struct SessionAnswer {
   uint32_t merged_ticks = 0;
   // At which level of economy the step was taken (server/step/economy.h), and with which settings, if that changed any of
   // them.
-  int economy_level = 0;
+  int quality_level = 0;
   std::optional<StepSettings> economised;
   uint64_t revision = 0;
   uint64_t hash = 0;
@@ -129,13 +129,13 @@ class Session {
   Status apply(const TickInput& tick);
 
   // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
-  // applied is then part of the next step. `economy_level`, [0, kMaxEconomyLevel], says what this one step leaves out;
+  // applied is then part of the next step. `quality_level`, [0, kMaxEconomyLevel], says what this one step leaves out;
   // it is an input as the ticks are, so that the same levels give the same answers.
-  Result<SessionAnswer> step(int economy_level = 0);
+  Result<SessionAnswer> step(int quality_level = 0);
 
   // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job
   // refers into the session; `taken` is what became of it. Nothing else may be called between the halves.
-  TakeJob begin_step(int economy_level = 0);
+  TakeJob begin_step(int quality_level = 0);
   Result<SessionAnswer> finish_step(const Status& taken);
 
   const SceneMirror& mirror() const { return mirror_; }

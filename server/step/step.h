@@ -206,7 +206,7 @@ struct TargetSight {
 
 struct StepFlags {
   bool dt_capped = false;        // dt was over kMaxStepS: the camera moved for kMaxStepS
-  bool resampled_faces = false;  // cube faces were taken for some target
+  bool used_cube_map = false;  // cube faces were taken for some target
   bool body_overlap = false;
 };
 

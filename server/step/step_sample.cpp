@@ -170,7 +170,7 @@ void plan_maps(StepWork& w, Sampled& sampled, const glm::dvec2& jitter) {
     const auto first = static_cast<uint32_t>(w.memory.views.size());
     const int count = plan_views(point, w.memory.bound, w.input.settings.sample, jitter, w.memory.views);
     sampled.maps_of_point.push_back({first, static_cast<uint32_t>(count)});
-    w.result.flags.resampled_faces |= count > 1;
+    w.result.flags.used_cube_map |= count > 1;
   }
 }
 

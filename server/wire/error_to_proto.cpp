@@ -1,6 +1,7 @@
 #include "server/wire/error_to_proto.h"
 
-#include "sightline/v1/errors.pb.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 
 namespace sightline {
 namespace {
@@ -27,18 +28,15 @@ grpc::StatusCode code_of(ErrorCode code) {
   return grpc::StatusCode::INTERNAL;
 }
 
-// Our messages have the field numbers of google.rpc.Status and BadRequest, so their bytes are theirs too.
 std::string binary_details(const Error& error, int code, const std::string& message) {
-  v1::BadRequest bad_request;
-  v1::BadRequest::FieldViolation& violation = *bad_request.add_field_violations();
+  google::rpc::BadRequest bad_request;
+  google::rpc::BadRequest::FieldViolation& violation = *bad_request.add_field_violations();
   violation.set_field(error.field);
   violation.set_description(error.message);
-  v1::StatusDetails details;
+  google::rpc::Status details;
   details.set_code(code);
   details.set_message(message);
-  google::protobuf::Any& any = *details.add_details();
-  any.set_type_url("type.googleapis.com/google.rpc.BadRequest");
-  bad_request.SerializeToString(any.mutable_value());
+  details.add_details()->PackFrom(bad_request);
   return details.SerializeAsString();
 }
 

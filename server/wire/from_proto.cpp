@@ -89,9 +89,9 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
 }
 
 Status check_step_control(const v1::StepControl& step) {
-  if (step.economy_level() <= kMaxEconomyLevel) return {};
-  return invalid("tick.step.economy_level", "must be in [0, " + std::to_string(kMaxEconomyLevel) + "], got " +
-                                                std::to_string(step.economy_level()));
+  if (step.quality_level() <= kMaxEconomyLevel) return {};
+  return invalid("tick.step_control.quality_level", "must be in [0, " + std::to_string(kMaxEconomyLevel) + "], got " +
+                                                std::to_string(step.quality_level()));
 }
 
 Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
@@ -105,7 +105,7 @@ Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) 
 
 Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
   const Convention& convention = session.convention();
-  if (Status ok = check_step_control(tick.step()); !ok) return ok;
+  if (Status ok = check_step_control(tick.step_control()); !ok) return ok;
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();
@@ -139,7 +139,7 @@ namespace {
 
 bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   std::set<std::string_view> asked;
-  for (const v1::NewInstance& added : tick.delta().add()) {
+  for (const v1::NewInstance& added : tick.delta().added_instances()) {
     if (!added.has_mesh() || !added.mesh().has_scene_name()) continue;
     const std::string& name = added.mesh().scene_name();
     if (asked.insert(name).second && !library.is_loaded(name)) return true;

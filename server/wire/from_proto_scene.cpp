@@ -88,7 +88,7 @@ Result<Shape> read_shape(const v1::Shape& wire, const Convention& c, const std::
   return invalid(field, "must be a box, sphere, capsule or cylinder");
 }
 
-Status read_scale(const v1::Vector3& wire, const std::string& field, glm::dvec3& out) {
+Status read_scale(const v1::Vec3& wire, const std::string& field, glm::dvec3& out) {
   const glm::dvec3 scale(wire.x(), wire.y(), wire.z());
   for (int axis = 0; axis < 3; ++axis) {
     const std::string name = axis_field(field, axis);
@@ -142,13 +142,13 @@ tl::unexpected<Error> wrong_count(const char* field, int got, const char* of, in
 }
 
 Status check_counts(const v1::Transforms& wire) {
-  const int n = wire.id_size();
-  if (wire.position_size() / 3 != n || wire.position_size() % 3 != 0)
-    return wrong_count("position", wire.position_size(), "3 for each id", 3 * n);
-  if (wire.rotation_size() != 0 && (wire.rotation_size() / 4 != n || wire.rotation_size() % 4 != 0))
-    return wrong_count("rotation", wire.rotation_size(), "4 for each id, or none", 4 * n);
-  if (wire.velocity_size() != 0 && (wire.velocity_size() / 3 != n || wire.velocity_size() % 3 != 0))
-    return wrong_count("velocity", wire.velocity_size(), "3 for each id, or none", 3 * n);
+  const int n = wire.ids_size();
+  if (wire.positions_size() / 3 != n || wire.positions_size() % 3 != 0)
+    return wrong_count("positions", wire.positions_size(), "3 for each id", 3 * n);
+  if (wire.rotations_size() != 0 && (wire.rotations_size() / 4 != n || wire.rotations_size() % 4 != 0))
+    return wrong_count("rotations", wire.rotations_size(), "4 for each id, or none", 4 * n);
+  if (wire.velocities_size() != 0 && (wire.velocities_size() / 3 != n || wire.velocities_size() % 3 != 0))
+    return wrong_count("velocities", wire.velocities_size(), "3 for each id, or none", 3 * n);
   return {};
 }
 
@@ -164,7 +164,7 @@ Status check_finite(const Numbers& numbers, const char* field) {
 
 // Rotation i of the packed array, x y z w on the wire.
 glm::dquat packed_rotation(const v1::Transforms& wire, int i) {
-  return {wire.rotation(4 * i + 3), wire.rotation(4 * i), wire.rotation(4 * i + 1), wire.rotation(4 * i + 2)};
+  return {wire.rotations(4 * i + 3), wire.rotations(4 * i), wire.rotations(4 * i + 1), wire.rotations(4 * i + 2)};
 }
 
 template <typename Numbers>
@@ -261,8 +261,8 @@ Status read_target(const v1::Target& wire, const Convention& convention, const s
   if (wire.has_weight()) out.weight = wire.weight();
   if (wire.has_required()) out.required = wire.required();
   if (wire.has_layer_mask()) out.layer_mask = wire.layer_mask();
-  out.attached_ids.assign(wire.attached().begin(), wire.attached().end());
-  out.ignored_ids.assign(wire.ignored().begin(), wire.ignored().end());
+  out.attached_ids.assign(wire.attached_ids().begin(), wire.attached_ids().end());
+  out.ignored_ids.assign(wire.ignored_ids().begin(), wire.ignored_ids().end());
   if (!wire.has_aim_offset()) return {};
   glm::dvec3 offset(0.0);
   if (Status ok = read_vector(wire.aim_offset(), field + ".aim_offset", offset); !ok) return ok;
@@ -273,16 +273,16 @@ Status read_target(const v1::Target& wire, const Convention& convention, const s
 Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field,
                   SceneDelta& out) {
   if (wire.has_base_revision()) out.base_revision = wire.base_revision();
-  out.remove.assign(wire.remove().begin(), wire.remove().end());
-  for (int i = 0; i < wire.add_size(); ++i) {
-    auto instance = instances.read(wire.add(i), indexed(field + ".add", static_cast<size_t>(i)));
+  out.remove.assign(wire.removed_ids().begin(), wire.removed_ids().end());
+  for (int i = 0; i < wire.added_instances_size(); ++i) {
+    auto instance = instances.read(wire.added_instances(i), indexed(field + ".added_instances", static_cast<size_t>(i)));
     if (!instance) return tl::unexpected(std::move(instance.error()));
     out.add.push_back(std::move(*instance));
   }
-  for (int i = 0; i < wire.change_size(); ++i) {
-    AttributeChange change{wire.change(i).id(), {}};
-    const std::string path = indexed(field + ".change", static_cast<size_t>(i)) + ".attributes";
-    if (Status ok = read_attributes(wire.change(i).attributes(), path, change.attributes); !ok) return ok;
+  for (int i = 0; i < wire.changed_instances_size(); ++i) {
+    AttributeChange change{wire.changed_instances(i).id(), {}};
+    const std::string path = indexed(field + ".changed_instances", static_cast<size_t>(i)) + ".attributes";
+    if (Status ok = read_attributes(wire.changed_instances(i).attributes(), path, change.attributes); !ok) return ok;
     out.change.push_back(change);
   }
   return {};
@@ -290,27 +290,27 @@ Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const s
 
 Status read_transforms(const v1::Transforms& wire, const Convention& convention, TickInput& out) {
   if (Status ok = check_counts(wire); !ok) return ok;
-  if (Status ok = check_finite(wire.position(), "position"); !ok) return ok;
-  if (Status ok = check_finite(wire.rotation(), "rotation"); !ok) return ok;
-  if (Status ok = check_finite(wire.velocity(), "velocity"); !ok) return ok;
+  if (Status ok = check_finite(wire.positions(), "positions"); !ok) return ok;
+  if (Status ok = check_finite(wire.rotations(), "rotations"); !ok) return ok;
+  if (Status ok = check_finite(wire.velocities(), "velocities"); !ok) return ok;
 
-  out.transforms.ids.assign(wire.id().begin(), wire.id().end());
+  out.transforms.ids.assign(wire.ids().begin(), wire.ids().end());
   out.transforms.poses.resize(out.transforms.ids.size());
-  out.keeps_rotations = wire.rotation_size() == 0;
-  for (int i = 0; i < wire.id_size(); ++i) {
+  out.keeps_rotations = wire.rotations_size() == 0;
+  for (int i = 0; i < wire.ids_size(); ++i) {
     Pose& pose = out.transforms.poses[static_cast<size_t>(i)];
-    pose.position_m = position_from_client(convention, packed_vector(wire.position(), i));
+    pose.position_m = position_from_client(convention, packed_vector(wire.positions(), i));
     if (out.keeps_rotations) continue;
     const glm::dquat rotation = packed_rotation(wire, i);
     if (!is_unit(rotation))
       return invalid(
-          indexed("tick.transforms.rotation", 4 * static_cast<size_t>(i)),
+          indexed("tick.transforms.rotations", 4 * static_cast<size_t>(i)),
           "must have unit length within 1e-3, got length " + std::to_string(glm::length(rotation)));
     pose.rotation = rotation_from_client(convention, glm::normalize(rotation));
   }
-  for (int i = 0; i < wire.velocity_size() / 3; ++i)
+  for (int i = 0; i < wire.velocities_size() / 3; ++i)
     out.transforms.velocities_mps.push_back(
-        vector_from_client(convention, packed_vector(wire.velocity(), i)));
+        vector_from_client(convention, packed_vector(wire.velocities(), i)));
   return {};
 }
 

@@ -31,7 +31,7 @@ Status read_number(double wire, const std::string& field, double& out) {
   return {};
 }
 
-Status read_rotation(const v1::Quaternion& wire, const std::string& field, glm::dquat& out) {
+Status read_rotation(const v1::Quat& wire, const std::string& field, glm::dquat& out) {
   const glm::dquat q(wire.w(), wire.x(), wire.y(), wire.z());
   if (!is_unit(q))
     return invalid(field, "must have unit length within 1e-3, got length " + number(glm::length(q)));
@@ -43,7 +43,7 @@ Status read_axis(v1::CustomConvention::Axis wire, const std::string& field, glm:
   if (!v1::CustomConvention::Axis_IsValid(wire)) return unknown_enum(field, wire);
   if (wire == v1::CustomConvention::AXIS_UNSPECIFIED)
     return invalid(field, "is required for a custom convention");
-  const int index = wire - v1::CustomConvention::PLUS_X;  // +x, -x, +y, -y, +z, -z
+  const int index = wire - v1::CustomConvention::AXIS_PLUS_X;  // +x, -x, +y, -y, +z, -z
   out = glm::dvec3(0.0);
   out[index / 2] = index % 2 == 0 ? 1.0 : -1.0;
   return {};
@@ -66,19 +66,19 @@ Status read_custom(const v1::CustomConvention& wire, const std::string& field, C
 Status read_preset(v1::Convention::Preset wire, const std::string& field, Convention& out) {
   switch (wire) {
     case v1::Convention::PRESET_UNSPECIFIED:
-    case v1::Convention::GLTF:
+    case v1::Convention::PRESET_GLTF:
       out = gltf_convention();
       return {};
-    case v1::Convention::GODOT:
+    case v1::Convention::PRESET_GODOT:
       out = godot_convention();
       return {};
-    case v1::Convention::UNITY:
+    case v1::Convention::PRESET_UNITY:
       out = unity_convention();
       return {};
-    case v1::Convention::UNREAL:
+    case v1::Convention::PRESET_UNREAL:
       out = unreal_convention();
       return {};
-    case v1::Convention::ROS:
+    case v1::Convention::PRESET_ROS:
       out = ros_convention();
       return {};
     default:
@@ -234,13 +234,13 @@ Status start_from_preset(v1::Settings::Preset wire, const std::string& field, St
 
 }  // namespace
 
-Status read_vector(const v1::Vector3& wire, const std::string& field, glm::dvec3& out) {
+Status read_vector(const v1::Vec3& wire, const std::string& field, glm::dvec3& out) {
   if (Status ok = read_number(wire.x(), field + ".x", out.x); !ok) return ok;
   if (Status ok = read_number(wire.y(), field + ".y", out.y); !ok) return ok;
   return read_number(wire.z(), field + ".z", out.z);
 }
 
-Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out) {
+Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out) {
   if (wire.has_position())
     if (Status ok = read_vector(wire.position(), field + ".position", out.position_m); !ok) return ok;
   if (!wire.has_rotation()) return {};
@@ -249,7 +249,7 @@ Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out) {
 
 Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out) {
   const std::string field = prefix + "convention";
-  const bool is_custom = wire.preset() == v1::Convention::CUSTOM;
+  const bool is_custom = wire.preset() == v1::Convention::PRESET_CUSTOM;
   if (is_custom != wire.has_custom())
     return invalid(field + ".custom",
                    is_custom ? "is required for CUSTOM" : "must be absent unless preset is CUSTOM");

@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-Status read_vector(const v1::Vector3& wire, const std::string& field, glm::dvec3& out);  // finite
+Status read_vector(const v1::Vec3& wire, const std::string& field, glm::dvec3& out);  // finite
 // A pose in the client's frame, not converted; finite, unit rotation (normalised).
-Status read_pose(const v1::Pose& wire, const std::string& field, Pose& out);
+Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out);
 // Preset or custom; fields below "<prefix>convention".
 Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out);
 Status read_lens(const v1::Lens& wire, const Convention& convention, const std::string& field, Lens& out);

@@ -5,79 +5,79 @@
 namespace sightline {
 namespace {
 
-void set(const glm::dvec3& v, v1::Vector3& out) {
+void set(const glm::dvec3& v, v1::Vec3& out) {
   out.set_x(v.x), out.set_y(v.y), out.set_z(v.z);
 }
 
-void set(const Pose& client_pose, v1::Pose& out) {
+void set(const Pose& client_pose, v1::Pose3& out) {
   set(client_pose.position_m, *out.mutable_position());
   const glm::dquat& q = client_pose.rotation;
-  v1::Quaternion& rotation = *out.mutable_rotation();
+  v1::Quat& rotation = *out.mutable_rotation();
   rotation.set_x(q.x), rotation.set_y(q.y), rotation.set_z(q.z), rotation.set_w(q.w);
 }
 
-v1::Status to_proto(MoveStatus status) {
+v1::TrackingStatus to_proto(MoveStatus status) {
   switch (status) {
     case MoveStatus::kTracking:
-      return v1::TRACKING;
+      return v1::TRACKING_STATUS_TRACKING;
     case MoveStatus::kPartial:
-      return v1::PARTIAL_VIEW;
+      return v1::TRACKING_STATUS_PARTIAL_VIEW;
     case MoveStatus::kEscaping:
-      return v1::ESCAPING;
+      return v1::TRACKING_STATUS_ESCAPING;
     case MoveStatus::kHolding:
-      return v1::HOLDING;
+      return v1::TRACKING_STATUS_HOLDING;
   }
-  return v1::STATUS_UNSPECIFIED;
+  return v1::TRACKING_STATUS_UNSPECIFIED;
 }
 
-v1::Reason to_proto(MoveReason reason) {
+v1::MoveReason to_proto(MoveReason reason) {
   switch (reason) {
     case MoveReason::kAtDesiredPlace:
-      return v1::AT_DESIRED_PLACE;
+      return v1::MOVE_REASON_AT_DESIRED_PLACE;
     case MoveReason::kNearestAllVisible:
-      return v1::NEAREST_ALL_VISIBLE;
+      return v1::MOVE_REASON_NEAREST_ALL_VISIBLE;
     case MoveReason::kBestAllVisible:
-      return v1::BEST_ALL_VISIBLE;
+      return v1::MOVE_REASON_BEST_ALL_VISIBLE;
     case MoveReason::kBestPartial:
-      return v1::BEST_PARTIAL;
+      return v1::MOVE_REASON_BEST_PARTIAL;
     case MoveReason::kHorizonGrown:
-      return v1::HORIZON_GROWN;
+      return v1::MOVE_REASON_HORIZON_GROWN;
     case MoveReason::kOnTrail:
-      return v1::ON_TRAIL;
+      return v1::MOVE_REASON_ON_TRAIL;
     case MoveReason::kNoTargets:
-      return v1::NO_TARGETS;
+      return v1::MOVE_REASON_NO_TARGETS;
     case MoveReason::kPaused:
-      return v1::PAUSED;
+      return v1::MOVE_REASON_PAUSED;
     case MoveReason::kBlockedByGeometry:
-      return v1::BLOCKED_BY_GEOMETRY;
+      return v1::MOVE_REASON_BLOCKED_BY_GEOMETRY;
     case MoveReason::kBodyOverlap:
-      return v1::BODY_OVERLAP;
+      return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
-      return v1::OBSERVED_CUT;
+      return v1::MOVE_REASON_OBSERVED_CUT;
   }
-  return v1::REASON_UNSPECIFIED;
+  return v1::MOVE_REASON_UNSPECIFIED;
 }
 
 v1::PairFallback pair_fallback(const StepResult& step) {
-  if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_NONE;
-  if (step.pair_needs_two) return v1::PAIR_NEEDS_TWO_TARGETS;
+  if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_UNSPECIFIED;
+  if (step.pair_needs_two) return v1::PAIR_FALLBACK_NEEDS_TWO_TARGETS;
   switch (step.pair_gap) {
     case PairGap::kNone:
-      return v1::PAIR_FALLBACK_NONE;
+      return v1::PAIR_FALLBACK_UNSPECIFIED;
     case PairGap::kTargetInBound:
-      return v1::PAIR_TARGET_IN_BOUND;
+      return v1::PAIR_FALLBACK_TARGET_IN_BOUND;
     case PairGap::kOnLine:
-      return v1::PAIR_ON_LINE;
+      return v1::PAIR_FALLBACK_ON_LINE;
     case PairGap::kTooClose:
-      return v1::PAIR_TOO_CLOSE;
+      return v1::PAIR_FALLBACK_TOO_CLOSE;
   }
-  return v1::PAIR_FALLBACK_NONE;
+  return v1::PAIR_FALLBACK_UNSPECIFIED;
 }
 
 v1::TargetState state_of(const TargetSight& sight) {
-  if (!sight.in_picture) return v1::OFF_SCREEN;
-  if (sight.visible_share >= 1) return v1::VISIBLE;
-  return sight.visible_share > 0 ? v1::PARTIAL : v1::OCCLUDED;
+  if (!sight.in_picture) return v1::TARGET_STATE_OFF_SCREEN;
+  if (sight.visible_share >= 1) return v1::TARGET_STATE_VISIBLE;
+  return sight.visible_share > 0 ? v1::TARGET_STATE_PARTIAL : v1::TARGET_STATE_OCCLUDED;
 }
 
 void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraReply& out) {
@@ -99,23 +99,23 @@ void set(const SightCounts& counts, v1::CandidateCounts& out) {
   out.set_all_visible(counts.all_visible);
   out.set_some_visible(counts.some_visible);
   out.set_none_visible(counts.none_visible);
-  for (const uint32_t count : counts.visible_by_target) out.add_visible_by_target(count);
+  for (const uint32_t count : counts.visible_by_target) out.add_target_visible_counts(count);
 }
 
 void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_dt_capped(flags.dt_capped);
-  out.set_resampled_faces(flags.resampled_faces);
+  out.set_used_cube_map(flags.used_cube_map);
   out.set_body_overlap(flags.body_overlap);
 }
 
-void set(int level, const StepSettings& used, v1::Economy& out) {
-  out.set_level(static_cast<uint32_t>(level));
-  out.set_resolution(static_cast<uint32_t>(used.sample.resolution));
-  out.set_points(static_cast<uint32_t>(used.sample.points));
+void set(int level, const StepSettings& used, v1::Degradation& out) {
+  out.set_quality_level(static_cast<uint32_t>(level));
+  out.set_map_resolution(static_cast<uint32_t>(used.sample.resolution));
+  out.set_sample_points(static_cast<uint32_t>(used.sample.points));
   out.set_candidates(static_cast<uint32_t>(used.aggregate.candidates));
-  out.set_survey_resolution(static_cast<uint32_t>(used.move.survey.resolution));
-  out.set_turns(used.move.turn_share > 0);
-  out.set_prediction(used.move.prediction_s > 0);
+  out.set_search_resolution(static_cast<uint32_t>(used.move.survey.resolution));
+  out.set_predicted_turns(used.move.turn_share > 0);
+  out.set_predicted_motion(used.move.prediction_s > 0);
 }
 
 void set_times(const SessionAnswer& answer, v1::StageTimes& out) {
@@ -139,21 +139,21 @@ void set_camera(const SessionAnswer& answer, const Convention& c, v1::CameraRepl
   set(angular_velocity_to_client(c, camera.angular_velocity_radps), *out.mutable_angular_velocity());
   out.set_field_of_view(fov_to_client(c, answer.lens.vertical_fov_rad, answer.lens.aspect));
   if (!answer.relative_target_id) return;
-  out.mutable_relative()->set_target_id(*answer.relative_target_id);
-  set(relative_camera_to_client(c, answer.target_from_camera), *out.mutable_relative()->mutable_pose());
+  out.mutable_relative_pose()->set_target_id(*answer.relative_target_id);
+  set(relative_camera_to_client(c, answer.target_from_camera), *out.mutable_relative_pose()->mutable_pose());
 }
 
 void set_candidates(const CandidateSet& candidates, int chosen, const Convention& c, v1::Candidates& out) {
   for (const glm::dvec3& position_m : candidates.position_m) {
     const glm::dvec3 p = position_to_client(c, position_m);
-    for (int axis = 0; axis < 3; ++axis) out.add_position(static_cast<float>(p[axis]));
+    for (int axis = 0; axis < 3; ++axis) out.add_positions(static_cast<float>(p[axis]));
   }
-  out.mutable_visible_mask()->Add(candidates.visible_targets.begin(), candidates.visible_targets.end());
-  out.set_chosen(chosen);
+  out.mutable_visible_masks()->Add(candidates.visible_targets.begin(), candidates.visible_targets.end());
+  out.set_chosen_index(chosen);
 }
 
 // left and right stay the picture's left and right, whatever the client's handedness.
-void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& session, v1::DepthMapDump& out) {
+void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& session, v1::DepthMap& out) {
   const MapView& view = map.view;
   out.set_target_id(target_id);
   set(view_to_client(session.convention(), view.eye_m, view.world_from_view), *out.mutable_view());
@@ -161,9 +161,9 @@ void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& sessi
   out.set_bottom(view.bottom), out.set_top(view.top);
   out.set_width(static_cast<uint32_t>(view.width));
   out.set_height(static_cast<uint32_t>(view.height));
-  out.mutable_distance_m()->Add(map.distance_m.begin(), map.distance_m.end());
+  out.mutable_distances_m()->Add(map.distance_m.begin(), map.distance_m.end());
   const auto instances = session.mirror().instances();
-  for (const uint32_t slot : map.occluder) out.add_occluder(slot == kNoOccluder ? 0 : instances[slot].id);
+  for (const uint32_t slot : map.occluder) out.add_occluder_ids(slot == kNoOccluder ? 0 : instances[slot].id);
 }
 
 void add_depth_maps(const Session& session, v1::CameraReply& out) {
@@ -179,26 +179,26 @@ void add_depth_maps(const Session& session, v1::CameraReply& out) {
   }
 }
 
-v1::Rejection::Code to_proto(ErrorCode code) {
+v1::TickError::Code to_proto(ErrorCode code) {
   switch (code) {
     case ErrorCode::kInvalidArgument:
     case ErrorCode::kUnsupported:
     case ErrorCode::kDataLoss:
-      return v1::Rejection::INVALID_ARGUMENT;
+      return v1::TickError::CODE_INVALID_ARGUMENT;
     case ErrorCode::kNotFound:
-      return v1::Rejection::NOT_FOUND;
+      return v1::TickError::CODE_NOT_FOUND;
     case ErrorCode::kAlreadyExists:
-      return v1::Rejection::ALREADY_EXISTS;
+      return v1::TickError::CODE_ALREADY_EXISTS;
     case ErrorCode::kFailedPrecondition:
-      return v1::Rejection::FAILED_PRECONDITION;
+      return v1::TickError::CODE_FAILED_PRECONDITION;
     case ErrorCode::kResourceExhausted:
-      return v1::Rejection::RESOURCE_EXHAUSTED;
+      return v1::TickError::CODE_RESOURCE_EXHAUSTED;
     case ErrorCode::kUnavailable:
-      return v1::Rejection::UNAVAILABLE;
+      return v1::TickError::CODE_UNAVAILABLE;
     case ErrorCode::kInternal:
-      return v1::Rejection::INTERNAL;
+      return v1::TickError::CODE_INTERNAL;
   }
-  return v1::Rejection::INTERNAL;
+  return v1::TickError::CODE_INTERNAL;
 }
 
 // A missing file or mesh is not a disagreement about instances.
@@ -219,49 +219,49 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_pose_time_s(answer.pose_time_s);
   set_camera(answer, c, out);
   for (const TargetSight& sight : step.targets) add_target(sight, c.metres_per_unit, out);
-  set(session.memory().counts, *out.mutable_counts());
+  set(session.memory().counts, *out.mutable_candidate_counts());
   out.set_status(to_proto(step.status));
   out.set_reason(to_proto(step.reason));
   const std::string_view text = explain(step.reason);
   out.set_reason_text(text.data(), text.size());
   out.set_cut(answer.cut);
-  out.set_volume(step.volume == Volume::kPair ? v1::PAIR_VOLUME : v1::LATTICE_VOLUME);
+  out.set_volume_used(step.volume == Volume::kPair ? v1::VOLUME_USED_PAIR : v1::VOLUME_USED_LATTICE);
   out.set_pair_fallback(pair_fallback(step));
   set(step.flags, *out.mutable_flags());
   if (answer.economised) {
     out.mutable_flags()->set_degraded(true);
-    set(answer.economy_level, *answer.economised, *out.mutable_economy());
+    set(answer.quality_level, *answer.economised, *out.mutable_degradation());
   }
   out.set_merged_ticks(answer.merged_ticks);
-  out.set_revision(answer.revision);
-  out.set_hash(answer.hash);
+  out.set_mirror_revision(answer.revision);
+  out.set_mirror_hash(answer.hash);
   set_times(answer, *out.mutable_stage_times());
   if (wanted.candidates)
     set_candidates(session.memory().candidates, step.chosen_candidate, c, *out.mutable_candidates());
   if (wanted.depth_maps) add_depth_maps(session, out);
 }
 
-void rejection_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror,
-                        v1::Rejection& out) {
+void tick_error_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror,
+                        v1::TickError& out) {
   out.Clear();
   out.set_sequence(sequence);
   out.set_code(to_proto(error.code));
   out.set_message(describe(error));
   if (!error.field.empty()) {
-    v1::BadRequest::FieldViolation& violation = *out.add_field_violations();
+    v1::FieldViolation& violation = *out.add_field_violations();
     violation.set_field(error.field);
     violation.set_description(error.message);
   }
   if (!mirror || !mirrors_disagree(error)) return;
-  out.mutable_resync()->set_revision(mirror->revision());
-  out.mutable_resync()->set_hash(mirror->hash());
+  out.mutable_resync()->set_mirror_revision(mirror->revision());
+  out.mutable_resync()->set_mirror_hash(mirror->hash());
 }
 
 void opened_to_proto(const Session& session, v1::SessionOpened& out) {
-  out.set_revision(session.mirror().revision());
-  out.set_hash(session.mirror().hash());
-  out.set_instances(session.mirror().size());
-  out.set_triangles(session.triangle_count());
+  out.set_mirror_revision(session.mirror().revision());
+  out.set_mirror_hash(session.mirror().hash());
+  out.set_instance_count(session.mirror().size());
+  out.set_triangle_count(session.triangle_count());
 }
 
 }  // namespace sightline

@@ -18,7 +18,7 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
 // Fills `out` with why tick `sequence` was refused. With a mirror, and when the error says that client and
 // mirror disagree about which instances there are (an unknown or taken id, another revision), a resync is
 // asked for.
-void rejection_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror, v1::Rejection& out);
+void tick_error_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror, v1::TickError& out);
 
 // Fills what a session tells of itself once it is open; `session_id`, `sampler` and `warnings` are the
 // caller's.

@@ -44,12 +44,12 @@ void fill(v1::Tick& tick, uint64_t i) {
   v1::Transforms& moved = *tick.mutable_transforms();
   for (int n = 0; n < 10; ++n) {
     const double angle = 0.01 * static_cast<double>(i) * (1 + 0.1 * n), radius = 3 + n;
-    moved.add_id(static_cast<uint64_t>(n) + 1);
-    for (const double p : {radius * std::cos(angle), 0.9, radius * std::sin(angle)}) moved.add_position(p);
+    moved.add_ids(static_cast<uint64_t>(n) + 1);
+    for (const double p : {radius * std::cos(angle), 0.9, radius * std::sin(angle)}) moved.add_positions(p);
     for (const double r : {0.0, std::sin(angle / 2), 0.0, std::cos(angle / 2)})
-      moved.add_rotation(static_cast<float>(r));
+      moved.add_rotations(static_cast<float>(r));
     for (const double v : {-radius * std::sin(angle), 0.0, radius * std::cos(angle)})
-      moved.add_velocity(static_cast<float>(v));
+      moved.add_velocities(static_cast<float>(v));
   }
 }
 
@@ -59,7 +59,7 @@ void fill(v1::CameraReply& reply, uint64_t i) {
   reply.set_sequence(i);
   reply.set_time_s(t);
   reply.set_pose_time_s(t + 0.02);
-  for (v1::Pose* pose : {reply.mutable_pose(), reply.mutable_relative()->mutable_pose()}) {
+  for (v1::Pose3* pose : {reply.mutable_pose(), reply.mutable_relative_pose()->mutable_pose()}) {
     pose->mutable_position()->set_x(std::sin(t));
     pose->mutable_position()->set_y(2 + std::sin(3 * t));
     pose->mutable_position()->set_z(std::cos(t));
@@ -72,7 +72,7 @@ void fill(v1::CameraReply& reply, uint64_t i) {
   for (uint64_t n = 1; n <= 3; ++n) {
     v1::TargetVisibility& target = *reply.add_targets();
     target.set_id(n);
-    target.set_state(v1::PARTIAL);
+    target.set_state(v1::TARGET_STATE_PARTIAL);
     target.set_visible_share(0.5 + 0.5 * std::sin(t + static_cast<double>(n)));
     target.set_filtered_share(0.5 + 0.5 * std::sin(t - 0.05 + static_cast<double>(n)));
     target.set_distance(4 + std::sin(t));
@@ -81,14 +81,14 @@ void fill(v1::CameraReply& reply, uint64_t i) {
     occluder.set_id(77 + n);
     occluder.set_share(0.25);
   }
-  reply.mutable_counts()->set_total(512);
-  reply.mutable_counts()->set_all_visible(static_cast<uint32_t>(200 + 100 * std::sin(t)));
-  for (int n = 0; n < 3; ++n) reply.mutable_counts()->add_visible_by_target(300);
-  reply.set_status(v1::TRACKING);
-  reply.set_reason(v1::BEST_ALL_VISIBLE);
+  reply.mutable_candidate_counts()->set_total(512);
+  reply.mutable_candidate_counts()->set_all_visible(static_cast<uint32_t>(200 + 100 * std::sin(t)));
+  for (int n = 0; n < 3; ++n) reply.mutable_candidate_counts()->add_target_visible_counts(300);
+  reply.set_status(v1::TRACKING_STATUS_TRACKING);
+  reply.set_reason(v1::MOVE_REASON_BEST_ALL_VISIBLE);
   reply.set_reason_text("moved to the place that sees all targets best, now and soon");
-  reply.set_revision(1);
-  reply.set_hash(0x9E3779B97F4A7C15ull * i);
+  reply.set_mirror_revision(1);
+  reply.set_mirror_hash(0x9E3779B97F4A7C15ull * i);
   reply.mutable_stage_times()->set_sample_us(300.f + static_cast<float>(i % 97));
   reply.mutable_stage_times()->set_total_us(700.f + static_cast<float>(i % 89));
 }
@@ -204,8 +204,8 @@ void measure_fold() {
   fill(tick, kTicks + 1);
   tick.clear_transforms();
   for (uint64_t n = 1; n <= kMovers; ++n) {
-    tick.mutable_transforms()->add_id(n);
-    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_position(static_cast<double>(n));
+    tick.mutable_transforms()->add_ids(n);
+    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_positions(static_cast<double>(n));
   }
   fold.take_tick(tick, {});
   fill(reply, kTicks + 1);

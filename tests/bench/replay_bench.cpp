@@ -104,7 +104,7 @@ Status make_recording(const Options& options, const std::string& path) {
       tick.mutable_observed_camera()->set_cut(true);
     }
     const uint64_t log_ns = kStartNs + static_cast<uint64_t>(static_cast<double>(i + 1) * 1e9 / kRateHz);
-    v1::Rejection rejection;
+    v1::TickError rejection;
     if (!(*session)->apply(tick, rejection)) return fail(ErrorCode::kInternal, "tick", rejection.message());
     if (Status stepped = (*session)->step(0, reply); !stepped) return stepped;
     done = (*writer)->write(tick, log_ns);

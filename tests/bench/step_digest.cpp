@@ -59,7 +59,7 @@ class Digest {
   void add(const StepResult& r) {
     add_one(r.camera.pose.position_m), add_one(r.camera.pose.rotation), add_one(r.camera.velocity_mps);
     add_one(r.camera.angular_velocity_radps), add_one(r.vertical_fov_rad), add_one(r.status), add_one(r.reason);
-    add_one(r.volume), add_one(r.pair_gap), add_one(r.chosen_candidate), add_one(r.flags.resampled_faces);
+    add_one(r.volume), add_one(r.pair_gap), add_one(r.chosen_candidate), add_one(r.flags.used_cube_map);
     add_one(r.flags.body_overlap);
     for (const TargetSight& t : r.targets) {
       add_one(t.id), add_one(t.visible_share), add_one(t.filtered_share), add_one(t.filtered_visible);

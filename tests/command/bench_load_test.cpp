@@ -36,7 +36,7 @@ BenchOptions quick_options() {
 
 // --- a server that answers every tick at once, but for one before which it sleeps
 
-class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply> {
+class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
   StallingStream(uint64_t stalls_at, std::chrono::milliseconds stall) : stalls_at_(stalls_at), stall_(stall) {
     StartRead(&request_);
@@ -60,20 +60,20 @@ class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, 
   const uint64_t stalls_at_;
   const std::chrono::milliseconds stall_;
   v1::ControlRequest request_;
-  v1::ControlReply reply_;
+  v1::ControlResponse reply_;
 };
 
 class StallingService final
-    : public v1::CameraControl::WithCallbackMethod_Control<v1::CameraControl::Service> {
+    : public v1::CameraControlService::WithCallbackMethod_Control<v1::CameraControlService::Service> {
  public:
   StallingService(uint64_t stalls_at, std::chrono::milliseconds stall)
       : stalls_at_(stalls_at), stall_(stall) {}
-  grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlReply>* Control(
+  grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlResponse>* Control(
       grpc::CallbackServerContext*) override {
     return new StallingStream(stalls_at_, stall_);
   }
   grpc::Status UploadScene(grpc::ServerContext*, grpc::ServerReader<v1::UploadSceneRequest>* reader,
-                           v1::UploadSceneReply* reply) override {
+                           v1::UploadSceneResponse* reply) override {
     v1::UploadSceneRequest chunk;
     while (reader->Read(&chunk)) {
     }

@@ -200,7 +200,7 @@ TEST_F(BenchLedgerTest, WhatAReplyLeavesOutIsLost) {
 
 TEST_F(BenchLedgerTest, RejectedTicksAreNotMergedOnes) {
   send(1, 3);
-  ledger_.rejected(2);
+  ledger_.tick_error(2);
   EXPECT_THAT(answer(3, 1), ElementsAre(10, 30));
   expect_counts(1, 1, 1, 0);
 }
@@ -210,7 +210,7 @@ TEST_F(BenchLedgerTest, AnAnswerToNothingThatWaitsCountsNothing) {
   EXPECT_TRUE(answer(7, 0).empty());
   EXPECT_THAT(answer(2, 1), ElementsAre(10, 20));
   EXPECT_TRUE(answer(2, 0).empty()) << "a second time";
-  ledger_.rejected(1);
+  ledger_.tick_error(1);
   expect_counts(1, 1, 0, 0);
 }
 
@@ -222,7 +222,7 @@ TEST_F(BenchLedgerTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
     send(sent + 1, sent + more);
     sent += more;
     if (random.next_below(3) == 0 && sent > answered)
-      ledger_.rejected(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
+      ledger_.tick_error(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
     if (random.next_below(2) == 0) continue;
     answered =
         std::max(answered, sent - random.next_below(static_cast<uint32_t>(std::min<uint64_t>(sent, 3) + 1)));
@@ -331,11 +331,11 @@ TEST_F(BenchWorldTest, TheScenesOwnTargetsWalkItsWay) {
     const double time_s = static_cast<double>(sequence - 1) / 30.0;
     EXPECT_NEAR(tick.time_s(), time_s, 1e-12);
     const std::vector<Pose> poses = scenario->poses_at(time_s);
-    ASSERT_EQ(tick.transforms().id_size(), 2);
+    ASSERT_EQ(tick.transforms().ids_size(), 2);
     for (int i = 0; i < 2; ++i) {
-      const auto id = tick.transforms().id(i);
+      const auto id = tick.transforms().ids(i);
       for (int axis = 0; axis < 3; ++axis)
-        EXPECT_NEAR(tick.transforms().position(3 * i + axis), poses[id - 1].position_m[axis], 1e-6);
+        EXPECT_NEAR(tick.transforms().positions(3 * i + axis), poses[id - 1].position_m[axis], 1e-6);
     }
   }
 }
@@ -348,8 +348,8 @@ TEST_F(BenchWorldTest, AtTheEndOfTheWayTheyTurnBackWithoutAJump) {
     const v1::Tick tick = tick_of(world, 0, sequence);
     double way_m2 = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
-      const double step_m = tick.transforms().position(axis) - before.transforms().position(axis);
-      EXPECT_NEAR(tick.transforms().velocity(axis), step_m * 60.0, 1e-3) << sequence;
+      const double step_m = tick.transforms().positions(axis) - before.transforms().positions(axis);
+      EXPECT_NEAR(tick.transforms().velocities(axis), step_m * 60.0, 1e-3) << sequence;
       way_m2 += step_m * step_m;
     }
     farthest_m = std::max(farthest_m, std::sqrt(way_m2));
@@ -365,16 +365,16 @@ TEST_F(BenchWorldTest, BoxesThatMoveCircleAndTheOthersAreSentOnlyOnce) {
   EXPECT_EQ(open.instances_size(), 12);
   EXPECT_EQ(open.scene().hash(), "hash");
   v1::Tick tick = tick_of(world, 0, 1);
-  ASSERT_EQ(tick.transforms().id_size(), 2 + 5);
+  ASSERT_EQ(tick.transforms().ids_size(), 2 + 5);
   std::vector<glm::dvec3> first;
   const auto box = [&](int i) {
-    const double* p = tick.transforms().position().data() + 3 * (2 + i);
+    const double* p = tick.transforms().positions().data() + 3 * (2 + i);
     return glm::dvec3(p[0], p[1], p[2]);
   };
   for (int i = 0; i < 5; ++i) {
     first.push_back(box(i));
     const auto& start = open.instances(i).pose().position();
-    EXPECT_EQ(open.instances(i).id(), tick.transforms().id(2 + i));
+    EXPECT_EQ(open.instances(i).id(), tick.transforms().ids(2 + i));
     EXPECT_EQ(first.back(), glm::dvec3(start.x(), start.y(), start.z()));
   }
   world.fill_tick(0, 31, tick);
@@ -394,8 +394,8 @@ TEST_F(BenchWorldTest, MoreTargetsThanTheSceneHasWalkBesideThem) {
   const v1::Tick early = tick_of(world, 0, 1), late = tick_of(world, 0, 121);
   std::set<uint64_t> ids;
   for (int i = 0; i < 8; ++i) {
-    ids.insert(early.transforms().id(i));
-    EXPECT_NE(early.transforms().position(3 * i), late.transforms().position(3 * i)) << i;
+    ids.insert(early.transforms().ids(i));
+    EXPECT_NE(early.transforms().positions(3 * i), late.transforms().positions(3 * i)) << i;
   }
   EXPECT_EQ(ids.size(), 8u);
 }

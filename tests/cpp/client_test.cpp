@@ -81,7 +81,7 @@ TEST_F(ClientTest, ASessionAnswersEveryTickInOrder) {
   Client client = connect();
   const auto session = open(client);
   EXPECT_FALSE(session->opened().session_id().empty());
-  EXPECT_EQ(session->opened().instances(), 2u);
+  EXPECT_EQ(session->opened().instance_count(), 2u);
   for (uint64_t sequence = 1; sequence <= 20; ++sequence) {
     ASSERT_TRUE(session->send(tick(sequence)));
     EXPECT_EQ(next_reply(*session).sequence(), sequence);
@@ -127,14 +127,14 @@ TEST_F(ClientTest, ARefusedTickIsAnEventAndTheSessionLivesOn) {
   Client client = connect();
   const auto session = open(client);
   v1::Tick wrong = tick(1);
-  wrong.mutable_transforms()->add_id(99);
-  for (int k = 0; k < 3; ++k) wrong.mutable_transforms()->add_position(0);
+  wrong.mutable_transforms()->add_ids(99);
+  for (int k = 0; k < 3; ++k) wrong.mutable_transforms()->add_positions(0);
   ASSERT_TRUE(session->send(wrong));
   const auto event = session->receive(10s);
-  ASSERT_TRUE(event && *event && std::holds_alternative<v1::Rejection>(**event));
-  const Error error = to_error(std::get<v1::Rejection>(**event));
+  ASSERT_TRUE(event && *event && std::holds_alternative<v1::TickError>(**event));
+  const Error error = to_error(std::get<v1::TickError>(**event));
   EXPECT_EQ(error.code, ErrorCode::kNotFound);
-  EXPECT_THAT(error.field, HasSubstr("transforms.id[0]"));
+  EXPECT_THAT(error.field, HasSubstr("transforms.ids[0]"));
   ASSERT_TRUE(session->send(tick(2)));
   EXPECT_EQ(next_reply(*session).sequence(), 2u);
 }
@@ -161,8 +161,8 @@ TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
   for (uint64_t sequence = 1; sequence <= 2; ++sequence) {
     ASSERT_TRUE(session->send(sequence == 1 ? first : tick(sequence)));
     const v1::CameraReply reply = next_reply(*session);
-    const bool used = reply.volume() == v1::PAIR_VOLUME;
-    EXPECT_TRUE(used || reply.pair_fallback() == v1::PAIR_TOO_CLOSE)
+    const bool used = reply.volume_used() == v1::VOLUME_USED_PAIR;
+    EXPECT_TRUE(used || reply.pair_fallback() == v1::PAIR_FALLBACK_TOO_CLOSE)
         << "asked for, and told why when not used";
     EXPECT_EQ(reply.depth_maps(0).width(), 14u) << sequence;
     EXPECT_NEAR(reply.field_of_view(), std::numbers::pi * 40 / 180, 1e-9) << sequence;
@@ -182,12 +182,12 @@ TEST_F(ClientTest, AChangedLimitIsKept) {
   for (uint64_t i = 1; i <= 60; ++i) {
     v1::Tick message = tick(i);  // both walk away, at 2 m/s
     for (const uint64_t id : {1, 2}) {
-      message.mutable_transforms()->add_id(id);
+      message.mutable_transforms()->add_ids(id);
       for (const double p : {static_cast<double>(id) + 2.0 / 60 * i, 0.0, 0.0})
-        message.mutable_transforms()->add_position(p);
+        message.mutable_transforms()->add_positions(p);
     }
     ASSERT_TRUE(session->send(message));
-    const v1::Vector3 v = next_reply(*session).velocity();
+    const v1::Vec3 v = next_reply(*session).velocity();
     fastest = std::max(fastest, std::hypot(v.x(), v.y(), v.z()));
   }
   EXPECT_GT(fastest, 0.04);
@@ -202,8 +202,8 @@ TEST_F(ClientTest, ARefusedChangeIsNamedAndGoneAndTheSessionLivesOn) {
   session->change(with_resolution(1));
   ASSERT_TRUE(session->send(tick(1)));
   const auto event = session->receive(10s);
-  ASSERT_TRUE(event && *event && std::holds_alternative<v1::Rejection>(**event));
-  EXPECT_EQ(to_error(std::get<v1::Rejection>(**event)).field, "tick.settings.sample.resolution");
+  ASSERT_TRUE(event && *event && std::holds_alternative<v1::TickError>(**event));
+  EXPECT_EQ(to_error(std::get<v1::TickError>(**event)).field, "tick.settings.sample.resolution");
   ASSERT_TRUE(session->send(tick(2)));
   EXPECT_EQ(next_reply(*session).depth_maps(0).width(), 7u);
 }
@@ -287,7 +287,7 @@ TEST_F(ClientTest, AnUploadedSceneOpensASession) {
   const auto scene = client.upload_scene(writer.finish("none"), 10s);
   ASSERT_TRUE(scene) << to_string(scene.error());
   EXPECT_EQ(scene->hash().size(), 32u);
-  EXPECT_EQ(scene->triangles(), 24u);
+  EXPECT_EQ(scene->triangle_count(), 24u);
   v1::OpenSession request;
   request.mutable_scene()->set_hash(scene->hash());
   v1::NodeBinding* binding = request.mutable_scene()->add_bindings();
@@ -297,8 +297,8 @@ TEST_F(ClientTest, AnUploadedSceneOpensASession) {
   request.mutable_camera()->mutable_position()->set_z(6);
   const auto session = open(client, request);
   ASSERT_TRUE(session);
-  EXPECT_EQ(session->opened().instances(), 2u);
-  EXPECT_EQ(session->opened().triangles(), 24u);
+  EXPECT_EQ(session->opened().instance_count(), 2u);
+  EXPECT_EQ(session->opened().triangle_count(), 24u);
 }
 
 TEST_F(ClientTest, AnUploadThatIsNoSceneIsAnError) {
@@ -315,6 +315,9 @@ TEST_F(ClientTest, TheServerSaysWhatItIs) {
   const auto info = client.server_info(10s);
   ASSERT_TRUE(info) << to_string(info.error());
   EXPECT_EQ(info->sampler(), "embree");
+  const auto stats = client.server_stats(10s);
+  ASSERT_TRUE(stats) << to_string(stats.error());
+  EXPECT_FALSE(stats->has_recording());
   EXPECT_TRUE(client.list_scenes(10s));
 }
 

@@ -15,7 +15,7 @@ import tempfile
 import time
 import unittest
 
-from code_blocks import all_blocks
+from code_blocks import DOCUMENTS, all_blocks
 
 # Commands that are not run, and why. Where the program is ours, its flags are checked all the same.
 NOT_RUN = (
@@ -131,8 +131,13 @@ class Documents(unittest.TestCase):
         return [block for block in self.blocks if block.language == language]
 
     def test_every_block_says_its_language(self):
-        known = {"cpp", "python", "sh", "text", "proto"}
+        known = {"cpp", "python", "sh", "json", "text"}
         self.assertEqual([], [f"{b.path}:{b.line}: {b.language or 'none'}" for b in self.blocks if b.language not in known])
+
+    def test_no_code_is_indented_instead(self):
+        for path in (path for path in DOCUMENTS if path.endswith(".md")):
+            text = re.sub(r"^```.*?^```", "", (ROOT / path).read_text(encoding="utf-8"), flags=re.S | re.M)
+            self.assertNotRegex(text, r"\n\n    \S", f"{path}: a fence with its language makes code testable")
 
     def test_the_cpp_program_moves_a_camera(self):
         done = subprocess.run([PROGRAM, f"127.0.0.1:{self.shop.port}"], capture_output=True, text=True, timeout=60)

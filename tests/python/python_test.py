@@ -48,7 +48,7 @@ class ClientTest(unittest.TestCase):
 
     def test_the_camera_moves_until_it_sees_what_a_pillar_hides(self):
         with sightline_client.Camera(self.address, **SCENE) as camera:
-            self.assertEqual(camera.opened.instances, 2)
+            self.assertEqual(camera.opened.instance_count, 2)
             replies = [camera.tick(n / 60, {HERO: (0, 0.9, 0)}) for n in range(180)]
         self.assertEqual([r.sequence for r in replies], list(range(1, 181)))
         self.assertEqual(replies[0].targets[0].visible_share, 0)

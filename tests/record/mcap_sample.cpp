@@ -63,7 +63,7 @@ int recover(const std::string& path, const std::string& copy) {
 
 v1::OpenSession some_open() {
   v1::OpenSession open;
-  open.mutable_convention()->set_preset(v1::Convention::UNREAL);
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
   open.set_seed(7);
   v1::NewInstance& box = *open.add_instances();
   box.set_id(5);
@@ -85,10 +85,10 @@ v1::Tick some_tick(uint64_t i) {
   v1::Tick tick;
   tick.set_sequence(i);
   tick.set_time_s(static_cast<double>(i) / 60);
-  tick.mutable_transforms()->add_id(9);
+  tick.mutable_transforms()->add_ids(9);
   for (const double p :
        {std::cos(0.01 * static_cast<double>(i)) * 500, std::sin(0.01 * static_cast<double>(i)) * 500, 90.0})
-    tick.mutable_transforms()->add_position(p);
+    tick.mutable_transforms()->add_positions(p);
   return tick;
 }
 
@@ -100,10 +100,10 @@ v1::CameraReply some_reply(uint64_t i) {
   reply.mutable_pose()->mutable_position()->set_z(200);
   reply.mutable_pose()->mutable_rotation()->set_w(1);
   reply.set_field_of_view(90);
-  reply.set_status(i < 300 ? v1::TRACKING : v1::PARTIAL_VIEW);
+  reply.set_status(i < 300 ? v1::TRACKING_STATUS_TRACKING : v1::TRACKING_STATUS_PARTIAL_VIEW);
   v1::TargetVisibility& target = *reply.add_targets();
   target.set_id(9);
-  target.set_state(i < 300 ? v1::VISIBLE : v1::PARTIAL);
+  target.set_state(i < 300 ? v1::TARGET_STATE_VISIBLE : v1::TARGET_STATE_PARTIAL);
   target.set_filtered_share(i < 300 ? 1.0 : 0.5);
   return reply;
 }

@@ -38,7 +38,7 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   EXPECT_EQ(studio.writer->counts().failing_sessions, 1u);
   EXPECT_GT(studio.writer->counts().write_failures, 0u);
   ASSERT_THAT(studio.warnings, SizeIs(1));
-  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::NO_SPACE);
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_NO_SPACE);
   EXPECT_THAT(studio.warnings[0].text, HasSubstr("full"));
 
   studio.files.disk_full = false;
@@ -62,7 +62,7 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
     missing += found.gap_messages;
     all.insert(all.end(), found.ticks.begin(), found.ticks.end());
     EXPECT_EQ(found.topics.at(1), "/sightline/open") << "so that each can be read by itself";
-    EXPECT_EQ(found.folded_ticks, first ? 0u : found.ticks.front() - 1) << "the lost ones among them";
+    EXPECT_EQ(found.snapshot_ticks, first ? 0u : found.ticks.front() - 1) << "the lost ones among them";
   }
   EXPECT_EQ(written + missing, 2 * 240u) << "what is not there is told";
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
@@ -132,7 +132,7 @@ TEST(Recorder, ARemovedFileAndAFolderThatCannotBeMadeAreNoticed) {
   studio.later(2);
   EXPECT_TRUE(recorder->degraded());
   ASSERT_THAT(studio.warnings, SizeIs(1));
-  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::WRITE_FAILED);
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_WRITE_FAILED);
   for (int i = 0; i < 600; ++i) {
     studio.tick(*recorder);
     studio.writer->run_once();
@@ -191,7 +191,7 @@ TEST(Recorder, ADiskThatOthersFilledIsLeftAlone) {
   EXPECT_EQ(recorder->dropped(), 600u);
   EXPECT_THAT(studio.files.files, SizeIs(1)) << "nothing is written, nothing of others removed";
   ASSERT_THAT(studio.warnings, SizeIs(1));
-  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::NO_SPACE);
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_NO_SPACE);
   studio.files.files.clear();
   studio.later(2);
   studio.tick(*recorder);

@@ -35,7 +35,7 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
     EXPECT_EQ(found.missing, 0u);
     if (found.ticks.empty()) continue;
     // Whoever has only this part has all ticks: those before it in one, the rest as they were.
-    EXPECT_EQ(found.ticks, numbers(found.folded_ticks + 1, found.ticks.back()));
+    EXPECT_EQ(found.ticks, numbers(found.snapshot_ticks + 1, found.ticks.back()));
     // A tick that was not answered yet stands in both.
     const bool again = !all.empty() && found.ticks.front() == all.back();
     all.insert(all.end(), found.ticks.begin() + (again ? 1 : 0), found.ticks.end());
@@ -49,7 +49,7 @@ TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
   for (int i = 0; i < 5; ++i) studio.tick(*recorder), studio.answer(*recorder);
   for (int i = 0; i < 3; ++i) studio.tick(*recorder);
-  v1::Rejection refused;
+  v1::TickError refused;
   refused.set_sequence(7);
   refused.add_field_violations()->set_field("tick.dt_s");
   recorder->record(RecordTopic::kRejection, {studio.files.now_ns, studio.files.now_ns}, refused);
@@ -62,7 +62,7 @@ TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
   studio.writer.reset();
   ASSERT_THAT(studio.files.files, SizeIs(1));
   const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
-  EXPECT_EQ(found.folded_ticks, 5u);
+  EXPECT_EQ(found.snapshot_ticks, 5u);
   EXPECT_EQ(found.ticks, (std::vector<uint64_t>{6, 8}));
   EXPECT_EQ(found.replies, 1u);
 }
@@ -72,7 +72,7 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   constexpr uint64_t kInstances = 200;
   Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
                  .chunk_bytes = 500,
-                 .max_message_bytes = 2000,
+                 .max_message_bytes = 3000,
                  .for_viewers = false});
   auto recorder = studio.open();
   v1::OpenSession open;
@@ -81,8 +81,8 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   for (uint64_t id = 1; id <= kInstances; ++id) {
     v1::Tick tick;
     tick.set_sequence(++studio.ticks);
-    tick.mutable_transforms()->add_id(id);
-    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_position(1.0);
+    tick.mutable_transforms()->add_ids(id);
+    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_positions(1.0);
     studio.files.now_ns += kSecondNs / 60;
     EXPECT_TRUE(recorder->record(RecordTopic::kTick, {studio.files.now_ns, studio.files.now_ns}, tick));
     studio.answer(*recorder);
@@ -96,7 +96,7 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   for (const auto& [name, file] : studio.files.files) {
     const Contents found = contents_of(*file.bytes);
     if (found.ticks.empty() || found.ticks.front() == 1) continue;  // from the start
-    if (found.folded_ticks > 0) {
+    if (found.snapshot_ticks > 0) {
       EXPECT_EQ(too_large, 0u) << "all that there is only grows";
       EXPECT_EQ(found.gap_messages, 0u);
       ++folded;
@@ -105,7 +105,7 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
     ++too_large;
     EXPECT_EQ(found.topics.at(2), "/sightline/gap");
     EXPECT_EQ(found.gap_messages, found.ticks.front() - 1);
-    EXPECT_EQ(found.gap_reasons, std::set{v1::Gap::TOO_LARGE});
+    EXPECT_EQ(found.gap_reasons, std::set{v1::Gap::REASON_TOO_LARGE});
   }
   EXPECT_GT(folded, 0u);
   EXPECT_GT(too_large, 0u);
@@ -127,16 +127,16 @@ TEST(Recorder, WhatIsMadeForViewersAndIsTooLargeIsCountedAndMissedByNobody) {
   };
   v1::SceneDelta all_come, all_go;
   for (uint64_t id = 1; id <= kMany; ++id) {
-    v1::NewInstance& instance = *all_come.add_add();
+    v1::NewInstance& instance = *all_come.add_added_instances();
     instance.set_id(id);
     instance.mutable_shape()->mutable_sphere()->set_radius(1.0);
-    all_go.add_remove(id);
+    all_go.add_removed_ids(id);
   }
   tell(all_come);
   constexpr uint64_t kShapesAndFrames = 2;
   EXPECT_EQ(studio.writer->counts().dropped_messages, kShapesAndFrames);
   ASSERT_THAT(studio.warnings, SizeIs(1));
-  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::TOO_LARGE);
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_TOO_LARGE);
   EXPECT_FALSE(recorder->degraded());
 
   studio.files.files.clear();  // so that the next part begins
@@ -171,7 +171,7 @@ TEST(Recorder, AFirstFileThatComesLateHasTheOpeningAllTheSame) {
   ASSERT_THAT(studio.files.files, SizeIs(1));
   const Contents found = contents_of(*studio.files.files.begin()->second.bytes);
   EXPECT_EQ(found.topics.at(1), "/sightline/open");
-  EXPECT_EQ(found.folded_ticks, 1u);
+  EXPECT_EQ(found.snapshot_ticks, 1u);
   EXPECT_EQ(found.ticks, numbers(2, 2));
   EXPECT_EQ(found.gap_messages, 3u);
 }

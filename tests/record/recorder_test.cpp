@@ -70,7 +70,7 @@ TEST(Recorder, AFullQueueDropsCountsAndSaysSoInTheFile) {
   studio.writer->run_once();
   EXPECT_EQ(studio.writer->counts().dropped_messages, dropped);
   ASSERT_THAT(studio.warnings, SizeIs(1));
-  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::QUEUE_FULL);
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_QUEUE_FULL);
   EXPECT_TRUE(studio.tick(*recorder)) << "it picks up again";
   EXPECT_FALSE(recorder->degraded());
   recorder.reset();
@@ -147,7 +147,7 @@ TEST(Recorder, AMessageLargerThanARecordingHoldsIsDroppedAndTheRestGoesOn) {
   EXPECT_TRUE(studio.tick(*recorder));
   for (int i = 0; i < 3; ++i) studio.writer->run_once();
   ASSERT_THAT(studio.warnings, SizeIs(2));
-  for (const RecordWarning& warning : studio.warnings) EXPECT_EQ(warning.reason, v1::Gap::TOO_LARGE);
+  for (const RecordWarning& warning : studio.warnings) EXPECT_EQ(warning.reason, v1::Gap::REASON_TOO_LARGE);
   EXPECT_THAT(studio.warnings[0].text, HasSubstr("larger than a recording can hold"));
   EXPECT_TRUE(studio.warnings[1].over);
   EXPECT_EQ(studio.writer->counts().dropped_messages, 1u);
@@ -167,7 +167,7 @@ TEST(Recorder, EveryReasonToDropIsWarnedOfByItself) {
   std::set<v1::Gap::Reason> reasons;
   for (const RecordWarning& warning : studio.warnings) reasons.insert(warning.reason);
   EXPECT_THAT(studio.warnings, SizeIs(2));
-  EXPECT_EQ(reasons, (std::set<v1::Gap::Reason>{v1::Gap::QUEUE_FULL, v1::Gap::TOO_LARGE}));
+  EXPECT_EQ(reasons, (std::set<v1::Gap::Reason>{v1::Gap::REASON_QUEUE_FULL, v1::Gap::REASON_TOO_LARGE}));
   EXPECT_EQ(studio.writer->counts().dropped_messages, recorder->dropped());
 }
 

@@ -65,7 +65,7 @@ struct Studio {
 
 struct Contents {
   std::vector<uint64_t> ticks;  // their own sequence; without one that stands for others
-  uint64_t folded_ticks = 0;
+  uint64_t snapshot_ticks = 0;
   uint64_t replies = 0;
   uint64_t gap_messages = 0;
   std::set<v1::Gap::Reason> gap_reasons;
@@ -84,13 +84,13 @@ inline Contents contents_of(const std::string& bytes, bool sound = true) {
     if (m.channel.topic == "/sightline/info") {
       v1::RecordingInfo info;
       EXPECT_TRUE(info.ParseFromString(std::string(m.message.data)));
-      found.folded_ticks = info.folded_ticks();
+      found.snapshot_ticks = info.snapshot_ticks();
     }
     found.replies += m.channel.topic == "/sightline/reply";
     if (m.channel.topic == "/sightline/tick") {
       v1::Tick tick;
       EXPECT_TRUE(tick.ParseFromString(std::string(m.message.data)));
-      if (found.folded_ticks == 0 || !std::exchange(first_tick, false))
+      if (found.snapshot_ticks == 0 || !std::exchange(first_tick, false))
         found.ticks.push_back(tick.sequence());
     }
     if (m.channel.topic == "/sightline/gap") {

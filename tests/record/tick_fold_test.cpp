@@ -24,7 +24,7 @@ constexpr uint64_t kFirstShape = 500, kShapes = 6, kFirstSpawn = 1000, kSpawns =
 
 enum class Turning { kNever, kAlways, kAtTimes };
 
-void set(v1::Vector3& out, double x, double y, double z) {
+void set(v1::Vec3& out, double x, double y, double z) {
   out.set_x(x);
   out.set_y(y);
   out.set_z(z);
@@ -92,7 +92,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     const auto scenario = Scenario::from_asset(asset_);
     open_ = open_request(*scenario, to_hex(asset_->hash), 3);
     for (uint64_t i = 0; i < kShapes; ++i) *open_.add_instances() = shape(kFirstShape + i);
-    start(Turning::kAlways, v1::Convention::GLTF, 1);
+    start(Turning::kAlways, v1::Convention::PRESET_GLTF, 1);
   }
 
   void start(Turning turning, v1::Convention::Preset convention, int seed) {
@@ -146,8 +146,8 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     for (double& x : q) x /= length;
     return q;
   }
-  v1::Pose pose() {
-    v1::Pose out;
+  v1::Pose3 pose() {
+    v1::Pose3 out;
     set(*out.mutable_position(), coordinate(), coordinate(), coordinate());
     if (chance(0.3)) return out;
     const auto q = rotation();
@@ -180,14 +180,14 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (turning_ == Turning::kAtTimes && !turns) std::erase_if(ids, of_file);
     v1::Transforms& out = *tick.mutable_transforms();
     for (const uint64_t id : ids) {
-      out.add_id(id);
+      out.add_ids(id);
       const Instance* now = truth_->session().mirror().find(id);
       const bool stays = now != nullptr && chance(0.2) && last_.contains(id);
       if (!stays) last_[id] = {coordinate(), coordinate(), coordinate()};
-      for (const double p : last_[id]) out.add_position(p);
+      for (const double p : last_[id]) out.add_positions(p);
       if (turns)
-        for (const double r : rotation()) out.add_rotation(static_cast<float>(r));
-      for (int k = 0; tells && k < 3; ++k) out.add_velocity(static_cast<float>(dice_.next_in(-3, 3)));
+        for (const double r : rotation()) out.add_rotations(static_cast<float>(r));
+      for (int k = 0; tells && k < 3; ++k) out.add_velocities(static_cast<float>(dice_.next_in(-3, 3)));
     }
   }
 
@@ -196,16 +196,16 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     const std::vector<uint64_t> ids = living();
     if (chance(0.2)) delta.set_base_revision(truth_->session().mirror().revision());
     const std::vector<uint64_t> removed = some(ids, 0.1);
-    for (const uint64_t id : removed) delta.add_remove(id);
+    for (const uint64_t id : removed) delta.add_removed_ids(id);
     for (uint64_t i = 0; i < kShapes + kSpawns; ++i) {
       const uint64_t id = i < kShapes ? kFirstShape + i : kFirstSpawn + i - kShapes;
       const bool taken = std::binary_search(ids.begin(), ids.end(), id) &&
                          std::find(removed.begin(), removed.end(), id) == removed.end();
-      if (!taken && chance(0.4)) *delta.add_add() = shape(id);
+      if (!taken && chance(0.4)) *delta.add_added_instances() = shape(id);
     }
     for (const uint64_t id : some(ids, 0.1)) {
       if (std::find(removed.begin(), removed.end(), id) != removed.end()) continue;
-      v1::AttributeChange& change = *delta.add_change();
+      v1::AttributeChange& change = *delta.add_changed_instances();
       change.set_id(id);
       *change.mutable_attributes() = attributes();
     }
@@ -219,8 +219,8 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
       target.set_id(id);
       if (chance(0.5)) target.set_weight(dice_.next_in(0, 5));
       if (chance(0.5)) target.set_required(chance(0.5));
-      for (const uint64_t other : some(ids, 0.1)) target.add_attached(other);
-      for (const uint64_t other : some(ids, 0.1)) target.add_ignored(other);
+      for (const uint64_t other : some(ids, 0.1)) target.add_attached_ids(other);
+      for (const uint64_t other : some(ids, 0.1)) target.add_ignored_ids(other);
     }
   }
 
@@ -248,11 +248,11 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
       case 0:
         return tick.set_sequence(sequence_ - 1);
       case 1:
-        return tick.mutable_delta()->add_remove(987654);
+        return tick.mutable_delta()->add_removed_ids(987654);
       case 2:
         return tick.mutable_limits()->set_max_speed_mps(-1);
       case 3:
-        return tick.mutable_transforms()->add_id(3);
+        return tick.mutable_transforms()->add_ids(3);
       default:
         return tick.mutable_delta()->set_base_revision(77777);
     }
@@ -268,10 +268,10 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (chance(0.3)) change_structure(tick);
     std::vector<uint64_t> ids = living();
     std::erase_if(ids, [&](uint64_t id) {
-      const auto& removed = tick.delta().remove();
+      const auto& removed = tick.delta().removed_ids();
       return std::find(removed.begin(), removed.end(), id) != removed.end();
     });
-    for (const v1::NewInstance& added : tick.delta().add()) ids.push_back(added.id());
+    for (const v1::NewInstance& added : tick.delta().added_instances()) ids.push_back(added.id());
     if (chance(0.8)) move(tick, some(ids, 0.3));
     if (chance(0.15)) change_targets(tick);
     if (chance(0.3)) change_terms(tick);
@@ -281,10 +281,10 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
 
   // To the truth and the fold, as a daemon does: some ticks, then what was refused of them, then one reply.
   void play(int ticks) {
-    std::vector<v1::Rejection> refused;
+    std::vector<v1::TickError> refused;
     for (int i = 0; i < ticks; ++i) {
       const v1::Tick tick = next();
-      v1::Rejection rejection;
+      v1::TickError rejection;
       ++stamps_;
       fold_.take_tick(tick, {static_cast<uint32_t>(stamps_), stamps_ * 10, stamps_ * 10 - 1});
       if (truth_->apply(tick, rejection)) {
@@ -296,7 +296,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
       }
     }
     refusals_ += refused.size();
-    for (const v1::Rejection& rejection : refused) fold_.take_rejection(rejection);
+    for (const v1::TickError& rejection : refused) fold_.take_rejection(rejection);
     reply_.set_sequence(newest_);
     *reply_.mutable_pose() = pose();
     set(*reply_.mutable_velocity(), 0.5, 0.25, -0.5);
@@ -355,8 +355,8 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     reply.set_sequence(sequence);
     return reply;
   }
-  static v1::Rejection refusal(uint64_t sequence, const char* field) {
-    v1::Rejection rejection;
+  static v1::TickError refusal(uint64_t sequence, const char* field) {
+    v1::TickError rejection;
     rejection.set_sequence(sequence);
     if (field) rejection.add_field_violations()->set_field(field);
     return rejection;
@@ -386,7 +386,7 @@ TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
   EXPECT_EQ(fold_.stamp().log_ns, newest_stamp_ * 10);
 
   const auto folded = open_session();
-  v1::Rejection rejection;
+  v1::TickError rejection;
   const v1::Tick tick = fold_.tick();
   ASSERT_TRUE(folded->apply(tick, rejection)) << rejection.message();
   EXPECT_FALSE(tick.delta().has_base_revision());
@@ -408,7 +408,7 @@ TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
 INSTANTIATE_TEST_SUITE_P(
     Seeds, Fold,
     testing::Combine(testing::Values(Turning::kNever, Turning::kAlways, Turning::kAtTimes),
-                     testing::Values(v1::Convention::GLTF, v1::Convention::UNREAL), testing::Range(1, 9)));
+                     testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNREAL), testing::Range(1, 9)));
 
 TEST_F(Fold, WhatIsNotAnsweredWaits) {
   TickFold fold;
@@ -442,7 +442,7 @@ TEST_F(Fold, OfTwoWithOneNumberTheRefusedOneGoes) {
     return fold.tick().lens().aspect();
   };
   EXPECT_EQ(told("tick.sequence"), 1);
-  EXPECT_EQ(told("tick.delta.remove[0]"), 2);
+  EXPECT_EQ(told("tick.delta.removed_ids[0]"), 2);
 }
 
 TEST_F(Fold, WhatWaitsIsBounded) {
@@ -452,7 +452,7 @@ TEST_F(Fold, WhatWaitsIsBounded) {
   EXPECT_THAT(fold.waiting(), SizeIs(TickFold::kMaxWaiting));
   EXPECT_EQ(fold.ticks(), 2000 - TickFold::kMaxWaiting);
   v1::Tick large = numbered(2001);
-  for (int i = 0; i < 400'000; ++i) large.mutable_transforms()->add_position(i);
+  for (int i = 0; i < 400'000; ++i) large.mutable_transforms()->add_positions(i);
   for (uint64_t i = 0; i < 10; ++i) {
     large.set_sequence(2001 + i);
     fold.take_tick(large, {});
@@ -465,34 +465,34 @@ TEST_F(Fold, WhatCameAndWentLeavesNothing) {
   fold.take_open(open_);
   for (uint64_t i = 1; i <= 100; ++i) {
     v1::Tick tick = numbered(i);
-    if (i > 1) tick.mutable_delta()->add_remove(kFirstSpawn + i - 1);
-    *tick.mutable_delta()->add_add() = shape(kFirstSpawn + i);
-    tick.mutable_transforms()->add_id(kFirstSpawn + i);
-    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_position(k);
+    if (i > 1) tick.mutable_delta()->add_removed_ids(kFirstSpawn + i - 1);
+    *tick.mutable_delta()->add_added_instances() = shape(kFirstSpawn + i);
+    tick.mutable_transforms()->add_ids(kFirstSpawn + i);
+    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_positions(k);
     fold.take_tick(tick, {});
   }
   fold.take_reply(answer(100));
   const v1::Tick tick = fold.tick();
-  EXPECT_EQ(tick.delta().remove_size(), 0);
-  ASSERT_EQ(tick.delta().add_size(), 1);
-  EXPECT_EQ(tick.delta().add(0).id(), kFirstSpawn + 100);
-  EXPECT_THAT(tick.transforms().id(), ElementsAre(kFirstSpawn + 100));
+  EXPECT_EQ(tick.delta().removed_ids_size(), 0);
+  ASSERT_EQ(tick.delta().added_instances_size(), 1);
+  EXPECT_EQ(tick.delta().added_instances(0).id(), kFirstSpawn + 100);
+  EXPECT_THAT(tick.transforms().ids(), ElementsAre(kFirstSpawn + 100));
 }
 
 TEST_F(Fold, AfterLostTicksItIsStillOneThatASessionTakes) {
   v1::Tick tick = numbered(9);
   for (const uint64_t unknown : {uint64_t{4242}, kFirstShape}) {
-    tick.mutable_transforms()->add_id(unknown);
-    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_position(k);
-    v1::AttributeChange& change = *tick.mutable_delta()->add_change();
+    tick.mutable_transforms()->add_ids(unknown);
+    for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_positions(k);
+    v1::AttributeChange& change = *tick.mutable_delta()->add_changed_instances();
     change.set_id(unknown);
     change.mutable_attributes()->set_layers(2);
     tick.mutable_targets()->add_targets()->set_id(unknown);
   }
-  tick.mutable_delta()->add_remove(4343);
+  tick.mutable_delta()->add_removed_ids(4343);
   fold_.take_tick(tick, {});
   fold_.take_reply(answer(9));
-  v1::Rejection rejection;
+  v1::TickError rejection;
   ASSERT_TRUE(truth_->apply(fold_.tick(), rejection)) << rejection.message();
   EXPECT_EQ(truth_->session().mirror().find(kFirstShape)->attributes.layers, 2u);
   EXPECT_THAT(truth_->session().targets(), SizeIs(1));
@@ -510,7 +510,7 @@ TEST_F(Fold, AFoldCanBeFoldedOn) {
   for (int batch = 0; batch < 20; ++batch) play(3);
   EXPECT_EQ(fold_.ticks(), applied_);
   const auto folded = open_session();
-  v1::Rejection rejection;
+  v1::TickError rejection;
   ASSERT_TRUE(folded->apply(fold_.tick(), rejection)) << rejection.message();
   expect_same(truth_->session(), folded->session(), false);
 }

@@ -46,15 +46,15 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
   const auto tell = [&](uint64_t sequence, uint64_t id) {
     v1::Tick tick;
     tick.set_sequence(sequence);
-    v1::NewInstance& added = *tick.mutable_delta()->add_add();
+    v1::NewInstance& added = *tick.mutable_delta()->add_added_instances();
     added.set_id(id);
     added.mutable_shape()->mutable_sphere()->set_radius(1.0);
-    tick.mutable_transforms()->add_id(id);
-    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_position(1.0);
+    tick.mutable_transforms()->add_ids(id);
+    for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_positions(1.0);
     viewers.take_tick(tick, 1, emit);
   };
   const auto refuse = [&](uint64_t sequence, const char* field) {
-    v1::Rejection rejection;
+    v1::TickError rejection;
     rejection.set_sequence(sequence);
     rejection.add_field_violations()->set_field(field);
     viewers.take_rejection(rejection, 1, emit);
@@ -64,7 +64,7 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
     message.set_sequence(sequence);
     viewers.take_reply(message, 1, emit);
   };
-  tell(1, 11), tell(2, 12), refuse(2, "tick.delta.add[0].id"), tell(3, 13), tell(3, 14),
+  tell(1, 11), tell(2, 12), refuse(2, "tick.delta.added_instances[0].id"), tell(3, 13), tell(3, 14),
       refuse(3, "tick.sequence");
   tell(4, 15);  // of the next step
   EXPECT_THAT(shapes, ::testing::ElementsAre(0));

@@ -153,7 +153,7 @@ class Files(unittest.TestCase):
         self.assertTrue(set(head[5:]) <= set(straight(self.session)))
         self.assertEqual(self.check_dump(out), len(got))
         messages = [m[4] for m in decoded(out)]
-        self.assertEqual(messages[0].folded_ticks, messages[4].sequence)
+        self.assertEqual(messages[0].snapshot_ticks, messages[4].sequence)
         self.assertTrue(messages[4].observed_camera.cut)
         with open(out, "rb") as stream:
             reader = SeekingReader(stream, validate_crcs=True)

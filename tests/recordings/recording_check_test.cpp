@@ -63,11 +63,11 @@ TEST_F(Verbs, WhatDoesNotGoTogetherIsSaid) {
 
 // A part whose messages have the numbers that are asked for.
 struct Numbered {
-  explicit Numbered(uint32_t part = 1, uint64_t folded_ticks = 0) {
+  explicit Numbered(uint32_t part = 1, uint64_t snapshot_ticks = 0) {
     v1::RecordingInfo info;
-    info.set_version(1);
+    info.set_layout_version(1);
     info.set_part(part);
-    info.set_folded_ticks(folded_ticks);
+    info.set_snapshot_ticks(snapshot_ticks);
     file.emplace(std::make_unique<StringSink>(bytes), info, 1, McapWriterOptions{});
     put(RecordTopic::kOpen, 1, v1::OpenSession());
   }
@@ -89,7 +89,7 @@ struct Numbered {
     reply.set_sequence(to_tick);
     put(RecordTopic::kReply, number, reply);
   }
-  void gap(uint64_t messages, v1::Gap::Reason reason = v1::Gap::NO_SPACE) {
+  void gap(uint64_t messages, v1::Gap::Reason reason = v1::Gap::REASON_NO_SPACE) {
     v1::Gap gap;
     gap.set_messages(messages);
     gap.set_reason(reason);
@@ -134,8 +134,8 @@ TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
   const Tell heads[] = {
       [](Numbered& f) { f.stills(3), f.tick(5), f.gap(9); },
       [](Numbered& f) { f.stills(3), f.tick(5), f.tick(6), f.tick(8), f.gap(9); },
-      [](Numbered& f) { f.stills(3), f.gap(5, v1::Gap::TOO_LARGE), f.tick(6), f.tick(8), f.gap(9); },
-      [](Numbered& f) { f.stills(3), f.gap(5, v1::Gap::TOO_LARGE), f.gap(9); },
+      [](Numbered& f) { f.stills(3), f.gap(5, v1::Gap::REASON_TOO_LARGE), f.tick(6), f.tick(8), f.gap(9); },
+      [](Numbered& f) { f.stills(3), f.gap(5, v1::Gap::REASON_TOO_LARGE), f.gap(9); },
   };
   const auto said = [&](const Tell& head, const Tell& later) {
     Numbered file(2, &head < heads + 2 ? 5 : 0);
@@ -195,7 +195,7 @@ void record_session(test::PretendedFiles& disk, const RecordSettings& settings, 
         ++applied;
         continue;
       }
-      v1::Rejection refused;
+      v1::TickError refused;
       refused.set_sequence(sequence);
       refused.add_field_violations()->set_field("tick.dt_s");
       put_one(RecordTopic::kRejection, refused);
@@ -217,7 +217,7 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
     const std::string part = put(name, *file.bytes);
     EXPECT_EQ(verify(part).status, 0) << verify(part).out;
     const json told = json::parse(info({part}, true).out)["session"];
-    EXPECT_EQ(told["folded_ticks"] == 0, told["part"] == 1);
+    EXPECT_EQ(told["snapshot_ticks"] == 0, told["part"] == 1);
     const Recording recording = recording_of(*file.bytes);
     size_t before_reply = 0;
     recording.read({}, [&](RecordedEvent& event) {
@@ -228,8 +228,8 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
     if (told["part"] == 2) {
       EXPECT_EQ(cut(part, path("x.mcap"), 0.1).status, 0);
       EXPECT_EQ(verify(path("x.mcap")).status, 0);
-      EXPECT_GT(recording_of(bytes_of(path("x.mcap"))).info().folded_ticks(),
-                told["folded_ticks"].get<uint64_t>());
+      EXPECT_GT(recording_of(bytes_of(path("x.mcap"))).info().snapshot_ticks(),
+                told["snapshot_ticks"].get<uint64_t>());
     }
   }
   EXPECT_GT(began_waiting, 0u);

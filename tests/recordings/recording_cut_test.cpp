@@ -41,7 +41,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   const std::string bytes = bytes_of(path("part.mcap"));
   const Recording part = recording_of(bytes), whole = recording_of(hall());
   EXPECT_EQ(part.info().part(), 1u);
-  ASSERT_GT(part.info().folded_ticks(), 30u);
+  ASSERT_GT(part.info().snapshot_ticks(), 30u);
   EXPECT_EQ(part.open_session().SerializeAsString(), whole.open_session().SerializeAsString());
   EXPECT_EQ(part.opened().SerializeAsString(), whole.opened().SerializeAsString());
 
@@ -66,7 +66,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   part.read({}, [&](RecordedEvent& event) {
     if (!steps.add(event)) return true;
     const RecordedStep step = steps.take();
-    v1::Rejection rejection;
+    v1::TickError rejection;
     for (const v1::Tick& tick : step.ticks)
       EXPECT_TRUE(session->apply(tick, rejection)) << rejection.message();
     v1::CameraReply reply;
@@ -76,7 +76,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
     // It had a memory once: alike, not equal.
     const double apart_m = std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
     EXPECT_LT(apart_m, replies == 0 ? 0.1 : 5.0);
-    EXPECT_EQ(reply.hash(), step.reply.hash()) << "the same scene";
+    EXPECT_EQ(reply.mirror_hash(), step.reply.mirror_hash()) << "the same scene";
     ++replies;
     return true;
   });
@@ -104,7 +104,7 @@ TEST_F(Verbs, ACutFromWithinBeforeTheFirstReplyIsSound) {
   const std::string file = put("refused.mcap", told.finish());
   EXPECT_EQ(verify(file).status, 0) << verify(file).out;
   EXPECT_EQ(cut(file, path("part.mcap"), 0.1).status, 0);
-  EXPECT_EQ(recording_of(bytes_of(path("part.mcap"))).info().folded_ticks(), 0u);
+  EXPECT_EQ(recording_of(bytes_of(path("part.mcap"))).info().snapshot_ticks(), 0u);
   EXPECT_EQ(verify(path("part.mcap")).status, 0) << verify(path("part.mcap")).out;
 }
 

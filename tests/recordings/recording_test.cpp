@@ -42,10 +42,10 @@ class Recorded : public testing::Test {
     const RecordedReport report = recording.read({}, [&](RecordedEvent& event) {
       if (!steps.add(event)) return true;
       const RecordedStep step = steps.take();
-      v1::Rejection rejection;
+      v1::TickError rejection;
       for (const v1::Tick& tick : step.ticks) EXPECT_TRUE((*session)->apply(tick, rejection));
       v1::CameraReply reply;
-      EXPECT_TRUE((*session)->step(step.economy_level(), reply).has_value());
+      EXPECT_TRUE((*session)->step(step.quality_level(), reply).has_value());
       EXPECT_EQ(reply.sequence(), step.reply.sequence());
       EXPECT_EQ(reply.merged_ticks(), step.reply.merged_ticks());
       hash = reply_hash(reply, hash);
@@ -71,7 +71,7 @@ TEST_F(Recorded, HeadSaysHowTheSessionWasOpened) {
 TEST_F(Recorded, StepsTakenAgainAnswerTheSameBits) {
   for (const test::RecordedHallOptions& options :
        {test::RecordedHallOptions{}, test::RecordedHallOptions{.merge_every = 2},
-        test::RecordedHallOptions{.economy_level = 4}}) {
+        test::RecordedHallOptions{.quality_level = 4}}) {
     const RecordedHall hall = record_hall(*sampler_, options);
     EXPECT_EQ(step_again(read(hall.bytes)), std::pair(hall.hash, hall.replies));
   }
@@ -79,7 +79,7 @@ TEST_F(Recorded, StepsTakenAgainAnswerTheSameBits) {
 
 // What it is made of is not: the line about a refusal says more than the refusal.
 TEST(RecordingWriterTest, WhatIsMadeForViewersAndIsTooLargeIsLeftOut) {
-  v1::Rejection rejection;
+  v1::TickError rejection;
   rejection.set_message(std::string(kMaxMessageBytes - 10, 'x'));
   ASSERT_LE(rejection.ByteSizeLong(), kMaxMessageBytes);
   std::string bytes;
@@ -102,7 +102,7 @@ TEST(RecordingWriterTest, WhatIsMadeForViewersAndIsTooLargeIsLeftOut) {
 TEST_F(Recorded, AnotherSeedOrAnotherLevelIsAnotherHash) {
   const uint64_t hash = record_hall(*sampler_).hash;
   EXPECT_NE(record_hall(*sampler_, {.seed = 2}).hash, hash);
-  EXPECT_NE(record_hall(*sampler_, {.economy_level = 4}).hash, hash);
+  EXPECT_NE(record_hall(*sampler_, {.quality_level = 4}).hash, hash);
 }
 
 TEST_F(Recorded, RangeIsOfSecondsSinceTheStart) {

@@ -120,8 +120,8 @@ struct Told {
     reply.set_merged_ticks(merged);
     put(reply);
   }
-  void refuse(uint64_t sequence, const char* field = "tick.delta.remove[0]") {
-    v1::Rejection rejection;
+  void refuse(uint64_t sequence, const char* field = "tick.delta.removed_ids[0]") {
+    v1::TickError rejection;
     rejection.set_sequence(sequence);
     if (*field) rejection.add_field_violations()->set_field(field);
     put(rejection);

@@ -50,7 +50,7 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
 TEST_F(Verbs, InfoTellsWhatIsMissingAndWhy) {
   Told told;
   told.tick(1), told.reply(1);
-  for (const v1::Gap::Reason reason : {v1::Gap::QUEUE_FULL, v1::Gap::NO_SPACE, v1::Gap::QUEUE_FULL}) {
+  for (const v1::Gap::Reason reason : {v1::Gap::REASON_QUEUE_FULL, v1::Gap::REASON_NO_SPACE, v1::Gap::REASON_QUEUE_FULL}) {
     v1::Gap gap;
     gap.set_reason(reason);
     gap.set_messages(7);

@@ -159,7 +159,7 @@ TEST(CompareMessages, TellsTheFieldsThatProtobufsOwnDifferencerTells) {
 }
 
 TEST(CompareMessages, LooksAtBits) {
-  v1::Vector3 a, b;
+  v1::Vec3 a, b;
   a.set_x(0.1);
   b.set_x(std::nextafter(0.1, 1.0));
   const auto difference = first_difference(a, b, {});
@@ -270,14 +270,14 @@ TEST_F(CompareRecordings, InputsThatDifferAreTold) {
   EXPECT_EQ(opening.input.equal, 60u);
   const std::string slower = rewritten(hall(), [](RecordedEvent& event, RecordingWriter&) {
     auto* tick = std::get_if<v1::Tick>(&event.message);
-    if (tick && tick->sequence() >= 7) tick->mutable_transforms()->set_position(4, 1.5);
+    if (tick && tick->sequence() >= 7) tick->mutable_transforms()->set_positions(4, 1.5);
     return true;
   });
   const RecordingComparison ticks = compare(hall(), slower);
   EXPECT_EQ(ticks.input.equal, 6u);
   ASSERT_TRUE(ticks.input.first);
   EXPECT_EQ(ticks.input.first->sequence, 7u);
-  EXPECT_EQ(ticks.input.first->field.path, "transforms.position[4]");
+  EXPECT_EQ(ticks.input.first->field.path, "transforms.positions[4]");
   EXPECT_EQ(ticks.input.first->field.b, "1.5");
 }
 
@@ -286,7 +286,7 @@ TEST_F(CompareRecordings, CommandSaysItInWordsAndInJson) {
   const std::string a = folder / "a.mcap", b = folder / "b.mcap";
   std::ofstream(a, std::ios::binary) << hall();
   std::ofstream(b, std::ios::binary) << with_replies([](v1::CameraReply& reply) {
-    if (reply.sequence() == 12) reply.set_status(v1::HOLDING);
+    if (reply.sequence() == 12) reply.set_status(v1::TRACKING_STATUS_HOLDING);
     return true;
   });
   std::ostringstream same, words, json, err;

@@ -19,8 +19,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0xa5da725ac4906177;
-constexpr uint64_t kLlvmpipeHash = 0xa5da725ac4906177;
+constexpr uint64_t kEmbreeHash = 0x0676ae595512b78d;
+constexpr uint64_t kLlvmpipeHash = 0x0676ae595512b78d;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

@@ -45,7 +45,7 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
     log_ns += 16'666'667;
     v1::Tick tick = tick_at(*scenario, static_cast<uint64_t>(i) + 1, i / 60.0, 1.0 / 60.0);
     if (options.change) options.change(i, reply, tick);
-    v1::Rejection rejection;
+    v1::TickError rejection;
     put(tick, log_ns);
     if (!(*session)->apply(tick, rejection)) {
       EXPECT_TRUE(options.change) << rejection.message();
@@ -53,7 +53,7 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
       continue;
     }
     if (options.merge_every > 0 && i % options.merge_every == 0) continue;
-    EXPECT_TRUE((*session)->step(options.economy_level, reply).has_value());
+    EXPECT_TRUE((*session)->step(options.quality_level, reply).has_value());
     put(reply, log_ns + 1'000'000);
     recorded.hash = reply_hash(reply, recorded.hash);
     ++recorded.replies;

@@ -16,7 +16,7 @@ struct RecordedHallOptions {
   int ticks = 60;  // at 60 Hz
   uint64_t seed = 1;
   int merge_every = 0;    // 2: every second tick is merged into the next; 0: none
-  int economy_level = 0;  // of every step
+  int quality_level = 0;  // of every step
   bool attach_scene = true;
   v1::Settings settings = {};
   // Changes the opening, and tick i before it is told and recorded, given the newest reply. A tick that is then refused is

@@ -49,7 +49,7 @@ TEST(ReplayAtDaemon, MergesAndEconomyAreThoseOfTheRecording) {
   for (const test::RecordedHallOptions& options :
        {test::RecordedHallOptions{.ticks = 120, .merge_every = 2},
         test::RecordedHallOptions{.ticks = 120, .merge_every = 3},
-        test::RecordedHallOptions{.ticks = 60, .economy_level = 4}}) {
+        test::RecordedHallOptions{.ticks = 60, .quality_level = 4}}) {
     const RecordedHall hall = record_hall(*make_embree_sampler_device(), options);
     for (const char* threads : {"1", "2"}) {
       const DaemonProcess daemon({"--sampler", "embree", "--threads", threads});
@@ -64,7 +64,7 @@ TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
   const RecordedHall hall = record_hall(
       *make_embree_sampler_device(),
       {.ticks = 60, .settings = light(), .change = [](int i, const v1::CameraReply&, v1::Tick& tick) {
-         if (i % 10 == 5) tick.mutable_transforms()->add_id(77);
+         if (i % 10 == 5) tick.mutable_transforms()->add_ids(77);
        }});
   const DaemonProcess daemon;
   const Replayed replayed = replay_at(daemon.address(), hall);

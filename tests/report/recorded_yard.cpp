@@ -56,17 +56,17 @@ class Yard {
  private:
   void happen(int i, v1::Tick& tick) const {
     const double t = i / 60.0;
-    if (i == kYardRefused) tick.mutable_transforms()->set_id(0, 999);
+    if (i == kYardRefused) tick.mutable_transforms()->set_ids(0, 999);
     if (i == kYardCrateComes)
-      *tick.mutable_delta()->add_add() = box(kYardCrate, {0.4, 0.4, 0.4}, {0, 0.4, 2});
+      *tick.mutable_delta()->add_added_instances() = box(kYardCrate, {0.4, 0.4, 0.4}, {0, 0.4, 2});
     if (i > kYardCrateComes && i < kYardCrateGoes) move(kYardCrate, {t, 0.4, 2}, 0, tick);
-    if (i == kYardCrateGoes) tick.mutable_delta()->add_remove(kYardCrate);
+    if (i == kYardCrateGoes) tick.mutable_delta()->add_removed_ids(kYardCrate);
     if (i == kYardTargetsChange) {
       tick.mutable_targets()->add_targets()->set_id(kYardThird);
       tick.mutable_targets()->add_targets()->set_id(kYardFirst);
     }
     if (i == kYardPillarHides || i == kYardPillarShows) {
-      v1::AttributeChange& change = *tick.mutable_delta()->add_change();
+      v1::AttributeChange& change = *tick.mutable_delta()->add_changed_instances();
       change.set_id(kYardPillar);
       change.mutable_attributes()->set_visible(i == kYardPillarShows);
     }
@@ -76,7 +76,7 @@ class Yard {
     }
   }
 
-  static void set(const glm::dvec3& v, v1::Vector3& out) { out.set_x(v.x), out.set_y(v.y), out.set_z(v.z); }
+  static void set(const glm::dvec3& v, v1::Vec3& out) { out.set_x(v.x), out.set_y(v.y), out.set_z(v.z); }
 
   v1::NewInstance box(uint64_t id, const glm::dvec3& half_extent_m, const glm::dvec3& place_m) const {
     v1::NewInstance instance;
@@ -105,11 +105,11 @@ class Yard {
   void move(uint64_t id, const glm::dvec3& place_m, double yaw, v1::Tick& tick) const {
     v1::Transforms& transforms = *tick.mutable_transforms();
     const Pose pose = client_pose(place_m, yaw);
-    transforms.add_id(id);
+    transforms.add_ids(id);
     for (const double value : {pose.position_m.x, pose.position_m.y, pose.position_m.z})
-      transforms.add_position(value);
+      transforms.add_positions(value);
     for (const double value : {pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w})
-      transforms.add_rotation(static_cast<float>(value));
+      transforms.add_rotations(static_cast<float>(value));
   }
 
   const RecordedYardOptions& options_;
@@ -125,7 +125,7 @@ v1::RecordingInfo info_of(const SamplerDevice& sampler, const RecordedYardOption
   info.set_seed(5);
   info.set_part(1);
   info.set_start_time_ns(kStartNs);
-  info.set_folded_ticks(options.folded_ticks);
+  info.set_snapshot_ticks(options.snapshot_ticks);
   return info;
 }
 
@@ -153,7 +153,7 @@ void put_trouble(RecordingWriter& writer, int i, uint64_t log_ns) {
   }
   if (i == kYardGap) {
     v1::Gap gap;
-    gap.set_reason(v1::Gap::QUEUE_FULL);
+    gap.set_reason(v1::Gap::REASON_QUEUE_FULL);
     gap.set_messages(2);
     put(writer, gap, log_ns);
   }
@@ -173,7 +173,7 @@ RecordedYard record_yard(SamplerDevice& sampler, const RecordedYardOptions& opti
   for (int i = 0; i < options.ticks; ++i) {
     const uint64_t log_ns = kStartNs + static_cast<uint64_t>(i + 1) * 16'666'667;
     const v1::Tick tick = yard.tick(i);
-    v1::Rejection rejection;
+    v1::TickError rejection;
     put(writer, tick, log_ns);
     const bool applied = (*session)->apply(tick, rejection);
     EXPECT_EQ(applied, !(options.eventful && i == kYardRefused)) << rejection.message();

@@ -13,12 +13,12 @@
 namespace sightline::test {
 
 struct RecordedYardOptions {
-  v1::Convention::Preset convention = v1::Convention::GLTF;
+  v1::Convention::Preset convention = v1::Convention::PRESET_GLTF;
   int ticks = 150;            // at 60 Hz
   bool eventful = true;       // false: things only move
   bool candidates = false;    // asked for in every reply
   bool finished = true;       // false: the file ends as after a kill
-  uint64_t folded_ticks = 0;  // only said, in the file's info
+  uint64_t snapshot_ticks = 0;  // only said, in the file's info
   int points = 8;             // surface points of a target
 };
 

@@ -12,6 +12,7 @@
 #include "client/scenario/scenario_session.h"
 #include "client/report/stand_ins.h"
 #include "server/sample/embree_sampler.h"
+#include "server/wire/short_name.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/report/recorded_yard.h"
 #include "tests/support/temporary_folder.h"
@@ -108,7 +109,7 @@ TEST_F(ReportPage, FramesAreTheRepliesOfTheFile) {
     EXPECT_EQ(frame.merged_ticks, reply.merged_ticks());
     EXPECT_EQ(frame.stage_us[2], reply.stage_times().sample_us());
     EXPECT_EQ((frame.flags & 8u) != 0, reply.flags().degraded());
-    EXPECT_EQ(frame.reason, v1::Reason_Name(reply.reason()));
+    EXPECT_EQ(frame.reason, short_name(reply.reason()));
     EXPECT_NEAR(frame.latency_ms, 1.5, 1e-6);
     // The client's world is 1000 m, 20 m and -500 m off: the page's is relative to the world origin.
     EXPECT_NEAR(frame.camera.position_m.x, reply.pose().position().x() - 1000, 1e-9);
@@ -124,9 +125,9 @@ TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
     // Which points of a shape are sampled depends on the order of its triangles; the aim point alone does not.
     return page_of(record_yard(*sampler_, {.convention = convention, .points = 0}).bytes);
   };
-  const SessionPage gltf = told_in(v1::Convention::GLTF);
-  for (const auto convention : {v1::Convention::UNITY, v1::Convention::UNREAL, v1::Convention::ROS}) {
-    SCOPED_TRACE(v1::Convention::Preset_Name(convention));
+  const SessionPage gltf = told_in(v1::Convention::PRESET_GLTF);
+  for (const auto convention : {v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
+    SCOPED_TRACE(short_name(convention));
     const SessionPage other = told_in(convention);
     ASSERT_EQ(other.frames.size(), gltf.frames.size());
     ASSERT_EQ(other.instances.size(), gltf.instances.size());
@@ -216,13 +217,13 @@ TEST_F(ReportPage, MasksOfCellsFollowTheTargetsOfThePage) {
                                                          {2, 0}};  // by the reply's target, before and after
   for (size_t i = 0; i < page.frames.size(); ++i) {
     const v1::Candidates& candidates = yard.replies[i].candidates();
-    ASSERT_EQ(page.frames[i].cells.size(), static_cast<size_t>(candidates.visible_mask_size()));
-    EXPECT_EQ(page.frames[i].chosen_cell, candidates.chosen());
+    ASSERT_EQ(page.frames[i].cells.size(), static_cast<size_t>(candidates.visible_masks_size()));
+    EXPECT_EQ(page.frames[i].chosen_cell, candidates.chosen_index());
     const auto& places = page_targets[i < frame_of(yard, kYardTargetsChange) ? 0 : 1];
     for (size_t c = 0; c < page.frames[i].cells.size(); ++c)
       for (size_t k = 0; k < 2; ++k)
         ASSERT_EQ(page.frames[i].cells[c].visible_targets >> places[k] & 1u,
-                  candidates.visible_mask(static_cast<int>(c)) >> k & 1u);
+                  candidates.visible_masks(static_cast<int>(c)) >> k & 1u);
   }
 }
 
@@ -260,7 +261,7 @@ TEST_F(ReportPage, ALevelOfEconomyThatThereIsNotEndsTheCells) {
   const RecordedYard yard = record_yard(*sampler_, {.ticks = 20, .eventful = false});
   for (const uint32_t level : {6u, 1u << 20, UINT32_MAX}) {
     const SessionPage page = page_of(rewritten(yard.bytes, [&](v1::CameraReply& reply) {
-      if (reply.sequence() == 10) reply.mutable_economy()->set_level(level);
+      if (reply.sequence() == 10) reply.mutable_degradation()->set_quality_level(level);
     }));
     EXPECT_EQ(frames_with_cells(page), 9u) << level;
   }
@@ -275,10 +276,10 @@ TEST_F(ReportPage, RepliesThatMakeNoSenseAreLeftOutOrShownAsFarAsTheyDo) {
     if (i == 12) reply.mutable_pose()->mutable_rotation()->set_w(7);
     if (i == 13) reply.set_field_of_view(INFINITY);
     if (i == 14) reply.set_pose_time_s(-1e300);
-    if (i == 15) reply.set_status(static_cast<v1::Status>(77));
-    if (i == 16) reply.mutable_candidates()->set_chosen(1'000'000);
-    if (i == 17) reply.mutable_candidates()->mutable_position()->Truncate(4);
-    if (i == 18) reply.mutable_candidates()->set_chosen(-7);
+    if (i == 15) reply.set_status(static_cast<v1::TrackingStatus>(77));
+    if (i == 16) reply.mutable_candidates()->set_chosen_index(1'000'000);
+    if (i == 17) reply.mutable_candidates()->mutable_positions()->Truncate(4);
+    if (i == 18) reply.mutable_candidates()->set_chosen_index(-7);
     if (i == 19) reply.mutable_targets(0)->set_visible_share(NAN);
     if (i == 20)
       for (uint64_t id = 100; id < 140; ++id) reply.add_targets()->set_id(id);
@@ -492,7 +493,7 @@ TEST_F(ReportPage, AnUnfinishedFileIsShownAsFarAsItGoes) {
 }
 
 TEST_F(ReportPage, AFoldedFileHasNoCellsOfStepsTakenAgain) {
-  const SessionPage page = page_of(record_yard(*sampler_, {.folded_ticks = 7}).bytes);
+  const SessionPage page = page_of(record_yard(*sampler_, {.snapshot_ticks = 7}).bytes);
   EXPECT_EQ(frames_with_cells(page), 0u);
   EXPECT_THAT(page.notices, Contains(HasSubstr("after 7 ticks")));
   EXPECT_THAT(page.notices, Contains(HasSubstr("does not begin with its session")));

@@ -82,7 +82,7 @@ class NoOpenGl {
 void expect_choice(const std::string& kind, const std::string& part_of_reason) {
   Daemon daemon({"--listen", "127.0.0.1:0", "--sampler", "auto", "--log-format", "json"});
   ASSERT_TRUE(daemon.wait_until_ready()) << daemon.errors();
-  const v1::ServerInfo info = server_info(connect(daemon.addresses().front()));
+  const v1::GetServerInfoResponse info = server_info(connect(daemon.addresses().front()));
   EXPECT_EQ(info.sampler(), kind);
   EXPECT_NE(info.sampler_reason().find(part_of_reason), std::string::npos) << info.sampler_reason();
   std::istringstream lines(daemon.errors());

@@ -279,13 +279,13 @@ TEST(ScenarioMessages, ATickHoldsParallelArraysOfAllActors) {
   const v1::Tick tick = tick_at(*scenario, 12, 0.5, 0.1);
   EXPECT_EQ(tick.sequence(), 12u);
   EXPECT_EQ(tick.time_s(), 0.5);
-  ASSERT_EQ(tick.transforms().id_size(), 2);
-  ASSERT_EQ(tick.transforms().position_size(), 6);
-  ASSERT_EQ(tick.transforms().rotation_size(), 8);
-  ASSERT_EQ(tick.transforms().velocity_size(), 6);
-  EXPECT_NEAR(tick.transforms().position(1), 2.0, 1e-6);
-  EXPECT_EQ(tick.transforms().rotation(3), 1.0f);
-  EXPECT_NEAR(tick.transforms().velocity(2), 6.0, 1e-4);
+  ASSERT_EQ(tick.transforms().ids_size(), 2);
+  ASSERT_EQ(tick.transforms().positions_size(), 6);
+  ASSERT_EQ(tick.transforms().rotations_size(), 8);
+  ASSERT_EQ(tick.transforms().velocities_size(), 6);
+  EXPECT_NEAR(tick.transforms().positions(1), 2.0, 1e-6);
+  EXPECT_EQ(tick.transforms().rotations(3), 1.0f);
+  EXPECT_NEAR(tick.transforms().velocities(2), 6.0, 1e-4);
 }
 
 }  // namespace

@@ -54,8 +54,8 @@ class SceneFolder : public testing::Test {
 
 TEST_F(SceneFolder, NamesAreRelativePathsInOrder) {
   write("scenes/readme.txt", bytes_of("x"));
-  EXPECT_THAT(library.names(10), ElementsAre("hall.glb", "levels/one.glb"));
-  EXPECT_THAT(library.names(1), ElementsAre("hall.glb"));
+  EXPECT_THAT(library.names("", 10), ElementsAre("hall.glb", "levels/one.glb"));
+  EXPECT_THAT(library.names("", 1), ElementsAre("hall.glb"));
 }
 
 TEST_F(SceneFolder, TheSameFileIsOneAssetAsLongAsItIsUsed) {
@@ -128,7 +128,7 @@ TEST_F(SceneFolder, LinksOutOfTheFolderAreRefusedAndLinksWithinFollowed) {
     EXPECT_EQ(error_of(name).field, "scene.name") << name;
   }
   EXPECT_TRUE(library.load_named("levels/same.glb"));
-  EXPECT_THAT(library.names(10), ElementsAre("hall.glb", "levels/one.glb", "levels/same.glb"));
+  EXPECT_THAT(library.names("", 10), ElementsAre("hall.glb", "levels/one.glb", "levels/same.glb"));
 }
 
 TEST_F(SceneFolder, BuffersMayNotBeReachedThroughALinkOutOfTheFolder) {
@@ -170,7 +170,7 @@ TEST_F(SceneFolder, AFileAboveTheLimitIsNotRead) {
 TEST_F(SceneFolder, WithoutAFolderNothingHasAName) {
   SceneLibrary none("", GltfLimits{}, store);
   EXPECT_EQ(none.load_named("hall.glb").error().code, ErrorCode::kFailedPrecondition);
-  EXPECT_TRUE(none.names(10).empty());
+  EXPECT_TRUE(none.names("", 10).empty());
   SceneLibrary lost((root / "absent").string(), GltfLimits{}, store);
   EXPECT_EQ(lost.load_named("hall.glb").error().code, ErrorCode::kUnavailable);
 }

@@ -57,8 +57,8 @@ class HeldCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::By
 grpc::StatusCode call_of_a_thread(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   context.set_deadline(system_clock::now() + seconds(20));
-  v1::ServerInfo info;
-  return v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
+  v1::GetServerInfoResponse info;
+  return v1::CameraControlService::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
 }
 
 // One call after the other: of many at once one is refused, too, while a thread is on its way from one to the next.
@@ -71,7 +71,7 @@ TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
   EXPECT_GT(calls.size(), 1u);
   const auto other = world.channel();
   EXPECT_EQ(call_of_a_thread(other), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  for (const char* service : {"", "sightline.v1.CameraControl"})
+  for (const char* service : {"", "sightline.v1.CameraControlService"})
     EXPECT_EQ(health_of(world.channel(), service), 1) << service;
   EXPECT_EQ(call_of_a_thread(other), grpc::StatusCode::RESOURCE_EXHAUSTED)
       << "or it was answered when nothing was held any more";

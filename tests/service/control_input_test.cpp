@@ -43,7 +43,7 @@ TEST(ControlInput, AnOpenThatIsWrongNamesTheField) {
   EXPECT_FALSE(status.ok());
   ASSERT_EQ(fields_of(status).size(), 1u) << status.error_message();
   EXPECT_EQ(fields_of(status)[0], "open.targets[1].id");
-  EXPECT_EQ(world.info().open_sessions(), 0u);
+  EXPECT_EQ(world.stats().open_sessions(), 0u);
 }
 
 TEST(ControlInput, ASecondOpenIsRefusedAndTheSessionLivesOn) {
@@ -52,9 +52,9 @@ TEST(ControlInput, ASecondOpenIsRefusedAndTheSessionLivesOn) {
   stream.open(open_with_boxes(2));
   stream.send(open_with_boxes(1));
   const auto refused = stream.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().code(), v1::Rejection::FAILED_PRECONDITION);
-  EXPECT_EQ(refused->rejected().field_violations(0).field(), "open");
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().code(), v1::TickError::CODE_FAILED_PRECONDITION);
+  EXPECT_EQ(refused->tick_error().field_violations(0).field(), "open");
   stream.send(move_tick(1, 1, 0.1));
   EXPECT_TRUE(stream.read()->has_camera());
 }
@@ -65,8 +65,8 @@ TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
   stream.open(open_with_boxes(2));
   stream.send_empty();
   const auto refused = stream.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().code(), v1::TickError::CODE_INVALID_ARGUMENT);
   stream.send(move_tick(1, 1, 0.1));
   EXPECT_TRUE(stream.read()->has_camera());
 }
@@ -75,28 +75,28 @@ TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
 TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   const ServiceWorld world;
   Stream told_wrong(world.channel()), other(world.channel());
-  const uint64_t start = told_wrong.open(open_with_boxes(3)).hash();
-  ASSERT_EQ(other.open(open_with_boxes(3)).hash(), start);
+  const uint64_t start = told_wrong.open(open_with_boxes(3)).mirror_hash();
+  ASSERT_EQ(other.open(open_with_boxes(3)).mirror_hash(), start);
 
   v1::Tick wrong = move_tick(1, 1, 5.0);
-  wrong.mutable_transforms()->add_id(2);
+  wrong.mutable_transforms()->add_ids(2);
   for (const double value : {0.0, std::numeric_limits<double>::quiet_NaN(), 0.0}) {
-    wrong.mutable_transforms()->add_position(value);
+    wrong.mutable_transforms()->add_positions(value);
   }
   told_wrong.send(wrong);
   const auto refused = told_wrong.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().sequence(), 1u);
-  EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
-  ASSERT_EQ(refused->rejected().field_violations_size(), 1);
-  EXPECT_TRUE(refused->rejected().field_violations(0).field().starts_with("tick.transforms.position["))
-      << refused->rejected().field_violations(0).field();
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().sequence(), 1u);
+  EXPECT_EQ(refused->tick_error().code(), v1::TickError::CODE_INVALID_ARGUMENT);
+  ASSERT_EQ(refused->tick_error().field_violations_size(), 1);
+  EXPECT_TRUE(refused->tick_error().field_violations(0).field().starts_with("tick.transforms.positions["))
+      << refused->tick_error().field_violations(0).field();
 
   for (Stream* stream : {&told_wrong, &other}) stream->send(move_tick(1, 3, -1.0));
   const auto after = told_wrong.read(), reference = other.read();
   ASSERT_TRUE(after && after->has_camera());
   ASSERT_TRUE(reference && reference->has_camera());
-  EXPECT_EQ(after->camera().hash(), reference->camera().hash());
+  EXPECT_EQ(after->camera().mirror_hash(), reference->camera().mirror_hash());
   EXPECT_EQ(after->camera().pose().SerializeAsString(), reference->camera().pose().SerializeAsString());
 }
 
@@ -179,11 +179,11 @@ TEST(ControlInput, ABadSettingOrLimitOnALiveSessionRefusesTheWholeTick) {
     bad.set(*wrong.mutable_settings(), *wrong.mutable_limits());
     told_wrong.send(wrong);
     const auto refused = told_wrong.read();
-    ASSERT_TRUE(refused && refused->has_rejected());
-    EXPECT_EQ(refused->rejected().sequence(), sequence);
-    EXPECT_EQ(refused->rejected().code(), v1::Rejection::INVALID_ARGUMENT);
-    ASSERT_EQ(refused->rejected().field_violations_size(), 1);
-    const auto& violation = refused->rejected().field_violations(0);
+    ASSERT_TRUE(refused && refused->has_tick_error());
+    EXPECT_EQ(refused->tick_error().sequence(), sequence);
+    EXPECT_EQ(refused->tick_error().code(), v1::TickError::CODE_INVALID_ARGUMENT);
+    ASSERT_EQ(refused->tick_error().field_violations_size(), 1);
+    const auto& violation = refused->tick_error().field_violations(0);
     EXPECT_EQ(violation.field(), std::string("tick.") + bad.field);
     EXPECT_NE(violation.description().find(bad.range), std::string::npos) << violation.description();
 
@@ -202,11 +202,11 @@ TEST(ControlInput, AnUnknownIdAsksForAResync) {
   const v1::SessionOpened opened = stream.open(open_with_boxes(2));
   stream.send(move_tick(1, 77, 0.0));
   const auto refused = stream.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().code(), v1::Rejection::NOT_FOUND);
-  ASSERT_TRUE(refused->rejected().has_resync());
-  EXPECT_EQ(refused->rejected().resync().revision(), opened.revision());
-  EXPECT_EQ(refused->rejected().resync().hash(), opened.hash());
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().code(), v1::TickError::CODE_NOT_FOUND);
+  ASSERT_TRUE(refused->tick_error().has_resync());
+  EXPECT_EQ(refused->tick_error().resync().mirror_revision(), opened.mirror_revision());
+  EXPECT_EQ(refused->tick_error().resync().mirror_hash(), opened.mirror_hash());
 }
 
 TEST(ControlInput, ATickThatComesTwiceIsRefusedOnce) {
@@ -219,7 +219,7 @@ TEST(ControlInput, ATickThatComesTwiceIsRefusedOnce) {
     const auto reply = stream.read();
     ASSERT_TRUE(reply);
     answers += reply->has_camera();
-    refusals += reply->has_rejected();
+    refusals += reply->has_tick_error();
   }
   EXPECT_EQ(answers, 1);
   EXPECT_EQ(refusals, 1);
@@ -231,7 +231,7 @@ TEST(ControlInput, AnOversizeMessageEndsItsCallOnly) {
   good.open(open_with_boxes(2));
   oversize.open(open_with_boxes(2));
   v1::Tick huge = move_tick(1, 1, 0.0);
-  for (int i = 0; i < 40'000; ++i) huge.mutable_transforms()->add_position(0.0);
+  for (int i = 0; i < 40'000; ++i) huge.mutable_transforms()->add_positions(0.0);
   oversize.send(huge);
   EXPECT_EQ(oversize.finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   good.send(move_tick(1, 1, 0.1));

@@ -20,8 +20,8 @@ TEST(Control, OpensAndAnswersTicks) {
   Stream stream(world.channel());
   const v1::SessionOpened opened = stream.open(open_with_boxes(3));
   EXPECT_FALSE(opened.session_id().empty());
-  EXPECT_EQ(opened.instances(), 3u);
-  EXPECT_EQ(opened.triangles(), 36u);
+  EXPECT_EQ(opened.instance_count(), 3u);
+  EXPECT_EQ(opened.triangle_count(), 36u);
   EXPECT_EQ(opened.sampler(), "embree");
 
   ASSERT_TRUE(stream.send(move_tick(1, 1, 0.25)));
@@ -30,7 +30,7 @@ TEST(Control, OpensAndAnswersTicks) {
   EXPECT_EQ(reply->camera().sequence(), 1u);
   EXPECT_EQ(reply->camera().merged_ticks(), 0u);
   EXPECT_EQ(reply->camera().targets_size(), 2);
-  EXPECT_NE(reply->camera().hash(), opened.hash());
+  EXPECT_NE(reply->camera().mirror_hash(), opened.mirror_hash());
   stream.half_close();
   EXPECT_TRUE(stream.finish().ok());
 }
@@ -73,12 +73,12 @@ TEST(Control, GivesBackASessionWhoseClientVanishes) {
   {
     Stream stream(world.channel());
     stream.open(open_with_boxes(2));
-    EXPECT_EQ(world.info().open_sessions(), 1u);
-    EXPECT_EQ(world.info().geometry_count(), 1u);
+    EXPECT_EQ(world.stats().open_sessions(), 1u);
+    EXPECT_EQ(world.stats().geometry_count(), 1u);
     stream.cancel();
   }
-  EXPECT_TRUE(soon([&] { return world.info().open_sessions() == 0; }));
-  EXPECT_EQ(world.info().geometry_count(), 0u);
+  EXPECT_TRUE(soon([&] { return world.stats().open_sessions() == 0; }));
+  EXPECT_EQ(world.stats().geometry_count(), 0u);
 }
 
 TEST(Control, GivesBackASessionThatIsCancelledInTheMiddleOfAStep) {
@@ -90,9 +90,9 @@ TEST(Control, GivesBackASessionThatIsCancelledInTheMiddleOfAStep) {
   world.device.wait_until_held(1);
   stream.cancel();
   EXPECT_EQ(stream.finish().error_code(), grpc::StatusCode::CANCELLED);
-  EXPECT_EQ(world.info().open_sessions(), 1u);
+  EXPECT_EQ(world.stats().open_sessions(), 1u);
   world.device.open_gate();
-  EXPECT_TRUE(soon([&] { return world.info().open_sessions() == 0; }));
+  EXPECT_TRUE(soon([&] { return world.stats().open_sessions() == 0; }));
 }
 
 TEST(Control, RefusesSessionsOverTheLimitAndSaysWhenToTryAgain) {
@@ -131,7 +131,7 @@ TEST(Control, ManySessionsRunAtOnce) {
   }
   for (std::thread& client : clients) client.join();
   EXPECT_EQ(answered, 12 * 20);
-  EXPECT_TRUE(soon([&] { return world.info().open_sessions() == 0; }));
+  EXPECT_TRUE(soon([&] { return world.stats().open_sessions() == 0; }));
 }
 
 TEST(Control, AStepThatTheDeviceFailsIsARejectionAndTheNextOneWorks) {
@@ -141,9 +141,9 @@ TEST(Control, AStepThatTheDeviceFailsIsARejectionAndTheNextOneWorks) {
   world.device.fail_next({ErrorCode::kUnavailable, "", "the device was lost"});
   stream.send(move_tick(1, 1, 0.1));
   const auto failed = stream.read();
-  ASSERT_TRUE(failed && failed->has_rejected());
-  EXPECT_EQ(failed->rejected().code(), v1::Rejection::UNAVAILABLE);
-  EXPECT_EQ(failed->rejected().sequence(), 1u);
+  ASSERT_TRUE(failed && failed->has_tick_error());
+  EXPECT_EQ(failed->tick_error().code(), v1::TickError::CODE_UNAVAILABLE);
+  EXPECT_EQ(failed->tick_error().sequence(), 1u);
   stream.send(move_tick(2, 1, 0.2));
   const auto answered = stream.read();
   ASSERT_TRUE(answered && answered->has_camera());

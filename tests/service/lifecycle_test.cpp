@@ -14,7 +14,7 @@
 namespace sightline {
 namespace {
 
-const char* const kService = "sightline.v1.CameraControl";
+const char* const kService = "sightline.v1.CameraControlService";
 
 TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
   const ServiceWorld world;
@@ -160,12 +160,12 @@ TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
 
 TEST(Lifecycle, ServerInfoTellsWhatRuns) {
   const ServiceWorld world({.max_sessions = 3});
-  const v1::ServerInfo info = world.info();
+  const v1::GetServerInfoResponse info = world.info();
   EXPECT_EQ(info.sampler(), "embree");
   EXPECT_FALSE(info.version().empty());
   EXPECT_FALSE(info.renderer().empty());
   EXPECT_EQ(info.max_sessions(), 3u);
-  EXPECT_EQ(info.open_sessions(), 0u);
+  EXPECT_EQ(world.stats().open_sessions(), 0u);
 }
 
 }  // namespace

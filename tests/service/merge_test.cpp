@@ -24,7 +24,7 @@ uint64_t hash_when_told_slowly(const ServiceWorld& world, uint64_t ticks) {
     stream.send(burst_tick(i));
     const auto reply = stream.read();
     EXPECT_TRUE(reply && reply->has_camera() && reply->camera().merged_ticks() == 0);
-    hash = reply->camera().hash();
+    hash = reply->camera().mirror_hash();
   }
   return hash;
 }
@@ -62,7 +62,7 @@ TEST(Merge, ABurstOfTicksIsAppliedWholeAndAnsweredForTheNewest) {
     EXPECT_GT(reply->camera().sequence(), newest);
     answered += 1 + reply->camera().merged_ticks();
     newest = reply->camera().sequence();
-    hash = reply->camera().hash();
+    hash = reply->camera().mirror_hash();
     ++replies;
   }
   EXPECT_EQ(answered, kTicks);
@@ -85,8 +85,8 @@ TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
   const auto first = stream.read();
   ASSERT_TRUE(first && first->has_camera());
   const auto refused = stream.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().sequence(), 5u);
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().sequence(), 5u);
   const auto merged = stream.read();
   ASSERT_TRUE(merged && merged->has_camera());
   EXPECT_EQ(merged->camera().sequence(), 9u);
@@ -117,7 +117,7 @@ TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
   for (uint64_t i = 1; i <= kTicks; ++i) {
     slow.send(tick_with_settings(i));
     const auto reply = slow.read();
-    ASSERT_TRUE(reply && (i == 6 ? reply->has_rejected() : reply->has_camera())) << i;
+    ASSERT_TRUE(reply && (i == 6 ? reply->has_tick_error() : reply->has_camera())) << i;
   }
   world.device.close_gate();
   burst.send(tick_with_settings(1));
@@ -129,7 +129,7 @@ TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
   for (uint64_t newest = 0; newest < kTicks;) {
     const auto reply = burst.read();
     ASSERT_TRUE(reply);
-    if (reply->has_rejected()) continue;
+    if (reply->has_tick_error()) continue;
     newest = reply->camera().sequence(), merged = reply->camera().merged_ticks();
   }
   EXPECT_EQ(merged, kTicks - 3);  // all but the first, the refused and the newest
@@ -140,8 +140,8 @@ TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
     ASSERT_TRUE(reply && reply->has_camera());
     const v1::CameraReply& camera = reply->camera();
     EXPECT_EQ(camera.depth_maps(0).width(), 12u);
-    EXPECT_EQ(camera.volume(), v1::LATTICE_VOLUME);
-    EXPECT_EQ(camera.pair_fallback(), v1::PAIR_FALLBACK_NONE);
+    EXPECT_EQ(camera.volume_used(), v1::VOLUME_USED_LATTICE);
+    EXPECT_EQ(camera.pair_fallback(), v1::PAIR_FALLBACK_UNSPECIFIED);
     EXPECT_LE(std::abs(camera.velocity().x()), 0.25 + 1e-9);
     // Two targets, one point each, a map over the bound, a sight, and PAPER's prediction.
     EXPECT_LE(camera.depth_maps_size(), 6);
@@ -175,7 +175,7 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
   const uint64_t before = world.clock_calls();
   std::thread writer([&] {
     v1::Tick big = move_tick(2, 1, 0.0);
-    for (int i = 0; i < 4'000; ++i) big.mutable_transforms()->add_position(0.0);  // 32 KB
+    for (int i = 0; i < 4'000; ++i) big.mutable_transforms()->add_positions(0.0);  // 32 KB
     while (stream.send(big)) {
     }
   });

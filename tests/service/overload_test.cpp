@@ -57,8 +57,8 @@ class Game {
   void receive() {
     while (const auto reply = stream_.read()) {
       const v1::CameraReply& camera = reply->camera();
-      if (camera.flags().degraded() != camera.has_economy()) flags_agree_ = false;
-      if (camera.has_economy() && (camera.economy().level() == 0 || camera.economy().points() > 8))
+      if (camera.flags().degraded() != camera.has_degradation()) flags_agree_ = false;
+      if (camera.has_degradation() && (camera.degradation().quality_level() == 0 || camera.degradation().sample_points() > 8))
         flags_agree_ = false;
       degraded_ += camera.flags().degraded();
       newest_ = camera.sequence();
@@ -82,7 +82,7 @@ bool comes_true(const std::function<bool()>& condition) {
 
 v1::OpenSession heavy_open(bool never_degrade = false) {
   v1::OpenSession open = open_with_boxes(4);
-  open.set_never_degrade(never_degrade);
+  if (never_degrade) open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);
   return open;
 }
 
@@ -130,13 +130,13 @@ TEST(OverloadedService, CutsThoseWhoAskForMuchAndNobodyElse) {
     EXPECT_TRUE(comes_true([&] { return game->newest() > before + 30; }));
     EXPECT_TRUE(game->flags_agree());
   }
-  const v1::ServerInfo info = world.info();
-  EXPECT_GT(info.degraded_steps(), 80u);
-  EXPECT_GT(info.late_steps(), 0u);
-  EXPECT_LE(info.late_steps(), info.steps());
-  EXPECT_LT(info.degraded_steps(), info.steps());
-  EXPECT_GT(info.queue_p99_us(), 0.0);
-  EXPECT_LE(info.queue_p50_us(), info.queue_p99_us());
+  const v1::GetServerStatsResponse stats = world.stats();
+  EXPECT_GT(stats.degraded_steps(), 80u);
+  EXPECT_GT(stats.late_steps(), 0u);
+  EXPECT_LE(stats.late_steps(), stats.steps());
+  EXPECT_LT(stats.degraded_steps(), stats.steps());
+  EXPECT_GT(stats.queue_p99_us(), 0.0);
+  EXPECT_LE(stats.queue_p50_us(), stats.queue_p99_us());
 }
 
 TEST(OverloadedService, DoesItAllAgainOnceThereIsTime) {

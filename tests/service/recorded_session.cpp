@@ -24,7 +24,7 @@ std::vector<std::string> bytes_of(const std::vector<Message>& messages) {
 }
 
 // Those of `ticks` that were not refused: a refusal names its tick, one after the other.
-std::vector<uint64_t> applied(const std::vector<v1::Tick>& ticks, const std::vector<v1::Rejection>& refused) {
+std::vector<uint64_t> applied(const std::vector<v1::Tick>& ticks, const std::vector<v1::TickError>& refused) {
   std::vector<uint64_t> sequences;
   auto next = refused.begin();
   for (const v1::Tick& tick : ticks) {
@@ -53,7 +53,7 @@ bool Heard::read_until(uint64_t sequence) {
   while (replies.empty() || replies.back().sequence() < sequence) {
     auto reply = stream_->read();
     if (!reply) return false;
-    if (reply->has_rejected()) rejections.push_back(reply->rejected());
+    if (reply->has_tick_error()) rejections.push_back(reply->tick_error());
     if (!reply->has_camera()) continue;
     replies.push_back(reply->camera());
     reply_times_ns.push_back(now_ns());
@@ -100,7 +100,7 @@ FoundInFile read_all(const Recording& recording) {
     if (event.topic == RecordTopic::kTick) found.ticks.push_back(std::get<v1::Tick>(event.message));
     if (event.topic == RecordTopic::kFault) found.faults.push_back(std::get<v1::Fault>(event.message));
     if (event.topic == RecordTopic::kRejection)
-      found.rejections.push_back(std::get<v1::Rejection>(event.message));
+      found.rejections.push_back(std::get<v1::TickError>(event.message));
     if (!steps.add(event)) return true;
     RecordedStep step = steps.take();
     found.missing += step.missing;
@@ -134,14 +134,14 @@ size_t expect_replay(const Recording& recording, LocalWorld& world) {
   recording.read({}, [&](RecordedEvent& event) {
     if (!steps.add(event)) return true;
     const RecordedStep step = steps.take();
-    std::vector<v1::Rejection> refused;
+    std::vector<v1::TickError> refused;
     for (const v1::Tick& tick : step.ticks) {
-      v1::Rejection rejection;
+      v1::TickError rejection;
       if (!(*session)->apply(tick, rejection)) refused.push_back(std::move(rejection));
     }
     EXPECT_EQ(bytes_of(refused), bytes_of(step.rejections));
     v1::CameraReply reply;
-    EXPECT_TRUE((*session)->step(step.economy_level(), reply).has_value());
+    EXPECT_TRUE((*session)->step(step.quality_level(), reply).has_value());
     differing += reply_hash(reply) != reply_hash(step.reply);
     ++taken;
     return true;

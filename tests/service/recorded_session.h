@@ -33,7 +33,7 @@ class Heard {
   v1::SessionOpened opened;
   std::vector<v1::Tick> sent;
   std::vector<v1::CameraReply> replies;
-  std::vector<v1::Rejection> rejections;
+  std::vector<v1::TickError> rejections;
   std::vector<uint64_t> reply_times_ns;  // when they came, since 1970 (UTC)
 
  private:
@@ -53,7 +53,7 @@ Recording open_recording(const std::filesystem::path& file);
 struct FoundInFile {
   std::vector<v1::Tick> ticks;
   std::vector<v1::CameraReply> replies;
-  std::vector<v1::Rejection> rejections;
+  std::vector<v1::TickError> rejections;
   std::vector<v1::Fault> faults;
   uint64_t missing = 0;  // as gaps say
   uint64_t last_ns = 0;  // of the last message

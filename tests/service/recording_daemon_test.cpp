@@ -26,10 +26,10 @@ using testing::Not;
 
 constexpr int kBoxes = 6;
 
-v1::OpenSession boxes(v1::RecordingRequest::Mode mode = v1::RecordingRequest::AS_SERVER) {
+v1::OpenSession boxes(v1::RecordingRequest::Mode mode = v1::RecordingRequest::MODE_UNSPECIFIED) {
   v1::OpenSession open = open_with_boxes(kBoxes);
   open.set_label("recorded");
-  if (mode != v1::RecordingRequest::AS_SERVER) open.mutable_recording()->set_mode(mode);
+  if (mode != v1::RecordingRequest::MODE_UNSPECIFIED) open.mutable_recording()->set_mode(mode);
   return open;
 }
 
@@ -71,8 +71,8 @@ TEST_F(RecordingDaemon, ASessionIsInTheFileThatItsOpeningNames) {
   const Heard heard = talk(host, boxes());
   test::stop(host.daemon);
   const std::filesystem::path file = test::only_recording(folder_);
-  EXPECT_EQ(file.filename(), heard.opened.recording());
-  EXPECT_THAT(host.daemon.errors(), HasSubstr("recording=" + heard.opened.recording()));
+  EXPECT_EQ(file.filename(), heard.opened.recording_file());
+  EXPECT_THAT(host.daemon.errors(), HasSubstr("recording=" + heard.opened.recording_file()));
 
   const Recording recording = test::open_recording(file);
   EXPECT_TRUE(recording.container().finished);
@@ -97,16 +97,16 @@ TEST_F(RecordingDaemon, WhoIsRecordedIsSaidByTheClientAndElseByTheFlags) {
   const std::vector<std::string> all{"--record-dir", folder_},
       asked{"--record-dir", folder_, "--record", "asked"};
   for (const Case& c :
-       {Case{all, v1::RecordingRequest::AS_SERVER, true}, Case{all, v1::RecordingRequest::ON, true},
-        Case{all, v1::RecordingRequest::OFF, false}, Case{asked, v1::RecordingRequest::AS_SERVER, false},
-        Case{asked, v1::RecordingRequest::ON, true}, Case{asked, v1::RecordingRequest::OFF, false}}) {
+       {Case{all, v1::RecordingRequest::MODE_UNSPECIFIED, true}, Case{all, v1::RecordingRequest::MODE_ON, true},
+        Case{all, v1::RecordingRequest::MODE_OFF, false}, Case{asked, v1::RecordingRequest::MODE_UNSPECIFIED, false},
+        Case{asked, v1::RecordingRequest::MODE_ON, true}, Case{asked, v1::RecordingRequest::MODE_OFF, false}}) {
     std::filesystem::remove_all(folder_);
     Host host(c.flags);
     const Heard heard = talk(host, boxes(c.mode));
     test::stop(host.daemon);
-    EXPECT_EQ(!heard.opened.recording().empty(), c.recorded);
+    EXPECT_EQ(!heard.opened.recording_file().empty(), c.recorded);
     EXPECT_EQ(heard.opened.warnings_size(), 0);
-    EXPECT_EQ(std::filesystem::exists(folder_ + "/" + heard.opened.recording()) &&
+    EXPECT_EQ(std::filesystem::exists(folder_ + "/" + heard.opened.recording_file()) &&
                   !std::filesystem::is_empty(folder_),
               c.recorded);
   }
@@ -114,12 +114,12 @@ TEST_F(RecordingDaemon, WhoIsRecordedIsSaidByTheClientAndElseByTheFlags) {
 
 TEST_F(RecordingDaemon, WithoutAFolderAWishIsAnsweredByAWarning) {
   Host host({});
-  const Heard heard = talk(host, boxes(v1::RecordingRequest::ON));
+  const Heard heard = talk(host, boxes(v1::RecordingRequest::MODE_ON));
   EXPECT_EQ(heard.replies.size(), 20u);
-  EXPECT_THAT(heard.opened.recording(), IsEmpty());
+  EXPECT_THAT(heard.opened.recording_file(), IsEmpty());
   EXPECT_THAT(heard.opened.warnings(), Contains(HasSubstr("--record-dir")));
   EXPECT_EQ(talk(host, boxes()).opened.warnings_size(), 0);
-  EXPECT_FALSE(server_info(connect(host.address())).has_recording());
+  EXPECT_FALSE(server_stats(connect(host.address())).has_recording());
 }
 
 TEST_F(RecordingDaemon, ARefusedOpeningLeavesNoFile) {
@@ -129,7 +129,7 @@ TEST_F(RecordingDaemon, ARefusedOpeningLeavesNoFile) {
   Stream stream(connect(host.address()));
   stream.send(wrong);
   EXPECT_FALSE(stream.finish().ok());
-  EXPECT_EQ(server_info(connect(host.address())).recording().open_sessions(), 0u);
+  EXPECT_EQ(server_stats(connect(host.address())).recording().open_sessions(), 0u);
   test::stop(host.daemon);
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
 }
@@ -138,7 +138,7 @@ TEST_F(RecordingDaemon, TheServerCountsWhatItRecords) {
   Host host({"--record-dir", folder_});
   Heard heard(host.address(), boxes());
   ASSERT_TRUE(heard.ask(box_tick(1)));
-  const auto counts = [&] { return server_info(connect(host.address())).recording(); };
+  const auto counts = [&] { return server_stats(connect(host.address())).recording(); };
   while (counts().bytes() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
   EXPECT_EQ(counts().open_sessions(), 1u);
   EXPECT_EQ(counts().failing_sessions(), 0u);
@@ -169,7 +169,7 @@ TEST_F(RecordingDaemon, AStopInMidSessionLeavesFinishedFiles) {
     for (const auto& heard : sessions) ASSERT_TRUE(heard->ask(box_tick(i)));
   test::stop(host.daemon);
   for (const auto& heard : sessions) {
-    const Recording recording = test::open_recording(folder_ + "/" + heard->opened.recording());
+    const Recording recording = test::open_recording(folder_ + "/" + heard->opened.recording_file());
     EXPECT_TRUE(recording.container().finished);
     test::expect_same(test::read_all(recording), *heard);
   }
@@ -233,9 +233,9 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   Host host(flags());
   std::string hash;
   {
-    const auto stub = v1::CameraControl::NewStub(connect(host.address()));
+    const auto stub = v1::CameraControlService::NewStub(connect(host.address()));
     grpc::ClientContext context;
-    v1::UploadSceneReply answered;
+    v1::UploadSceneResponse answered;
     const auto writer = stub->UploadScene(&context, &answered);
     v1::UploadSceneRequest request;
     request.set_chunk(std::string(reinterpret_cast<const char*>(glb.data()), glb.size()));
@@ -252,9 +252,9 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
     for (uint64_t i = 1; i <= 120; ++i) {
       const double time_s = static_cast<double>(i) / 60;
       v1::Tick tick = tick_at(scenario, i, time_s, 1.0 / 60);
-      if (i % 13 == 0) tick.mutable_transforms()->set_id(0, 4711);  // refused
-      if (i % 7 == 0) tick.mutable_step()->set_merge_into_next(true);
-      if (i % 5 == 0) tick.mutable_step()->set_economy_level(static_cast<uint32_t>(i / 5 % 6));
+      if (i % 13 == 0) tick.mutable_transforms()->set_ids(0, 4711);  // refused
+      if (i % 7 == 0) tick.mutable_step_control()->set_merge_into_next(true);
+      if (i % 5 == 0) tick.mutable_step_control()->set_quality_level(static_cast<uint32_t>(i / 5 % 6));
       heard.send(tick);
       const bool answered = i % 13 != 0 && i % 7 != 0;
       if (!answered || i % 20 <= 8) continue;  // it may be merged by the server
@@ -272,7 +272,7 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   test::stop(host.daemon);
 
   for (const Heard* session : std::initializer_list<const Heard*>{&heard, &*other}) {
-    const Recording recording = test::open_recording(folder_ + "/" + session->opened.recording());
+    const Recording recording = test::open_recording(folder_ + "/" + session->opened.recording_file());
     EXPECT_EQ(recording.info().sampler(), GetParam().sampler);
     const test::FoundInFile found = test::read_all(recording);
     test::expect_same(found, *session);

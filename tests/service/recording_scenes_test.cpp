@@ -65,9 +65,9 @@ class RecordedScenes : public testing::Test {
   }
   std::string address() const { return daemon_->addresses().front(); }
   std::string upload(const Bytes& bytes) const {
-    const auto stub = v1::CameraControl::NewStub(connect(address()));
+    const auto stub = v1::CameraControlService::NewStub(connect(address()));
     grpc::ClientContext context;
-    v1::UploadSceneReply reply;
+    v1::UploadSceneResponse reply;
     const auto writer = stub->UploadScene(&context, &reply);
     v1::UploadSceneRequest request;
     request.set_chunk(text_of(bytes));
@@ -89,12 +89,12 @@ class RecordedScenes : public testing::Test {
     for (uint64_t i = 1; i <= 12; ++i) {
       v1::Tick tick = move_tick(i, 1, 0.1 * static_cast<double>(i));
       if (i == 4) {
-        add_panel(*tick.mutable_delta()->add_add(), 11, 3);
-        tick.mutable_delta()->mutable_add(0)->mutable_mesh()->set_scene_name("late.glb");
+        add_panel(*tick.mutable_delta()->add_added_instances(), 11, 3);
+        tick.mutable_delta()->mutable_added_instances(0)->mutable_mesh()->set_scene_name("late.glb");
       }
       if (i == 8) {
-        add_panel(*tick.mutable_delta()->add_add(), 12, 4);
-        tick.mutable_delta()->mutable_add(0)->mutable_mesh()->set_scene_hash(uploaded);
+        add_panel(*tick.mutable_delta()->add_added_instances(), 12, 4);
+        tick.mutable_delta()->mutable_added_instances(0)->mutable_mesh()->set_scene_hash(uploaded);
       }
       EXPECT_TRUE(heard.ask(tick));
     }
@@ -155,7 +155,7 @@ TEST_F(RecordedScenes, ASceneThatWasLoadedByNameIsFoundByItsHash) {
   start({"--record-scenes", "--drain-s", "0"});
   v1::OpenSession named = open_with_boxes(1);
   named.mutable_scene()->set_name("room.glb");
-  named.mutable_recording()->set_mode(v1::RecordingRequest::OFF);
+  named.mutable_recording()->set_mode(v1::RecordingRequest::MODE_OFF);
   const Heard holder(address(), named);
   GeometryStore store;
   SceneLibrary library(scenes_, GltfLimits{}, store);

@@ -52,8 +52,8 @@ class RecordingTrouble : public testing::Test {
     const size_t end = heard_->sent.size() + ticks;
     play_until([&] { return heard_->sent.size() == end; });
   }
-  v1::RecordingCounts counts() const {
-    return server_info(connect(daemon_->addresses().front())).recording();
+  v1::RecordingStats counts() const {
+    return server_stats(connect(daemon_->addresses().front())).recording();
   }
   size_t logged(const std::string& message) const {
     return count(daemon_->errors(), message + " session=" + heard_->opened.session_id());
@@ -104,7 +104,7 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
 
   // What was missed is told, and all that came after is there.
   const fs::path file = test::only_recording(folder_);
-  EXPECT_NE(file.filename(), heard_->opened.recording()) << "a later part";
+  EXPECT_NE(file.filename(), heard_->opened.recording_file()) << "a later part";
   const Recording recording = test::open_recording(file);
   EXPECT_EQ(recording.open_session().SerializeAsString(), heard_->open.SerializeAsString());
   const test::FoundInFile found = test::read_all(recording);

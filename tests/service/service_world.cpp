@@ -6,7 +6,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "sightline/v1/errors.pb.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 
 namespace sightline {
 
@@ -115,8 +116,11 @@ ServiceWorld::~ServiceWorld() {
 std::shared_ptr<grpc::Channel> ServiceWorld::channel() const {
   return connect(address());
 }
-v1::ServerInfo ServiceWorld::info() const {
+v1::GetServerInfoResponse ServiceWorld::info() const {
   return server_info(channel());
+}
+v1::GetServerStatsResponse ServiceWorld::stats() const {
+  return server_stats(channel());
 }
 
 std::shared_ptr<grpc::Channel> connect(const std::string& address) {
@@ -127,13 +131,22 @@ std::shared_ptr<grpc::Channel> connect(const std::string& address) {
   return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
-v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel) {
+v1::GetServerInfoResponse server_info(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
-  v1::ServerInfo info;
-  const grpc::Status status = v1::CameraControl::NewStub(channel)->GetServerInfo(&context, {}, &info);
+  v1::GetServerInfoResponse info;
+  const grpc::Status status = v1::CameraControlService::NewStub(channel)->GetServerInfo(&context, {}, &info);
   EXPECT_TRUE(status.ok()) << status.error_message();
   return info;
+}
+
+v1::GetServerStatsResponse server_stats(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  v1::GetServerStatsResponse stats;
+  const grpc::Status status = v1::CameraControlService::NewStub(channel)->GetServerStats(&context, {}, &stats);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return stats;
 }
 
 HeldLoaders::HeldLoaders(WorkerPool& loaders) {
@@ -144,7 +157,7 @@ HeldLoaders::HeldLoaders(WorkerPool& loaders) {
 // --- one call
 // ----------------------------------------------------------------------------------------------------
 
-Stream::Stream(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControl::NewStub(channel)) {
+Stream::Stream(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControlService::NewStub(channel)) {
   context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
   call_ = stub_->Control(&context_);
 }
@@ -170,8 +183,8 @@ bool Stream::send_empty() {
   return call_->Write({});
 }
 
-std::optional<v1::ControlReply> Stream::read() {
-  v1::ControlReply reply;
+std::optional<v1::ControlResponse> Stream::read() {
+  v1::ControlResponse reply;
   if (!call_->Read(&reply)) return std::nullopt;
   return reply;
 }
@@ -185,7 +198,7 @@ v1::SessionOpened Stream::open(const v1::OpenSession& request) {
 
 grpc::Status Stream::finish() {
   if (status_) return *status_;
-  v1::ControlReply rest;
+  v1::ControlResponse rest;
   while (call_->Read(&rest)) {
   }
   status_ = call_->Finish();
@@ -203,7 +216,7 @@ v1::OpenSession open_with_boxes(int boxes) {
   for (int i = 0; i < boxes; ++i) {
     v1::NewInstance& instance = *open.add_instances();
     instance.set_id(static_cast<uint64_t>(i) + 1);
-    v1::Vector3& half = *instance.mutable_shape()->mutable_box()->mutable_half_extent();
+    v1::Vec3& half = *instance.mutable_shape()->mutable_box()->mutable_half_extent();
     half.set_x(0.2), half.set_y(0.5), half.set_z(0.2);
     instance.mutable_pose()->mutable_position()->set_x(1.5 * i);
   }
@@ -215,15 +228,15 @@ v1::Tick move_tick(uint64_t sequence, uint64_t id, double x) {
   v1::Tick tick;
   tick.set_sequence(sequence);
   tick.set_time_s(static_cast<double>(sequence) / 60.0);
-  tick.mutable_transforms()->add_id(id);
-  for (const double value : {x, 0.0, 0.0}) tick.mutable_transforms()->add_position(value);
+  tick.mutable_transforms()->add_ids(id);
+  for (const double value : {x, 0.0, 0.0}) tick.mutable_transforms()->add_positions(value);
   return tick;
 }
 
 namespace {
 
-v1::StatusDetails details_of(const grpc::Status& status) {
-  v1::StatusDetails details;
+google::rpc::Status details_of(const grpc::Status& status) {
+  google::rpc::Status details;
   details.ParseFromString(status.error_details());
   return details;
 }
@@ -232,9 +245,9 @@ v1::StatusDetails details_of(const grpc::Status& status) {
 
 std::vector<std::string> fields_of(const grpc::Status& status) {
   std::vector<std::string> fields;
-  const v1::StatusDetails details = details_of(status);
+  const google::rpc::Status details = details_of(status);
   for (const auto& any : details.details()) {
-    v1::BadRequest bad;
+    google::rpc::BadRequest bad;
     if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value()))
       continue;
     for (const auto& violation : bad.field_violations()) fields.push_back(violation.field());
@@ -243,9 +256,9 @@ std::vector<std::string> fields_of(const grpc::Status& status) {
 }
 
 int64_t retry_seconds_of(const grpc::Status& status) {
-  const v1::StatusDetails details = details_of(status);
+  const google::rpc::Status details = details_of(status);
   for (const auto& any : details.details()) {
-    v1::RetryInfo retry;
+    google::rpc::RetryInfo retry;
     if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value()))
       continue;
     return retry.retry_delay().seconds();

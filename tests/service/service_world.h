@@ -80,7 +80,8 @@ class ServiceWorld {
 
   std::string address() const { return listener->addresses().front(); }
   std::shared_ptr<grpc::Channel> channel() const;  // a connection of its own
-  v1::ServerInfo info() const;
+  v1::GetServerInfoResponse info() const;
+  v1::GetServerStatsResponse stats() const;
   // How often the service has asked for the time. While all steps are held it asks only when a message
   // arrives.
   uint64_t clock_calls() const { return clock_calls_; }
@@ -139,21 +140,22 @@ class Stream {
   void half_close() { call_->WritesDone(); }
   void cancel() { context_.TryCancel(); }
   // The next reply; absent when the server has ended the call.
-  std::optional<v1::ControlReply> read();
+  std::optional<v1::ControlResponse> read();
   // Opens and expects it to be taken.
   v1::SessionOpened open(const v1::OpenSession& open);
   // The status, after whatever is still to be read.
   grpc::Status finish();
 
  private:
-  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  const std::unique_ptr<v1::CameraControlService::Stub> stub_;
   grpc::ClientContext context_;
-  std::unique_ptr<grpc::ClientReaderWriter<v1::ControlRequest, v1::ControlReply>> call_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::ControlRequest, v1::ControlResponse>> call_;
   std::optional<grpc::Status> status_;
 };
 
 std::shared_ptr<grpc::Channel> connect(const std::string& address);
-v1::ServerInfo server_info(const std::shared_ptr<grpc::Channel>& channel);
+v1::GetServerInfoResponse server_info(const std::shared_ptr<grpc::Channel>& channel);
+v1::GetServerStatsResponse server_stats(const std::shared_ptr<grpc::Channel>& channel);
 
 // A session with `boxes` instances (ids 1 ...) in a row, the first two of them targets (or all, when fewer).
 v1::OpenSession open_with_boxes(int boxes);

@@ -17,12 +17,12 @@ v1::Tick told_tick(uint64_t sequence) {
 
 v1::Tick merged_tick(uint64_t sequence) {
   v1::Tick tick = told_tick(sequence);
-  tick.mutable_step()->set_merge_into_next(true);
+  tick.mutable_step_control()->set_merge_into_next(true);
   return tick;
 }
 
 v1::Tick at_level(v1::Tick tick, uint32_t level) {
-  tick.mutable_step()->set_economy_level(level);
+  tick.mutable_step_control()->set_quality_level(level);
   return tick;
 }
 
@@ -31,7 +31,7 @@ class Local {
  public:
   explicit Local(const v1::OpenSession& open) : session_(*LocalSession::open(open, world_)) {}
   void apply(const v1::Tick& tick) {
-    v1::Rejection rejection;
+    v1::TickError rejection;
     EXPECT_TRUE(session_->apply(tick, rejection)) << rejection.message();
   }
   uint64_t step(int level = 0) {
@@ -114,8 +114,8 @@ TEST(StepControl, ARefusedTickDoesNotEndTheWaitOfAMergedOne) {
   stream.send(merged_tick(1));
   stream.send(move_tick(2, 4711, 0.0));
   const auto refused = stream.read();
-  ASSERT_TRUE(refused && refused->has_rejected());
-  EXPECT_EQ(refused->rejected().sequence(), 2u);
+  ASSERT_TRUE(refused && refused->has_tick_error());
+  EXPECT_EQ(refused->tick_error().sequence(), 2u);
   stream.send(told_tick(3));
   local.apply(merged_tick(1));
   local.apply(told_tick(3));
@@ -137,7 +137,7 @@ TEST(StepControl, ASessionCanEndWhileAMergedTickWaits) {
 TEST(StepControl, TheToldLevelIsTheStepsEvenWhereNothingIsToBeDegraded) {
   const ServiceWorld world;
   v1::OpenSession open = open_with_boxes(kBoxes);
-  open.set_never_degrade(true);
+  open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);
   Stream stream(world.channel());
   stream.open(open);
   Local local(open);
@@ -148,7 +148,7 @@ TEST(StepControl, TheToldLevelIsTheStepsEvenWhereNothingIsToBeDegraded) {
     local.apply(tick);
     const v1::CameraReply reply = camera_of(stream);
     EXPECT_EQ(reply.flags().degraded(), level > 0);
-    EXPECT_EQ(reply.economy().level(), level);
+    EXPECT_EQ(reply.degradation().quality_level(), level);
     EXPECT_EQ(reply_hash(reply), local.step(static_cast<int>(level))) << level;
   }
 }
@@ -159,10 +159,10 @@ TEST(StepControl, OfMergedTicksTheNewestSaysTheLevel) {
   stream.open(open_with_boxes(kBoxes));
   stream.send(at_level(merged_tick(1), 5));
   stream.send(at_level(told_tick(2), 2));
-  EXPECT_EQ(camera_of(stream).economy().level(), 2u);
+  EXPECT_EQ(camera_of(stream).degradation().quality_level(), 2u);
   stream.send(at_level(merged_tick(3), 5));
   stream.send(told_tick(4));
-  EXPECT_FALSE(camera_of(stream).has_economy()) << "absent: by the load, and there is none";
+  EXPECT_FALSE(camera_of(stream).has_degradation()) << "absent: by the load, and there is none";
 }
 
 TEST(StepControl, ALevelThatThereIsNotIsRefusedByName) {
@@ -173,9 +173,9 @@ TEST(StepControl, ALevelThatThereIsNotIsRefusedByName) {
   for (const uint32_t level : {6u, ~0u}) {
     stream.send(at_level(told_tick(1), level));
     const auto refused = stream.read();
-    ASSERT_TRUE(refused && refused->has_rejected());
-    ASSERT_EQ(refused->rejected().field_violations_size(), 1);
-    EXPECT_EQ(refused->rejected().field_violations(0).field(), "tick.step.economy_level");
+    ASSERT_TRUE(refused && refused->has_tick_error());
+    ASSERT_EQ(refused->tick_error().field_violations_size(), 1);
+    EXPECT_EQ(refused->tick_error().field_violations(0).field(), "tick.step_control.quality_level");
   }
   stream.send(told_tick(1));
   local.apply(told_tick(1));

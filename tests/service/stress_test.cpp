@@ -23,9 +23,9 @@ struct Account {
   uint64_t sent = 0, answered = 0, newest = 0, newest_refused = 0;
   bool opened = false;
 
-  void take(const v1::ControlReply& reply) {
+  void take(const v1::ControlResponse& reply) {
     opened |= reply.has_opened();
-    if (reply.has_rejected()) newest_refused = std::max(newest_refused, reply.rejected().sequence());
+    if (reply.has_tick_error()) newest_refused = std::max(newest_refused, reply.tick_error().sequence());
     if (!reply.has_camera()) return;
     EXPECT_GT(reply.camera().sequence(), newest);
     newest = reply.camera().sequence();

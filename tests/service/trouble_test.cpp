@@ -45,7 +45,7 @@ v1::Tick spawn_tick(uint64_t sequence, uint64_t id) {
   v1::Tick tick;
   tick.set_sequence(sequence);
   tick.set_time_s(static_cast<double>(sequence) / 60.0);
-  v1::NewInstance& added = *tick.mutable_delta()->add_add();
+  v1::NewInstance& added = *tick.mutable_delta()->add_added_instances();
   added.set_id(id);
   added.mutable_mesh()->set_scene_name("one.glb");
   added.mutable_mesh()->set_mesh("triangle");
@@ -87,19 +87,19 @@ TEST(Trouble, AnExceptionInAStepEndsItsSessionOnly) {
 TEST(Trouble, AStepThatFailsSaysThatItsTickWasApplied) {
   ServiceWorld world;
   Stream stream(world.channel());
-  const uint64_t at_first = stream.open(open_with_boxes(2)).hash();
+  const uint64_t at_first = stream.open(open_with_boxes(2)).mirror_hash();
   world.device.fail_next({ErrorCode::kUnavailable, "", "the device was lost"});
   stream.send(move_tick(1, 1, 0.1));
   const auto failed = stream.read();
-  ASSERT_TRUE(failed && failed->has_rejected());
-  EXPECT_NE(failed->rejected().message().find("the tick was applied"), std::string::npos);
+  ASSERT_TRUE(failed && failed->has_tick_error());
+  EXPECT_NE(failed->tick_error().message().find("the tick was applied"), std::string::npos);
   v1::Tick empty;
   empty.set_sequence(2);
   empty.set_time_s(1.0);
   stream.send(empty);
   const auto next = stream.read();
   ASSERT_TRUE(next && next->has_camera());
-  EXPECT_NE(next->camera().hash(), at_first);
+  EXPECT_NE(next->camera().mirror_hash(), at_first);
   EXPECT_EQ(next->camera().merged_ticks(), 1u);
 }
 
@@ -209,7 +209,7 @@ TEST(Trouble, AnErrorAboutALongNameStillArrives) {
 
 TEST(Trouble, TheInboxCountsBytesInMemory) {
   v1::ControlRequest hollow;
-  for (int i = 0; i < 1000; ++i) hollow.mutable_tick()->mutable_delta()->add_add();
+  for (int i = 0; i < 1000; ++i) hollow.mutable_tick()->mutable_delta()->add_added_instances();
   ASSERT_LT(hollow.ByteSizeLong(), 3000u);
   Inbox inbox(100, 20'000);
   inbox.push(hollow, 0);
@@ -257,11 +257,11 @@ TEST(Trouble, BytesOfTheInboxDoNotKeepSmallTicksOut) {
     EXPECT_FALSE(inbox.full());
     v1::ControlRequest request;
     request.mutable_tick()->set_sequence(i + 1);
-    request.mutable_tick()->mutable_transforms()->mutable_id()->Resize(20, 7);
+    request.mutable_tick()->mutable_transforms()->mutable_ids()->Resize(20, 7);
     inbox.push(std::move(request), 0);
   }
   v1::ControlRequest large;
-  large.mutable_tick()->mutable_transforms()->mutable_id()->Resize(1000, 7);
+  large.mutable_tick()->mutable_transforms()->mutable_ids()->Resize(1000, 7);
   EXPECT_EQ(Inbox::bytes_of(large), large.SpaceUsedLong());
 }
 

@@ -25,7 +25,7 @@ std::vector<std::byte> triangle_file() {
 class Upload {
  public:
   explicit Upload(const std::shared_ptr<grpc::Channel>& channel)
-      : stub_(v1::CameraControl::NewStub(channel)) {
+      : stub_(v1::CameraControlService::NewStub(channel)) {
     context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
     call_ = stub_->UploadScene(&context_, &reply_);
   }
@@ -41,17 +41,17 @@ class Upload {
   // Says neither that more comes nor that nothing does.
   grpc::Status wait_for_end() { return call_->Finish(); }
   void cancel() { context_.TryCancel(); }
-  const v1::UploadSceneReply& reply() const { return reply_; }
+  const v1::UploadSceneResponse& reply() const { return reply_; }
 
  private:
-  const std::unique_ptr<v1::CameraControl::Stub> stub_;
+  const std::unique_ptr<v1::CameraControlService::Stub> stub_;
   grpc::ClientContext context_;
-  v1::UploadSceneReply reply_;
+  v1::UploadSceneResponse reply_;
   std::unique_ptr<grpc::ClientWriter<v1::UploadSceneRequest>> call_;
 };
 
 grpc::Status upload(const ServiceWorld& world, std::span<const std::byte> bytes,
-                    v1::UploadSceneReply* reply = nullptr, size_t chunk_bytes = 100) {
+                    v1::UploadSceneResponse* reply = nullptr, size_t chunk_bytes = 100) {
   Upload call(world.channel());
   for (size_t at = 0; at < bytes.size(); at += chunk_bytes) {
     if (!call.send(bytes.subspan(at, std::min(chunk_bytes, bytes.size() - at)))) break;
@@ -63,16 +63,16 @@ grpc::Status upload(const ServiceWorld& world, std::span<const std::byte> bytes,
 
 TEST(UploadScene, ASessionOpensWithTheHashThatAnUploadAnswered) {
   const ServiceWorld world;
-  v1::UploadSceneReply reply;
+  v1::UploadSceneResponse reply;
   const grpc::Status status = upload(world, triangle_file(), &reply);
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_EQ(reply.hash().size(), 32u);
-  EXPECT_EQ(reply.triangles(), 1u);
+  EXPECT_EQ(reply.triangle_count(), 1u);
 
   v1::OpenSession open = open_with_boxes(1);
   open.mutable_scene()->set_hash(reply.hash());
   Stream stream(world.channel());
-  EXPECT_EQ(stream.open(open).instances(), 2u);
+  EXPECT_EQ(stream.open(open).instance_count(), 2u);
 }
 
 TEST(UploadScene, AHashThatNobodyUploadedIsNotFound) {
@@ -94,7 +94,7 @@ TEST(UploadScene, EveryTruncationIsRefusedAndTheServerLives) {
         << length;
   }
   EXPECT_TRUE(upload(world, file).ok());
-  EXPECT_EQ(world.info().geometry_count(), 1u);
+  EXPECT_EQ(world.stats().geometry_count(), 1u);
 }
 
 TEST(UploadScene, AFileThatRefersToOthersIsRefused) {
@@ -182,21 +182,47 @@ TEST(ListScenes, NamesWhatTheFolderHolds) {
   }
   const ServiceWorld world({.scene_dir = folder.path()});
   grpc::ClientContext context;
-  v1::ListScenesReply reply;
-  ASSERT_TRUE(v1::CameraControl::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
+  v1::ListScenesResponse reply;
+  ASSERT_TRUE(v1::CameraControlService::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
   EXPECT_THAT(reply.names(), testing::ElementsAre("a.glb", "b.glb", "levels/one.glb"));
 
   v1::OpenSession open = open_with_boxes(1);
   open.mutable_scene()->set_name("levels/one.glb");
   Stream stream(world.channel());
-  EXPECT_EQ(stream.open(open).instances(), 2u);
+  EXPECT_EQ(stream.open(open).instance_count(), 2u);
+}
+
+TEST(ListScenes, ComesInPages) {
+  const test::TemporaryFolder folder;
+  for (const char* name : {"a.glb", "b.glb", "c.glb", "d.glb", "e.glb"}) std::ofstream(folder / name) << "x";
+  const ServiceWorld world({.scene_dir = folder.path()});
+  const auto stub = v1::CameraControlService::NewStub(world.channel());
+  std::vector<std::vector<std::string>> pages;
+  v1::ListScenesRequest request;
+  request.set_page_size(2);
+  do {
+    grpc::ClientContext context;
+    v1::ListScenesResponse response;
+    ASSERT_TRUE(stub->ListScenes(&context, request, &response).ok());
+    pages.emplace_back(response.names().begin(), response.names().end());
+    request.set_page_token(response.next_page_token());
+  } while (!request.page_token().empty() && pages.size() < 9);
+  using Page = std::vector<std::string>;
+  EXPECT_THAT(pages, testing::ElementsAre(Page{"a.glb", "b.glb"}, Page{"c.glb", "d.glb"}, Page{"e.glb"}));
+
+  grpc::ClientContext context;
+  v1::ListScenesResponse response;
+  request.set_page_size(1001);
+  const grpc::Status refused = stub->ListScenes(&context, request, &response);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(fields_of(refused), testing::ElementsAre("page_size"));
 }
 
 TEST(ListScenes, IsEmptyWithoutAFolder) {
   const ServiceWorld world;
   grpc::ClientContext context;
-  v1::ListScenesReply reply;
-  ASSERT_TRUE(v1::CameraControl::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
+  v1::ListScenesResponse reply;
+  ASSERT_TRUE(v1::CameraControlService::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
   EXPECT_EQ(reply.names_size(), 0);
 }
 

@@ -47,56 +47,56 @@ const WrongTick kWrongTicks[] = {
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = -0.01; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kNan; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kInf; }},
-    {"tick.transforms.id[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
-    {"tick.transforms.id[1]", E::kInvalidArgument,
+    {"tick.transforms.ids[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
+    {"tick.transforms.ids[1]", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
-    {"tick.transforms.position[3]", E::kInvalidArgument,
+    {"tick.transforms.positions[3]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.move(kAnn, {}).move(kBob, {kNan, 0, 0});
      }},
-    {"tick.transforms.position[0]", E::kInvalidArgument,
+    {"tick.transforms.positions[0]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.move(kAnn, {2e9, 0, 0});
      }},
-    {"tick.transforms.rotation[0]", E::kInvalidArgument,
+    {"tick.transforms.rotations[0]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.move(kAnn, {}).transforms.poses[0].rotation = {2, 0, 0, 0};
      }},
-    {"tick.transforms.velocity[0]", E::kInvalidArgument,
+    {"tick.transforms.velocities[0]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.move(kAnn, {}).at_speed({0, 2e6, 0});
      }},
-    {"tick.transforms.velocity", E::kInvalidArgument,
+    {"tick.transforms.velocities", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.velocities_mps.resize(2); }},
-    {"tick.transforms.position", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
+    {"tick.transforms.positions", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
     {"tick.delta.base_revision", E::kFailedPrecondition,
      [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
-    {"tick.delta.remove[1]", E::kNotFound,
+    {"tick.delta.removed_ids[1]", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.delta.remove = {kCrate, 99};
      }},
-    {"tick.delta.remove[1]", E::kInvalidArgument,
+    {"tick.delta.removed_ids[1]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.delta.remove = {kCrate, kCrate};
      }},
-    {"tick.delta.remove[1]", E::kFailedPrecondition,
+    {"tick.delta.removed_ids[1]", E::kFailedPrecondition,
      [](Game&, TickMaker& t) {
        t.delta.remove = {kCrate, kBob};
      }},
-    {"tick.delta.add[0].id", E::kAlreadyExists,
+    {"tick.delta.added_instances[0].id", E::kAlreadyExists,
      [](Game& g, TickMaker& t) { t.delta.add = {g.make(kWall, SphereShape{}, {})}; }},
-    {"tick.delta.add[0].id", E::kInvalidArgument,
+    {"tick.delta.added_instances[0].id", E::kInvalidArgument,
      [](Game& g, TickMaker& t) { t.delta.add = {g.make(kAssetIdBit | 3, SphereShape{}, {})}; }},
-    {"tick.delta.add[0].pose.position", E::kInvalidArgument,
+    {"tick.delta.added_instances[0].pose.position", E::kInvalidArgument,
      [](Game& g, TickMaker& t) {
        t.delta.add = {g.make(20, SphereShape{}, {0, kInf, 0})};
      }},
-    {"tick.delta.add[0].scale", E::kInvalidArgument,
+    {"tick.delta.added_instances[0].scale", E::kInvalidArgument,
      [](Game& g, TickMaker& t) {
        t.delta.add = {g.make(20, SphereShape{}, {})};
        t.delta.add[0].linear = glm::dmat3(0.0);
      }},
-    {"tick.delta.change[0].id", E::kNotFound,
+    {"tick.delta.changed_instances[0].id", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.delta.change = {{99, {}}};
      }},
@@ -118,11 +118,11 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) {
        t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })};
      }},
-    {"tick.targets.targets[0].attached[1]", E::kNotFound,
+    {"tick.targets.targets[0].attached_ids[1]", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.targets = {broken_target([](Target& x) { x.attached_ids = {kWall, 99}; })};
      }},
-    {"tick.targets.targets[0].ignored[0]", E::kNotFound,
+    {"tick.targets.targets[0].ignored_ids[0]", E::kNotFound,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.ignored_ids = {99}; })}; }},
     {"tick.observed_camera.pose.position", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
@@ -165,7 +165,7 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) { otherwise_good(t), t.limits->max_acceleration_mps2 = -1; }},
     {"tick.limits.body_radius_m", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t), t.limits->body_radius_m = 0.05; }},
-    {"tick.transforms.id[1]", E::kNotFound, [](Game&, TickMaker& t) { otherwise_good(t), t.move(99, {}); }},
+    {"tick.transforms.ids[1]", E::kNotFound, [](Game&, TickMaker& t) { otherwise_good(t), t.move(99, {}); }},
 };
 
 void expect_same_session(const Session& a, const Session& b) {

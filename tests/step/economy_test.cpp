@@ -139,7 +139,7 @@ TEST_F(EconomyOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {
       ASSERT_TRUE(answer);
       EXPECT_EQ(seen(*answer), seen(told.answer())) << level;
       EXPECT_EQ(answer->economised.has_value(), level > 0);
-      EXPECT_EQ(answer->economy_level, level);
+      EXPECT_EQ(answer->quality_level, level);
     }
   }
 }

@@ -89,7 +89,7 @@ TEST_F(FromProto, EverySettingArrives) {
 
 TEST_F(FromProto, AnUnrealClientIsUnderstood) {
   v1::OpenSession open = make_open();
-  open.mutable_convention()->set_preset(v1::Convention::UNREAL);
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
   open.mutable_lens()->set_field_of_view(90);
   set(open.mutable_world_origin(), 1000, 0, 0);
   open.clear_instances(), open.clear_targets();
@@ -115,11 +115,11 @@ TEST_F(FromProto, AnUnrealClientIsUnderstood) {
 
 TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
   for (const auto preset :
-       {v1::Convention::GLTF, v1::Convention::UNITY, v1::Convention::UNREAL, v1::Convention::ROS}) {
+       {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
     v1::OpenSession open = make_open();
     open.mutable_convention()->set_preset(preset);
     v1::NewInstance& instance = *open.mutable_instances(0);
-    const double unit = preset == v1::Convention::UNREAL ? 100 : 1;
+    const double unit = preset == v1::Convention::PRESET_UNREAL ? 100 : 1;
     instance.mutable_shape()->mutable_capsule()->set_radius(0.25 * unit);
     instance.mutable_shape()->mutable_capsule()->set_half_height(0.75 * unit);
     open.mutable_instances(1)->mutable_shape()->mutable_capsule()->set_radius(unit);
@@ -131,12 +131,12 @@ TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
 
 TEST_F(FromProto, ACustomConventionIsLikeThePresetThatItSpellsOut) {
   v1::OpenSession custom = make_open(), preset = make_open();
-  preset.mutable_convention()->set_preset(v1::Convention::UNITY);
-  custom.mutable_convention()->set_preset(v1::Convention::CUSTOM);
+  preset.mutable_convention()->set_preset(v1::Convention::PRESET_UNITY);
+  custom.mutable_convention()->set_preset(v1::Convention::PRESET_CUSTOM);
   v1::CustomConvention& c = *custom.mutable_convention()->mutable_custom();
-  c.set_x(v1::CustomConvention::MINUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
-      c.set_z(v1::CustomConvention::PLUS_Z);
-  c.set_camera_forward(v1::CustomConvention::PLUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
+  c.set_x(v1::CustomConvention::AXIS_MINUS_X), c.set_y(v1::CustomConvention::AXIS_PLUS_Y),
+      c.set_z(v1::CustomConvention::AXIS_PLUS_Z);
+  c.set_camera_forward(v1::CustomConvention::AXIS_PLUS_Z), c.set_camera_up(v1::CustomConvention::AXIS_PLUS_Y);
   c.set_metres_per_unit(1), c.set_degrees(true);
   const Convention a = must_read(custom).convention, b = must_read(preset).convention;
   EXPECT_EQ(a.canonical_from_client, b.canonical_from_client);
@@ -177,13 +177,13 @@ TEST_F(FromProto, AMeshOfAFileIsFoundByNameAndByHash) {
 TEST_F(FromProto, ATickArrivesWhole) {
   v1::Tick wire = make_tick(9);
   wire.set_dt_s(0.5);
-  wire.mutable_transforms()->set_rotation(6, 1.0009f), wire.mutable_transforms()->set_rotation(7, 0);
+  wire.mutable_transforms()->set_rotations(6, 1.0009f), wire.mutable_transforms()->set_rotations(7, 0);
   v1::SceneDelta& delta = *wire.mutable_delta();
   delta.set_base_revision(3);
-  delta.add_remove(8);
-  *delta.add_add() = make_open().instances(0);
-  delta.add_change()->set_id(2);
-  delta.mutable_change(0)->mutable_attributes()->set_opacity(0.5f);
+  delta.add_removed_ids(8);
+  *delta.add_added_instances() = make_open().instances(0);
+  delta.add_changed_instances()->set_id(2);
+  delta.mutable_changed_instances(0)->mutable_attributes()->set_opacity(0.5f);
   wire.mutable_targets();
   wire.mutable_observed_camera()->mutable_pose();
   wire.mutable_observed_camera()->set_cut(true);
@@ -211,7 +211,7 @@ TEST_F(FromProto, ATickArrivesWhole) {
 
 TEST_F(FromProto, RotationsAndVelocitiesMayBeLeftOut) {
   v1::Tick wire = make_tick(1);
-  wire.mutable_transforms()->clear_rotation(), wire.mutable_transforms()->clear_velocity();
+  wire.mutable_transforms()->clear_rotations(), wire.mutable_transforms()->clear_velocities();
   const TickInput tick = must_read(wire);
   EXPECT_TRUE(tick.keeps_rotations);
   EXPECT_TRUE(tick.transforms.velocities_mps.empty());
@@ -233,11 +233,11 @@ v1::NewInstance& first(v1::OpenSession& o) {
   return *o.mutable_instances(0);
 }
 v1::CustomConvention& custom(v1::OpenSession& o) {
-  o.mutable_convention()->set_preset(v1::Convention::CUSTOM);
+  o.mutable_convention()->set_preset(v1::Convention::PRESET_CUSTOM);
   v1::CustomConvention& c = *o.mutable_convention()->mutable_custom();
-  c.set_x(v1::CustomConvention::PLUS_X), c.set_y(v1::CustomConvention::PLUS_Y),
-      c.set_z(v1::CustomConvention::PLUS_Z);
-  c.set_camera_forward(v1::CustomConvention::MINUS_Z), c.set_camera_up(v1::CustomConvention::PLUS_Y);
+  c.set_x(v1::CustomConvention::AXIS_PLUS_X), c.set_y(v1::CustomConvention::AXIS_PLUS_Y),
+      c.set_z(v1::CustomConvention::AXIS_PLUS_Z);
+  c.set_camera_forward(v1::CustomConvention::AXIS_MINUS_Z), c.set_camera_up(v1::CustomConvention::AXIS_PLUS_Y);
   c.set_metres_per_unit(1);
   return c;
 }
@@ -250,16 +250,16 @@ const WrongOpen kWrongOpens[] = {
     {"open.convention.preset", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_convention()->set_preset(unknown<v1::Convention::Preset>()); }},
     {"open.convention.custom", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_convention()->set_preset(v1::Convention::CUSTOM); }},
+     [](v1::OpenSession& o) { o.mutable_convention()->set_preset(v1::Convention::PRESET_CUSTOM); }},
     {"open.convention.custom", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_convention()->mutable_custom(); }},
     {"open.convention.custom.y", E::kInvalidArgument,
-     [](v1::OpenSession& o) { custom(o).set_y(v1::CustomConvention::MINUS_X); }},
+     [](v1::OpenSession& o) { custom(o).set_y(v1::CustomConvention::AXIS_MINUS_X); }},
     {"open.convention.custom.z", E::kInvalidArgument, [](v1::OpenSession& o) { custom(o).clear_z(); }},
     {"open.convention.custom.x", E::kInvalidArgument,
      [](v1::OpenSession& o) { custom(o).set_x(unknown<v1::CustomConvention::Axis>()); }},
     {"open.convention.custom.camera_up", E::kInvalidArgument,
-     [](v1::OpenSession& o) { custom(o).set_camera_up(v1::CustomConvention::PLUS_Z); }},
+     [](v1::OpenSession& o) { custom(o).set_camera_up(v1::CustomConvention::AXIS_PLUS_Z); }},
     {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
      [](v1::OpenSession& o) { custom(o).clear_metres_per_unit(); }},
     {"open.world_origin.y", E::kInvalidArgument,
@@ -281,7 +281,7 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { o.mutable_lens()->set_field_of_view(kNan); }},
     {"open.lens.field_of_view", E::kInvalidArgument,
      [](v1::OpenSession& o) {  // right as a width, but a tenth of it is left in height
-       o.mutable_convention()->set_preset(v1::Convention::UNREAL);
+       o.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
        o.mutable_lens()->set_field_of_view(0.7), o.mutable_lens()->set_aspect(10);
      }},
     {"open.lens.aspect", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_aspect(0.05); }},
@@ -333,7 +333,7 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_cylinder()->set_radius(1); }},
     {"open.instances[0].shape.sphere.radius", E::kInvalidArgument,
      [](v1::OpenSession& o) {  // a millimetre in centimetres
-       o.mutable_convention()->set_preset(v1::Convention::UNREAL);
+       o.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
        first(o).mutable_shape()->mutable_sphere()->set_radius(0.009);
      }},
     {"open.instances[0].shape.box.half_extent.y", E::kInvalidArgument,
@@ -405,24 +405,24 @@ v1::Transforms& moved(v1::Tick& t) {
 }
 
 const WrongTick kWrongTicks[] = {
-    {"tick.transforms.position", [](v1::Tick& t) { moved(t).add_position(0); }},
-    {"tick.transforms.position", [](v1::Tick& t) { moved(t).clear_position(); }},
-    {"tick.transforms.position", [](v1::Tick& t) { moved(t).clear_id(); }},
-    {"tick.transforms.rotation", [](v1::Tick& t) { moved(t).mutable_rotation()->RemoveLast(); }},
-    {"tick.transforms.velocity", [](v1::Tick& t) { moved(t).mutable_velocity()->Truncate(3); }},
-    {"tick.transforms.position[4]", [](v1::Tick& t) { moved(t).set_position(4, kNan); }},
-    {"tick.transforms.rotation[7]", [](v1::Tick& t) { moved(t).set_rotation(7, -INFINITY); }},
-    {"tick.transforms.rotation[4]", [](v1::Tick& t) { moved(t).set_rotation(7, 0.99f); }},
-    {"tick.transforms.rotation[0]", [](v1::Tick& t) { moved(t).set_rotation(3, 0); }},
-    {"tick.transforms.velocity[5]", [](v1::Tick& t) { moved(t).set_velocity(5, NAN); }},
-    {"tick.delta.add[1].id",
+    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).add_positions(0); }},
+    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_positions(); }},
+    {"tick.transforms.positions", [](v1::Tick& t) { moved(t).clear_ids(); }},
+    {"tick.transforms.rotations", [](v1::Tick& t) { moved(t).mutable_rotations()->RemoveLast(); }},
+    {"tick.transforms.velocities", [](v1::Tick& t) { moved(t).mutable_velocities()->Truncate(3); }},
+    {"tick.transforms.positions[4]", [](v1::Tick& t) { moved(t).set_positions(4, kNan); }},
+    {"tick.transforms.rotations[7]", [](v1::Tick& t) { moved(t).set_rotations(7, -INFINITY); }},
+    {"tick.transforms.rotations[4]", [](v1::Tick& t) { moved(t).set_rotations(7, 0.99f); }},
+    {"tick.transforms.rotations[0]", [](v1::Tick& t) { moved(t).set_rotations(3, 0); }},
+    {"tick.transforms.velocities[5]", [](v1::Tick& t) { moved(t).set_velocities(5, NAN); }},
+    {"tick.delta.added_instances[1].id",
      [](v1::Tick& t) {
-       *t.mutable_delta()->add_add() = make_open().instances(0);
-       *t.mutable_delta()->add_add() = make_open().instances(0);
-       t.mutable_delta()->mutable_add(1)->set_id(UINT64_MAX);
+       *t.mutable_delta()->add_added_instances() = make_open().instances(0);
+       *t.mutable_delta()->add_added_instances() = make_open().instances(0);
+       t.mutable_delta()->mutable_added_instances(1)->set_id(UINT64_MAX);
      }},
-    {"tick.delta.change[0].attributes.opacity",
-     [](v1::Tick& t) { t.mutable_delta()->add_change()->mutable_attributes()->set_opacity(-1); }},
+    {"tick.delta.changed_instances[0].attributes.opacity",
+     [](v1::Tick& t) { t.mutable_delta()->add_changed_instances()->mutable_attributes()->set_opacity(-1); }},
     {"tick.targets.targets[0].aim_offset.y",
      [](v1::Tick& t) { set(t.mutable_targets()->add_targets()->mutable_aim_offset(), 0, kNan, 0); }},
     {"tick.observed_camera.pose", [](v1::Tick& t) { t.mutable_observed_camera(); }},
@@ -465,7 +465,7 @@ TEST_F(FromProto, MessagesStateTheRangeAndTheValue) {
   first(open).mutable_shape()->mutable_capsule()->set_radius(2e6);
   EXPECT_EQ(read(open).error().message, "must be in [1e-4, 1e5] m, got 2e+06 m");
   v1::Tick tick = make_tick(1);
-  moved(tick).clear_rotation(), moved(tick).add_rotation(1);
+  moved(tick).clear_rotations(), moved(tick).add_rotations(1);
   EXPECT_EQ(read(tick).error().message, "must hold 8 numbers (4 for each id, or none), got 1");
 }
 

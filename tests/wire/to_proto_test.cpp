@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "server/step/economy.h"
 #include "server/wire/from_proto.h"
 #include "server/wire/error_to_proto.h"
@@ -13,10 +15,10 @@
 namespace sightline::test {
 namespace {
 
-glm::dvec3 vec(const v1::Vector3& v) {
+glm::dvec3 vec(const v1::Vec3& v) {
   return {v.x(), v.y(), v.z()};
 }
-glm::dquat quat(const v1::Quaternion& q) {
+glm::dquat quat(const v1::Quat& q) {
   return {q.w(), q.x(), q.y(), q.z()};
 }
 
@@ -58,7 +60,7 @@ class Wire {
 // The same world as told by a Unity client: x mirrored, a camera along +Z is turned to look back.
 v1::OpenSession unity_open() {
   v1::OpenSession open = make_open();
-  open.mutable_convention()->set_preset(v1::Convention::UNITY);
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNITY);
   for (v1::NewInstance& instance : *open.mutable_instances())
     instance.mutable_pose()->mutable_position()->set_x(-instance.pose().position().x());
   open.mutable_camera()->mutable_rotation()->set_y(1);  // half a turn
@@ -67,9 +69,9 @@ v1::OpenSession unity_open() {
 v1::Tick unity_tick(uint64_t sequence) {
   v1::Tick tick = make_tick(sequence);
   v1::Transforms& t = *tick.mutable_transforms();
-  for (int i = 0; i < t.id_size(); ++i) {
-    t.set_position(3 * i, -t.position(3 * i));
-    t.set_velocity(3 * i, -t.velocity(3 * i));
+  for (int i = 0; i < t.ids_size(); ++i) {
+    t.set_positions(3 * i, -t.positions(3 * i));
+    t.set_velocities(3 * i, -t.velocities(3 * i));
   }
   return tick;
 }
@@ -81,22 +83,22 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_EQ(reply.sequence(), 2u);
   EXPECT_EQ(reply.time_s(), 2.0 / 64);
   EXPECT_EQ(reply.pose_time_s(), 2.0 / 64);
-  EXPECT_EQ(reply.status(), v1::TRACKING);
-  EXPECT_NE(reply.reason(), v1::REASON_UNSPECIFIED);
+  EXPECT_EQ(reply.status(), v1::TRACKING_STATUS_TRACKING);
+  EXPECT_NE(reply.reason(), v1::MOVE_REASON_UNSPECIFIED);
   EXPECT_FALSE(reply.reason_text().empty());
   EXPECT_NEAR(reply.field_of_view(), Lens{}.vertical_fov_rad, 1e-12);
   ASSERT_EQ(reply.targets_size(), 2);
   EXPECT_EQ(reply.targets(0).id(), 1u);
-  EXPECT_EQ(reply.targets(0).state(), v1::VISIBLE);
+  EXPECT_EQ(reply.targets(0).state(), v1::TARGET_STATE_VISIBLE);
   EXPECT_EQ(reply.targets(0).visible_share(), 1.0);
   EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)),
               1e-6);
-  EXPECT_GT(reply.counts().total(), 0u);
-  EXPECT_EQ(reply.counts().visible_by_target_size(), 2);
-  EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
-  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_NONE);
-  EXPECT_EQ(reply.revision(), 1u);
-  EXPECT_EQ(reply.hash(), wire.session->mirror().hash());
+  EXPECT_GT(reply.candidate_counts().total(), 0u);
+  EXPECT_EQ(reply.candidate_counts().target_visible_counts_size(), 2);
+  EXPECT_EQ(reply.volume_used(), v1::VOLUME_USED_LATTICE);
+  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_UNSPECIFIED);
+  EXPECT_EQ(reply.mirror_revision(), 1u);
+  EXPECT_EQ(reply.mirror_hash(), wire.session->mirror().hash());
   EXPECT_FALSE(reply.has_candidates());
   EXPECT_EQ(reply.depth_maps_size(), 0);
 }
@@ -105,7 +107,7 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
   Wire wire(make_open());
   const v1::CameraReply& whole = wire.play(make_tick(1));
   EXPECT_FALSE(whole.flags().degraded());
-  EXPECT_FALSE(whole.has_economy());
+  EXPECT_FALSE(whole.has_degradation());
   for (int level = 1; level <= kMaxEconomyLevel; ++level) {
     const auto answer = wire.session->step(level);
     ASSERT_TRUE(answer);
@@ -113,13 +115,13 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
     camera_reply_to_proto(*answer, *wire.session, {}, reply);
     EXPECT_TRUE(reply.flags().degraded());
     const StepSettings used = economise(wire.session->settings(), level);
-    EXPECT_EQ(reply.economy().level(), static_cast<uint32_t>(level));
-    EXPECT_EQ(reply.economy().resolution(), static_cast<uint32_t>(used.sample.resolution));
-    EXPECT_EQ(reply.economy().points(), static_cast<uint32_t>(used.sample.points));
-    EXPECT_EQ(reply.economy().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
-    EXPECT_EQ(reply.economy().survey_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
-    EXPECT_FALSE(reply.economy().turns());
-    EXPECT_EQ(reply.economy().prediction(), used.move.prediction_s > 0);
+    EXPECT_EQ(reply.degradation().quality_level(), static_cast<uint32_t>(level));
+    EXPECT_EQ(reply.degradation().map_resolution(), static_cast<uint32_t>(used.sample.resolution));
+    EXPECT_EQ(reply.degradation().sample_points(), static_cast<uint32_t>(used.sample.points));
+    EXPECT_EQ(reply.degradation().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
+    EXPECT_EQ(reply.degradation().search_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_FALSE(reply.degradation().predicted_turns());
+    EXPECT_EQ(reply.degradation().predicted_motion(), used.move.prediction_s > 0);
   }
 }
 
@@ -141,14 +143,14 @@ TEST(ToProto, AUnityClientGetsTheMirroredAnswer) {
 TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
   Wire wire(unity_open());
   v1::Tick tick = unity_tick(1);
-  tick.mutable_transforms()->set_rotation(1, 0.6f);
-  tick.mutable_transforms()->set_rotation(3, 0.8f);
+  tick.mutable_transforms()->set_rotations(1, 0.6f);
+  tick.mutable_transforms()->set_rotations(3, 0.8f);
   const v1::CameraReply& reply = wire.play(tick);
-  ASSERT_EQ(reply.relative().target_id(), 1u);
+  ASSERT_EQ(reply.relative_pose().target_id(), 1u);
   const glm::dquat turned = glm::normalize(glm::dquat(0.8f, 0, 0.6f, 0));
-  expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative().pose().position()),
+  expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative_pose().pose().position()),
               vec(reply.pose().position()));
-  EXPECT_LT(angle_between(turned * quat(reply.relative().pose().rotation()), quat(reply.pose().rotation())),
+  EXPECT_LT(angle_between(turned * quat(reply.relative_pose().pose().rotation()), quat(reply.pose().rotation())),
             1e-7);
 }
 
@@ -160,7 +162,7 @@ TEST(ToProto, AHiddenTargetNamesItsOccluder) {
   set(wall.mutable_pose()->mutable_position(), 0, 0, 3);
   Wire wire(open);
   const v1::TargetVisibility& target = wire.play(make_tick(1)).targets(0);
-  EXPECT_EQ(target.state(), v1::OCCLUDED);
+  EXPECT_EQ(target.state(), v1::TARGET_STATE_OCCLUDED);
   ASSERT_EQ(target.occluders_size(), 1);
   EXPECT_EQ(target.occluders(0).id(), 9u);
   EXPECT_EQ(target.occluders(0).share(), 1.0);
@@ -170,20 +172,20 @@ TEST(ToProto, ATargetBehindTheCameraIsOffScreen) {
   v1::OpenSession open = make_open();
   open.mutable_camera()->mutable_rotation()->set_y(1);  // looks away
   Wire wire(open);
-  EXPECT_EQ(wire.play(make_tick(1)).targets(0).state(), v1::OFF_SCREEN);
+  EXPECT_EQ(wire.play(make_tick(1)).targets(0).state(), v1::TARGET_STATE_OFF_SCREEN);
 }
 
 TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
   Wire wire(unity_open());
   const v1::CameraReply full = wire.play(unity_tick(1), {true, true});
-  const int n = full.candidates().visible_mask_size();
+  const int n = full.candidates().visible_masks_size();
   EXPECT_GT(n, 27);
-  EXPECT_EQ(full.candidates().position_size(), 3 * n);
+  EXPECT_EQ(full.candidates().positions_size(), 3 * n);
   ASSERT_EQ(full.depth_maps_size(), 2);
-  const v1::DepthMapDump& map = full.depth_maps(0);
+  const v1::DepthMap& map = full.depth_maps(0);
   EXPECT_EQ(map.target_id(), 1u);
-  EXPECT_EQ(map.distance_m_size(), static_cast<int>(map.width() * map.height()));
-  EXPECT_EQ(map.occluder_size(), map.distance_m_size());
+  EXPECT_EQ(map.distances_m_size(), static_cast<int>(map.width() * map.height()));
+  EXPECT_EQ(map.occluder_ids_size(), map.distances_m_size());
   expect_near(vec(map.view().position()), {1, 1, 0}, 1e-6);
   // The map looks from the target towards the camera, along its own -Z.
   const glm::dvec3 towards = glm::normalize(glm::dvec3(0, 1.6, 6) - glm::dvec3(1, 1, 0));
@@ -199,33 +201,33 @@ TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   open.mutable_targets()->RemoveLast();
   Wire wire(open);
   const v1::CameraReply& reply = wire.play(make_tick(1));
-  EXPECT_EQ(reply.volume(), v1::LATTICE_VOLUME);
-  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_NEEDS_TWO_TARGETS);
+  EXPECT_EQ(reply.volume_used(), v1::VOLUME_USED_LATTICE);
+  EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_NEEDS_TWO_TARGETS);
 }
 
 TEST(ToProto, AnOpenedSessionTellsItsMirror) {
   Wire wire(make_open());
   v1::SessionOpened opened;
   opened_to_proto(*wire.session, opened);
-  EXPECT_EQ(opened.revision(), 1u);
-  EXPECT_EQ(opened.hash(), wire.session->mirror().hash());
-  EXPECT_EQ(opened.instances(), 2u);
-  EXPECT_GT(opened.triangles(), 100u);
+  EXPECT_EQ(opened.mirror_revision(), 1u);
+  EXPECT_EQ(opened.mirror_hash(), wire.session->mirror().hash());
+  EXPECT_EQ(opened.instance_count(), 2u);
+  EXPECT_GT(opened.triangle_count(), 100u);
 }
 
 // ---- errors ----
 
-v1::Rejection reject(const Error& error, const SceneMirror* mirror) {
-  v1::Rejection rejection;
-  rejection_to_proto(error, 12, mirror, rejection);
+v1::TickError reject(const Error& error, const SceneMirror* mirror) {
+  v1::TickError rejection;
+  tick_error_to_proto(error, 12, mirror, rejection);
   return rejection;
 }
 
 TEST(Rejection, NamesTheTickTheFieldAndTheReason) {
-  const v1::Rejection rejection =
+  const v1::TickError rejection =
       reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
   EXPECT_EQ(rejection.sequence(), 12u);
-  EXPECT_EQ(rejection.code(), v1::Rejection::INVALID_ARGUMENT);
+  EXPECT_EQ(rejection.code(), v1::TickError::CODE_INVALID_ARGUMENT);
   EXPECT_EQ(rejection.message(), "tick.dt_s: must not be negative");
   ASSERT_EQ(rejection.field_violations_size(), 1);
   EXPECT_EQ(rejection.field_violations(0).field(), "tick.dt_s");
@@ -236,16 +238,16 @@ TEST(Rejection, AsksForAResyncWhenTheMirrorsDisagree) {
   Wire wire(make_open());
   const SceneMirror* mirror = &wire.session->mirror();
   using E = ErrorCode;
-  EXPECT_TRUE(reject({E::kNotFound, "tick.transforms.id[3]", ""}, mirror).has_resync());
+  EXPECT_TRUE(reject({E::kNotFound, "tick.transforms.ids[3]", ""}, mirror).has_resync());
   EXPECT_TRUE(reject({E::kNotFound, "tick.targets.targets[0].id", ""}, mirror).has_resync());
   EXPECT_TRUE(reject({E::kFailedPrecondition, "tick.delta.base_revision", ""}, mirror).has_resync());
-  EXPECT_TRUE(reject({E::kAlreadyExists, "tick.delta.add[0].id", ""}, mirror).has_resync());
-  EXPECT_FALSE(reject({E::kFailedPrecondition, "tick.delta.remove[0]", ""}, mirror).has_resync());
-  EXPECT_FALSE(reject({E::kNotFound, "tick.delta.add[0].mesh.scene_name", ""}, mirror).has_resync());
-  EXPECT_FALSE(reject({E::kInvalidArgument, "tick.transforms.id[3]", ""}, mirror).has_resync());
-  const v1::Rejection rejection = reject({E::kNotFound, "tick.transforms.id[3]", ""}, mirror);
-  EXPECT_EQ(rejection.resync().revision(), 1u);
-  EXPECT_EQ(rejection.resync().hash(), mirror->hash());
+  EXPECT_TRUE(reject({E::kAlreadyExists, "tick.delta.added_instances[0].id", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kFailedPrecondition, "tick.delta.removed_ids[0]", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kNotFound, "tick.delta.added_instances[0].mesh.scene_name", ""}, mirror).has_resync());
+  EXPECT_FALSE(reject({E::kInvalidArgument, "tick.transforms.ids[3]", ""}, mirror).has_resync());
+  const v1::TickError rejection = reject({E::kNotFound, "tick.transforms.ids[3]", ""}, mirror);
+  EXPECT_EQ(rejection.resync().mirror_revision(), 1u);
+  EXPECT_EQ(rejection.resync().mirror_hash(), mirror->hash());
 }
 
 TEST(StatusFromError, CarriesABadRequestThatAnyClientDecodes) {
@@ -253,12 +255,12 @@ TEST(StatusFromError, CarriesABadRequestThatAnyClientDecodes) {
       status_from_error({ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
   EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_EQ(status.error_message(), "open.targets[2].id: no instance has the id 7");
-  v1::StatusDetails details;
+  google::rpc::Status details;
   ASSERT_TRUE(details.ParseFromString(status.error_details()));
   EXPECT_EQ(details.code(), 5);  // google.rpc.Code.NOT_FOUND
   ASSERT_EQ(details.details_size(), 1);
   EXPECT_EQ(details.details(0).type_url(), "type.googleapis.com/google.rpc.BadRequest");
-  v1::BadRequest bad_request;
+  google::rpc::BadRequest bad_request;
   ASSERT_TRUE(bad_request.ParseFromString(details.details(0).value()));
   ASSERT_EQ(bad_request.field_violations_size(), 1);
   EXPECT_EQ(bad_request.field_violations(0).field(), "open.targets[2].id");

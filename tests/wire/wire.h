@@ -5,7 +5,7 @@
 
 namespace sightline::test {
 
-inline void set(v1::Vector3* v, double x, double y, double z) {
+inline void set(v1::Vec3* v, double x, double y, double z) {
   v->set_x(x), v->set_y(y), v->set_z(z);
 }
 
@@ -35,10 +35,10 @@ inline v1::Tick make_tick(uint64_t sequence) {
   tick.set_time_s(static_cast<double>(sequence) / 64);
   v1::Transforms& t = *tick.mutable_transforms();
   for (const uint64_t id : {1, 2}) {
-    t.add_id(id);
-    for (const double p : {id == 1 ? -1.0 : 1.0, 1.0, 0.0}) t.add_position(p);
-    for (const float r : {0.0f, 0.0f, 0.0f, 1.0f}) t.add_rotation(r);
-    for (const float v : {1.0f, 0.0f, 0.0f}) t.add_velocity(v);
+    t.add_ids(id);
+    for (const double p : {id == 1 ? -1.0 : 1.0, 1.0, 0.0}) t.add_positions(p);
+    for (const float r : {0.0f, 0.0f, 0.0f, 1.0f}) t.add_rotations(r);
+    for (const float v : {1.0f, 0.0f, 0.0f}) t.add_velocities(v);
   }
   return tick;
 }
