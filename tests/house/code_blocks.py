@@ -21,7 +21,7 @@ FENCE = re.compile(r"^(```+)\s*(\w*)\s*\n(.*?)^\1\s*$", re.M | re.S)
 # In a header: lines of a comment that are indented by three spaces or more.
 INDENTED_COMMENT = re.compile(r"(?:^//   +\S.*\n)+", re.M)
 
-# What the snippets of sightline_client.h may use without declaring it.
+# A function around each snippet of sightline_client.h; the snippet may use its parameters.
 SNIPPET = """
 Status snippet_{number}([[maybe_unused]] std::span<const std::byte> bytes, [[maybe_unused]] const v1::OpenSession& open,
                         [[maybe_unused]] const v1::Tick& tick, [[maybe_unused]] const v1::Settings& settings) {{
