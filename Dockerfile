@@ -3,10 +3,13 @@
 #   docker build -t sightline .
 #   docker run --rm -p 127.0.0.1:50151:50151 -v "$PWD/my-scenes:/scenes:ro" sightline
 #
-# It runs anywhere: without a GPU it takes Embree's rays on the CPU. On a node with a GPU: run it with the NVIDIA
-# container toolkit (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL beside Mesa's, or pass
-# --device /dev/dri for AMD and Intel; add --require-gpu so that a node that lost its GPU says so instead of falling
-# back to software.
+# Inside the container the daemon listens on all interfaces, because a published port cannot reach the container's loopback. There is no
+# authentication, so publish the port on the host's loopback only, as above. As a sidecar that shares the network of its
+# pod, give it --listen 127.0.0.1:50151 instead.
+#
+# Without a GPU the daemon uses Embree on the CPU. On a node with a GPU, run the image with the NVIDIA container toolkit
+# (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL next to Mesa's. For AMD and Intel, pass
+# --device /dev/dri. Add --require-gpu so that the daemon refuses to start on a node that has lost its GPU.
 
 FROM debian:bookworm-slim AS build
 COPY deploy/install-packages.sh /src/deploy/install-packages.sh
@@ -22,8 +25,8 @@ RUN /tmp/install-packages.sh run \
  && rm -rf /tmp/install-packages.sh /var/lib/apt/lists/* /var/cache/apt/* /var/log/apt /var/log/dpkg.log \
  && mkdir /scenes
 COPY --from=build /build/bin/sightlined /build/bin/sightline /usr/local/bin/
-# No name is needed for a number; 65532 is what "nonroot" is elsewhere. Nothing is written at run time: the image works
-# with a read-only root, no capabilities and no home.
+# 65532 is the user "nonroot" of other images; a number needs no entry in /etc/passwd. The daemon writes nothing at run time, so the
+# image works with a read-only root, without capabilities and without a home folder.
 USER 65532:65532
 EXPOSE 50151
 ENTRYPOINT ["sightlined"]

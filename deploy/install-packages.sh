@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Installs what is missing to build, run and test Sightline on Debian 12, from Debian's own packages. Works as root and
-# with sudo; does nothing, quickly, when all is there.
-#   deploy/install-packages.sh build   what building needs, tests too (the default)
-#   deploy/install-packages.sh test    the same, and the browser that some tests drive
-#   deploy/install-packages.sh run     what the built programs need
-#   deploy/install-packages.sh fuzz    what the fuzzers need beside that of build (tests/record/fuzz.sh)
+# Installs the Debian 12 packages that are missing to build, run or test Sightline. Works as root and with sudo. Returns at once when
+# nothing is missing.
+#   deploy/install-packages.sh build   packages to build the programs and the tests (the default)
+#   deploy/install-packages.sh test    the same, and the browser that some tests use
+#   deploy/install-packages.sh run     packages that the built programs need
+#   deploy/install-packages.sh fuzz    packages that tests/record/fuzz.sh needs in addition to "build"
 set -euo pipefail
 
 build_packages=(
@@ -18,7 +18,7 @@ build_packages=(
   libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
   python3 python3-grpcio python3-protobuf python3-venv
 )
-# An npm from elsewhere, which Debian's would not stand beside, does as well.
+# An npm from another source is good enough, and would conflict with Debian's.
 command -v npm >/dev/null || build_packages+=(nodejs npm)
 test_packages=(chromium chromium-driver python3-selenium fonts-dejavu-core)
 run_packages=(

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds everything and runs all tests. The second run is quick: only what changed is built.
+# Installs missing packages, builds everything and runs all tests. A second run builds only what changed.
 #   tests/run.sh               all tests
-#   tests/run.sh -L unit       anything that ctest takes: -L label, -R name, -j N ...
+#   tests/run.sh -L unit       any flags of ctest: -L label, -R name, -j N ...
 #   PRESET=asan tests/run.sh   another preset of CMakePresets.json (default: release)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset=${PRESET:-release}
-# Read by the sanitizers alone: undefined behaviour fails the test that met it, and what is not ours is left out.
+# For the sanitizers: undefined behaviour fails the test, and reports from inside gRPC are suppressed.
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-halt_on_error=1:print_stacktrace=1}
 export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/service/tsan.supp}
 

@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <fstream>
 
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 
 namespace sightline {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <numeric>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/truth/metrics.h"
 
 namespace sightline {

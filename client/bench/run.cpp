@@ -11,9 +11,9 @@
 #include "client/bench/command.h"
 #include "client/bench/generator.h"
 #include "client/bench/process.h"
-#include "client/command/file_bytes.h"
-#include "client/command/progress_bar.h"
-#include "client/command/wire_presets.h"
+#include "client/base/file_bytes.h"
+#include "client/base/progress_bar.h"
+#include "client/base/wire_presets.h"
 #include "client/cpp/sightline_client.h"
 #include "scenes/catalog.h"
 

@@ -24,7 +24,7 @@
 
 namespace sightline {
 
-// A completion queue of gRPC's and the one thread that waits at it, as in the daemon (server/service/event_loop.h says why).
+// A completion queue of gRPC's and the one thread that waits at it, as in the daemon (server/rpc/event_loop.h says why).
 class CompletionLoop {
  public:
   // The tag of an operation; ready() is called once on the loop's thread, when the operation has ended.

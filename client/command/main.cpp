@@ -1,4 +1,4 @@
-// The command `sightline`: flags to options, one file a sub-command.
+// The command `sightline`: reads the flags and runs the sub-command that was asked for.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -17,9 +17,9 @@
 #include "client/report/report_command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 #include "client/recordings/verify_command.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
 namespace {
@@ -40,18 +40,18 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
       ->add_option("--duration", options.duration_s,
                    "Seconds of scenario time to play (default: its animation)")
       ->check(CLI::Range(0.0, 86400.0));
-  drive->add_option("--seed", options.seed, "Of all that is random in the session")->capture_default_str();
-  drive->add_option("--preset", options.preset, "What the session's settings start from")
+  drive->add_option("--seed", options.seed, "Seed of the session's random numbers")->capture_default_str();
+  drive->add_option("--preset", options.preset, "Preset that the session's settings start from")
       ->check(CLI::IsMember(sightline::preset_names()))
       ->capture_default_str();
-  drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json and contact.png")
+  drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json, contact.png and comparison.png")
       ->capture_default_str();
   drive->add_option("--page", options.page,
                     "Also write the session as one HTML page: 3D view, time line, what the camera saw");
   drive->add_flag("--fast", options.lockstep,
-                  "As fast as replies come, one tick at a time: the same outcome each time");
-  drive->add_flag("!--no-truth", options.truth, "Judge no pictures: no visible shares, no baseline");
-  drive->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
+                  "Wait for each reply before the next tick, instead of playing in real time: the same outcome each time");
+  drive->add_flag("!--no-truth", options.truth, "Do not re-render what the camera saw: no visible shares, no baseline");
+  drive->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
 }
@@ -70,7 +70,7 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
                    "NAME=JSON: a further policy, Sightline's step under these settings, e.g. "
                    "calm={\"settings\":{\"move_response_s\":0.4}}; proto/SETTINGS.md lists them; may be repeated")
       ->allow_extra_args(false);
-  evaluate->add_option("--seeds", options.seeds, "How many variants of each scene: seeds 1 to N")
+  evaluate->add_option("--seeds", options.seeds, "Number of variants of each scene: seeds 1 to N")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
   evaluate->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
@@ -78,7 +78,7 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
       ->capture_default_str();
   evaluate->add_option("--duration", options.duration_s, "Seconds of each scene at most (default: all of it)")
       ->check(CLI::Range(0.0, 86400.0));
-  evaluate->add_option("--truth-every", options.picture_every, "Judge the picture of every n-th frame")
+  evaluate->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
@@ -110,7 +110,7 @@ int main(int argc, char** argv) {
   sightline::add_bench_flags(app, bench);
 
   std::string scene;
-  app.add_subcommand("scene", "Say what a scene file contains")
+  app.add_subcommand("scene", "Print what a scene file contains")
       ->add_option("file", scene, "A .glb or .gltf")
       ->required()
       ->check(CLI::ExistingFile);
@@ -126,7 +126,11 @@ int main(int argc, char** argv) {
       sightline::add_report_verb(app),
   };
 
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& stop) {
+    return app.exit(stop) == 0 ? 0 : sightline::kWrongFlags;  // 0: --help or --version
+  }
   for (const sightline::Verb& verb : verbs)
     if (verb.command->parsed()) return verb.run();
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);

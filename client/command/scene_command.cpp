@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
@@ -35,7 +35,7 @@ void grow(Extents& extents, const Geometry& geometry, const Affine& world_from_m
   }
 }
 
-// Of every triangle where it stands at rest.
+// The extents of all triangles in the rest pose.
 Extents extents_of(const SceneAsset& asset) {
   Extents extents;
   const std::vector<Affine> world_from_node = rest_world_from_node(asset);
@@ -93,7 +93,7 @@ std::string role_text(const AssetNode& node) {
   return text;
 }
 
-// Only what differs from the default.
+// Lists attributes that differ from their defaults.
 std::string attributes_text(const InstanceAttributes& attributes) {
   const InstanceAttributes usual;
   std::vector<std::string> words;

@@ -1,4 +1,4 @@
-// From gRPC's statuses to errors as values.
+// Converts gRPC statuses to Error values.
 #pragma once
 
 #include <grpcpp/grpcpp.h>

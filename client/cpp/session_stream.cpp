@@ -10,7 +10,7 @@ ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const v1::
       stub_(v1::CameraControlService::NewStub(channel_)),
       handler_(std::move(handler)) {
   stub_->async()->Control(&context_, this);
-  // Writes start outside the reactions (in send), so the stream must be held open until the last of them.
+  // send() starts writes outside of gRPC's callbacks, so the stream is held open until the last write.
   AddHold();
   const std::lock_guard lock(mutex_);
   *unsent_.emplace_back().mutable_open() = request;
@@ -61,7 +61,7 @@ std::optional<SessionEvent> ClientSession::Stream::take_reply() {
     case v1::ControlResponse::kDrain:
       return std::move(*reply_.mutable_drain());
     case v1::ControlResponse::MESSAGE_NOT_SET:
-      break;  // from a newer server: nothing that we know
+      break;  // a message of a newer server, which this client does not know
   }
   return std::nullopt;
 }
@@ -81,7 +81,7 @@ void ClientSession::Stream::deliver(SessionEvent event) {
 
 void ClientSession::Stream::OnReadDone(bool ok) {
   if (!ok) {
-    // The server has said its last word: nothing that we send can be answered any more.
+    // The server has ended the stream and answers nothing more.
     const std::lock_guard lock(mutex_);
     closing_ = true;
     if (!writing_) finish_writing();
@@ -106,7 +106,7 @@ void ClientSession::Stream::OnDone(const grpc::Status& status) {
     error = end_error();
   }
   if (handler_) handler_(tl::unexpected(error));
-  // Last: after this the object may be destroyed, and that needs the mutex.
+  // This must come last: the object may be destroyed afterwards, and its destructor takes the mutex.
   const std::lock_guard lock(mutex_);
   ended_ = true;
   changed_.notify_all();
@@ -114,13 +114,13 @@ void ClientSession::Stream::OnDone(const grpc::Status& status) {
 
 namespace {
 
-// As the server would take them one after the other: a preset starts anew.
+// Merged as the server would apply them in turn: a preset resets all settings.
 void put_over(const v1::Settings& settings, v1::Tick& changes) {
   if (settings.preset() != v1::Settings::PRESET_UNSPECIFIED) changes.clear_settings(), changes.clear_tuning();
   changes.mutable_settings()->MergeFrom(settings);
 }
 
-// The tick's own settings, tuning and limits over those that waited for it.
+// Moves the waiting changes into the tick; its own settings, tuning and limits are applied on top.
 void take_changes(v1::Tick& changes, v1::Tick& tick) {
   if (tick.has_settings()) put_over(tick.settings(), changes);
   if (changes.has_settings()) tick.mutable_settings()->Swap(changes.mutable_settings());

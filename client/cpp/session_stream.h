@@ -1,5 +1,4 @@
-// The stream under a ClientSession: gRPC's callback API on one side, a send queue and an event queue on the
-// other.
+// The stream of a ClientSession: connects gRPC's callback API with a queue of ticks to send and a queue of events to read.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -13,7 +12,7 @@
 
 namespace sightline {
 
-// Made and started at once; must not be destroyed before wait_end() or cancel_and_wait() returned.
+// The constructor starts the call; the destructor cancels it and waits for its end.
 class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
   Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request, Handler handler);
@@ -34,7 +33,7 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   void OnWriteDone(bool ok) override;
   void OnDone(const grpc::Status& status) override;
 
-  void start_next_write();                   // needs mutex_; nothing may be on its way
+  void start_next_write();                   // needs mutex_; no write may be under way
   void finish_writing();                     // needs mutex_; once
   std::optional<SessionEvent> take_reply();  // needs mutex_
   void deliver(SessionEvent event);
@@ -52,7 +51,7 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   // guarded by mutex_
-  std::deque<v1::ControlRequest> unsent_;  // the front is on its way while writing_
+  std::deque<v1::ControlRequest> unsent_;  // the front is being written while writing_
   v1::Tick changes_;                       // settings and limits that wait for the next tick
   bool writing_ = false;
   bool closing_ = false;      // no more sends

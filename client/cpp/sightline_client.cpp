@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// Depth-map dumps are the largest replies; gRPC's own limit of 4 MiB is too small for 32 of them.
+// Replies with depth maps are the largest. 32 maps exceed gRPC's default limit of 4 MiB.
 constexpr int kMaxReplyBytes = 64 << 20;
 constexpr size_t kChunkBytes = 512 << 10;
 
@@ -39,10 +39,10 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   const int time_ms = static_cast<int>(keep_alive.time.count());
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, time_ms);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, static_cast<int>(keep_alive.timeout.count()));
-  // A game that is paused sends nothing; gRPC would then ping twice and no more, five minutes apart.
+  // By default gRPC would ping a paused game's connection only twice, five minutes apart.
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
-  // A pool that others share would have the arguments of whoever came first.
+  // A shared pool of subchannels would use the channel arguments of the first client in the process.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
   if (!channel->WaitForConnected(deadline_after(timeout)))

@@ -8,22 +8,27 @@
 #include <sstream>
 
 #include "client/page/contact_sheet.h"
+#include "client/drive/comparison.h"
 #include "client/drive/page.h"
-#include "client/command/file_bytes.h"
+#include "client/base/file_bytes.h"
 #include "client/truth/follow.h"
 #include "client/truth/metrics.h"
 #include "client/drive/player.h"
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "client/drive/report.h"
 #include "client/scenario/scenario_session.h"
 #include "client/drive/trace.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "server/base/cpu_budget.h"
 
 namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
+
+// Moments that comparison.png shows, and the width of each picture in pixels.
+constexpr size_t kComparedFrames = 3;
+constexpr int kComparedWidth = 426;
 
 // The figures of one path, and the truth that they come from.
 struct Judged {
@@ -123,9 +128,11 @@ class Drive {
     if (!run) return tl::unexpected(run.error());
     run_ = std::move(*run);
     if (!options_.truth || world_->targets().empty()) return {};
-    auto follow = judge_path("follow", follow_path(*world_, path_));
+    follow_path_ = follow_path(*world_, path_);
+    auto follow = judge_path("follow", follow_path_);
     if (!follow) return tl::unexpected(follow.error());
     follow_ = std::move(follow->metrics);
+    telling_ = telling_frames(follow->truths, run_.truths, kComparedFrames);
     return {};
   }
 
@@ -146,7 +153,21 @@ class Drive {
     bar_.clear();
     if (!written) return written;
     out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    if (const Status compared = write_comparison(folder / "comparison.png"); !compared) return compared;
     return options_.page.empty() ? Status() : write_page();
+  }
+
+  Status write_comparison(const std::string& path) {
+    if (telling_.empty()) return {};
+    std::vector<CameraFrame> theirs, ours;
+    for (const size_t i : telling_) {
+      theirs.push_back(follow_path_[i]);
+      ours.push_back(path_[i]);
+    }
+    const Picture picture = comparison(*world_, theirs, ours, kComparedWidth);
+    if (auto written = write_png(picture, path); !written) return written;
+    out_ << "compare " << path << '\n';
+    return {};
   }
 
   Status write_page() {
@@ -180,7 +201,8 @@ class Drive {
   v1::OpenSession open_;
   v1::SessionOpened opened_;
   std::vector<PlayedFrame> frames_;
-  std::vector<CameraFrame> path_;
+  std::vector<CameraFrame> path_, follow_path_;
+  std::vector<size_t> telling_;  // indices of the frames that comparison.png shows
   Judged run_;
   std::optional<RunMetrics> follow_;
 };

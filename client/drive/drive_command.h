@@ -15,8 +15,8 @@ struct DriveOptions {
   double rate_hz = 60.0;    // (0, 1000]
   double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;
-  std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/command/wire_presets.h)
-  std::string out = "out";           // folder for trace.csv, metrics.json and contact.png; made when missing
+  std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/base/wire_presets.h)
+  std::string out = "out";           // folder for trace.csv, metrics.json, contact.png and comparison.png; made when missing
   std::string page;                  // file for the page of the session (session_page.h); empty: none
   bool lockstep = false;             // --fast
   bool truth = true;                 // judge the run and the follow baseline

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <iomanip>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/drive/trace.h"
 
 namespace sightline {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "client/evaluate/evaluation_tables.h"
 #include "scenes/catalog.h"
 #include "server/base/cpu_budget.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "client/evaluate/policy.h"
 #include "server/session/session.h"
 #include "server/settings/step_settings.h"

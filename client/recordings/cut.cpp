@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "client/recordings/summary.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/record/tick_fold.h"
 
 namespace sightline {

@@ -9,7 +9,7 @@
 
 #include "client/recordings/cut.h"
 #include "client/recordings/summary.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/recordings/watched_source.h"
 
 namespace sightline {

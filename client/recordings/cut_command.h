@@ -5,7 +5,7 @@
 #include <ostream>
 #include <string>
 
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 
 namespace sightline {
 

@@ -15,7 +15,7 @@
 #include "client/recordings/message_json.h"
 #include "client/recordings/recording.h"
 #include "client/recordings/summary.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/recordings/watched_source.h"
 
 namespace sightline {

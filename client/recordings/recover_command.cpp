@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "client/recordings/summary.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/recordings/watched_source.h"
 #include "server/record/mcap_recover.h"
 #include "server/record/mcap_verify.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/wire/short_name.h"
 
 namespace sightline {

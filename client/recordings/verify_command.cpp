@@ -10,7 +10,7 @@
 
 #include "client/recordings/check.h"
 #include "client/recordings/summary.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/recordings/watched_source.h"
 #include "server/record/mcap_verify.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "server/record/byte_io.h"
 
 namespace sightline {

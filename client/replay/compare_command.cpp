@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/replay/compare_recordings.h"
-#include "client/command/progress_bar.h"
-#include "client/command/text_table.h"
+#include "client/base/progress_bar.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

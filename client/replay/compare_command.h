@@ -4,7 +4,7 @@
 #include <ostream>
 #include <string>
 
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 
 namespace sightline {
 

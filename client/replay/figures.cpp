@@ -5,7 +5,7 @@
 #include <set>
 
 #include "client/scenario/scenario_session.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/drive/trace.h"
 
 namespace sightline {

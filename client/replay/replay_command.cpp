@@ -11,13 +11,13 @@
 #include <sstream>
 #include <thread>
 
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
 #include "client/replay/figures.h"
 #include "client/replay/tally.h"
 #include "client/replay/truth.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "client/drive/trace.h"
 
 namespace sightline {

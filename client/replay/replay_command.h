@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 
 namespace sightline {
 

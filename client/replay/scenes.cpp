@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "client/command/file_bytes.h"
+#include "client/base/file_bytes.h"
 #include "client/page/page_data.h"
 #include "server/base/hash.h"
 #include "server/scene/gltf.h"

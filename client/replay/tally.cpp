@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <numbers>
 
+#include "client/base/text_table.h"
 #include "client/truth/metrics.h"
-#include "client/command/text_table.h"
 
 namespace sightline {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/wire/short_name.h"
 
 namespace sightline {

@@ -4,7 +4,7 @@
 #include "client/truth/metrics.h"
 #include "client/page/page_reply.h"
 #include "client/report/digest.h"
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 namespace sightline {
 namespace {

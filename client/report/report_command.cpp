@@ -8,7 +8,7 @@
 #include <iostream>
 #include <memory>
 
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/sampler_choice.h"
 

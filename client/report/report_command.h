@@ -5,7 +5,7 @@
 #include <string>
 
 #include "client/report/page.h"
-#include "client/command/verb.h"
+#include "client/base/verb.h"
 
 namespace sightline {
 

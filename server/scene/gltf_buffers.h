@@ -3,10 +3,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "server/scene/gltf.h"
 #include "server/scene/gltf_container.h"
-#include "server/scene/gltf_document.h"
 
 namespace sightline {
+
+struct GltfDocument;
 
 // The path that a URI of a document names: percent-decoded once, relative, without "..", without a scheme,
 // without control characters or backslashes. Anything else is kInvalidArgument with the given field.

@@ -26,7 +26,7 @@
 
 #include "server/schedule/scheduler.h"
 #include "server/schedule/tick_pace.h"
-#include "server/service/call.h"
+#include "server/rpc/call.h"
 #include "server/service/inbox.h"
 #include "server/service/outbox.h"
 #include "server/service/parts.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/service/call.h"
+#include "server/rpc/call.h"
 
 namespace sightline {
 namespace {

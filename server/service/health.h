@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "grpc/health/v1/health.grpc.pb.h"
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/base/error.h"
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 #include "server/service/health.h"
 #include "server/service/service.h"
 

@@ -6,7 +6,7 @@
 
 #include <atomic>
 
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 #include "server/service/parts.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "client/bench/protocol.h"
-#include "server/service/call.h"
+#include "server/rpc/call.h"
 
 namespace sightline {
 namespace {

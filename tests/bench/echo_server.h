@@ -10,7 +10,7 @@
 #include <string>
 
 #include "server/base/error.h"
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
 

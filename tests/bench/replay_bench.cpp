@@ -21,7 +21,7 @@
 #include "client/replay/replay.h"
 #include "client/scenario/scenario.h"
 #include "client/scenario/scenario_session.h"
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 #include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
 #include "server/sample/sampler_choice.h"

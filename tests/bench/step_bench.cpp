@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iostream>
 
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 #include "server/gl/software_renderer.h"
 #include "tests/bench/step_timing.h"
 

@@ -6,8 +6,9 @@ import tempfile
 import unittest
 
 SIGHTLINE = sys.argv[1]
+WRONG_FLAGS = 2
 
-# What each sub-command needs at least; FILE is one that is there, NEW one that is not.
+# The arguments that each sub-command needs. FILE is a file that exists, NEW one that does not.
 COMMANDS = {
     "drive": ("FILE",),
     "evaluate": (),
@@ -30,7 +31,7 @@ def run(*arguments):
 
 
 def run_on(command, file, *more):
-    """With what it needs at least, and more; and the file that it could have made."""
+    """Runs `command` with the arguments that it needs and `more`. Returns the result and the file that it could have made."""
     new = f"{file}.new"
     needed = [argument.replace("FILE", file).replace("NEW", new) for argument in COMMANDS[command]]
     return run(command, *needed, *more), pathlib.Path(new)
@@ -43,7 +44,7 @@ class CommandLineTest(unittest.TestCase):
         self.assertRegex(result.stdout, r"^sightline \d+\.\d+\.\d+$")
 
     def test_every_sub_command_has_a_help_text(self):
-        # Those in the list, one a line, are those that are tested here.
+        # This test covers exactly the sub-commands that --help lists.
         listed = run("--help").stdout.split("Subcommands:")[1].splitlines()
         self.assertEqual({line.split()[0] for line in listed if line.startswith("  ") and line[2] != " "}, set(COMMANDS))
         for command in COMMANDS:
@@ -57,7 +58,7 @@ class CommandLineTest(unittest.TestCase):
             for command in COMMANDS:
                 with self.subTest(command=command):
                     result, new = run_on(command, file.name, "--warp")
-                    self.assertGreater(result.returncode, 0)
+                    self.assertEqual(result.returncode, WRONG_FLAGS)
                     self.assertIn("--warp", result.stderr)
                     self.assertFalse(new.exists())
 
@@ -73,14 +74,14 @@ class CommandLineTest(unittest.TestCase):
                               ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "1"),
                               ("bench", "--address", "unix:/nowhere", "--tcp")):
                 result = run(*arguments)
-                self.assertNotEqual(result.returncode, 0, arguments)
+                self.assertEqual(result.returncode, WRONG_FLAGS, arguments)
                 self.assertTrue(result.stderr, arguments)
 
     def test_a_file_that_is_no_scene_is_an_error_and_not_a_crash(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for command in ("scene", "drive"):
                 result = run(command, file.name)
-                self.assertGreater(result.returncode, 0, result.stdout)
+                self.assertEqual(result.returncode, 1, result.stdout)
                 self.assertTrue(result.stderr)
 
     def test_a_file_that_is_no_recording_is_an_error_and_not_a_crash(self):
@@ -90,7 +91,7 @@ class CommandLineTest(unittest.TestCase):
             for command in ON_RECORDINGS:
                 with self.subTest(command=command):
                     result, new = run_on(command, file.name)
-                    self.assertGreater(result.returncode, 0, result.stdout)
+                    self.assertEqual(result.returncode, 1, result.stdout)
                     self.assertIn(file.name, result.stderr)
                     self.assertFalse(new.exists())
 

@@ -1,37 +1,40 @@
-"""Runs client/python/example.py against a daemon of its own: python_test.py SIGHTLINED EXAMPLE STUBS."""
-import os
+"""The Python client against a daemon: python_test.py SIGHTLINED CLIENT_FOLDER STUBS. CLIENT_FOLDER: client/python of the sources."""
+import contextlib
+import io
 import pathlib
-import re
+import runpy
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
 
-SIGHTLINED, EXAMPLE, STUBS = sys.argv[1:4]
-TICKS = 120
+SIGHTLINED, CLIENT, STUBS = sys.argv[1:4]
+sys.path.insert(0, STUBS)
+
+import grpc  # noqa: E402
+import sightline_client  # noqa: E402
+from sightline.v1 import settings_pb2  # noqa: E402
+
+HERO, PILLAR = 1, 3
+SCENE = dict(position=(0, 1.6, 6), targets={HERO: sightline_client.capsule(radius=0.3, height=1.8)},
+             occluders={PILLAR: sightline_client.box(1, 4, 1)}, at={HERO: (0, 0.9, 0), PILLAR: (0, 2, 2)})
 
 
 def start_daemon(folder):
     ready = pathlib.Path(folder, "ready")
     daemon = subprocess.Popen([SIGHTLINED, "--listen", "127.0.0.1:0", "--ready-file", str(ready),
-                               "--sampler", "embree", "--log-level", "warning"])
+                               "--sampler", "embree", "--log-level", "error"])
     deadline = time.monotonic() + 60
     while not ready.exists():
         if daemon.poll() is not None or time.monotonic() > deadline:
             daemon.kill()
-            raise RuntimeError("the daemon did not come up")
+            raise RuntimeError("the daemon did not start")
         time.sleep(0.01)
     return daemon, ready.read_text().split()[0]
 
 
-def run_example(*arguments):
-    environment = dict(os.environ, PYTHONPATH=STUBS)
-    return subprocess.run([sys.executable, EXAMPLE, *arguments], env=environment, capture_output=True,
-                          text=True, timeout=60)
-
-
-class ExampleTest(unittest.TestCase):
+class ClientTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
@@ -43,27 +46,69 @@ class ExampleTest(unittest.TestCase):
         cls.daemon.wait(timeout=20)
         cls.folder.cleanup()
 
-    def test_prints_a_pose_for_every_tick_and_keeps_both_targets_in_view(self):
-        result = run_example(self.address, str(TICKS))
-        self.assertEqual(result.returncode, 0, result.stderr)
-        lines = result.stdout.splitlines()
-        self.assertRegex(lines[0], r"^session \S+: 3 instances, \d+ triangles$")
-        poses = [re.search(r"camera \(([^)]*)\)", line).group(1) for line in lines[1:]]
-        self.assertEqual(len(poses), TICKS)
-        self.assertGreater(len(set(poses)), TICKS // 4, "the camera never moved")
-        shares = [[float(share) for share in re.findall(r"\d: (\d\.\d+)", line)] for line in lines[1:]]
-        self.assertTrue(all(len(share) == 2 for share in shares))
-        clear = sum(min(share) == 1.0 for share in shares[TICKS // 2:])
-        self.assertGreater(clear, TICKS // 4, "most of the second half shows both")
+    def test_the_camera_moves_until_it_sees_what_a_pillar_hides(self):
+        with sightline_client.Camera(self.address, **SCENE) as camera:
+            self.assertEqual(camera.opened.instance_count, 2)
+            replies = [camera.tick(n / 60, {HERO: (0, 0.9, 0)}) for n in range(180)]
+        self.assertEqual([r.sequence for r in replies], list(range(1, 181)))
+        self.assertEqual(replies[0].targets[0].visible_share, 0)
+        self.assertEqual(replies[-1].targets[0].visible_share, 1)
 
-    def test_a_daemon_that_is_not_there_is_an_error(self):
-        result = run_example("127.0.0.1:1", "1")
-        self.assertNotEqual(result.returncode, 0)
-        self.assertIn("UNAVAILABLE", result.stderr)
+    def test_settings_and_limits_change_with_a_tick(self):
+        limits = settings_pb2.CameraLimits(max_speed_mps=0.1)
+        with sightline_client.Camera(self.address, **SCENE, settings=settings_pb2.Settings(), seed=7) as camera:
+            for n in range(60):
+                reply = camera.tick(n / 60, {HERO: (0, 0.9, 0)}, limits=limits)
+            v = reply.velocity
+        self.assertLessEqual((v.x ** 2 + v.y ** 2 + v.z ** 2) ** 0.5, 0.1001)
 
-    def test_the_example_is_short(self):
-        self.assertLess(len(pathlib.Path(EXAMPLE).read_text().splitlines()), 100)
+    def test_a_refused_tick_says_why_and_the_session_goes_on(self):
+        with sightline_client.Camera(self.address, **SCENE) as camera:
+            with self.assertRaisesRegex(sightline_client.Refused, "transforms.*no such instance"):
+                camera.tick(0, {99: (0, 0, 0)})
+            self.assertEqual(camera.tick(0.1, {HERO: (1, 0.9, 0)}).sequence, 2)
+
+    def test_a_scene_that_is_wrong_is_an_error_of_the_call(self):
+        with self.assertRaises(grpc.RpcError) as raised:
+            sightline_client.Camera(self.address, **{**SCENE, "targets": {HERO: sightline_client.sphere(-1)}})
+        self.assertEqual(raised.exception.code(), grpc.StatusCode.INVALID_ARGUMENT)
+
+    def test_a_daemon_that_is_missing_is_an_error_of_the_call(self):
+        with self.assertRaises(grpc.RpcError) as raised:
+            sightline_client.Camera("127.0.0.1:1", **SCENE)
+        self.assertEqual(raised.exception.code(), grpc.StatusCode.UNAVAILABLE)
+
+    def test_an_error_of_the_program_is_not_hidden(self):
+        with self.assertRaises(ZeroDivisionError):
+            with sightline_client.Camera(self.address, **SCENE):
+                1 / 0
+
+    def test_the_example_is_seventeen_lines_and_shows_both_targets_most_of_the_time(self):
+        text = pathlib.Path(CLIENT, "example.py").read_text()
+        self.assertLessEqual(len(text.splitlines()), 17)
+        with tempfile.NamedTemporaryFile("w", suffix=".py") as file, contextlib.redirect_stdout(io.StringIO()) as printed:
+            file.write(text.replace("127.0.0.1:50151", self.address))
+            file.flush()
+            runpy.run_path(file.name)
+        lines = printed.getvalue().splitlines()
+        self.assertEqual(len(lines), 300)
+        self.assertFalse(lines[0].endswith("100% 100%"), "the pillar hides someone at first")
+        self.assertGreater(sum(line.endswith("100% 100%") for line in lines), 150)
+
+
+class RequirementsTest(unittest.TestCase):
+    def test_wheels_exist_for_new_versions_of_python(self):
+        for version in ("3.12", "3.14"):
+            with self.subTest(version=version):
+                done = subprocess.run([sys.executable, "-m", "pip", "install", "--dry-run", "--ignore-installed", "--only-binary=:all:", "--python-version",
+                                       version, "--target", "unused", "--disable-pip-version-check", "-r", f"{CLIENT}/requirements.txt"],
+                                      capture_output=True, text=True, timeout=120)
+                if "No module named pip" in done.stderr:
+                    self.skipTest("needs pip")
+                if "NewConnectionError" in done.stderr or "Connection to" in done.stderr:
+                    self.skipTest("needs a package index")
+                self.assertEqual(done.returncode, 0, done.stderr)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:])

@@ -1,5 +1,5 @@
 // The event loop: what it does itself, what it passes on, and how it ends. Its events are alarms; no call is made.
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 #include <grpcpp/alarm.h>
 #include <grpcpp/server.h>

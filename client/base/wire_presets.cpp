@@ -1,4 +1,4 @@
-#include "client/command/wire_presets.h"
+#include "client/base/wire_presets.h"
 
 #include <google/protobuf/util/json_util.h>
 

@@ -1,4 +1,4 @@
-#include "client/command/text_table.h"
+#include "client/base/text_table.h"
 
 #include <algorithm>
 #include <ctime>

@@ -1,4 +1,4 @@
-// A file as bytes.
+// Reads a whole file into memory.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// kUnavailable, the path as field, when it cannot be read.
+// kUnavailable, with the path in `field`, when the file cannot be read.
 Result<std::vector<std::byte>> read_file(const std::string& path);
 
 }  // namespace sightline

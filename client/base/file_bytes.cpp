@@ -1,4 +1,4 @@
-#include "client/command/file_bytes.h"
+#include "client/base/file_bytes.h"
 
 #include <fstream>
 #include <iterator>

@@ -1,4 +1,4 @@
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 #include <utility>
 

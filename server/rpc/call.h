@@ -14,7 +14,7 @@
 #include <optional>
 #include <utility>
 
-#include "server/service/event_loop.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
 

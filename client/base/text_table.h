@@ -1,4 +1,4 @@
-// What commands print for a person: columns, numbers that can be read, names that come from files.
+// Text for people: tables, readable numbers, and names from files made safe to print.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// As printf; at most 255 bytes.
+// Like printf; longer texts are cut to 255 bytes.
 template <typename... Values>
 std::string formatted(const char* format, Values... values) {
   char text[256];
@@ -21,12 +21,12 @@ std::string formatted(const char* format, Values... values) {
 std::string grouped(uint64_t value);
 // "1.5 KiB", "12.0 MiB"
 std::string bytes_text(uint64_t bytes);
-// A name from a file: what would move the cursor is shown as '?', nothing as '-'.
+// A name from a file, cut to `longest` bytes: control characters become '?', and an empty name becomes '-'.
 std::string printable(const std::string& name, size_t longest = 40);
-// "2023-11-14 22:13:20 UTC"; nanoseconds since 1970.
+// Nanoseconds since 1970 as "2023-11-14 22:13:20 UTC".
 std::string utc_text(uint64_t time_ns);
 
-// Columns as wide as their widest cell; numbers stand on the right.
+// A table whose columns are as wide as their widest cell. Numbers are right-aligned.
 class Table {
  public:
   struct Column {
@@ -34,7 +34,7 @@ class Table {
     bool number = false;
   };
   explicit Table(std::vector<Column> columns);
-  // As many cells as there are columns.
+  // `cells` has one entry for each column.
   void row(std::vector<std::string> cells) { rows_.push_back(std::move(cells)); }
   void print(std::ostream& out) const;
 

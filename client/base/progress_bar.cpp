@@ -1,4 +1,4 @@
-#include "client/command/progress_bar.h"
+#include "client/base/progress_bar.h"
 
 #include <iomanip>
 

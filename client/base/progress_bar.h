@@ -1,4 +1,4 @@
-// A bar on a terminal while something long goes on.
+// A progress bar on a terminal.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// Draws on `out`; nothing at all when `enabled` is false (not a terminal). One thread at a time.
+// Draws on `out`, or nothing when `enabled` is false (`out` is not a terminal). Not thread-safe.
 class ProgressBar {
  public:
   ProgressBar(std::ostream& out, bool enabled) : out_(out), enabled_(enabled) {}
@@ -16,7 +16,7 @@ class ProgressBar {
   ProgressBar& operator=(const ProgressBar&) = delete;
 
   void show(const std::string& what, size_t done, size_t of);
-  // Takes the bar away, so that a line can be printed.
+  // Erases the bar, so that a line can be printed.
   void clear();
 
  private:
