@@ -17,7 +17,6 @@ struct RawFlags {
   Flags flags;
   std::string unix_mode = "0660";
   std::string sampler = "auto";
-  std::string egl_variant = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
@@ -27,11 +26,6 @@ struct RawFlags {
 
 const std::map<std::string, SamplerChoice> kSamplers{
     {"auto", SamplerChoice::kAuto}, {"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
-std::map<std::string, std::optional<EglVariant>> egl_variants() {
-  std::map<std::string, std::optional<EglVariant>> names{{"auto", std::nullopt}};
-  for (const EglVariant& variant : all_egl_variants()) names[to_string(variant)] = variant;
-  return names;
-}
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -98,10 +92,6 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
   app.add_option("--egl-device", raw.flags.egl_device,
                  "Index of the EGL device (see `sightlined devices`); -1 chooses")
       ->check(CLI::Range(-1, 1023))
-      ->capture_default_str();
-  app.add_option("--egl-variant", raw.egl_variant,
-                 "How OpenGL takes depth maps; all ways give the same maps, auto measures which is fast")
-      ->check(one_of(egl_variants()))
       ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
                "Refuse to start when OpenGL would render in software; embree itself needs no GPU");
@@ -197,7 +187,6 @@ Flags finished(const RawFlags& raw) {
   Flags flags = raw.flags;
   flags.unix_mode = static_cast<unsigned>(std::stoul(raw.unix_mode, nullptr, 8));
   flags.sampler = kSamplers.at(raw.sampler);
-  flags.egl_variant = egl_variants().at(raw.egl_variant);
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   flags.record_all = kRecorded.at(raw.record);

@@ -21,7 +21,6 @@ struct Flags {
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
-  std::optional<EglVariant> egl_variant;  // nothing: measured at the start
   unsigned threads = 0;  // 0: as many as there are CPUs to use
   double step_budget_ms = 0.0;  // 0: by the load
   bool no_degrade = false;

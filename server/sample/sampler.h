@@ -55,10 +55,8 @@ class SamplerDevice {
   virtual size_t best_batch() const { return 1; }
   // "egl" or "embree".
   virtual std::string kind() const = 0;
-  // What takes the maps, for people, the same at every start: "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, EGL surfaceless".
+  // What takes the maps, for logs and reports: "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, EGL surfaceless".
   virtual std::string renderer() const = 0;
-  // That, and how it takes them where that was chosen by measuring.
-  virtual std::string description() const { return renderer(); }
   // Bytes that the device keeps for geometry, shared by all samplers.
   virtual size_t geometry_bytes() const = 0;
 };

@@ -26,9 +26,6 @@ using FindEgl = std::function<Result<EglDeviceInfo>()>;
 // never passed over.
 Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find);
 
-// The reason, and how the device takes maps.
-std::string reason_with_variant(const SamplerDecision& decision, const EglSamplerDevice& device);
-
 struct ChosenSampler {
   std::unique_ptr<SamplerDevice> device;
   std::string reason;

@@ -38,7 +38,7 @@ void print_table(const Table& table, const std::vector<std::unique_ptr<SamplerDe
   std::printf("\nTable 1 (ms, medians; p95 of the total in brackets; two targets, 280 K triangles)\n");
   for (const auto& device : devices) {
     std::printf("\n%s: %s\n%-10s %4s %8s %8s %10s %8s %8s\n", device->kind().c_str(),
-                device->description().c_str(), "settings", "r", "samples", "render", "intersect", "select",
+                device->renderer().c_str(), "settings", "r", "samples", "render", "intersect", "select",
                 "total");
     for (const auto& [key, row] : table) {
       const auto& [kind, settings, r] = key;

@@ -101,16 +101,6 @@ TEST(SamplerChoice, TheDaemonTakesEglWhereItIsHardware) {
   egl_is_hardware_here() ? expect_choice("egl", "in hardware") : expect_choice("embree", "OpenGL");
 }
 
-TEST(SamplerChoice, TheDeviceReportSaysHowOpenGlTakesMaps) {
-  const RunResult measured = run_sightlined({"devices", "--sampler", "egl"});
-  if (measured.output.find("\n*     egl") == std::string::npos) GTEST_SKIP() << "no EGL context";
-  EXPECT_NE(measured.output.find(", the fastest of 8: "), std::string::npos) << measured.output;
-  const RunResult forced =
-      run_sightlined({"devices", "--sampler", "egl", "--egl-variant", "clusters+at-once+ring"});
-  EXPECT_NE(forced.output.find("maps by clusters+at-once+ring, as asked for"), std::string::npos)
-      << forced.output;
-}
-
 TEST(SamplerChoice, WithoutOpenGlTheDaemonTakesEmbree) {
   const NoOpenGl hidden;
   expect_choice("embree", "no OpenGL");
