@@ -67,7 +67,7 @@ Status check_sequence(const std::vector<uint32_t>& sequence, size_t vertex_count
 }
 
 // The vertex sequence that the mode runs over: the index accessor, or 0, 1, 2 ...
-Result<std::vector<uint32_t>> read_sequence(const GltfDocument& document, int accessor, size_t vertex_count,
+Result<std::vector<uint32_t>> read_sequence(GltfDocument& document, int accessor, size_t vertex_count,
                                             const std::string& field) {
   if (accessor >= 0) return read_gltf_indices(document, accessor, field);
   std::vector<uint32_t> sequence(vertex_count);
@@ -114,7 +114,7 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   return triangles;
 }
 
-Status read_accessors(const GltfDocument& document, int position, int indices, const std::string& field,
+Status read_accessors(GltfDocument& document, int position, int indices, const std::string& field,
                       Corners& out) {
   auto positions = read_gltf_positions(document, position, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
