@@ -1,4 +1,4 @@
-// Work over independent pieces on every core. For loading; what takes less than a millisecond is for a crew (crew.h).
+// Work over independent pieces on every core. For loading; what takes less than a millisecond is for a crew (thread_pool.h).
 #pragma once
 
 #include <cstddef>

@@ -5,7 +5,7 @@
 #include <functional>
 #include <iterator>
 
-#include "server/base/crew.h"
+#include "server/base/thread_pool.h"
 #include "server/sample/embree_maps.h"
 
 namespace sightline {
@@ -24,7 +24,7 @@ constexpr size_t kNotWorthTheCall = 16;
 class EmbreeSampler final : public Sampler {
  public:
   EmbreeSampler(EmbreeDevice& device, size_t hands) : crew_(hands) {
-    for (size_t hand = 0; hand < crew_.hands(); ++hand)
+    for (size_t hand = 0; hand < crew_.size(); ++hand)
       takers_.push_back(std::make_unique<EmbreeMaps>(device));
   }
 
@@ -41,7 +41,7 @@ class EmbreeSampler final : public Sampler {
       for (ptrdiff_t i = --left; i >= 0; i = --left)
         takers_[hand]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
     };
-    if (crew_.hands() > 1 && requests.size() > kNotWorthTheCall)
+    if (crew_.size() > 1 && requests.size() > kNotWorthTheCall)
       crew_.run(std::cref(work));
     else
       work(0);
@@ -51,7 +51,7 @@ class EmbreeSampler final : public Sampler {
 
  private:
   std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by hand
-  Crew crew_;                                        // last: its helpers end first
+  ThreadPool crew_;                                        // last: its helpers end first
 };
 
 class EmbreeSamplerDevice final : public SamplerDevice {

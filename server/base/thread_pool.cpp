@@ -1,4 +1,4 @@
-#include "server/base/crew.h"
+#include "server/base/thread_pool.h"
 
 #include <chrono>
 #include <system_error>
@@ -39,7 +39,7 @@ bool look_until(IsSo is_so) {
 
 }  // namespace
 
-Crew::Crew(size_t hands) {
+ThreadPool::ThreadPool(size_t hands) {
   try {
     while (helpers_.size() + 1 < hands) {
       const size_t hand = helpers_.size() + 1;
@@ -49,7 +49,7 @@ Crew::Crew(size_t hands) {
   }
 }
 
-Crew::~Crew() {
+ThreadPool::~ThreadPool() {
   {
     const std::lock_guard lock(mutex_);
     ended_ = true;
@@ -59,7 +59,7 @@ Crew::~Crew() {
   for (std::thread& helper : helpers_) helper.join();
 }
 
-void Crew::run(const std::function<void(size_t)>& work) {
+void ThreadPool::run(const std::function<void(size_t)>& work) {
   if (alone_ > 0) {
     --alone_;
     return work(0);
@@ -81,7 +81,7 @@ void Crew::run(const std::function<void(size_t)>& work) {
   left_.wait(lock, [this] { return inside_ == 0; });
 }
 
-void Crew::help(size_t hand) {
+void ThreadPool::help(size_t hand) {
   uint64_t known_calls = 0;
   while (true) {
     look_until([&] { return calls_ != known_calls; });

@@ -1,4 +1,4 @@
-#include "server/base/crew.h"
+#include "server/base/thread_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ namespace sightline {
 namespace {
 
 // Takes every piece of some work on a crew; by piece, which hand took it.
-std::vector<size_t> take_all(Crew& crew, size_t pieces) {
+std::vector<size_t> take_all(ThreadPool& crew, size_t pieces) {
   constexpr size_t kNobody = 99;
   std::vector<size_t> taken_by(pieces, kNobody);
   std::atomic<size_t> next{0};
@@ -20,22 +20,22 @@ std::vector<size_t> take_all(Crew& crew, size_t pieces) {
     }
   };
   crew.run(work);
-  for (const size_t hand : taken_by) EXPECT_LT(hand, crew.hands());
+  for (const size_t hand : taken_by) EXPECT_LT(hand, crew.size());
   return taken_by;
 }
 
-TEST(Crew, EveryPieceIsDoneWhenItReturnsAsOftenAsItIsCalled) {
+TEST(ThreadPool, EveryPieceIsDoneWhenItReturnsAsOftenAsItIsCalled) {
   for (const size_t hands : {1, 2, 5}) {
-    Crew crew(hands);
-    EXPECT_EQ(crew.hands(), hands);
+    ThreadPool crew(hands);
+    EXPECT_EQ(crew.size(), hands);
     for (size_t call = 0; call < 2000; ++call) take_all(crew, call % 40);
   }
 }
 
 // Those that watch and those that sleep. Each call takes long enough for the helper to come, unless others keep it from its core.
-TEST(Crew, HelpersComeAwakeAndAsleep) {
+TEST(ThreadPool, HelpersComeAwakeAndAsleep) {
   for (const auto pause : {std::chrono::microseconds(0), std::chrono::microseconds(2000)}) {
-    Crew crew(2);
+    ThreadPool crew(2);
     int came = 0;
     for (int call = 0; call < 3000 && came < 5; ++call) {
       std::this_thread::sleep_for(pause);
@@ -52,8 +52,8 @@ TEST(Crew, HelpersComeAwakeAndAsleep) {
 }
 
 // What a helper wrote can be read without more ado, and what was written before the call is seen by it (of ThreadSanitizer's concern).
-TEST(Crew, WorkIsSeenOnBothSides) {
-  Crew crew(3);
+TEST(ThreadPool, WorkIsSeenOnBothSides) {
+  ThreadPool crew(3);
   std::vector<int> in(300), out(300);
   for (int round = 0; round < 200; ++round) {
     for (int& value : in) value = round;
@@ -65,8 +65,8 @@ TEST(Crew, WorkIsSeenOnBothSides) {
   }
 }
 
-TEST(Crew, EndsWithoutEverHavingWorked) {
-  for (int i = 0; i < 50; ++i) Crew crew(3);
+TEST(ThreadPool, EndsWithoutEverHavingWorked) {
+  for (int i = 0; i < 50; ++i) ThreadPool crew(3);
 }
 
 }  // namespace

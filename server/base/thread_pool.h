@@ -16,17 +16,17 @@ namespace sightline {
 // Used by one thread at a time. After work its helpers watch for more for half a millisecond, which keeps their cores busy; then they
 // sleep. One that loses its core amid work is waited for; then the work to come is done without helpers for a while, so that on a
 // machine where others want the cores little is lost.
-class Crew {
+class ThreadPool {
  public:
   // So many hands, at least 1, that of the caller among them. Where no thread can be had there are fewer.
-  explicit Crew(size_t hands);
-  ~Crew();
-  Crew(const Crew&) = delete;
-  Crew& operator=(const Crew&) = delete;
+  explicit ThreadPool(size_t hands);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
 
-  size_t hands() const { return helpers_.size() + 1; }
+  size_t size() const { return helpers_.size() + 1; }
 
-  // Calls work(0) here, and work(k), k < hands(), on each helper that comes before that has returned; returns when all are done. Nobody
+  // Calls work(0) here, and work(k), k < size(), on each helper that comes before that has returned; returns when all are done. Nobody
   // waits for a helper to come: so each takes its share from what is left until nothing is. `work` throws nothing.
   void run(const std::function<void(size_t hand)>& work);
 
