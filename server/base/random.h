@@ -8,8 +8,7 @@
 
 namespace sightline {
 
-// What a stream of numbers is for; two purposes never share numbers. Values are part of what a recording replays:
-// append, never renumber.
+// The purpose of a stream of numbers; two purposes never share numbers. Replays depend on the values: append, never renumber.
 enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,

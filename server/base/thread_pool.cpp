@@ -10,13 +10,13 @@
 namespace sightline {
 namespace {
 
-// Longer than a step does other things than what its helpers help with.
-constexpr std::chrono::microseconds kWatch(500);
-constexpr int kLooksBetweenClocks = 32;
-// So many runs are without helpers when one lost its core: what was lost then, some milliseconds, is little beside them.
+// Longer than the parts of a step that use one thread.
+constexpr std::chrono::microseconds kSpin(500);
+constexpr int kChecksBetweenClocks = 32;
+// Runs without helpers after one lost its core: the milliseconds lost then are little compared with so many runs.
 constexpr int kAloneAfterLoss = 256;
 
-void breathe() {
+void pause() {
 #if defined(__x86_64__)
   _mm_pause();
 #else
@@ -24,14 +24,14 @@ void breathe() {
 #endif
 }
 
-// Looks until it is so, or for kWatch: then false. Going to sleep and being woken would take longer than most of what is waited for.
-template <typename IsSo>
-bool look_until(IsSo is_so) {
-  const auto end = std::chrono::steady_clock::now() + kWatch;
+// Spins until `condition` holds; false when it does not within kSpin. Most waits are shorter than going to sleep and waking up.
+template <typename Condition>
+bool spin_until(Condition condition) {
+  const auto end = std::chrono::steady_clock::now() + kSpin;
   do {
-    for (int i = 0; i < kLooksBetweenClocks; ++i) {
-      if (is_so()) return true;
-      breathe();
+    for (int i = 0; i < kChecksBetweenClocks; ++i) {
+      if (condition()) return true;
+      pause();
     }
   } while (std::chrono::steady_clock::now() < end);
   return false;
@@ -39,13 +39,13 @@ bool look_until(IsSo is_so) {
 
 }  // namespace
 
-ThreadPool::ThreadPool(size_t hands) {
+ThreadPool::ThreadPool(size_t size) {
   try {
-    while (helpers_.size() + 1 < hands) {
-      const size_t hand = helpers_.size() + 1;
-      helpers_.emplace_back([this, hand] { help(hand); });
+    while (helpers_.size() + 1 < size) {
+      const size_t thread = helpers_.size() + 1;
+      helpers_.emplace_back([this, thread] { help(thread); });
     }
-  } catch (const std::system_error&) {  // no more threads: those that there are do it
+  } catch (const std::system_error&) {  // the system starts no more threads: go on with those that run
   }
 }
 
@@ -75,25 +75,25 @@ void ThreadPool::run(const std::function<void(size_t)>& work) {
     const std::lock_guard lock(mutex_);
     work_ = nullptr;
   }
-  if (look_until([this] { return inside_ == 0; })) return;
+  if (spin_until([this] { return inside_ == 0; })) return;
   alone_ = kAloneAfterLoss;
   std::unique_lock lock(mutex_);
   left_.wait(lock, [this] { return inside_ == 0; });
 }
 
-void ThreadPool::help(size_t hand) {
+void ThreadPool::help(size_t thread) {
   uint64_t known_calls = 0;
   while (true) {
-    look_until([&] { return calls_ != known_calls; });
+    spin_until([&] { return calls_ != known_calls; });
     std::unique_lock lock(mutex_);
     called_.wait(lock, [&] { return calls_ != known_calls; });
     if (ended_) return;
     known_calls = calls_;
-    if (!work_) continue;  // too late
+    if (!work_) continue;  // woke up after the run
     const std::function<void(size_t)>& work = *work_;
     ++inside_;
     lock.unlock();
-    work(hand);
+    work(thread);
     lock.lock();
     if (--inside_ == 0) left_.notify_one();
   }

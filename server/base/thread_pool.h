@@ -1,5 +1,5 @@
-// A crew: threads that wait to lend a hand with work that is done over and over and takes a fraction of a millisecond, as the maps of
-// one step. parallel_for (parallel.h), which starts its threads each time, is for work that takes longer.
+// A thread pool for work that is repeated often and takes a fraction of a millisecond, such as the maps of one step. parallel_for
+// (parallel.h) starts its threads in each call and is meant for longer work.
 #pragma once
 
 #include <atomic>
@@ -13,33 +13,34 @@
 
 namespace sightline {
 
-// Used by one thread at a time. After work its helpers watch for more for half a millisecond, which keeps their cores busy; then they
-// sleep. One that loses its core amid work is waited for; then the work to come is done without helpers for a while, so that on a
-// machine where others want the cores little is lost.
+// Used by one thread at a time. After a run the pool's threads spin for half a millisecond, then sleep. When a thread loses its core in
+// the middle of a run, the caller waits for it, and then does the next 256 runs alone: on a machine whose cores are taken, the pool
+// costs little.
 class ThreadPool {
  public:
-  // So many hands, at least 1, that of the caller among them. Where no thread can be had there are fewer.
-  explicit ThreadPool(size_t hands);
+  // `size` threads, at least 1, including the caller's. Fewer when the system refuses to start more.
+  explicit ThreadPool(size_t size);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
   size_t size() const { return helpers_.size() + 1; }
 
-  // Calls work(0) here, and work(k), k < size(), on each helper that comes before that has returned; returns when all are done. Nobody
-  // waits for a helper to come: so each takes its share from what is left until nothing is. `work` throws nothing.
-  void run(const std::function<void(size_t hand)>& work);
+  // Calls work(0) on this thread, and work(k), 0 < k < size(), on each other thread that wakes up before work(0) has returned. Returns
+  // when all calls have. A late thread is not waited for, so `work` must take pieces from a shared counter until none is left. `work`
+  // must not throw.
+  void run(const std::function<void(size_t thread)>& work);
 
  private:
-  void help(size_t hand);
+  void help(size_t thread);
 
   std::mutex mutex_;
   std::condition_variable called_, left_;
-  const std::function<void(size_t)>* work_ = nullptr;  // guarded by mutex_; null: nothing to join in
+  const std::function<void(size_t)>* work_ = nullptr;  // guarded by mutex_; null between runs
   bool ended_ = false;                                 // guarded by mutex_
   std::atomic<uint64_t> calls_{0};                     // changes under mutex_
-  std::atomic<size_t> inside_{0};                      // helpers at work; changes under mutex_
-  int alone_ = 0;                                      // so many runs to come are without helpers
+  std::atomic<size_t> inside_{0};                      // helpers inside `work`; changes under mutex_
+  int alone_ = 0;                                      // number of coming runs without helpers
   std::vector<std::thread> helpers_;
 };
 

@@ -31,7 +31,7 @@ std::vector<EGLDeviceEXT> devices() {
   return found;
 }
 
-// Whether the space-separated `words` hold `word`.
+// True when the space-separated `words` include `word`.
 bool has_word(const char* words, std::string_view word) {
   for (std::string_view rest = words ? words : ""; !rest.empty();) {
     const size_t length = std::min(rest.find(' '), rest.size());

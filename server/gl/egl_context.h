@@ -13,7 +13,7 @@ namespace sightline {
 // The index of the surfaceless platform, which is not a device: Mesa chooses what renders.
 inline constexpr int kSurfacelessIndex = -1;
 
-// What a context turned out to be.
+// Properties of a context.
 struct EglContextInfo {
   int index = kSurfacelessIndex;
   std::string platform;    // "device" or "surfaceless"

@@ -23,7 +23,7 @@ struct TriangleDraw {
   uint32_t first_index = 0;  // index into Geometry::indices
 };
 
-// Filled anew for each take; its memory is reused.
+// Cleared and filled for each submission; its memory is reused.
 struct DrawList {
   std::vector<InstanceDraw> instances;
   std::vector<TriangleDraw> triangles;  // by map, then slot, then first_index: of two at equal depth the first shows

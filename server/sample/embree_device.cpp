@@ -12,7 +12,7 @@ namespace {
 
 using Content = EmbreeScene::Content;
 
-// Above this the better hierarchy of spatial splits is not worth the time that it takes to build.
+// Above this size a hierarchy with spatial splits is not worth the time that it takes to build.
 constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
 
 const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
@@ -31,7 +31,7 @@ std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry
   std::copy_n(geometry.indices.data(), index_count, indices);
   bottom->vertices = vertices;
   bottom->indices = indices;
-  // Not the compact layout: a quarter of the bytes less on small meshes, but up to half as slow again on large ones.
+  // Embree's compact layout would save a quarter of the bytes on small meshes, but be up to 50 % slower on large ones.
   const RTCBuildQuality quality =
       index_count / 3 <= kMaxTrianglesOfHighQuality ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
   // Layers belong to the instances; here every bit is set.
@@ -152,13 +152,13 @@ EmbreeDevice::Impl::Impl() : device(rtcNewDevice(nullptr)) {
 std::shared_ptr<const BottomScene> EmbreeDevice::Impl::find(const BottomKey& key) {
   const std::lock_guard lock(mutex);
   const auto found = bottoms.find(key);
-  // An address may be used again by another geometry after the first one died.
+  // Another geometry may have the address of one that has died.
   if (found == bottoms.end() || found->second.geometry.expired()) return nullptr;
   return found->second.scene;
 }
 
 void EmbreeDevice::Impl::forget_dead() {
-  // What dies is released after the lock is.
+  // Releases dead scenes after the lock.
   std::vector<std::shared_ptr<const BottomScene>> dead;
   const std::lock_guard lock(mutex);
   std::erase_if(bottoms, [&](const auto& item) {
@@ -185,7 +185,7 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
   const std::lock_guard lock(mutex);
   const auto [first, last] = statics.equal_range(hash);
   for (auto it = first; it != last; ++it)
-    // Compared in full: sharing never rests on a hash.
+    // Equal hashes are not enough: all placements are compared.
     if (auto alive = it->second.lock();
         alive && alive->placements.size() == placements.size() &&
         std::memcmp(alive->placements.data(), placements.data(), placements.size_bytes()) == 0)

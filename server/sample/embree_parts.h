@@ -1,4 +1,4 @@
-// What the Embree device, scenes and maps share. Internal to sample/embree_*, and the one header that includes Embree.
+// The data that the Embree device, scenes and maps share. Internal to sample/embree_*, and the only header that includes Embree.
 #pragma once
 
 #include <embree3/rtcore.h>
@@ -31,7 +31,7 @@ struct BottomScene {
   const uint32_t* indices = nullptr;
 };
 
-// One instance as a top scene holds it. Without padding: it is hashed and compared as bytes.
+// One instance of a top scene. It has no padding, because it is hashed and compared as bytes.
 struct Placement {
   uint32_t slot = 0;
   uint32_t layers = 0;
@@ -79,9 +79,9 @@ struct EmbreeDevice::Impl {
   // Finds or builds. Building happens outside the lock: when two threads build the same thing, the later result is dropped.
   std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry,
                                                size_t index_count);
-  // Of the mirror's static instances that belong to the content.
+  // Holds the mirror's static instances that belong to the content.
   std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
-  // Of its moving instances that belong to the content, where their velocities take them in `ahead_s`.
+  // Holds its moving instances that belong to the content, where their velocities take them in `ahead_s`.
   TopScene moving_top_of(const SceneMirror& mirror, EmbreeScene::Content content, double ahead_s);
   void forget_dead();
 
@@ -106,7 +106,7 @@ struct EmbreeDevice::Impl {
   DeviceHandle device;
   std::mutex mutex;
   std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;               // guarded by mutex
-  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by content
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by hash of the placements
 
  private:
   std::shared_ptr<const BottomScene> find(const BottomKey& key);

@@ -52,12 +52,12 @@ struct RayHit {
   glm::vec3 normal{0.0f};                                     // geometric, world frame, not normalised
 };
 
-// What a ray may hit.
+// Restricts the instances that a ray may hit.
 struct RayFilter {
   uint32_t layer_mask = 0xFFFFFFFF;
   std::span<const uint32_t> ignored_slots = {};  // ascending
   uint32_t only_slot = UINT32_MAX;          // when set, everything else is transparent
-  bool ahead = false;                       // moving instances are where they will be (take_in's ahead_s)
+  bool ahead = false;                       // place moving instances where they will be in take_in's ahead_s
 };
 
 // One mirror's scene. `take_in` after every change of the mirror; then any number of threads may trace at once.

@@ -78,7 +78,7 @@ class MapRenderer {
     GlTexture2dArray color, depth;
     GlFramebuffer framebuffer;
   };
-  // What one submission holds until it is collected.
+  // The buffers of one submission until it is collected.
   struct Flight {
     MappedBuffer instances, vertices, pixels;
     GlSync fence;

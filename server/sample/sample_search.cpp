@@ -159,7 +159,7 @@ void SampleSearch::hide_behind_neighbours() {
   }
 }
 
-// What a later find hides goes.
+// Drops hits that were hidden after they were found.
 void SampleSearch::collect_unhidden() {
   for (const Hit& hit : hits_) {
     if (hidden_from_m_[hit.sample] < hit.nearest_m) continue;

@@ -61,13 +61,13 @@ class SampleSearch {
   void collect_unhidden();
   void draw_shown(DrawList& list);
 
-  // Of the map at hand.
+  // State of the map that is being searched.
   const SceneMirror* mirror_ = nullptr;
   const MapRequest* request_ = nullptr;
   ClipMap clip_{};
   std::vector<Candidate> candidates_;
   std::vector<Waiting> waiting_;      // a heap, the nearest first
-  std::optional<Waiting> ready_;      // often the nearest of all: kept out of the heap until that is known
+  std::optional<Waiting> ready_;      // often the nearest node of all, so it enters the heap only when another is nearer
   std::vector<float> hidden_from_m_;  // by sample
   std::vector<Hit> hits_;
   std::vector<Shown> shown_;

@@ -41,7 +41,7 @@ Status parse_model(const nlohmann::json& json, tinygltf::Model& model) {
   return {};
 }
 
-// One hash for the file and whatever it refers to.
+// One hash for the file and all files that it refers to.
 ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentHash>& external) {
   const ContentHash own = hash_bytes(bytes);
   if (external.empty()) return own;

@@ -1,5 +1,5 @@
-// Every member of a glTF document that the reader uses, as one table: its type, its range and what it refers to (glTF 2.0 section 5 and
-// three geometry extensions). What the table cannot say stands in a function beside it.
+// A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and three geometry
+// extensions). Rules that do not fit the table are functions beside it.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -264,7 +264,7 @@ constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "V
 constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
 constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
 
-// What the extension says of its own layout.
+// The rules of the extension for the layout of its stream.
 void check_meshopt_layout(JsonCheck& check, const json& view, const json& packing, const std::string& path) {
   const auto stride = packing["byteStride"].get<uint64_t>(), count = packing["count"].get<uint64_t>();
   const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");

@@ -26,7 +26,7 @@ class GltfWarnings {
   std::vector<std::string> texts_;
 };
 
-// What remains of the limits while a document is converted.
+// The remaining part of each limit while a document is converted.
 struct GltfBudget {
   size_t triangles = 0;
   size_t vertices = 0;  // of accessors read, used or not: bounds the work as well as the memory

@@ -22,8 +22,8 @@ struct Stream {
   const unsigned char* data() const { return reinterpret_cast<const unsigned char*>(bytes.data()); }
 };
 
-// What the shortest stream of so many elements takes (appendix A of the extension): two bits for each byte of 16
-// elements, a byte for each triangle, a byte for each index.
+// The length of the shortest stream for the number of elements (appendix A of the extension): two bits for each byte of 16 elements, one
+// byte for each triangle, one byte for each index.
 size_t shortest_stream(const Stream& stream) {
   if (stream.mode == "TRIANGLES") return 1 + stream.count / 3 + 16;
   if (stream.mode == "INDICES") return 1 + stream.count + 4;

@@ -1,5 +1,5 @@
-// How a TriangleTree is built: top-down, by a binned surface-area heuristic (Wald, "On fast construction of SAH-based
-// bounding volume hierarchies", 2007) with the cost counted in clusters, so that leaves are well filled.
+// Builds a TriangleTree from the top down with a binned surface-area heuristic (Wald, "On fast construction of SAH-based bounding volume
+// hierarchies", 2007). The cost counts clusters instead of triangles, so that leaves are well filled.
 //
 // meshoptimizer, which is linked for packed files, makes clusters too, but its boxes are looser: meshlets follow the surface, so that
 // vertices are shared, and grow round corners. Measured over the city scene (282 K triangles, 7 x 7 maps from the streets): triangles
@@ -18,14 +18,14 @@
 
 namespace sightline {
 
-// One triangle on its way into a tree.
+// One triangle to be put into a tree.
 struct TreePart {
   Aabb bounds;
   uint32_t triangle = 0;  // in the mesh as given
 };
 
-// Orders `parts` so that each cluster's stand together, and builds the tree over them; triangle k of that order will
-// have the indices [first_index + 3 k, first_index + 3 k + 3). Large subtrees are built on several cores; the result
+// Sorts `parts` by cluster and builds the tree over them. Triangle k in the new order has the indices
+// [first_index + 3 k, first_index + 3 k + 3). Large subtrees are built on several cores; the result
 // does not depend on how many. No bounds may be empty or have a coordinate beyond kMaxCoordinateM.
 TriangleTree build_tree(std::span<TreePart> parts, uint32_t first_index);
 

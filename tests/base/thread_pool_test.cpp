@@ -8,40 +8,40 @@
 namespace sightline {
 namespace {
 
-// Takes every piece of some work on a crew; by piece, which hand took it.
-std::vector<size_t> take_all(ThreadPool& crew, size_t pieces) {
-  constexpr size_t kNobody = 99;
-  std::vector<size_t> taken_by(pieces, kNobody);
+// Takes every piece once; returns which thread took each.
+std::vector<size_t> take_all(ThreadPool& pool, size_t pieces) {
+  constexpr size_t kNone = 99;
+  std::vector<size_t> taken_by(pieces, kNone);
   std::atomic<size_t> next{0};
-  const auto work = [&](size_t hand) {
+  const auto work = [&](size_t thread) {
     for (size_t i = next++; i < pieces; i = next++) {
-      EXPECT_EQ(taken_by[i], kNobody);
-      taken_by[i] = hand;
+      EXPECT_EQ(taken_by[i], kNone);
+      taken_by[i] = thread;
     }
   };
-  crew.run(work);
-  for (const size_t hand : taken_by) EXPECT_LT(hand, crew.size());
+  pool.run(work);
+  for (const size_t thread : taken_by) EXPECT_LT(thread, pool.size());
   return taken_by;
 }
 
-TEST(ThreadPool, EveryPieceIsDoneWhenItReturnsAsOftenAsItIsCalled) {
-  for (const size_t hands : {1, 2, 5}) {
-    ThreadPool crew(hands);
-    EXPECT_EQ(crew.size(), hands);
-    for (size_t call = 0; call < 2000; ++call) take_all(crew, call % 40);
+TEST(ThreadPool, EveryPieceIsDoneWhenRunReturns) {
+  for (const size_t size : {1, 2, 5}) {
+    ThreadPool pool(size);
+    EXPECT_EQ(pool.size(), size);
+    for (size_t call = 0; call < 2000; ++call) take_all(pool, call % 40);
   }
 }
 
-// Those that watch and those that sleep. Each call takes long enough for the helper to come, unless others keep it from its core.
-TEST(ThreadPool, HelpersComeAwakeAndAsleep) {
+// Threads that spin and threads that sleep. Each call is long enough for the helper to wake up, unless other processes take its core.
+TEST(ThreadPool, HelpersJoinWhetherSpinningOrAsleep) {
   for (const auto pause : {std::chrono::microseconds(0), std::chrono::microseconds(2000)}) {
-    ThreadPool crew(2);
+    ThreadPool pool(2);
     int came = 0;
     for (int call = 0; call < 3000 && came < 5; ++call) {
       std::this_thread::sleep_for(pause);
       std::atomic<bool> here{false};
-      crew.run([&](size_t hand) {
-        if (hand == 1) here = true;
+      pool.run([&](size_t thread) {
+        if (thread == 1) here = true;
         const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(1);
         while (!here && std::chrono::steady_clock::now() < end) std::this_thread::yield();
       });
@@ -51,22 +51,22 @@ TEST(ThreadPool, HelpersComeAwakeAndAsleep) {
   }
 }
 
-// What a helper wrote can be read without more ado, and what was written before the call is seen by it (of ThreadSanitizer's concern).
+// A helper sees what was written before the call, and the caller sees what the helper wrote. ThreadSanitizer checks both.
 TEST(ThreadPool, WorkIsSeenOnBothSides) {
-  ThreadPool crew(3);
+  ThreadPool pool(3);
   std::vector<int> in(300), out(300);
   for (int round = 0; round < 200; ++round) {
     for (int& value : in) value = round;
     std::atomic<size_t> next{0};
-    crew.run([&](size_t) {
+    pool.run([&](size_t) {
       for (size_t i = next++; i < in.size(); i = next++) out[i] = in[i] + 1;
     });
     for (const int value : out) ASSERT_EQ(value, round + 1);
   }
 }
 
-TEST(ThreadPool, EndsWithoutEverHavingWorked) {
-  for (int i = 0; i < 50; ++i) ThreadPool crew(3);
+TEST(ThreadPool, EndsWithoutHavingRun) {
+  for (int i = 0; i < 50; ++i) ThreadPool pool(3);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What it takes to load a scene, and what it then holds: seconds and bytes a triangle for each part, by scene size.
+// Loads scenes of several sizes and prints for each part the seconds to load it and the bytes for each triangle.
 //   load_bench [--csv FILE] [TRIANGLES ...]      by default 280000 2800000 10000000
 // Seconds are the least of three loads, on the wall clock with every core there is, and of processor time over all of
 // them, which says more on a machine that does other work too. The file comes from the page cache.

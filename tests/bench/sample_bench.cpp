@@ -1,5 +1,5 @@
-// What depth maps cost over a city of 400 blocks and about 280 K triangles (design 10): both samplers, by map size,
-// number of maps and what changes between takes. EGL runs in the environment as it is: compare LP_NUM_THREADS=0, 1, 2.
+// Times depth maps over a city of 400 blocks and about 280 K triangles: both samplers, by map size, number of maps and what changes
+// between takes. EGL runs in the environment as it is: compare LP_NUM_THREADS=0, 1, 2.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

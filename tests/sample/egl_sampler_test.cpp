@@ -1,4 +1,4 @@
-// What the EGL device promises besides correct maps: sessions on several threads, sessions taken together, recovery from a lost context.
+// Promises of the EGL device beyond correct maps: sessions on several threads, sessions taken together, recovery from a lost context.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ std::vector<MapRequest> some_requests(SceneMaker& maker, int count) {
   return requests;
 }
 
-// Of what is seen at all.
+// The median over texels that show anything.
 double median_distance_m(const std::vector<DepthMap>& maps) {
   std::vector<float> seen_m;
   for (const DepthMap& map : maps)
@@ -221,7 +221,7 @@ TEST(EglSamplerTest, MapsTakenTogetherAreThoseTakenAlone) {
   EXPECT_EQ(samplers[3]->maps_taken(), 2 * sessions[3]->requests.size());
 }
 
-// What is drawn beside a map changes none of its bits.
+// Other maps in a submission change no bit of a map.
 TEST(EglSamplerTest, AMapIsTheSameWhereverItStandsInASubmission) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
   for (uint64_t seed = 0; seed < 10; ++seed) {
