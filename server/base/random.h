@@ -1,6 +1,6 @@
 // Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror & Shaw, "Parallel random numbers: as easy as
 // 1, 2, 3", SC 2011). A number is a pure function of (seed, tick, purpose, index), so a replay draws the same ones
-// whatever the thread count or order of calls.
+// with any number of threads and any order of calls.
 #pragma once
 
 #include <array>

@@ -2,7 +2,7 @@
 //
 // A packet is a nearly square rectangle of texels, so that its rays are close together. It never mixes rays of two requests, and its
 // setup depends only on the mirror and the request, because where a ray passes through an edge its hit may depend on the other rays of
-// the packet. So the same request gives the same bits, on any thread and whatever else is taken.
+// the packet. So the same request gives the same bits, on any thread and with any other requests.
 //
 // Static instances are traced through the device's shared top scene, moving instances one by one (EmbreeMovers).
 #pragma once

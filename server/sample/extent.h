@@ -105,7 +105,7 @@ class ExtentCache {
   // Builds on the first call for a content, outside the lock; other callers for the same content wait for it.
   std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry);
 
-  // Whether `get` would return at once.
+  // True when `get` would return at once.
   bool has(const Geometry& geometry) const;
 
   // Tables kept now, including those of dead geometries that have not been removed yet.

@@ -5,7 +5,7 @@
 //
 // All maps of a submission are one draw call. They are read back through a ring of pixel buffers with fences, so that the CPU searches
 // the next maps while a GPU draws these. Measured over a city of 280 K triangles on llvmpipe (CPU time for 2, 16 and 64 maps of 7 x 7):
-//   this way                                  0.11  0.81  2.3 ms
+//   this way                                  0.12  0.83  2.3 ms
 //   read back at once, without the ring       0.11  0.81  2.5 ms
 //   a draw call for each map                  0.12  0.85  2.5 ms
 //   whole clusters from a device buffer       4.2   51    210 ms; finding them (0.10, 1.1, 5.2 ms) takes the CPU longer than finding the
@@ -30,8 +30,8 @@ struct MapSize {
   int width = 0, height = 0;
 };
 
-// What some maps show: texel (x, y) of map i is texels[(i * height + y) * width + x]. 0 means nothing; any other value is one more
-// than the triangle's index in the draw list.
+// The texels of some maps: texel (x, y) of map i is texels[(i * height + y) * width + x]. Its value is 0 where nothing is seen, otherwise
+// the index of a triangle in the draw list plus one.
 struct TexelLayers {
   const uint32_t* texels = nullptr;
   int width = 0, height = 0;

@@ -68,8 +68,8 @@ struct NewInstance {
   bool moving = false;
 };
 
-// Whether the map is finite and invertible: no entry exceeds 1e6, no column is shorter than 1e-9, and the volume is at least 1e-9 of
-// the volume of a box whose edges are as long as the columns.
+// True when the map is finite and invertible. No entry may exceed 1e6, no column may be shorter than 1e-9, and the volume must be at
+// least 1e-9 of the volume of a box whose edges are as long as the columns.
 bool is_valid_linear(const glm::dmat3& linear);
 
 struct AttributeChange {
@@ -84,7 +84,7 @@ struct SceneDelta {
   std::vector<uint64_t> remove;
   std::vector<NewInstance> add;
   std::vector<AttributeChange> change;
-  // Whether `add` may use asset ids: true only for the instances that `instantiate` made. Clients may remove, change and move asset
+  // Allows asset ids in `add`: true only for the instances that `instantiate` made. Clients may remove, change and move asset
   // instances, but not add them.
   bool asset_ids_allowed = false;
   bool empty() const { return remove.empty() && add.empty() && change.empty(); }

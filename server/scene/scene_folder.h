@@ -33,7 +33,7 @@ class SceneLibrary {
   // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
   // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
-  // Whether load_named would return without reading the file.
+  // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. The newest
   // kKeptUploads are kept even when unused, so that an upload is still available when its session opens.
@@ -41,8 +41,8 @@ class SceneLibrary {
   // Finds a loaded asset. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
   // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
-  // are read again, which may take seconds; callers share bytes that are still held. By hash finds an upload, or a named scene of that
-  // content. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept, with kFailedPrecondition when a file
+  // are read again, which may take seconds; callers share bytes that are still held. A hash finds an upload, or a named scene with that
+  // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept, with kFailedPrecondition when a file
   // has changed since it was loaded, or as reading fails.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
   Result<std::vector<SceneFile>> files_of(const ContentHash& hash);
