@@ -18,7 +18,6 @@ struct RawFlags {
   Flags flags;
   std::string unix_mode = "0660";
   std::string sampler = "auto";
-  std::string egl_variant = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
@@ -28,11 +27,6 @@ struct RawFlags {
 
 const std::map<std::string, SamplerChoice> kSamplers{
     {"auto", SamplerChoice::kAuto}, {"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
-std::map<std::string, std::optional<EglVariant>> egl_variants() {
-  std::map<std::string, std::optional<EglVariant>> names{{"auto", std::nullopt}};
-  for (const EglVariant& variant : all_egl_variants()) names[to_string(variant)] = variant;
-  return names;
-}
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -117,11 +111,6 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
                  "Index of the EGL device, as `sightlined devices` lists them; -1 chooses. Change it on a machine with "
                  "several GPUs")
       ->check(CLI::Range(-1, 1023))
-      ->capture_default_str();
-  app.add_option("--egl-variant", raw.egl_variant,
-                 "How OpenGL takes depth maps. All variants give the same maps; auto measures which is fastest at the "
-                 "start. Change it to save that measurement")
-      ->check(one_of(egl_variants()))
       ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
                "Refuse to start when OpenGL would render in software. Use it where a silent fallback would be a "
@@ -239,7 +228,6 @@ Flags finished(const RawFlags& raw) {
   Flags flags = raw.flags;
   flags.unix_mode = static_cast<unsigned>(std::stoul(raw.unix_mode, nullptr, 8));
   flags.sampler = kSamplers.at(raw.sampler);
-  flags.egl_variant = egl_variants().at(raw.egl_variant);
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   flags.record_all = kRecorded.at(raw.record);

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <variant>
 
@@ -21,9 +20,8 @@ struct Flags {
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
-  std::optional<EglVariant> egl_variant;  // empty: measured at the start
-  unsigned threads = 0;                   // 0: one for each CPU that the process may use
-  double step_budget_ms = 0.0;            // 0: no fixed limit
+  unsigned threads = 0;          // 0: one for each CPU that the process may use
+  double step_budget_ms = 0.0;   // 0: no fixed limit
   bool no_degrade = false;
   size_t max_sessions = 256;
   size_t max_message_mib = 4;

@@ -61,7 +61,7 @@ void prepare_process() {
 }
 
 EglOptions egl_options(const Flags& flags) {
-  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu, .variant = flags.egl_variant};
+  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
 }
 
 ListenOptions listen_options(const Flags& flags, unsigned threads) {
@@ -207,7 +207,7 @@ int serve(const Flags& flags) {
     return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
   SamplerDevice& sampler = *chosen->device;
   log.info("sampler",
-           {{"kind", sampler.kind()}, {"renderer", sampler.description()}, {"reason", chosen->reason}});
+           {{"kind", sampler.kind()}, {"renderer", sampler.renderer()}, {"reason", chosen->reason}});
 
   std::optional<Recording> recording;
   if (!flags.record_dir.empty()) recording.emplace(flags, log);
@@ -273,10 +273,7 @@ int report_devices(const Flags& flags) {
                 device.gl_version.empty() ? "-" : device.gl_version.c_str(), device_note(device).c_str());
   }
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
-              make_embree_sampler_device()->description().c_str());
-  if (egl)
-    if (const auto device = make_egl_sampler_device(options))
-      decision->reason = reason_with_variant(*decision, **device);
+              make_embree_sampler_device()->renderer().c_str());
   std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
                                : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;

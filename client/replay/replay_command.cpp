@@ -153,7 +153,7 @@ class Command {
       if (options_.sampler == "recorded") error.message += "; --sampler embree needs no OpenGL";
       return tl::unexpected(std::move(error));
     }
-    sampler_text_ = sampler->device->description();
+    sampler_text_ = sampler->device->renderer();
     place_ = make_local_place(std::move(sampler->device));
     return {};
   }

@@ -1,4 +1,4 @@
-// The camera as every stage sees it: where it is, what it can do, what its lens shows.
+// The camera as every stage sees it: its pose and motion, its lens and its limits.
 #pragma once
 
 #include <glm/glm.hpp>

@@ -1,4 +1,4 @@
-// Range checks for settings: one sentence for every setting, always with the range and the value that was got.
+// Range checks for settings. Every message has the same form and states the allowed range and the given value.
 #pragma once
 
 #include <initializer_list>

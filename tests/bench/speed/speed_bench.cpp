@@ -333,7 +333,7 @@ int run(int argc, char** argv) {
   bench.devices = timed_samplers(&no_egl);
   if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
   for (const auto& device : bench.devices)
-    std::printf("%s: %s\n", device->kind().c_str(), device->description().c_str());
+    std::printf("%s: %s\n", device->kind().c_str(), device->renderer().c_str());
   for (const Section& section : kSections)
     if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end())
       section.run(bench);
