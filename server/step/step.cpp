@@ -53,23 +53,17 @@ void slots_left_out(const SceneMirror& scene, const Target& target, std::vector<
   slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
 }
 
-TargetPast& past_of(StepMemory& memory, uint64_t id) {
-  for (TargetPast& past : memory.pasts)
-    if (past.id == id) return past;
-  memory.pasts.push_back({id, MotionPredictor()});
-  return memory.pasts.back();
-}
-
-// Runs on every step, so that a prediction is there at once when it is switched on.
-void remember_pasts(StepWork& w) {
-  for (TargetPast& past : w.memory.pasts) past.current = false;
+// Runs on every step, so that a prediction is there at once when it is switched on. The time of a step that is not finished, since
+// its maps could not be taken, is part of the next step: what the last finished step knew stays as it was until then.
+void observe_targets(StepWork& w) {
+  w.memory.pasts_now.clear();
   for (const Target& target : w.input.targets) {
-    TargetPast& past = past_of(w.memory, target.instance_id);
-    past.current = true;
+    const auto known = std::ranges::find(w.memory.pasts, target.instance_id, &TargetPast::id);
+    TargetPast& past = w.memory.pasts_now.emplace_back(
+        known != w.memory.pasts.end() ? *known : TargetPast{target.instance_id, MotionPredictor()});
     past.predictor.configure({.ahead_s = w.input.settings.move.prediction_s});
     past.predictor.observe(w.input.dt_s, w.input.scene.find(target.instance_id)->pose);
   }
-  std::erase_if(w.memory.pasts, [](const TargetPast& past) { return !past.current; });
 }
 
 // The offset that the camera keeps belongs to one set of targets: with another set it is taken anew from where the camera
@@ -103,7 +97,7 @@ void start(StepWork& w) {
   w.result.flags.dt_capped = w.input.dt_s > kMaxStepS;
   take_lens(w);
   look_at_targets(w);
-  remember_pasts(w);
+  observe_targets(w);
   keep_offset(w);
   if (w.steered != 0) w.memory.goal.trail.pass(weighted_center_m(w.memory.target_views));
 }
@@ -235,6 +229,7 @@ StepResult finish_step(StepWork work, const StageClock& clock) {
     move(work);
   }
   report_targets(work);
+  std::swap(work.memory.pasts, work.memory.pasts_now);
   work.result.camera = work.memory.camera;
   work.result.vertical_fov_rad = work.memory.vertical_fov_rad;
   return std::move(work.result);

@@ -96,7 +96,6 @@ struct Sampled {
 struct TargetPast {
   uint64_t id = 0;
   MotionPredictor predictor;
-  bool current = false;  // still a target in this step
 };
 
 // One way in which the targets may go on from here, all of them alike: where each one's aim point will be.
@@ -148,11 +147,12 @@ struct StepMemory {
   double horizon_s = 0.0;            // grows while escaping
   Lattice lattice;
   TemporalVolume volume;  // what the lattice's cells have seen
-  std::vector<TargetPast> pasts;
+  std::vector<TargetPast> pasts;  // as of the last step that was finished
   ShareWindow shares;  // of the targets' pixels that the camera has seen lately
 
   // Intermediates of the last step: what is dumped and drawn.
   Bound bound;
+  std::vector<TargetPast> pasts_now;  // with this step's poses; they become `pasts` when the step is finished
   std::vector<TargetView> target_views;
   std::vector<MapRequest> requests;
   std::vector<MapView> views;

@@ -54,9 +54,8 @@ Affine placed(const Instance& instance, const Pose& pose) {
 }
 
 const TargetPast* find_past(const StepMemory& memory, uint64_t id) {
-  const auto found =
-      std::find_if(memory.pasts.begin(), memory.pasts.end(), [=](const auto& p) { return p.id == id; });
-  return found == memory.pasts.end() ? nullptr : &*found;
+  const auto found = std::ranges::find(memory.pasts_now, id, &TargetPast::id);
+  return found == memory.pasts_now.end() ? nullptr : &*found;
 }
 
 // As far as every steered target can be foretold, at most as the settings ask.
