@@ -20,7 +20,7 @@ struct SurveySettings {
   int resolution = 8;     // texels a side of each face, [2, 32]
   double content =
       0.15;  // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
-  // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
+  // this share of them is hidden, in the mean, of the required ones as of all. 0: the camera is never at rest; 1: it never looks for another shot
   double hold = 0.02;  // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
 };
 Status validate(const SurveySettings& settings);

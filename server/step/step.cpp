@@ -22,9 +22,6 @@ class StageTimer {
   int64_t begin_ns_;
 };
 
-// What an optional target's weight counts beside a required one's where both are weighed together.
-constexpr double kOptionalShare = 0.1;
-
 // The bound keeps this much more from the targets' centre than the camera from a target: nearer, one map no longer shows it all.
 constexpr double kBoundFromTargetsM = 0.5;
 
@@ -143,10 +140,12 @@ void look_at_targets(StepWork& w) {
   for (size_t i = 0; i < targets.size(); ++i) {
     w.memory.target_views.push_back(view_of(targets[i], *w.input.scene.find(targets[i].instance_id)));
     w.memory.target_ids.push_back(targets[i].instance_id);
-    w.memory.goal.target_weights.push_back(targets[i].weight * (targets[i].required ? 1.0 : kOptionalShare));
     if (targets[i].weight > 0) w.steered |= 1u << i;
     slots_left_out(w.input.scene, targets[i], w.memory.ignored_slots[i]);
   }
+  const double optional = optional_share(w.memory.target_views);
+  for (const TargetView& view : w.memory.target_views)
+    w.memory.goal.target_weights.push_back(sight_weight(view, optional));
 }
 
 glm::dvec3 desired_place(const StepWork& w) {
