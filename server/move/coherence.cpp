@@ -8,6 +8,7 @@
 
 #include "server/base/check.h"
 #include "server/move/choose.h"
+#include "server/move/sight_weight.h"
 
 namespace sightline {
 namespace {

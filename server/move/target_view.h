@@ -2,7 +2,6 @@
 #pragma once
 
 #include <glm/glm.hpp>
-#include <span>
 
 namespace sightline {
 
@@ -14,14 +13,5 @@ struct TargetView {
   bool required = true;
   bool steered() const { return weight > 0; }
 };
-
-// What an optional target counts, a share of its weight, wherever seeing one target is weighed against seeing another: at most a
-// tenth, and so little that all optional targets together count at most a tenth of the lightest required one. 1 when no required
-// target is steered.
-double optional_share(std::span<const TargetView> targets);
-// What seeing the target counts; `optional_share` is that of all targets.
-inline double sight_weight(const TargetView& target, double optional_share) {
-  return target.required ? target.weight : target.weight * optional_share;
-}
 
 }  // namespace sightline

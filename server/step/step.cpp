@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/base/hash.h"
+#include "server/move/sight_weight.h"
 #include "server/step/step_work.h"
 
 namespace sightline {

@@ -1,4 +1,4 @@
-#include "server/move/target_view.h"
+#include "server/move/sight_weight.h"
 
 #include <algorithm>
 #include <limits>

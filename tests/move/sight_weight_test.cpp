@@ -1,4 +1,4 @@
-#include "server/move/target_view.h"
+#include "server/move/sight_weight.h"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ std::vector<TargetView> any_targets(CounterRandom& random) {
   return targets;
 }
 
-TEST(TargetView, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneAtMost) {
+TEST(SightWeight, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneAtMost) {
   CounterRandom random(23, 0, RandomPurpose::kTest);
   int mixed = 0;
   for (int trial = 0; trial < 2000; ++trial) {
@@ -48,7 +48,7 @@ TEST(TargetView, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneAt
 }
 
 // From one place a single required target is hidden, from the other all optional ones are.
-TEST(TargetView, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
+TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   CounterRandom random(24, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 2000; ++trial) {
     std::vector<TargetView> targets = any_targets(random);
