@@ -41,7 +41,7 @@ class LocalSession {
   // False: refused, and `rejection` is filled.
   bool apply(const v1::Tick& tick, v1::Rejection& rejection);
 
-  // One step for the newest applied tick, at a level of economy (server/step/economy.h). Clears and fills `reply`.
+  // One step for the newest applied tick, at a level of economy (server/step/quality_level.h). Clears and fills `reply`.
   // Fails only when the sampler does.
   Status step(int economy_level, v1::CameraReply& reply);
 

@@ -11,9 +11,9 @@ constexpr double kLeastRelative = 0.02;
 
 }  // namespace
 
-std::array<double, kMaxEconomyLevel + 1> StepBudget::guesses() {
-  std::array<double, kMaxEconomyLevel + 1> guesses{};
-  for (int level = 0; level <= kMaxEconomyLevel; ++level)
+std::array<double, kLowestQualityLevel + 1> StepBudget::guesses() {
+  std::array<double, kLowestQualityLevel + 1> guesses{};
+  for (int level = 0; level <= kLowestQualityLevel; ++level)
     guesses[static_cast<size_t>(level)] = expected_cost(level);
   return guesses;
 }
@@ -32,7 +32,7 @@ double StepBudget::budget_ns(const Step& step) const {
 
 int StepBudget::least_level(double budget_ns) const {
   int level = 0;
-  while (level < kMaxEconomyLevel && full_cost_ns() * relative_[static_cast<size_t>(level)] > budget_ns)
+  while (level < kLowestQualityLevel && full_cost_ns() * relative_[static_cast<size_t>(level)] > budget_ns)
     ++level;
   return level;
 }
@@ -56,7 +56,7 @@ void StepBudget::learn(int64_t cost_ns) {
   now = level_ == 0 ? 1.0 : std::clamp(now, kLeastRelative, 1.0);
   for (int level = level_ - 1; level > 0; --level)
     relative_[static_cast<size_t>(level)] = std::max(relative_[static_cast<size_t>(level)], now);
-  for (int level = level_ + 1; level <= kMaxEconomyLevel; ++level)
+  for (int level = level_ + 1; level <= kLowestQualityLevel; ++level)
     relative_[static_cast<size_t>(level)] = std::min(relative_[static_cast<size_t>(level)], now);
 }
 

@@ -1,4 +1,4 @@
-// How much of its work a session leaves out so that its replies come in time: the level of economy (server/step/economy.h)
+// How much of its work a session leaves out so that its replies come in time: the level of economy (server/step/quality_level.h)
 // of its next step, from what its steps have cost so far and what they may cost.
 //
 // Nothing is left out while the session keeps up. It has to be over its budget without a break for kRaiseAfterNs, and
@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 
 namespace sightline {
 
@@ -68,7 +68,7 @@ class StepBudget {
   double mean_ns_ = 0.0;
   uint64_t steps_ = 0;  // at this level
   // By level, what a step costs beside one of level 0: guesses, until the level has been tried.
-  std::array<double, kMaxEconomyLevel + 1> relative_ = guesses();
+  std::array<double, kLowestQualityLevel + 1> relative_ = guesses();
   double former_mean_ns_ = 0.0;  // at the level before this one, and which that was
   int former_level_ = 0;
   bool compared_ = true;  // this level with the former one
@@ -78,7 +78,7 @@ class StepBudget {
   std::optional<int64_t> lowered_ns_;
   int64_t lower_after_ns_ = kLowerAfterNs;
 
-  static std::array<double, kMaxEconomyLevel + 1> guesses();
+  static std::array<double, kLowestQualityLevel + 1> guesses();
 };
 
 }  // namespace sightline

@@ -345,7 +345,7 @@ void ControlStream::account(const StepEnd& end) {
 void ControlStream::tell_economy(int former_level) const {
   if (!session_) return;
   const int level = budget_->level();
-  const std::string leaves_out = describe_economy(session_->settings(), level);
+  const std::string leaves_out = describe_degradation(session_->settings(), level);
   parts_.log.info("session economy", {{"session", session_id_},
                                       {"level", std::to_string(level)},
                                       {"former", std::to_string(former_level)},
@@ -465,7 +465,7 @@ void ControlStream::answer(uint64_t newest_sequence, const Status& taken, Outcom
     tape_.fault(newest_sequence, "sample", to_string(answer.error()));
     return reject(error, newest_sequence, outcome);
   }
-  const bool degraded = answer->economised.has_value();
+  const bool degraded = answer->degraded.has_value();
   merged_ = answer->merged_ticks > std::exchange(asked_merges_, 0);
   ++tally_.steps;
   tally_.degraded += degraded;

@@ -12,8 +12,9 @@ enum class Preset {
   kPaper,      // the method as printed, in the configuration that the paper found best
 };
 
-// sightline: see the defaults of each setting.
-// paper: the sphere of n dt^2 a_max, one surface point a target and tick in round robin, texel centres, pair volumes, the joint
+// kSightline: the defaults that the .proto files state. They are not those of a StepSettings{}, which is the plainest method: strategy
+// Basic over the lattice, aim points alone, without filter, prediction or viewpoint search.
+// kPaper: the sphere of n dt^2 a_max, one surface point of each target per tick in round robin, texel centres, pair volumes, the joint
 // filter 6/10, RobustMove with a prediction of 300 ms.
 StepSettings preset_settings(Preset preset);
 
@@ -22,8 +23,8 @@ std::string_view name_of(Preset preset);
 // What the paper's tables compare: preset paper with a part of it changed.
 // A row of Table 2: this strategy and prediction [0, 2] s (0: none), and no filter over time.
 StepSettings paper_row(Strategy strategy, double prediction_s);
-// A row of Table 3: Basic without prediction; a place is given the state that it had in at least `a` of the last `n` [1, 64]
-// steps. 0/0: no filter.
+// A row of Table 3: Basic without prediction. A candidate is given the state that it had in at least `a` of the last `n` [1, 64]
+// steps; 0/0: no filter.
 StepSettings paper_stability(int a, int n);
 
 }  // namespace sightline

@@ -89,5 +89,35 @@ TEST(FailedStep, ItsTimeCountsOnce) {
   EXPECT_GT(failed, 50);
 }
 
+// Lens, settings, targets and the observed camera change from tick to tick, and back, whether the tick's step fails or not.
+TEST(FailedStep, LeavesNoTraceOfWhatChanged) {
+  Stroll failing, waiting;
+  CounterRandom random(18, 0, RandomPurpose::kTest);
+  const StepSettings first = failing.session->settings();
+  for (int i = 0; i < 300; ++i) {
+    TickMaker tick = failing.next();
+    waiting.next();
+    StepSettings settings = first;
+    if (random.next_below(3) == 0) settings.move.survey.enabled = false;
+    if (random.next_below(3) == 0) settings.move.strategy = Strategy::kRobust;
+    if (random.next_below(3) == 0) settings.bound.horizon_s = settings.bound.max_horizon_s = 1.0;
+    if (random.next_below(3) == 0) settings.framing.min_vertical_fov_rad = 0.3, settings.framing.max_vertical_fov_rad = 0.5;
+    tick.settings = settings;
+    if (random.next_below(4) == 0) tick.lens.emplace().vertical_fov_rad = random.next_in(0.5, 0.8);
+    if (random.next_below(4) == 0) {
+      tick.targets = {Game::target(kAnn), Game::target(kBob)};
+      (*tick.targets)[random.next_below(2)].weight = random.next_below(2);
+    }
+    if (random.next_below(20) == 0) tick.observed_camera = seen_at({4, 2, 5}, random.next_below(2) == 0);
+    failing.apply(tick), waiting.apply(tick);
+    if (random.next_below(3) == 0) {
+      failing.fail_a_step();
+      continue;
+    }
+    expect_same(failing.answer(), waiting.answer());
+    if (HasFailure()) FAIL() << "tick " << i;
+  }
+}
+
 }  // namespace
 }  // namespace sightline::test

@@ -31,7 +31,7 @@ TEST_P(Required, ComeBeforeOptionalTargetsOfAnyWeight) {
     GetParam().second(world.settings);
     StepResult r;
     for (int i = 0; i < 240; ++i) r = world.step(1.0 / 60);
-    EXPECT_LT(world.memory.camera.pose.position_m.x, 0.0) << "the required target's side";
+    EXPECT_LT(world.camera().pose.position_m.x, 0.0) << "the required target's side";
     EXPECT_GT(r.targets[0].filtered_share, 0.5);
     EXPECT_EQ(r.targets[1].visible_share, 0.0);
   }
