@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "client/recordings/summary.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 namespace sightline {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "client/recordings/summary.h"
 #include "client/command/text_table.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 namespace sightline {
 namespace {
@@ -226,7 +226,7 @@ class Cutter {
   McapWriter writer_;
   bool fold_next_;  // the next tick stands for others
   bool within_ = false;
-  TickFold fold_;
+  SessionSnapshot fold_;
   v1::Gap lost_;  // before the range
   uint16_t tick_channel_id_ = 0;
   std::array<std::optional<KeptMessage>, kRecordTopics> kept_{};  // in the order of a head

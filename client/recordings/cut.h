@@ -19,7 +19,7 @@ struct RecordingCut {
 // first after it that was logged at `end_s` or later, so that answers stay with their ticks.
 //
 // From 0 on the cut is the beginning of the recording, message for message. Else it begins with the opening, the newest
-// shapes and still frames for viewers, a tick that stands for all before (server/record/tick_fold.h), the ticks that were
+// shapes and still frames for viewers, a tick that stands for all before (server/record/session_snapshot.h), the ticks that were
 // not answered yet, and a Gap when messages were missing by then; all ticks before the range are read for it. Attachments
 // and metadata go with it; the part keeps its number; metadata `sightline.cut` say what it is cut from.
 //

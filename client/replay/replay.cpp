@@ -128,7 +128,7 @@ Status Replay::open() {
   return {};
 }
 
-Status Replay::open_place(ReplayPlace& place, ReplayScenes& scenes) {
+Status Replay::open_place(ReplayBackend& place, SceneFiles& scenes) {
   scenes.bring_to([&](std::span<const std::byte> file) { return place.bring(file); });
   v1::OpenSession open = asked_;
   open.clear_recording();        // whether the replay is recorded is the place's affair
@@ -202,13 +202,13 @@ void Replay::remember(const ReplayAnswer& answer, uint64_t& hash) {
   hash = hash64_bytes(std::as_bytes(std::span(plain_.bytes_of(answer.reply))), hash);
 }
 
-Status Replay::take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& step, ReplayAnswer& answer) {
+Status Replay::take(ReplayBackend& place, SceneFiles& scenes, const FedStep& step, ReplayAnswer& answer) {
   const std::vector<v1::Tick>& ticks = step.step.ticks;
   answer.rejections.clear();
   answer.has_reply = false;
   if (ticks.empty() || (step.answer == StepAnswer::kNone && !place.session())) return {};
   const int level = step.step.economy_level();
-  if (std::none_of(ticks.begin(), ticks.end(), ReplayScenes::named_in))
+  if (std::none_of(ticks.begin(), ticks.end(), SceneFiles::named_in))
     return place.take(ticks, level, answer);
   renamed_ = ticks;
   for (v1::Tick& tick : renamed_)

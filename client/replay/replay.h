@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "client/recordings/recording.h"
-#include "client/replay/place.h"
-#include "client/replay/scenes.h"
+#include "client/replay/backend.h"
+#include "client/recordings/scene_files.h"
 #include "client/replay/settings.h"
 #include "client/replay/source.h"
 #include "server/base/transform.h"
@@ -85,12 +85,12 @@ struct ReplayedStep {
 // Single-threaded. Everything handed over must outlive it.
 class Replay {
  public:
-  Replay(const Recording& recording, ReplayPlace& place, ReplayScenes& scenes,
+  Replay(const Recording& recording, ReplayBackend& place, SceneFiles& scenes,
          std::vector<ReplaySetting> settings)
       : recording_(recording), place_(place), scenes_(scenes), settings_(std::move(settings)) {}
 
   // Beside, a place that is told the same and only mirrors it; before open().
-  void mirror_on(ReplayPlace& mirror, ReplayScenes& scenes) { mirror_ = &mirror, mirror_scenes_ = &scenes; }
+  void mirror_on(ReplayBackend& mirror, SceneFiles& scenes) { mirror_ = &mirror, mirror_scenes_ = &scenes; }
 
   Status open();
   // As opened, with the other settings; scenes as the recording names them.
@@ -110,18 +110,18 @@ class Replay {
   bool restarts_equal() const { return restarts_equal_; }
 
  private:
-  Status open_place(ReplayPlace& place, ReplayScenes& scenes);
+  Status open_place(ReplayBackend& place, SceneFiles& scenes);
   bool peek();
-  Status take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& step, ReplayAnswer& answer);
+  Status take(ReplayBackend& place, SceneFiles& scenes, const FedStep& step, ReplayAnswer& answer);
   Status catch_up();
   void remember(const ReplayAnswer& answer, uint64_t& hash);
 
   const Recording& recording_;
-  ReplayPlace& place_;
-  ReplayScenes& scenes_;
+  ReplayBackend& place_;
+  SceneFiles& scenes_;
   const std::vector<ReplaySetting> settings_;
-  ReplayPlace* mirror_ = nullptr;
-  ReplayScenes* mirror_scenes_ = nullptr;
+  ReplayBackend* mirror_ = nullptr;
+  SceneFiles* mirror_scenes_ = nullptr;
   Convention convention_;
   v1::OpenSession asked_;
   v1::SessionOpened opened_;

@@ -15,7 +15,7 @@
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
 #include "client/replay/figures.h"
-#include "client/replay/tally.h"
+#include "client/replay/result.h"
 #include "client/replay/truth.h"
 #include "client/command/text_table.h"
 #include "client/drive/trace.h"
@@ -109,7 +109,7 @@ class Command {
     scenes_.emplace(*recording_, scene_options(!options_.server.empty()));
     replay_.emplace(*recording_, *place_, *scenes_, settings_);
     if (options_.truth && !place_is_here()) {
-      mirror_ = make_mirror_place();
+      mirror_ = make_mirror_backend();
       mirror_scenes_.emplace(*recording_, scene_options(false));
       replay_->mirror_on(*mirror_, *mirror_scenes_);
     }
@@ -129,14 +129,14 @@ class Command {
 
   bool place_is_here() const { return options_.server.empty(); }
 
-  ReplaySceneOptions scene_options(bool may_be_there) const {
+  SceneFileOptions scene_options(bool may_be_there) const {
     return {.folder = options_.scene_dir, .files = options_.scenes, .may_be_there = may_be_there};
   }
 
   Status make_place() {
     if (!place_is_here()) {
       const std::chrono::duration<double> wait(options_.wait_s);
-      auto place = connect_place(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait));
+      auto place = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait));
       if (!place) return tl::unexpected(std::move(place.error()));
       place_ = std::move(*place);
       return {};
@@ -154,7 +154,7 @@ class Command {
       return tl::unexpected(std::move(error));
     }
     sampler_text_ = sampler->device->description();
-    place_ = make_local_place(std::move(sampler->device));
+    place_ = make_local_backend(std::move(sampler->device));
     return {};
   }
 
@@ -334,10 +334,10 @@ class Command {
   std::vector<ReplaySetting> settings_;
   std::optional<Recording> recording_;
   std::string sampler_text_;
-  std::unique_ptr<ReplayPlace> place_, mirror_;
-  std::optional<ReplayScenes> scenes_, mirror_scenes_;
+  std::unique_ptr<ReplayBackend> place_, mirror_;
+  std::optional<SceneFiles> scenes_, mirror_scenes_;
   std::optional<Replay> replay_;
-  std::optional<ReplayTally> tally_;
+  std::optional<ReplayResult> tally_;
   std::optional<ReplayFigures> recorded_figures_, replayed_figures_;
   std::optional<ReplayTruth> truth_;
   std::unique_ptr<ReplayOutput> output_;

@@ -11,10 +11,10 @@
 #include "client/page/asset_names.h"
 #include "client/page/contact_sheet.h"
 #include "client/page/page_reply.h"
-#include "client/report/cast.h"
+#include "client/report/instance_timeline.h"
 #include "client/report/digest.h"
 #include "client/report/facts.h"
-#include "client/report/stand_ins.h"
+#include "client/report/placeholders.h"
 #include "server/wire/from_proto_values.h"
 #include "server/wire/settings_to_proto.h"
 
@@ -393,11 +393,11 @@ class Maker {
 
   Convention convention_;
   LocalWorld world_;
-  ReplayScenes scenes_;
+  SceneFiles scenes_;
   std::vector<std::shared_ptr<const SceneAsset>> held_;
-  std::optional<StandIns> stand_ins_;
+  std::optional<Placeholders> stand_ins_;
   std::unique_ptr<LocalSession> session_;
-  std::optional<RecordingCast> cast_;
+  std::optional<InstanceTimeline> cast_;
   bool whole_scene_ = true;  // false: what hides what is not as it was
 
   RecordingDigest digest_;

@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/recording.h"
-#include "client/replay/scenes.h"
+#include "client/recordings/scene_files.h"
 #include "client/page/session_page.h"
 
 namespace sightline {
@@ -23,7 +23,7 @@ enum class PageCells {
 struct RecordingPageOptions {
   RecordedRange range;
   PageCells cells = PageCells::kAuto;
-  ReplaySceneOptions scenes;
+  SceneFileOptions scenes;
   size_t max_frames = 20'000;  // at least 2
   size_t pictures = 40;        // of what the camera saw, evenly spaced; 0: none
   int picture_width = 480;     // pixels; the height follows from the lens

@@ -33,7 +33,7 @@ const char* reason_text(v1::Gap::Reason reason) {
 }
 
 // In the place of a folded tick that is too large. Its ticks are in the parts before, so they do not count as dropped.
-v1::Gap unsaid(const TickFold& fold, const Session& session) {
+v1::Gap unsaid(const SessionSnapshot& fold, const Session& session) {
   v1::Gap gap;
   add_to_gap(gap, v1::Gap::TOO_LARGE, fold.ticks(), session.info.start_time_ns(), fold.stamp().log_ns);
   gap.set_text("what these ticks changed is too much for the one that should stand for them");
@@ -62,7 +62,7 @@ struct RecordWriter::Book {
   Drops queue_full, too_large;
   uint64_t viewers_too_large = 0;           // dropped here
   std::optional<std::string> open, opened;  // for the head of the next part
-  TickFold fold;                            // for it too
+  SessionSnapshot fold;                            // for it too
   uint64_t head_bytes = 0;                  // of the file, with nothing in it yet
   uint64_t head_size = 0;                   // of the messages at its head, not packed
   uint64_t head_chunks = 0;                 // the same

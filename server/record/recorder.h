@@ -28,7 +28,7 @@
 #include "server/record/record_folder.h"
 #include "server/record/record_ring.h"
 #include "server/record/session_file.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 #include "server/record/viewer_channels.h"
 
 namespace google::protobuf {

@@ -6,7 +6,7 @@
 
 #include "foxglove/camera.pb.h"
 #include "server/wire/from_proto_values.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 namespace sightline {
 namespace {
@@ -207,8 +207,8 @@ void ViewerChannels::take_open(const v1::OpenSession& open, uint64_t time_ns, co
 void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t, const Emit&) {
   waiting_.push_back(tick);
   waiting_bytes_ += tick.ByteSizeLong();
-  while (waiting_.size() > TickFold::kMaxWaiting ||
-         (waiting_bytes_ > TickFold::kMaxWaitingBytes && waiting_.size() > 1))
+  while (waiting_.size() > SessionSnapshot::kMaxWaiting ||
+         (waiting_bytes_ > SessionSnapshot::kMaxWaitingBytes && waiting_.size() > 1))
     show_oldest();
 }
 

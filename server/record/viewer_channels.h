@@ -24,7 +24,7 @@ namespace sightline {
 // A tick is shown once a reply covers it: until then it may be refused.
 //
 // Not thread-safe. Holds one pose and at most one shape an instance, and at most kMaxInstances of them; more are not
-// shown. Of the ticks that wait, as many as a TickFold.
+// shown. Of the ticks that wait, as many as a SessionSnapshot.
 class ViewerChannels {
  public:
   static constexpr size_t kMaxInstances = 4096;

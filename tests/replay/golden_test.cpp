@@ -35,7 +35,7 @@ const std::string& golden() {
 }
 
 test::Replayed replay_golden(std::unique_ptr<SamplerDevice> sampler) {
-  const auto place = make_local_place(std::move(sampler));
+  const auto place = make_local_backend(std::move(sampler));
   return test::replay_on(*place, test::open_recording(golden()));
 }
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
 
 namespace sightline::test {

@@ -264,8 +264,8 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
   EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = scenes_folder.path()}).hash, hall.hash);
 
   const Recording recording = open_recording(bare.bytes);
-  const auto place = make_local_place(make_embree_sampler_device());
-  ReplayScenes scenes(recording, {});
+  const auto place = make_local_backend(make_embree_sampler_device());
+  SceneFiles scenes(recording, {});
   Replay replay(recording, *place, scenes, {});
   const Status opened = replay.open();
   ASSERT_FALSE(opened.has_value());

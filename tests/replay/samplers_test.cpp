@@ -96,7 +96,7 @@ TEST_F(TwoSamplers, SeeTheSameInNearlyEveryMapOfASession) {
 // A second of open loop: the recorded ticks lead both.
 TEST_F(TwoSamplers, CamerasStayTogetherForASecond) {
   const test::RecordedHall hall = test::record_hall(*embree_, {.ticks = 60});
-  const auto place = make_local_place(std::move(egl_));
+  const auto place = make_local_backend(std::move(egl_));
   const test::Replayed replayed =
       test::replay_on(*place, test::open_recording(hall.bytes), {}, "another sampler");
   EXPECT_EQ(replayed.replies, 60u);

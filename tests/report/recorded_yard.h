@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
 #include "tests/recordings/string_sink.h"
 

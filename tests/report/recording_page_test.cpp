@@ -10,7 +10,7 @@
 
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
-#include "client/report/stand_ins.h"
+#include "client/report/placeholders.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/report/recorded_yard.h"
@@ -461,7 +461,7 @@ TEST_F(ReportPage, AMissingSceneLeavesWhatIsKnown) {
     EXPECT_EQ(page.targets[k].name, whole.targets[k].name);
     const auto balls = instances_of(page, page.targets[k].id);
     ASSERT_EQ(balls.size(), 1u);
-    EXPECT_NEAR(balls[0]->geometry->radius_m, kStandInRadiusM, 1e-3);
+    EXPECT_NEAR(balls[0]->geometry->radius_m, kPlaceholderRadiusM, 1e-3);
   }
   EXPECT_EQ(page.frames[20].camera.position_m, whole.frames[20].camera.position_m);
 }

@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-struct ReplaySceneOptions {
+struct SceneFileOptions {
   std::string folder = {};  // names are looked up below it, and hashes among all files in it; may be empty
   std::vector<std::string> files = {};  // by path; each is the scene with its file name, or with its hash
   // A scene that is found nowhere keeps its name: the place may have it itself. Else it is an error.
@@ -21,9 +21,9 @@ struct ReplaySceneOptions {
 };
 
 // Not thread-safe. The recording must outlive it.
-class ReplayScenes {
+class SceneFiles {
  public:
-  ReplayScenes(const Recording& recording, ReplaySceneOptions options)
+  SceneFiles(const Recording& recording, SceneFileOptions options)
       : recording_(recording), options_(std::move(options)) {}
 
   // Brings one file to the place and answers the hash that it has there.
@@ -59,7 +59,7 @@ class ReplayScenes {
   Result<std::string> bring_first(const std::vector<Place>& places, const Wanted& wanted);
 
   const Recording& recording_;
-  const ReplaySceneOptions options_;
+  const SceneFileOptions options_;
   Bring bring_;
   std::map<std::string, std::string> brought_;  // by name or wanted hash
 };

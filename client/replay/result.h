@@ -20,10 +20,10 @@ enum class ReplayVerdict { kEqual, kAlike, kDiffers };
 inline constexpr const char* kOtherSettings = "other settings";
 
 // Not thread-safe.
-class ReplayTally {
+class ReplayResult {
  public:
   // `never_equal`: why no reply need be equal ("another sampler"); empty: all must be, up to the first gap.
-  ReplayTally(const Convention& convention, std::string never_equal)
+  ReplayResult(const Convention& convention, std::string never_equal)
       : replies_(convention), never_equal_(std::move(never_equal)) {}
 
   void add(const ReplayedStep& step);

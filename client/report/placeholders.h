@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "client/replay/scenes.h"
+#include "client/recordings/scene_files.h"
 #include "server/session/convention.h"
 
 namespace sightline {
@@ -13,10 +13,10 @@ namespace sightline {
 // Rewrites the messages of a session so that they can be played. Scenes and meshes that are found are named by hash; a
 // scene that is not leaves balls where its bound nodes were, and nothing where its other nodes were; a mesh that is not
 // is a ball.
-class StandIns {
+class Placeholders {
  public:
   // Both must outlive it; `scenes` knows where to bring files.
-  StandIns(ReplayScenes& scenes, const Convention& convention) : scenes_(scenes), convention_(convention) {}
+  Placeholders(SceneFiles& scenes, const Convention& convention) : scenes_(scenes), convention_(convention) {}
 
   // `without_scene`: the scene is left out, though its file may be there.
   void replace(v1::OpenSession& open, bool without_scene);
@@ -31,13 +31,13 @@ class StandIns {
   bool find_scene(v1::OpenSession& open);
   v1::Shape ball() const;
 
-  ReplayScenes& scenes_;
+  SceneFiles& scenes_;
   const Convention& convention_;
   bool without_scene_ = false;
   std::unordered_map<std::string, bool> lacks_;  // by name or hash
   std::vector<std::string> missed_;
 };
 
-inline constexpr double kStandInRadiusM = 0.3;
+inline constexpr double kPlaceholderRadiusM = 0.3;
 
 }  // namespace sightline

@@ -2,7 +2,7 @@
 #include <chrono>
 #include <utility>
 
-#include "client/replay/place.h"
+#include "client/replay/backend.h"
 #include "server/base/cpu_budget.h"
 #include "server/sample/embree_sampler.h"
 
@@ -13,7 +13,7 @@ int64_t monotonic_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
 }
 
-class LocalPlace final : public ReplayPlace {
+class LocalPlace final : public ReplayBackend {
  public:
   LocalPlace(std::unique_ptr<SamplerDevice> sampler, bool steps)
       : sampler_(std::move(sampler)), world_("", *sampler_), steps_(steps) {}
@@ -63,11 +63,11 @@ size_t replay_threads() {
   return static_cast<size_t>(std::min(cpu_budget(), 4));
 }
 
-std::unique_ptr<ReplayPlace> make_local_place(std::unique_ptr<SamplerDevice> sampler) {
+std::unique_ptr<ReplayBackend> make_local_backend(std::unique_ptr<SamplerDevice> sampler) {
   return std::make_unique<LocalPlace>(std::move(sampler), true);
 }
 
-std::unique_ptr<ReplayPlace> make_mirror_place() {
+std::unique_ptr<ReplayBackend> make_mirror_backend() {
   return std::make_unique<LocalPlace>(make_embree_sampler_device(), false);
 }
 

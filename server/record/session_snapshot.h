@@ -2,7 +2,7 @@
 // stands alone: a session that is opened and told the folded tick has the same scene, targets, settings, limits, lens
 // and clock as one that was told every tick, and its camera is where the newest reply had it.
 //
-//   TickFold fold;
+//   SessionSnapshot fold;
 //   fold.take_open(open);                      then, in the order of the recording:
 //   fold.take_tick(tick, stamp);  fold.take_reply(reply);  fold.take_rejection(rejection);
 //   fold.tick(), then fold.waiting()           is what the next part begins with
@@ -64,7 +64,7 @@ auto find_refused(Ticks& waiting, const v1::Rejection& rejection, const Number& 
 // Not thread-safe. Holds one entry an instance of the opening or of a tick, at most kMaxInstances (server/scene/mirror.h),
 // and what waits: at most kMaxWaiting ticks or kMaxWaitingBytes, twice what a daemon lets wait. Of more the oldest count
 // as applied.
-class TickFold {
+class SessionSnapshot {
  public:
   static constexpr size_t kMaxWaiting = 512;
   static constexpr size_t kMaxWaitingBytes = size_t{8} << 20;

@@ -1,4 +1,4 @@
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 #include <algorithm>
 #include <utility>
@@ -43,7 +43,7 @@ void take(const google::protobuf::RepeatedField<Number>& packed, int i, std::arr
 
 }  // namespace
 
-void TickFold::take_open(const v1::OpenSession& open) {
+void SessionSnapshot::take_open(const v1::OpenSession& open) {
   *this = {};
   for (const v1::NodeBinding& binding : open.scene().bindings()) entries_[binding.id()].of_opening = true;
   for (const v1::NewInstance& instance : open.instances()) {
@@ -54,7 +54,7 @@ void TickFold::take_open(const v1::OpenSession& open) {
   }
 }
 
-void TickFold::take_tick(v1::Tick tick, const TickStamp& stamp) {
+void SessionSnapshot::take_tick(v1::Tick tick, const TickStamp& stamp) {
   const size_t bytes = tick.ByteSizeLong();
   waiting_.push_back({std::move(tick), stamp, bytes});
   waiting_bytes_ += bytes;
@@ -62,13 +62,13 @@ void TickFold::take_tick(v1::Tick tick, const TickStamp& stamp) {
     fold_oldest();
 }
 
-void TickFold::take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
+void SessionSnapshot::take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
   fold(tick, stamp);
   ticks_ += ticks > 0 ? ticks - 1 : 0;
 }
 
 // Refusals come before the answer that covers the ticks after them, so what still waits up to it was applied.
-void TickFold::take_reply(const v1::CameraReply& reply) {
+void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
   while (!waiting_.empty() && waiting_.front().tick.sequence() <= reply.sequence()) fold_oldest();
   if (!reply.has_pose()) return;
   camera_.emplace();
@@ -76,7 +76,7 @@ void TickFold::take_reply(const v1::CameraReply& reply) {
   if (reply.has_velocity()) *camera_->mutable_velocity() = reply.velocity();
 }
 
-void TickFold::take_rejection(const v1::Rejection& rejection) {
+void SessionSnapshot::take_rejection(const v1::Rejection& rejection) {
   const auto found =
       find_refused(waiting_, rejection, [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
   if (found == waiting_.end()) return;
@@ -84,14 +84,14 @@ void TickFold::take_rejection(const v1::Rejection& rejection) {
   waiting_.erase(found);
 }
 
-void TickFold::fold_oldest() {
+void SessionSnapshot::fold_oldest() {
   const WaitingTick oldest = std::move(waiting_.front());
   waiting_.pop_front();
   waiting_bytes_ -= oldest.bytes;
   fold(oldest.tick, oldest.stamp);
 }
 
-void TickFold::fold(const v1::Tick& tick, const TickStamp& stamp) {
+void SessionSnapshot::fold(const v1::Tick& tick, const TickStamp& stamp) {
   // No session takes it, whoever failed to say so.
   if (ticks_ > 0 && tick.sequence() <= sequence_) return;
   if (tick.has_delta()) fold_delta(tick.delta());
@@ -104,12 +104,12 @@ void TickFold::fold(const v1::Tick& tick, const TickStamp& stamp) {
 }
 
 // As Session::step_length_s: no time passes with it.
-bool TickFold::is_paused(const v1::Tick& tick) const {
+bool SessionSnapshot::is_paused(const v1::Tick& tick) const {
   const double passed_s = ticks_ > 0 ? tick.time_s() - time_s_ : 0.0;
   return !((tick.has_dt_s() ? tick.dt_s() : passed_s) >= kShortestStepS);
 }
 
-TickFold::Entry* TickFold::find(uint64_t id) {
+SessionSnapshot::Entry* SessionSnapshot::find(uint64_t id) {
   const auto found = entries_.find(id);
   if (found != entries_.end()) return found->second.there() ? &found->second : nullptr;
   // Nodes of the scene file need not have been named before.
@@ -119,12 +119,12 @@ TickFold::Entry* TickFold::find(uint64_t id) {
   return &node;
 }
 
-bool TickFold::there(uint64_t id) const {
+bool SessionSnapshot::there(uint64_t id) const {
   const auto found = entries_.find(id);
   return found == entries_.end() ? (id & kAssetIdBit) != 0 : found->second.there();
 }
 
-void TickFold::fold_delta(const v1::SceneDelta& delta) {
+void SessionSnapshot::fold_delta(const v1::SceneDelta& delta) {
   for (const uint64_t id : delta.remove()) {
     Entry* entry = find(id);
     if (entry == nullptr) continue;
@@ -144,7 +144,7 @@ void TickFold::fold_delta(const v1::SceneDelta& delta) {
       entry->attributes = std::make_unique<v1::Attributes>(change.attributes());
 }
 
-void TickFold::fold_transforms(const v1::Transforms& wire, bool paused) {
+void SessionSnapshot::fold_transforms(const v1::Transforms& wire, bool paused) {
   const int n = wire.id_size();
   if (wire.position_size() != 3 * n) return;
   const bool turns = n > 0 && wire.rotation_size() == 4 * n, tells = n > 0 && wire.velocity_size() == 3 * n;
@@ -163,7 +163,7 @@ void TickFold::fold_transforms(const v1::Transforms& wire, bool paused) {
   }
 }
 
-void TickFold::fold_terms(const v1::Tick& tick) {
+void SessionSnapshot::fold_terms(const v1::Tick& tick) {
   if (tick.has_targets()) targets_ = tick.targets();
   if (tick.has_observed_camera()) camera_ = tick.observed_camera();
   if (tick.has_lens()) lens_ = tick.lens();
@@ -179,7 +179,7 @@ void TickFold::fold_terms(const v1::Tick& tick) {
     settings_->MergeFrom(tick.settings());
 }
 
-std::vector<std::pair<uint64_t, const TickFold::Entry*>> TickFold::sorted() const {
+std::vector<std::pair<uint64_t, const SessionSnapshot::Entry*>> SessionSnapshot::sorted() const {
   std::vector<std::pair<uint64_t, const Entry*>> all;
   all.reserve(entries_.size());
   for (const auto& [id, entry] : entries_)
@@ -188,7 +188,7 @@ std::vector<std::pair<uint64_t, const TickFold::Entry*>> TickFold::sorted() cons
   return all;
 }
 
-v1::Tick TickFold::tick() const {
+v1::Tick SessionSnapshot::tick() const {
   v1::Tick out;
   out.set_sequence(sequence_);
   out.set_time_s(time_s_);
@@ -233,7 +233,7 @@ v1::Tick TickFold::tick() const {
 }
 
 // Whatever a list names must be there when it is told; what it ignores may have gone since.
-void TickFold::tell_targets(v1::Tick& out) const {
+void SessionSnapshot::tell_targets(v1::Tick& out) const {
   if (!targets_) return;
   v1::TargetList& list = *out.mutable_targets();
   const auto keep = [this](const auto& ids, auto& kept) {

@@ -3,7 +3,7 @@
 #include <thread>
 #include <utility>
 
-#include "client/replay/place.h"
+#include "client/replay/backend.h"
 #include "client/cpp/sightline_client.h"
 
 namespace sightline {
@@ -16,7 +16,7 @@ constexpr auto kOpenTimeout = 5min, kUploadTimeout = 10min;  // scenes may be la
 constexpr auto kReplyTimeout = 60s;
 constexpr auto kRetryPause = 100ms;
 
-class ServerPlace final : public ReplayPlace {
+class ServerPlace final : public ReplayBackend {
  public:
   ServerPlace(std::string address, std::chrono::nanoseconds patience, Client client)
       : address_(std::move(address)), patience_(patience), client_(std::move(client)) {}
@@ -104,7 +104,7 @@ class ServerPlace final : public ReplayPlace {
 
 }  // namespace
 
-Result<std::unique_ptr<ReplayPlace>> connect_place(const std::string& address,
+Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
                                                    std::chrono::nanoseconds patience) {
   auto client = Client::connect(address, patience);
   if (!client) return tl::unexpected(std::move(client.error()));

@@ -1,4 +1,4 @@
-#include "client/replay/scenes.h"
+#include "client/recordings/scene_files.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -80,12 +80,12 @@ Error missing(const std::string& name, const std::string& hash) {
 
 }  // namespace
 
-void ReplayScenes::bring_to(Bring bring) {
+void SceneFiles::bring_to(Bring bring) {
   bring_ = std::move(bring);
   brought_.clear();
 }
 
-Result<Bytes> ReplayScenes::attachment(const std::string& name) const {
+Result<Bytes> SceneFiles::attachment(const std::string& name) const {
   for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
     if (index.name != name) continue;
     const auto text = recording_.reader().attachment(index);
@@ -96,7 +96,7 @@ Result<Bytes> ReplayScenes::attachment(const std::string& name) const {
   return fail(ErrorCode::kNotFound, name, "is not attached to the recording");
 }
 
-void ReplayScenes::add_attachments(const Wanted& wanted, std::vector<Place>& places) const {
+void SceneFiles::add_attachments(const Wanted& wanted, std::vector<Place>& places) const {
   for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
     const std::string& name = index.name;
     const bool named = !wanted.name.empty() && name == std::string(kAttachedScene).append(wanted.name);
@@ -110,7 +110,7 @@ void ReplayScenes::add_attachments(const Wanted& wanted, std::vector<Place>& pla
   }
 }
 
-void ReplayScenes::add_files(const Wanted& wanted, std::vector<Place>& places) const {
+void SceneFiles::add_files(const Wanted& wanted, std::vector<Place>& places) const {
   const auto add = [&](const fs::path& path) {
     places.push_back(
         {[path] { return read_file(path.string()); },
@@ -132,7 +132,7 @@ void ReplayScenes::add_files(const Wanted& wanted, std::vector<Place>& places) c
     if (is_scene_name(it->path().string()) && it->is_regular_file(trouble)) add(it->path());
 }
 
-std::vector<ReplayScenes::Place> ReplayScenes::places_of(const Wanted& wanted) const {
+std::vector<SceneFiles::Place> SceneFiles::places_of(const Wanted& wanted) const {
   std::vector<Place> places;
   add_attachments(wanted, places);
   add_files(wanted, places);
@@ -140,7 +140,7 @@ std::vector<ReplayScenes::Place> ReplayScenes::places_of(const Wanted& wanted) c
 }
 
 // Of files that are only looked through for a hash, what cannot be read is passed over.
-Result<std::string> ReplayScenes::bring_first(const std::vector<Place>& places, const Wanted& wanted) {
+Result<std::string> SceneFiles::bring_first(const std::vector<Place>& places, const Wanted& wanted) {
   for (const Place& place : places) {
     auto file = place.read();
     if (!file && wanted.hash.empty()) return tl::unexpected(std::move(file.error()));
@@ -158,7 +158,7 @@ Result<std::string> ReplayScenes::bring_first(const std::vector<Place>& places, 
   return tl::unexpected(missing(wanted.name, wanted.hash));
 }
 
-Result<std::string> ReplayScenes::bring(const Wanted& wanted) {
+Result<std::string> SceneFiles::bring(const Wanted& wanted) {
   const std::string key = wanted.name.empty() ? wanted.hash : "name:" + wanted.name;
   if (const auto known = brought_.find(key); known != brought_.end()) return known->second;
   auto hash = bring_first(places_of(wanted), wanted);
@@ -166,7 +166,7 @@ Result<std::string> ReplayScenes::bring(const Wanted& wanted) {
   return hash;
 }
 
-Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
+Status SceneFiles::name_by_hash(v1::OpenSession& open) {
   if (open.has_scene() && open.scene().source_case() != v1::SceneRef::SOURCE_NOT_SET) {
     const auto hash = bring({open.scene().name(), open.scene().hash()});
     if (!hash) return tl::unexpected(hash.error());
@@ -177,20 +177,20 @@ Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
   return {};
 }
 
-bool ReplayScenes::named_in(const v1::Tick& tick) {
+bool SceneFiles::named_in(const v1::Tick& tick) {
   const auto& added = tick.delta().add();
   return std::any_of(added.begin(), added.end(),
                      [](const v1::NewInstance& instance) { return instance.has_mesh(); });
 }
 
-Status ReplayScenes::name_by_hash(v1::Tick& tick) {
+Status SceneFiles::name_by_hash(v1::Tick& tick) {
   if (!named_in(tick)) return {};
   for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_add())
     if (Status named = name_by_hash(instance); !named) return named;
   return {};
 }
 
-Status ReplayScenes::name_by_hash(v1::NewInstance& instance) {
+Status SceneFiles::name_by_hash(v1::NewInstance& instance) {
   if (!instance.has_mesh() || instance.mesh().source_case() == v1::MeshRef::SOURCE_NOT_SET) return {};
   v1::MeshRef& mesh = *instance.mutable_mesh();
   const auto hash = bring({mesh.scene_name(), mesh.scene_hash()});

@@ -15,10 +15,10 @@ namespace sightline {
 // So many frames without a movement are a rest: what rests is not told from frame to frame.
 inline constexpr size_t kRestFrames = 60;
 
-class RecordingCast {
+class InstanceTimeline {
  public:
   // Names by id; ids without one are called by their number on the page.
-  explicit RecordingCast(std::unordered_map<uint64_t, std::string> names) : names_(std::move(names)) {}
+  explicit InstanceTimeline(std::unordered_map<uint64_t, std::string> names) : names_(std::move(names)) {}
 
   // The mirror as it is at frame `frame`: 0, then 1, and so on. Costs little while the scene's structure stays.
   void take_in(const SceneMirror& mirror, size_t frame);

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "server/base/error.h"
 #include "server/sample/sampler_choice.h"
 #include "sightline/v1/camera_control.pb.h"
@@ -23,9 +23,9 @@ struct ReplayAnswer {
 };
 
 // Single-threaded.
-class ReplayPlace {
+class ReplayBackend {
  public:
-  virtual ~ReplayPlace() = default;
+  virtual ~ReplayBackend() = default;
 
   // Takes one scene file, without files beside it; answers its hash. Kept until the next open() has been answered.
   virtual Result<std::string> bring(std::span<const std::byte> file) = 0;
@@ -54,15 +54,15 @@ Result<v1::SessionOpened> keep_opened(Result<std::unique_ptr<Opened>> opened, st
 size_t replay_threads();
 
 // In this process. `sampler` is the place's own.
-std::unique_ptr<ReplayPlace> make_local_place(std::unique_ptr<SamplerDevice> sampler);
+std::unique_ptr<ReplayBackend> make_local_backend(std::unique_ptr<SamplerDevice> sampler);
 
 // A session here that is told everything and takes no step: a mirror to look at. Needs no OpenGL.
-std::unique_ptr<ReplayPlace> make_mirror_place();
+std::unique_ptr<ReplayBackend> make_mirror_backend();
 
 // At a daemon. Ticks of one step are merged as they were and each step is taken at its level of economy (Tick.step). The next
 // ticks go out when the answer has come. Fails with kUnavailable (field "address") when nobody answers within `patience`,
 // which is also how long a daemon that went away is waited for.
-Result<std::unique_ptr<ReplayPlace>> connect_place(const std::string& address,
+Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
                                                    std::chrono::nanoseconds patience);
 
 }  // namespace sightline
