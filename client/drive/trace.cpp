@@ -35,7 +35,7 @@ void write_reply(std::ostream& out, const v1::CameraReply& reply) {
       << p.y() << ',' << p.z() << ',' << r.x() << ',' << r.y() << ',' << r.z() << ',' << r.w() << ',' << v.x()
       << ',' << v.y() << ',' << v.z() << ',' << reply.field_of_view() << ',' << counts.total() << ','
       << counts.all_visible() << ',' << counts.some_visible() << ',' << counts.none_visible() << ','
-      << name_of(reply.status()) << ',' << name_of(reply.reason()) << ','
+      << v1::Status_Name(reply.status()) << ',' << v1::Reason_Name(reply.reason()) << ','
       << v1::VolumeUsed_Name(reply.volume()) << ',' << v1::PairFallback_Name(reply.pair_fallback()) << ','
       << reply.merged_ticks() << ',' << reply.cut() << ',' << reply.flags().dt_capped() << ','
       << reply.flags().resampled_faces() << ',' << reply.flags().body_overlap();
@@ -111,13 +111,6 @@ void write_trace(std::ostream& out, const Scenario& scenario, std::span<const Pl
     out << '\n';
   }
   out.precision(precision);
-}
-
-std::string name_of(v1::Status status) {
-  return v1::Status_Name(status);
-}
-std::string name_of(v1::Reason reason) {
-  return v1::Reason_Name(reason);
 }
 
 }  // namespace sightline

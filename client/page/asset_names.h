@@ -1,4 +1,4 @@
-// What the drawables of a scene file are called.
+// Names of the drawables of a scene file.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Names of the drawables that no binding names, by the id that `instantiate` gives them; each of a node's gpu instances
-// has its number behind the name.
+// Names of drawables without a binding, by the id that `instantiate` gives them. A node's GPU instances are numbered:
+// "crate #2".
 std::unordered_map<uint64_t, std::string> asset_names(const SceneAsset& asset);
 
 }  // namespace sightline

@@ -30,14 +30,14 @@ bool is_scene_name(const std::string& name) {
   return name.ends_with(".glb") || name.ends_with(".gltf");
 }
 
-// Relative and without a way out of its folder.
+// A relative path that does not leave its folder.
 bool stays_inside(const std::string& name) {
   const fs::path path(name);
   return !path.empty() && path.is_relative() &&
          std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
 }
 
-// The hash that a library knows the scene by: of the file and of what it refers to.
+// The hash by which a scene library knows the scene. It covers the file and the files that it refers to.
 Result<std::string> content_hash(const Bytes& file, const ReadBeside& read_beside) {
   if (is_binary(file)) return to_hex(hash_bytes(file));
   GeometryStore store;
@@ -46,7 +46,7 @@ Result<std::string> content_hash(const Bytes& file, const ReadBeside& read_besid
   return to_hex((*asset)->hash);
 }
 
-// An upload is one file: buffers that stand beside a .gltf go into it.
+// An upload is one file, so external buffers of a .gltf are put into it.
 Result<Bytes> in_one_file(Bytes file, const ReadBeside& read_beside) {
   if (is_binary(file)) return file;
   const char* text = reinterpret_cast<const char*>(file.data());
@@ -139,7 +139,7 @@ std::vector<SceneFiles::Place> SceneFiles::places_of(const Wanted& wanted) const
   return places;
 }
 
-// Of files that are only looked through for a hash, what cannot be read is passed over.
+// When files are only searched for a hash, unreadable ones are skipped.
 Result<std::string> SceneFiles::bring_first(const std::vector<Place>& places, const Wanted& wanted) {
   for (const Place& place : places) {
     auto file = place.read();

@@ -1,4 +1,4 @@
-// Where recorded steps are taken again: a session in this process, or one at a daemon.
+// Where recorded steps are taken again: in a session in this process, or in one at a daemon.
 #pragma once
 
 #include <chrono>
@@ -15,10 +15,10 @@
 
 namespace sightline {
 
-// What became of one step's ticks.
+// The answer to one step's ticks.
 struct ReplayAnswer {
   std::vector<v1::Rejection> rejections;
-  bool has_reply = false;  // false: every tick was refused, or none was to be answered yet
+  bool has_reply = false;  // false: every tick was refused, or no reply is due yet
   v1::CameraReply reply;
 };
 
@@ -27,21 +27,21 @@ class ReplayBackend {
  public:
   virtual ~ReplayBackend() = default;
 
-  // Takes one scene file, without files beside it; answers its hash. Kept until the next open() has been answered.
+  // Takes one scene file, complete in itself, and returns its hash. The file is kept until the next open() has returned.
   virtual Result<std::string> bring(std::span<const std::byte> file) = 0;
-  // A new session; a former one ends.
+  // Opens a new session; the former one ends.
   virtual Result<v1::SessionOpened> open(const v1::OpenSession& open) = 0;
-  // Applies the ticks, oldest first, and takes one step for the last of them, at this level of economy; where that is refused,
-  // those before it are part of the next step. `answer` comes empty. kUnavailable: the place is gone, and what was applied there
-  // is lost.
+  // Applies the ticks, oldest first, and takes one step for the last of them at the given level of degradation. When the
+  // last tick is refused, the ticks before it belong to the next step. `answer` must be empty. kUnavailable: the backend is
+  // gone, and the session with it.
   virtual Status take(std::span<const v1::Tick> ticks, int economy_level, ReplayAnswer& answer) = 0;
-  // Whether it comes back when it is gone (open() then works again); waits for it for no longer than it was told to.
+  // Waits for a backend that is gone, at most as long as it was configured to. Returns true when open() works again.
   virtual bool wait_until_back() { return false; }
-  // Of the session here; null: it is elsewhere.
+  // The session in this process; null: it is elsewhere.
   virtual const Session* session() const { return nullptr; }
 };
 
-// For places: keeps the session that was opened; answers what it says of itself.
+// For backends: keeps the session that was opened, and returns its description.
 template <typename Opened>
 Result<v1::SessionOpened> keep_opened(Result<std::unique_ptr<Opened>> opened, std::unique_ptr<Opened>& kept) {
   if (!opened) return tl::unexpected(std::move(opened.error()));
@@ -49,20 +49,20 @@ Result<v1::SessionOpened> keep_opened(Result<std::unique_ptr<Opened>> opened, st
   return kept->opened();
 }
 
-// Threads for the maps of one session that runs alone: cpu_budget, at most 4. A step takes 60 to 80 maps; what is left
-// of it with the maps of more hands is not theirs.
+// Threads for the depth maps of one session that runs alone: cpu_budget, at most 4. A step takes 60 to 80 maps; with more
+// threads, the rest of the step dominates.
 size_t replay_threads();
 
-// In this process. `sampler` is the place's own.
+// A session in this process, with a sampler of its own.
 std::unique_ptr<ReplayBackend> make_local_backend(std::unique_ptr<SamplerDevice> sampler);
 
-// A session here that is told everything and takes no step: a mirror to look at. Needs no OpenGL.
+// A session in this process that applies everything and takes no step, for its mirror. Needs no OpenGL.
 std::unique_ptr<ReplayBackend> make_mirror_backend();
 
-// At a daemon. Ticks of one step are merged as they were and each step is taken at its level of economy (Tick.step). The next
-// ticks go out when the answer has come. Fails with kUnavailable (field "address") when nobody answers within `patience`,
-// which is also how long a daemon that went away is waited for.
+// A session at a daemon. The ticks of one step are merged as they were, and each step is taken at its recorded level of
+// degradation (Tick.step). The next ticks are sent when the answer has come. Fails with kUnavailable (field "address") when
+// no daemon answers within `timeout`. The same timeout holds for a daemon that went away.
 Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
-                                                   std::chrono::nanoseconds patience);
+                                                   std::chrono::nanoseconds timeout);
 
 }  // namespace sightline

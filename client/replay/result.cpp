@@ -51,7 +51,7 @@ void ReplayResult::add(const ReplayedStep& step) {
   equal_before_gap_ += equal;
 }
 
-// Refused ticks may stand a step later in the replay than in the recording (FedStep).
+// The replay may refuse a tick one step later than the recording did (FedStep).
 void ReplayResult::add_rejections(const ReplayedStep& step) {
   for (const v1::Rejection& rejection : step.recorded.step.rejections)
     if (refuses(rejection)) refused_recorded_.push_back(rejection.sequence());

@@ -28,7 +28,7 @@ void InstanceTimeline::take_in(const SceneMirror& mirror, size_t frame) {
 void InstanceTimeline::move(const Instance& instance, size_t frame) {
   size_t& open = present_.at(instance.id);
   if (!parts_[open].moving) {
-    // Told to be where it is: it has not moved yet.
+    // The client sent the pose that it already has: it has not moved.
     if (stands_where(parts_[open].start, instance.pose)) return;
     moved_.insert(instance.id);
     if (frame - parts_[open].shown.first_frame > kRestFrames) {
@@ -45,7 +45,7 @@ void InstanceTimeline::move(const Instance& instance, size_t frame) {
   if (part.rest_frames >= kRestFrames) rest(instance, frame);
 }
 
-// What it has done for a while becomes a part of its own that stands.
+// The resting frames become a part of their own without movement.
 void InstanceTimeline::rest(const Instance& instance, size_t frame) {
   Part& part = parts_[present_.at(instance.id)];
   const size_t since = frame + 1 - part.rest_frames;
@@ -55,7 +55,7 @@ void InstanceTimeline::rest(const Instance& instance, size_t frame) {
 }
 
 bool InstanceTimeline::is_same(const Part& part, const Instance& instance) const {
-  // One that was added anew under the same id stands still again.
+  // An instance that was removed and added again under the same id is not moving at first.
   const bool goes_on = instance.moving || (!part.moving && stands_where(part.start, instance.pose));
   return goes_on && part.shown.geometry == instance.geometry && part.shown.occludes == instance.occludes() &&
          part.linear == instance.linear;

@@ -1,4 +1,5 @@
-// The instances of a session that is played through: which there are in which frames, and where those stand that move.
+// Follows the instances of a session from frame to frame: which ones exist in which frames, and where the moving ones
+// stand.
 #pragma once
 
 #include <cstdint>
@@ -12,29 +13,29 @@
 
 namespace sightline {
 
-// So many frames without a movement are a rest: what rests is not told from frame to frame.
+// An instance rests after this many frames without movement. A resting instance has no pose for each frame.
 inline constexpr size_t kRestFrames = 60;
 
 class InstanceTimeline {
  public:
-  // Names by id; ids without one are called by their number on the page.
+  // Names by id. The page shows the id of an instance without a name.
   explicit InstanceTimeline(std::unordered_map<uint64_t, std::string> names) : names_(std::move(names)) {}
 
-  // The mirror as it is at frame `frame`: 0, then 1, and so on. Costs little while the scene's structure stays.
+  // Takes the mirror at frame `frame`: 0, then 1, and so on. Cheap while the structure of the scene stays the same.
   void take_in(const SceneMirror& mirror, size_t frame);
 
-  // Fills the page's instances and movers. Nothing else may be called after it.
+  // Fills the page's instances and movers. Call nothing else afterwards.
   void give(SessionPage& page);
 
  private:
-  // One stretch of frames in which an instance was shown, stayed what it is, and did not rest between movements.
+  // One stretch of frames in which an instance was shown, did not change, and did not rest between movements.
   struct Part {
     PageInstance shown;
     glm::dmat3 linear{1.0};
-    Pose start;               // where it stood until it first moved
-    size_t still_frames = 0;  // how many of its frames it stood there
-    std::vector<Pose> poses;  // from then on
-    size_t rest_frames = 0;   // at their end, like the one before
+    Pose start;               // its pose until it first moved
+    size_t still_frames = 0;  // frames at `start`
+    std::vector<Pose> poses;  // poses after that
+    size_t rest_frames = 0;   // equal poses at the end
     bool moving = false;
   };
 
@@ -46,7 +47,7 @@ class InstanceTimeline {
 
   std::unordered_map<uint64_t, std::string> names_;
   std::vector<Part> parts_;
-  std::unordered_map<uint64_t, size_t> present_;  // by id: its open part
+  std::unordered_map<uint64_t, size_t> present_;  // by id: index of its open part
   std::unordered_set<uint64_t> moved_;            // ids
   uint64_t static_version_ = UINT64_MAX, moving_version_ = UINT64_MAX;
 };

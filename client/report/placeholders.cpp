@@ -11,7 +11,8 @@ bool of_a_file(uint64_t id) {
   return (id & kAssetIdBit) != 0;
 }
 
-// Transforms of instances that there are; the others would be refused, and the whole tick with them.
+// Keeps the transforms of the client's own instances. The scene's nodes do not exist, and naming them would refuse the
+// whole tick.
 void keep_clients_own(v1::Transforms& transforms) {
   v1::Transforms kept;
   const bool turns = transforms.rotation_size() == 4 * transforms.id_size();
@@ -41,7 +42,7 @@ v1::Shape Placeholders::ball() const {
   return shape;
 }
 
-// Asked once for each file.
+// Looks for each file once.
 bool Placeholders::find(v1::NewInstance& instance) {
   const v1::MeshRef& mesh = instance.mesh();
   const std::string& key = mesh.has_scene_hash() ? mesh.scene_hash() : mesh.scene_name();
@@ -75,9 +76,9 @@ void Placeholders::replace(v1::OpenSession& open, bool without_scene) {
   without_scene_ = without_scene || !find_scene(open);
   if (!without_scene_) return;
   for (const v1::NodeBinding& binding : open.scene().bindings()) {
-    v1::NewInstance& stand_in = *open.add_instances();
-    stand_in.set_id(binding.id());
-    *stand_in.mutable_shape() = ball();
+    v1::NewInstance& placeholder = *open.add_instances();
+    placeholder.set_id(binding.id());
+    *placeholder.mutable_shape() = ball();
   }
   open.clear_scene();
   drop_of_a_file(*open.mutable_targets(), [](const v1::Target& target) { return target.id(); });

@@ -1,4 +1,4 @@
-// Balls in the place of what a recording names and nobody has any more, so that a session can still be played.
+// Balls that replace missing scenes and meshes, so that a recording can still be shown.
 #pragma once
 
 #include <string>
@@ -10,19 +10,18 @@
 
 namespace sightline {
 
-// Rewrites the messages of a session so that they can be played. Scenes and meshes that are found are named by hash; a
-// scene that is not leaves balls where its bound nodes were, and nothing where its other nodes were; a mesh that is not
-// is a ball.
+// Rewrites the messages of a session so that they can be applied. Scenes and meshes that are found are named by hash. A
+// missing mesh becomes a ball. A missing scene leaves balls for its bound nodes, and nothing for the others.
 class Placeholders {
  public:
-  // Both must outlive it; `scenes` knows where to bring files.
+  // Both must outlive it. `scenes` must know where to bring files.
   Placeholders(SceneFiles& scenes, const Convention& convention) : scenes_(scenes), convention_(convention) {}
 
-  // `without_scene`: the scene is left out, though its file may be there.
+  // `without_scene`: the scene is left out even when its file is there.
   void replace(v1::OpenSession& open, bool without_scene);
   void replace(v1::Tick& tick);
 
-  // What was not found and why, each once.
+  // The missing files with the reasons, each once.
   const std::vector<std::string>& missed() const { return missed_; }
 
  private:
@@ -34,7 +33,7 @@ class Placeholders {
   SceneFiles& scenes_;
   const Convention& convention_;
   bool without_scene_ = false;
-  std::unordered_map<std::string, bool> lacks_;  // by name or hash
+  std::unordered_map<std::string, bool> lacks_;  // missing or not, by name or hash
   std::vector<std::string> missed_;
 };
 

@@ -1,10 +1,9 @@
-// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every
-// record is <opcode, 1 byte> <length of the content, 8 bytes> <content>; integers are little-endian; a string is its
-// length in 4 bytes, then the bytes; arrays and maps are their length in bytes in 4, then the elements. Times are
-// nanoseconds of one clock a file, in recordings of ours since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 says that
-// there is none.
+// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every record
+// is <opcode, 1 byte> <length of the body, 8 bytes> <body>. Integers are little-endian. A string is its length in 4 bytes,
+// then its bytes. Arrays and maps are their length in bytes, in 4 bytes, then the elements. Times are nanoseconds, in our
+// recordings since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 means that there is none.
 //
-// Here is only the translation: what follows what in a file is up to mcap_writer.h, mcap_scanner.h and mcap_reader.h.
+// This file only translates records. mcap_writer.h, mcap_scanner.h and mcap_reader.h know their order in a file.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +18,7 @@ namespace sightline::mcap {
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 inline constexpr uint64_t kRecordHeadBytes = 9;  // opcode and length
 inline constexpr uint64_t kFooterContentBytes = 20;
-// A whole Footer record and the magic after it: what stands at the end of a finished file.
+// A whole Footer record and the magic after it, the end of a finished file.
 inline constexpr uint64_t kTailBytes = kRecordHeadBytes + kFooterContentBytes + kMagic.size();
 
 enum class Opcode : uint8_t {
@@ -43,7 +42,7 @@ enum class Opcode : uint8_t {
 struct Header {
   static constexpr Opcode kOpcode = Opcode::kHeader;
   std::string profile;  // empty: none
-  std::string library;  // who wrote it, for people
+  std::string library;  // the program that wrote the file, as text
 };
 
 struct Footer {
@@ -72,7 +71,7 @@ struct Channel {
   bool operator==(const Channel&) const = default;
 };
 
-// `data` is a view of whatever the message was decoded from or is to be encoded from.
+// `data` is a view of the bytes that the message was decoded from or will be encoded from.
 struct Message {
   static constexpr Opcode kOpcode = Opcode::kMessage;
   uint16_t channel_id = 0;
@@ -187,8 +186,8 @@ bool decode(std::string_view content, Record& out);
 // alone. False when they are too few.
 bool decode_head(std::string_view content_start, AttachmentIndex& out);
 
-// Takes the record at the front of `bytes` off it. False at the end, or when what is left is too short for the record
-// that it begins; `bytes` then stays.
+// Removes the record at the front of `bytes`. Returns false, and leaves `bytes`, at the end or when the rest is too short
+// for the record that it begins.
 struct RecordView {
   Opcode opcode = Opcode::kHeader;
   std::string_view content;

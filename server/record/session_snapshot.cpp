@@ -35,7 +35,7 @@ void put(google::protobuf::RepeatedField<Number>& out, const std::array<Number, 
   for (const Number value : values) out.Add(value);
 }
 
-// Numbers n * i to n * i + n - 1 of a packed array.
+// Reads element i of a packed array, N numbers.
 template <typename Number, size_t N>
 void take(const google::protobuf::RepeatedField<Number>& packed, int i, std::array<Number, N>& out) {
   std::copy_n(packed.data() + static_cast<size_t>(i) * N, N, out.begin());
@@ -45,12 +45,13 @@ void take(const google::protobuf::RepeatedField<Number>& packed, int i, std::arr
 
 void SessionSnapshot::take_open(const v1::OpenSession& open) {
   *this = {};
-  for (const v1::NodeBinding& binding : open.scene().bindings()) entries_[binding.id()].of_opening = true;
-  for (const v1::NewInstance& instance : open.instances()) {
-    if (entries_.size() >= kMaxInstances) break;
-    Entry& entry = entries_[instance.id()];
-    entry.of_opening = true;
-    entry.rotation = rotation_of(instance.pose());
+  for (const v1::NodeBinding& binding : open.scene().bindings()) instances_[binding.id()].of_opening = true;
+  for (const v1::NewInstance& given : open.instances()) {
+    if (instances_.size() >= kMaxInstances) break;
+    Instance& instance = instances_[given.id()];
+    instance.of_opening = true;
+    instance.given = std::make_unique<v1::NewInstance>(given);
+    instance.rotation = rotation_of(given.pose());
   }
 }
 
@@ -59,17 +60,17 @@ void SessionSnapshot::take_tick(v1::Tick tick, const TickStamp& stamp) {
   waiting_.push_back({std::move(tick), stamp, bytes});
   waiting_bytes_ += bytes;
   while (waiting_.size() > kMaxWaiting || (waiting_bytes_ > kMaxWaitingBytes && waiting_.size() > 1))
-    fold_oldest();
+    apply_oldest();
 }
 
 void SessionSnapshot::take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
-  fold(tick, stamp);
+  apply(tick, stamp);
   ticks_ += ticks > 0 ? ticks - 1 : 0;
 }
 
-// Refusals come before the answer that covers the ticks after them, so what still waits up to it was applied.
+// Rejections stand before the reply that covers the ticks after them, so all that still wait up to it were applied.
 void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
-  while (!waiting_.empty() && waiting_.front().tick.sequence() <= reply.sequence()) fold_oldest();
+  while (!waiting_.empty() && waiting_.front().tick.sequence() <= reply.sequence()) apply_oldest();
   if (!reply.has_pose()) return;
   camera_.emplace();
   *camera_->mutable_pose() = reply.pose();
@@ -84,86 +85,87 @@ void SessionSnapshot::take_rejection(const v1::Rejection& rejection) {
   waiting_.erase(found);
 }
 
-void SessionSnapshot::fold_oldest() {
+void SessionSnapshot::apply_oldest() {
   const WaitingTick oldest = std::move(waiting_.front());
   waiting_.pop_front();
   waiting_bytes_ -= oldest.bytes;
-  fold(oldest.tick, oldest.stamp);
+  apply(oldest.tick, oldest.stamp);
 }
 
-void SessionSnapshot::fold(const v1::Tick& tick, const TickStamp& stamp) {
-  // No session takes it, whoever failed to say so.
+void SessionSnapshot::apply(const v1::Tick& tick, const TickStamp& stamp) {
+  // A session refuses such a tick; its rejection was lost.
   if (ticks_ > 0 && tick.sequence() <= sequence_) return;
-  if (tick.has_delta()) fold_delta(tick.delta());
-  fold_transforms(tick.transforms(), is_paused(tick));
-  fold_terms(tick);
+  if (tick.has_delta()) ++deltas_, apply_delta(tick.delta());
+  apply_transforms(tick.transforms(), is_paused(tick));
+  apply_terms(tick);
   ++ticks_;
   sequence_ = tick.sequence();
   time_s_ = tick.time_s();
   stamp_ = stamp;
 }
 
-// As Session::step_length_s: no time passes with it.
+// As in Session::step_length_s: the tick's step is too short to count as time.
 bool SessionSnapshot::is_paused(const v1::Tick& tick) const {
   const double passed_s = ticks_ > 0 ? tick.time_s() - time_s_ : 0.0;
   return !((tick.has_dt_s() ? tick.dt_s() : passed_s) >= kShortestStepS);
 }
 
-SessionSnapshot::Entry* SessionSnapshot::find(uint64_t id) {
-  const auto found = entries_.find(id);
-  if (found != entries_.end()) return found->second.there() ? &found->second : nullptr;
-  // Nodes of the scene file need not have been named before.
-  if ((id & kAssetIdBit) == 0 || entries_.size() >= kMaxInstances) return nullptr;
-  Entry& node = entries_[id];
+SessionSnapshot::Instance* SessionSnapshot::find(uint64_t id) {
+  const auto found = instances_.find(id);
+  if (found != instances_.end()) return found->second.there() ? &found->second : nullptr;
+  // A node of the scene file need not have been named before.
+  if ((id & kAssetIdBit) == 0 || instances_.size() >= kMaxInstances) return nullptr;
+  Instance& node = instances_[id];
   node.of_opening = true;
   return &node;
 }
 
 bool SessionSnapshot::there(uint64_t id) const {
-  const auto found = entries_.find(id);
-  return found == entries_.end() ? (id & kAssetIdBit) != 0 : found->second.there();
+  const auto found = instances_.find(id);
+  return found == instances_.end() ? (id & kAssetIdBit) != 0 : found->second.there();
 }
 
-void SessionSnapshot::fold_delta(const v1::SceneDelta& delta) {
+void SessionSnapshot::apply_delta(const v1::SceneDelta& delta) {
   for (const uint64_t id : delta.remove()) {
-    Entry* entry = find(id);
-    if (entry == nullptr) continue;
-    const bool of_opening = entry->of_opening;
-    *entry = {};
-    entry->of_opening = entry->removed = of_opening;
-    if (!of_opening) entries_.erase(id);
+    Instance* instance = find(id);
+    if (instance == nullptr) continue;
+    const bool of_opening = instance->of_opening;
+    *instance = {};
+    instance->of_opening = instance->removed = of_opening;
+    if (!of_opening) instances_.erase(id);
   }
-  for (const v1::NewInstance& instance : delta.add()) {
-    if (there(instance.id()) || entries_.size() >= kMaxInstances) continue;
-    Entry& entry = entries_[instance.id()];
-    entry.added = std::make_unique<v1::NewInstance>(instance);
-    entry.rotation = rotation_of(instance.pose());
+  for (const v1::NewInstance& given : delta.add()) {
+    if (there(given.id()) || instances_.size() >= kMaxInstances) continue;
+    Instance& instance = instances_[given.id()];
+    instance.added = true;
+    instance.given = std::make_unique<v1::NewInstance>(given);
+    instance.rotation = rotation_of(given.pose());
   }
   for (const v1::AttributeChange& change : delta.change())
-    if (Entry* entry = find(change.id()))
-      entry->attributes = std::make_unique<v1::Attributes>(change.attributes());
+    if (Instance* instance = find(change.id()))
+      instance->attributes = std::make_unique<v1::Attributes>(change.attributes());
 }
 
-void SessionSnapshot::fold_transforms(const v1::Transforms& wire, bool paused) {
+void SessionSnapshot::apply_transforms(const v1::Transforms& wire, bool paused) {
   const int n = wire.id_size();
   if (wire.position_size() != 3 * n) return;
   const bool turns = n > 0 && wire.rotation_size() == 4 * n, tells = n > 0 && wire.velocity_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
-    Entry* entry = find(wire.id(i));
-    if (entry == nullptr) continue;
-    const std::array<double, 3> before = entry->position;
-    take(wire.position(), i, entry->position);
-    if (turns) take(wire.rotation(), i, entry->rotation);
-    if (tells) take(wire.velocity(), i, entry->velocity);
-    entry->turned |= turns;
-    // While paused, what stands where it stood keeps its velocity: see Session.
-    const bool keeps = paused && entry->moved && before == entry->position;
-    entry->has_velocity = tells || (keeps && entry->has_velocity);
-    entry->moved = true;
+    Instance* instance = find(wire.id(i));
+    if (instance == nullptr) continue;
+    const std::array<double, 3> before = instance->position;
+    take(wire.position(), i, instance->position);
+    if (turns) take(wire.rotation(), i, instance->rotation);
+    if (tells) take(wire.velocity(), i, instance->velocity);
+    instance->turned |= turns;
+    // While the session is paused, an instance that did not move keeps its velocity: see Session.
+    const bool keeps = paused && instance->moved && before == instance->position;
+    instance->has_velocity = tells || (keeps && instance->has_velocity);
+    instance->moved = true;
   }
 }
 
-void SessionSnapshot::fold_terms(const v1::Tick& tick) {
+void SessionSnapshot::apply_terms(const v1::Tick& tick) {
   if (tick.has_targets()) targets_ = tick.targets();
   if (tick.has_observed_camera()) camera_ = tick.observed_camera();
   if (tick.has_lens()) lens_ = tick.lens();
@@ -172,55 +174,45 @@ void SessionSnapshot::fold_terms(const v1::Tick& tick) {
     limits_->MergeFrom(tick.limits());
   }
   if (!tick.has_settings()) return;
-  // Enums that are UNSPECIFIED and absent fields keep what there is, as merging does.
+  // UNSPECIFIED enums and absent fields keep the former values, as MergeFrom does.
   if (!settings_ || tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED)
     settings_ = tick.settings();
   else
     settings_->MergeFrom(tick.settings());
 }
 
-std::vector<std::pair<uint64_t, const SessionSnapshot::Entry*>> SessionSnapshot::sorted() const {
-  std::vector<std::pair<uint64_t, const Entry*>> all;
-  all.reserve(entries_.size());
-  for (const auto& [id, entry] : entries_)
-    if (entry.moved || entry.removed || entry.added || entry.attributes) all.emplace_back(id, &entry);
-  std::sort(all.begin(), all.end());
-  return all;
-}
-
 v1::Tick SessionSnapshot::tick() const {
   v1::Tick out;
   out.set_sequence(sequence_);
   out.set_time_s(time_s_);
-  const auto entries = sorted();
-  // Rotations and velocities are told for all that move or for none. What is added brings its rotation with it.
-  bool tells_rotations = false, tells_velocities = false;
-  for (const auto& [id, entry] : entries) {
-    tells_rotations |= entry->turned && !entry->added;
-    tells_velocities |= entry->has_velocity && entry->velocity != std::array<float, 3>{};
+  // Rotations and velocities are sent for all that moved or for none. An added instance brings its rotation with it.
+  bool any_rotation = false, any_velocity = false;
+  for (const auto& [id, instance] : instances_) {
+    any_rotation |= instance.turned && !instance.added;
+    any_velocity |= instance.has_velocity && instance.velocity != std::array<float, 3>{};
   }
-  for (const auto& [id, entry] : entries) {
-    if (entry->removed) out.mutable_delta()->add_remove(id);
-    if (entry->added) {
+  for (const auto& [id, instance] : instances_) {
+    if (instance.removed) out.mutable_delta()->add_remove(id);
+    if (instance.added) {
       v1::NewInstance& added = *out.mutable_delta()->add_add();
-      added = *entry->added;
-      if (entry->moved) set_position(*added.mutable_pose(), entry->position);
-      if (entry->turned) set_rotation(*added.mutable_pose(), entry->rotation);
-      if (entry->attributes) *added.mutable_attributes() = *entry->attributes;
-    } else if (entry->attributes) {
+      added = *instance.given;
+      if (instance.moved) set_position(*added.mutable_pose(), instance.position);
+      if (instance.turned) set_rotation(*added.mutable_pose(), instance.rotation);
+      if (instance.attributes) *added.mutable_attributes() = *instance.attributes;
+    } else if (instance.attributes) {
       v1::AttributeChange& change = *out.mutable_delta()->add_change();
       change.set_id(id);
-      *change.mutable_attributes() = *entry->attributes;
+      *change.mutable_attributes() = *instance.attributes;
     }
-    if (!entry->moved) continue;
+    if (!instance.moved) continue;
     v1::Transforms& moved = *out.mutable_transforms();
     moved.add_id(id);
-    put(*moved.mutable_position(), entry->position);
-    if (tells_rotations) put(*moved.mutable_rotation(), entry->rotation);
-    if (tells_velocities)
-      put(*moved.mutable_velocity(), entry->has_velocity ? entry->velocity : std::array<float, 3>{});
+    put(*moved.mutable_position(), instance.position);
+    if (any_rotation) put(*moved.mutable_rotation(), instance.rotation);
+    if (any_velocity)
+      put(*moved.mutable_velocity(), instance.has_velocity ? instance.velocity : std::array<float, 3>{});
   }
-  tell_targets(out);
+  add_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;
   if (settings_) *out.mutable_settings() = *settings_;
   if (limits_) *out.mutable_limits() = *limits_;
@@ -232,8 +224,8 @@ v1::Tick SessionSnapshot::tick() const {
   return out;
 }
 
-// Whatever a list names must be there when it is told; what it ignores may have gone since.
-void SessionSnapshot::tell_targets(v1::Tick& out) const {
+// A list may only name instances that are there; those that it ignores may have gone since.
+void SessionSnapshot::add_targets(v1::Tick& out) const {
   if (!targets_) return;
   v1::TargetList& list = *out.mutable_targets();
   const auto keep = [this](const auto& ids, auto& kept) {

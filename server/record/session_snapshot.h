@@ -1,24 +1,24 @@
-// Folds the ticks of a session into one that says all that they said, so that a later part of a recording, or a cut,
-// stands alone: a session that is opened and told the folded tick has the same scene, targets, settings, limits, lens
-// and clock as one that was told every tick, and its camera is where the newest reply had it.
+// Follows the state of a recorded session by its messages, and sums the state up in one tick. A later part of a recording,
+// or a cut, begins with that tick and can be read alone. A session that is opened and receives it has the same scene,
+// targets, settings, limits, lens and clock as one that received every tick. Its camera is where the newest reply had it.
 //
-//   SessionSnapshot fold;
-//   fold.take_open(open);                      then, in the order of the recording:
-//   fold.take_tick(tick, stamp);  fold.take_reply(reply);  fold.take_rejection(rejection);
-//   fold.tick(), then fold.waiting()           is what the next part begins with
+//   SessionSnapshot snapshot;
+//   snapshot.take_open(open);                      then, in the order of the recording:
+//   snapshot.take_tick(tick, stamp);  snapshot.take_reply(reply);  snapshot.take_rejection(rejection);
+//   snapshot.tick(), then snapshot.waiting()       is what the next part begins with
 //
-// Whether a tick was applied is known only once something answers it: until then it waits, and is not folded. What was
-// refused never is.
+// A tick counts once a later message shows that it was applied. Until then it waits. Refused ticks never count.
 //
-// Not the same, since no tick can say it:
-//   - Memory: what the camera had seen, where targets went. Replies go on alike, not equal.
-//   - Velocities that a session derives from successive positions are 0 until the next tick. Told ones are told.
-//   - Revision: it counts deltas, and there is one. Rotations that were kept from move to move may differ in their last
-//     bits, and the mirror's hash with them; else it is the same.
-//   - A rotation of the opening of something that moved but was never turned is told as floats when anything else of
-//     the opening was turned. Nodes of the scene file then stand unturned in the client's frame: their rotation is
-//     the file's, which the fold does not read.
-// After ticks that were lost, what names instances that the fold knows nothing of is left out.
+// A tick cannot say everything. These differ:
+//   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal.
+//   - Velocities that a session derives from successive positions are 0 until the next tick. Velocities that the client
+//     sent are kept.
+//   - The scene revision counts deltas, and there is only one. Rotations that were kept from move to move may differ in
+//     their last bits, and the mirror's hash with them; otherwise the hash is the same.
+//   - When anything of the opening was turned, the rotation of everything else that moved is sent as floats. A node of the
+//     scene file that moved but was never turned then has no rotation in the client's frame, since the snapshot does not
+//     read the file.
+// After lost ticks, instances that the snapshot does not know are left out.
 #pragma once
 
 #include <algorithm>
@@ -26,16 +26,15 @@
 #include <cstdint>
 #include <deque>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <optional>
-#include <unordered_map>
-#include <vector>
 
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
 
-// Of the message that a tick came in; handed back.
+// How the message that held a tick was recorded.
 struct TickStamp {
   uint32_t sequence = 0;  // of its topic
   uint64_t log_ns = 0;
@@ -48,79 +47,84 @@ struct WaitingTick {
   size_t bytes = 0;  // serialised
 };
 
-// Which of the ticks that nobody has answered yet, oldest first, a rejection refuses; their end: none. A step that failed
-// refuses nothing: see Rejection. `number` gives a tick's sequence.
+// Finds the tick that a rejection refuses among the unanswered ones, oldest first; their end when there is none. The
+// rejection of a failed step refuses no tick: see Rejection. `number` gives a tick's sequence.
 template <typename Ticks, typename Number>
 auto find_refused(Ticks& waiting, const v1::Rejection& rejection, const Number& number) {
   if (rejection.field_violations().empty()) return waiting.end();
   const auto is_it = [&](const auto& tick) { return number(tick) == rejection.sequence(); };
-  // Two may have the same number. The second was refused for it, or the first for something else.
+  // Two ticks may have the same number: either the second was refused for that, or the first for something else.
   if (rejection.field_violations(0).field() != "tick.sequence")
     return std::find_if(waiting.begin(), waiting.end(), is_it);
   const auto last = std::find_if(waiting.rbegin(), waiting.rend(), is_it);
   return last == waiting.rend() ? waiting.end() : std::prev(last.base());
 }
 
-// Not thread-safe. Holds one entry an instance of the opening or of a tick, at most kMaxInstances (server/scene/mirror.h),
-// and what waits: at most kMaxWaiting ticks or kMaxWaitingBytes, twice what a daemon lets wait. Of more the oldest count
-// as applied.
+// Not thread-safe. Holds one entry for each instance of the opening or of a tick, at most kMaxInstances
+// (server/scene/mirror.h), and the waiting ticks: at most kMaxWaiting of them and kMaxWaitingBytes, twice what a daemon lets
+// wait. Beyond that the oldest count as applied.
 class SessionSnapshot {
  public:
   static constexpr size_t kMaxWaiting = 512;
   static constexpr size_t kMaxWaitingBytes = size_t{8} << 20;
 
-  // Starts anew.
+  struct Instance {
+    bool of_opening = false;                    // there when the session opened
+    bool removed = false;                       // an instance of the opening that was removed
+    bool added = false;                         // by a tick, perhaps after `removed`
+    bool moved = false;                         // since it is there
+    bool turned = false;                        // by a tick
+    bool has_velocity = false;                  // sent with the newest tick that moved it
+    std::array<double, 3> position{};           // valid when `moved`
+    std::array<float, 4> rotation{0, 0, 0, 1};  // x y z w; until `turned` as in `given`
+    std::array<float, 3> velocity{};
+    std::unique_ptr<v1::NewInstance> given;      // as it was opened or added; null: a node of the scene file
+    std::unique_ptr<v1::Attributes> attributes;  // the newest change
+
+    bool there() const { return added || (of_opening && !removed); }
+  };
+
+  // Starts again with a new session.
   void take_open(const v1::OpenSession& open);
   void take_tick(v1::Tick tick, const TickStamp& stamp);
-  // A tick that stands for `ticks` others: what a later part begins with. It waits for nothing.
+  // The snapshot tick of `ticks` others, which a later part begins with. It counts at once.
   void take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp);
   void take_reply(const v1::CameraReply& reply);
   void take_rejection(const v1::Rejection& rejection);
 
-  // How many ticks are folded; 0: none, and tick() says nothing.
+  // How many ticks count; 0: none, and tick() is empty.
   uint64_t ticks() const { return ticks_; }
-  // One tick for all of them. It asks for no step of its own (StepControl.merge_into_next): its answer has been given.
+  // One tick for all of them. It asks for no step of its own (StepControl.merge_into_next), since its ticks were answered.
   v1::Tick tick() const;
-  // Of the newest folded tick.
+  // How the newest tick that counts was recorded.
   const TickStamp& stamp() const { return stamp_; }
-  // What came after them and is not answered yet, oldest first.
+  // The ticks after them, which are not answered yet, oldest first.
   const std::deque<WaitingTick>& waiting() const { return waiting_; }
 
+  // By the client's id. Includes instances that are not there any more, and of the scene file's nodes those that were named.
+  const std::map<uint64_t, Instance>& instances() const { return instances_; }
+  uint64_t deltas() const { return deltas_; }  // ticks with a scene delta that count
+  const std::optional<v1::Lens>& lens() const { return lens_; }
+
  private:
-  struct Entry {
-    bool of_opening = false;                    // there when the session opened
-    bool removed = false;                       // of those: removed; under `added` it may be there again
-    bool moved = false;                         // since it is there
-    bool turned = false;                        // by a tick
-    bool has_velocity = false;                  // told by the newest tick that moved it
-    std::array<double, 3> position{};           // when moved
-    std::array<float, 4> rotation{0, 0, 0, 1};  // x y z w; when not turned, as it was opened or added
-    std::array<float, 3> velocity{};
-    std::unique_ptr<v1::NewInstance> added;      // by a tick
-    std::unique_ptr<v1::Attributes> attributes;  // the newest change
-
-    bool there() const { return added != nullptr || (of_opening && !removed); }
-  };
-
-  void fold(const v1::Tick& tick, const TickStamp& stamp);
-  void fold_delta(const v1::SceneDelta& delta);
-  void fold_transforms(const v1::Transforms& wire, bool paused);
-  void fold_terms(const v1::Tick& tick);
-  void fold_oldest();
+  void apply(const v1::Tick& tick, const TickStamp& stamp);
+  void apply_delta(const v1::SceneDelta& delta);
+  void apply_transforms(const v1::Transforms& wire, bool paused);
+  void apply_terms(const v1::Tick& tick);
+  void apply_oldest();
   bool is_paused(const v1::Tick& tick) const;
-  Entry* find(uint64_t id);
+  Instance* find(uint64_t id);
   bool there(uint64_t id) const;
-  std::vector<std::pair<uint64_t, const Entry*>> sorted() const;
-  void tell_targets(v1::Tick& out) const;
+  void add_targets(v1::Tick& out) const;
 
-  std::unordered_map<uint64_t, Entry> entries_;
+  std::map<uint64_t, Instance> instances_;  // sorted, as tick() lists them
   std::optional<v1::TargetList> targets_;
   std::optional<v1::Lens> lens_;
   std::optional<v1::Settings> settings_;
   std::optional<v1::CameraLimits> limits_;
   std::optional<v1::ObservedCamera> camera_;
-  uint64_t ticks_ = 0;
-  uint64_t sequence_ = 0;  // of the newest
+  uint64_t ticks_ = 0, deltas_ = 0;
+  uint64_t sequence_ = 0;  // of the newest tick that counts
   double time_s_ = 0.0;
   TickStamp stamp_;
   std::deque<WaitingTick> waiting_;

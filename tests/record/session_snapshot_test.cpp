@@ -1,4 +1,4 @@
-// One tick for many: a session that is told the fold stands where the session stands that was told every tick.
+// One tick for many: a session that receives the snapshot tick is in the same state as one that received every tick.
 #include "server/record/session_snapshot.h"
 
 #include <gmock/gmock.h>
@@ -279,7 +279,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     return tick;
   }
 
-  // To the truth and the fold, as a daemon does: some ticks, then what was refused of them, then one reply.
+  // Feeds the session and the snapshot as a daemon does: some ticks, then their rejections, then one reply.
   void play(int ticks) {
     std::vector<v1::Rejection> refused;
     for (int i = 0; i < ticks; ++i) {
@@ -303,8 +303,8 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (applied_ > 0) fold_.take_reply(reply_);
   }
 
-  // Whoever keeps its rotation has it normalised at every move; who was never turned is told floats beside those who
-  // were.
+  // An instance that keeps its rotation has it normalised at every move. One that was never turned gets its rotation as
+  // floats when others were turned.
   double rotations_within() const { return turning_ == Turning::kAtTimes ? 2e-7 : 1e-15; }
 
   void expect_same(const Session& a, const Session& b, bool velocities) {
@@ -396,7 +396,7 @@ TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
   EXPECT_TRUE(tick.observed_camera().cut());
   EXPECT_EQ(tick.observed_camera().pose().SerializeAsString(), reply_.pose().SerializeAsString());
 
-  // From here on both are told the same: velocities that are derived are the same again.
+  // Both receive the same ticks from here on, so derived velocities are equal again.
   for (int i = 0; i < 10; ++i) {
     const v1::Tick more = next(true);
     const bool applied = truth_->apply(more, rejection);

@@ -19,8 +19,8 @@ struct RecordedHallOptions {
   int economy_level = 0;  // of every step
   bool attach_scene = true;
   v1::Settings settings = {};
-  // Changes the opening, and tick i before it is told and recorded, given the newest reply. A tick that is then refused is
-  // recorded with its refusal, and gets no step.
+  // Changes the opening, and tick i before it is applied and recorded, given the newest reply. A tick that is then refused
+  // is recorded with its refusal, and gets no step.
   std::function<void(v1::OpenSession&)> change_open = {};
   std::function<void(int, const v1::CameraReply&, v1::Tick&)> change = {};
 };

@@ -72,7 +72,7 @@ TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
   EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
 }
 
-// What the daemon answered before it was killed and what its successor answers are one chain.
+// The replies of the killed daemon and of its successor form one chain.
 TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
   const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .settings = light()});
   test::TemporaryFolder folder;

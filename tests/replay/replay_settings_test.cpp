@@ -1,4 +1,4 @@
-// Settings as they are typed, put over what a session was told.
+// Settings as typed, applied to the messages of a session.
 #include "client/replay/settings.h"
 
 #include <gmock/gmock.h>

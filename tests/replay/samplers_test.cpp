@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// Takes all maps twice: hands on those of the first sampler, and counts texels in which the other sees another thing. So each
-// step is compared from the very memory that the first led to.
+// Makes every map twice. It returns the map of the first sampler, and counts the texels in which the other map sees another
+// instance. So each step is compared from the very memory that the first led to.
 struct Agreement {
   uint64_t texels = 0, same = 0;     // by what is seen there
   uint64_t maps = 0, same_maps = 0;  // in every texel

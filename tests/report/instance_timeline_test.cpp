@@ -1,4 +1,4 @@
-// What a cast says of each frame, against a plain note of what the mirror was in it: random comings, goings, movements and
+// Compares an InstanceTimeline with a plain log of the mirror at each frame, over random additions, removals, movements and
 // rests.
 #include "client/report/instance_timeline.h"
 
@@ -96,7 +96,7 @@ class World {
       attributes.visible = !one_in(2), attributes.occludes = !one_in(3);
       delta.change.push_back({id, attributes});
     }
-    // Stretches of movement and rest; a resting one may be told where it is all the same.
+    // Stretches of movement and rest. A resting instance may still get its unchanged pose.
     if (one_in(50)) moves_[id] = !moves_[id];
     if (!moves_[id] && !one_in(2)) return;
     update.ids.push_back(id);

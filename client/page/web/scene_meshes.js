@@ -146,7 +146,7 @@ export class SceneMeshes {
     return Math.max(100, 1.5 * box.getSize(new THREE.Vector3()).length());
   }
 
-  // Whether nothing that stands still lies between two points.
+  // True when no still instance lies between two points.
   isOpen(a, b) {
     this.group.updateMatrixWorld(true);
     const way = b.clone().sub(a),
@@ -154,7 +154,7 @@ export class SceneMeshes {
     return ray.intersectObjects(this.stillMeshes, false).length === 0;
   }
 
-  // Whether the first target starts under a roof.
+  // True when the first target starts under a roof.
   hasRoof() {
     if (!this.session.targets.length) return false;
     const sight = sightAt(this.session, 0, 0);
@@ -182,7 +182,7 @@ export class SceneMeshes {
     });
   }
 
-  // What stands still for a while: a matrix of zeros hides one of many.
+  // Still instances with a limited life: a zero matrix hides one of an instanced mesh.
   showPassing(frame) {
     for (const { drawn, index } of this.stillTargets) drawn.visible = lives(this.session, index, frame);
     for (const each of this.passing) {
