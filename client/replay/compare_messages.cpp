@@ -110,6 +110,7 @@ class Reporter final : public MessageDifferencer::Reporter {
     constexpr size_t kLongest = 80;
     std::string text;
     printer_.PrintFieldValueToString(message, &field, field.is_repeated() ? index : -1, &text);
+    if (text.ends_with(' ')) text.pop_back();  // of a message on one line
     if (text.size() > kLongest) text.replace(kLongest, text.npos, "...");
     return text;
   }

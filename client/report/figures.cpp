@@ -85,7 +85,10 @@ CameraFrame frame_of(const v1::CameraReply& reply, const Convention& convention,
 }
 
 void ReplyFigures::add(const v1::CameraReply& reply) {
-  frames_.push_back(frame_of(reply, convention_));
+  CameraFrame frame = frame_of(reply, convention_);
+  if (!frames_.empty() && !reply.cut())
+    travel_m_ += glm::distance(frames_.back().camera.position_m, frame.camera.position_m);
+  frames_.push_back(std::move(frame));
   bool all_visible = true, all_seen = true;
   for (const v1::TargetVisibility& target : reply.targets()) {
     TargetSums& sums = targets_[target.id()];
@@ -197,7 +200,7 @@ class ReplyTable {
       FigureRow& row = rows_.emplace_back(FigureRow{label, {}});
       for (const RunMetrics& run : motions) row.values.push_back(formatted(format, run.*value));
     };
-    motion("camera travel", "%.2f m", &RunMetrics::d_c_m);
+    row("camera travel", [](const Run& run) { return formatted("%.2f m", run.travel_m_); });
     motion("peak speed", "%.2f m/s", &RunMetrics::peak_speed_mps);
     row("rms speed", [](const Run& run) { return formatted("%.2f m/s", rms_speed(run.frames_)); });
     motion("peak acceleration", "%.2f m/s2", &RunMetrics::peak_acceleration_mps2);

@@ -44,6 +44,7 @@ class ReplyFigures {
 
   Convention convention_;
   std::vector<CameraFrame> frames_;
+  double travel_m_ = 0.0;  // between poses; cuts do not count
   std::map<uint64_t, TargetSums> targets_;
   std::map<std::string, uint64_t> states_;  // replies by "status ..." and "reason ..."
   uint64_t with_targets_ = 0, all_visible_ = 0, all_seen_ = 0;

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <unordered_map>
 
-#include "client/page/asset_names.h"
 #include "client/page/contact_sheet.h"
 #include "client/page/page_reply.h"
 #include "client/report/instance_timeline.h"
 #include "client/report/digest.h"
 #include "client/report/placeholders.h"
-#include "server/wire/from_proto_values.h"
+#include "server/scene/mirror.h"
 #include "server/wire/settings_to_proto.h"
 
 namespace sightline {
@@ -19,6 +19,22 @@ namespace {
 
 constexpr size_t kMostTargets = 32;
 constexpr int kJpegQuality = 82;
+
+// Names of drawables without a binding, by the id that `instantiate` gives them. A node's GPU instances are numbered:
+// "crate #2".
+std::unordered_map<uint64_t, std::string> asset_names(const SceneAsset& asset) {
+  std::unordered_map<uint64_t, std::string> names;
+  uint64_t k = 0;
+  for (const AssetNode& node : asset.nodes) {
+    if (node.mesh < 0 || !asset.meshes[static_cast<size_t>(node.mesh)]) continue;
+    const size_t count = std::max<size_t>(1, node.gpu_instances.size());
+    for (size_t i = 0; i < count; ++i) {
+      std::string& name = names[kAssetIdBit | k++] = node.name;
+      if (count > 1) name.append(" #").append(std::to_string(i + 1));
+    }
+  }
+  return names;
+}
 
 std::string seconds(double time_s) {
   std::string text = std::to_string(time_s);

@@ -29,25 +29,8 @@ export class SceneMeshes {
 
   // The matrix of an instance as it stands, columns x, y, z and origin.
   matrixOf(index) {
-    const t = this.session.instance_transforms.subarray(12 * index, 12 * index + 12);
-    return new THREE.Matrix4().set(
-      t[0],
-      t[3],
-      t[6],
-      t[9],
-      t[1],
-      t[4],
-      t[7],
-      t[10],
-      t[2],
-      t[5],
-      t[8],
-      t[11],
-      0,
-      0,
-      0,
-      1,
-    );
+    const column = (i, w) => [...this.session.instance_transforms.subarray(12 * index + 3 * i, 12 * index + 3 * i + 3), w];
+    return new THREE.Matrix4().fromArray([0, 1, 2, 3].flatMap((i) => column(i, i === 3 ? 1 : 0)));
   }
 
   addStill() {
