@@ -9,9 +9,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kHalfPi = std::numbers::pi / 2;
-// Straight up and down are defined, but a hair less keeps the yaw of a target overhead from being noise.
-constexpr double kMaxPitchRad = kHalfPi - 1e-3;
 constexpr int kAimIterations = 4;
 
 // Where the group stands in the picture along one axis, in radians from the middle: the interval that must fit, and
@@ -98,7 +95,7 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const V
   Aim aim;
   aim.vertical_fov_rad = zoom_for(at, lens, settings);
   aim.fits = at.x.reach() <= half_x && at.y.reach() <= half_y;
-  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 4 * kHalfPi),
+  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi),
                                                 settings.dead_zone * half_x);
   aim.angles.pitch_rad =
       present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);

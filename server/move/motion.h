@@ -39,18 +39,27 @@ double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& li
 struct ViewAngles {
   double yaw_rad = 0, pitch_rad = 0, roll_rad = 0;
 };
-ViewAngles angles_from_rotation(const glm::dquat& world_from_camera, double yaw_when_vertical_rad);
+// Looking straight up or down, the yaw is the one that leaves no roll.
+ViewAngles angles_from_rotation(const glm::dquat& world_from_camera);
 glm::dquat rotation_from_angles(const ViewAngles& angles);
+
+// The steepest pitch that a turn aims at or reaches, up or down. The camera is then upright and its yaw is no noise.
+inline constexpr double kMaxPitchRad = 1.5707963267948966 - 1e-3;
 
 struct TurnState {
   ViewAngles angles;
   double yaw_rate_radps = 0, pitch_rate_radps = 0;
 };
 
-// Turns towards the aim, (yaw rate, pitch rate) within max_angular_speed and its change within max_angular_acceleration * dt;
-// a rate over the maximum brakes as in clamp_velocity.
-// `response_s`: time to close 99 % of an error where the limits allow; 0 = as fast as they allow. Any roll is let go at no
-// more than max_angular_speed.
+// Turns towards the aim. The vector (yaw rate, pitch rate) stays within max_angular_speed, and its change within
+// max_angular_acceleration * dt; a rate over the maximum (limits were lowered) brakes as in clamp_velocity.
+//
+// The pitch never passes +-kMaxPitchRad (a camera that starts beyond it goes no further), so the camera is never upside down: it
+// always brakes in time for the pole, and the yaw gets what acceleration is left. Only limits that are lowered during a turn can
+// make that impossible. Then the pole comes before the acceleration limit, and that before the speed limit.
+//
+// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. Any roll is undone at
+// up to max_angular_speed.
 TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
                        double response_s, double dt_s);
 

@@ -203,7 +203,7 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.camera.velocity_mps = velocity_mps;
   memory.camera.angular_velocity_radps = glm::dvec3(0.0);
   memory.turn = TurnState{};
-  memory.turn.angles = angles_from_rotation(pose.rotation, 0.0);
+  memory.turn.angles = angles_from_rotation(pose.rotation);
   memory.has_offset = false;
   memory.horizon_s = 0.0;
   memory.goal.goal_m.reset();
