@@ -142,7 +142,8 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
   next.pitch_rate_radps = rates.y;
   next.angles.yaw_rad = wrap_angle(state.angles.yaw_rad + rates.x * dt_s);
   next.angles.pitch_rad = state.angles.pitch_rad + rates.y * dt_s;
-  next.angles.roll_rad = roll_after(state.angles.roll_rad, limits.max_angular_speed_radps * dt_s);
+  const double roll_rate = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
+  next.angles.roll_rad = roll_after(state.angles.roll_rad, roll_rate * dt_s);
   return next;
 }
 

@@ -58,8 +58,8 @@ struct TurnState {
 // always brakes in time for the pole, and the yaw gets what acceleration is left. Only limits that are lowered during a turn can
 // make that impossible. Then the pole comes before the acceleration limit, and that before the speed limit.
 //
-// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. Any roll is undone at
-// up to max_angular_speed.
+// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. A roll, which only the
+// start can bring, is undone with what is left of max_angular_speed; no acceleration limit holds for it.
 TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
                        double response_s, double dt_s);
 

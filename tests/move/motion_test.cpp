@@ -186,6 +186,18 @@ TEST(Motion, RollGivenAtTheStartIsLetGoWithinTheLimit) {
   EXPECT_NEAR(next.angles.roll_rad, 0.2, 1e-9);
 }
 
+TEST(Motion, ARolledCameraTurnsAndLevelsWithinTheSpeedLimit) {
+  TurnState state;
+  state.angles.roll_rad = 2.5;
+  for (int i = 0; i < 300; ++i) {
+    const TurnState next = turn_towards(state, {2.0, 1.0, 0}, {}, 0.2, 1.0 / 60);
+    EXPECT_LE(angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles)),
+              CameraLimits{}.max_angular_speed_radps / 60 * (1 + 1e-6));
+    state = next;
+  }
+  EXPECT_EQ(state.angles.roll_rad, 0.0);
+}
+
 TEST(Motion, LimitsOutOfRangeAreNamed) {
   const auto field = [](const CameraLimits& limits) { return validate(limits, Lens{}).error().field; };
   EXPECT_EQ(field({.max_speed_mps = 0}), "max_speed_mps");
