@@ -28,11 +28,11 @@ Vec limit_length(const Vec& v, double most) {
   return length > most ? v * (most / length) : v;
 }
 
-// A rate over its maximum brakes straight, as far as its change is allowed; less than this share over it is rounding.
+// A rate above its maximum by less than this factor is a rounding error.
 constexpr double kOverMaximum = 1 + 1e-9;
 
-// `wanted` brought to within `most`, and then to within `most_change` of `present`. With present within `most` too the segment
-// between both is, so that the two limits do not fight.
+// `wanted`, clamped to `most`, and then to within `most_change` of `present`. If `present` is within `most`, so is the segment between the
+// two, and the limits do not conflict. Otherwise the rate brakes straight.
 template <typename Vec>
 Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_change) {
   const double rate = glm::length(present);
@@ -41,7 +41,7 @@ Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_c
 }
 
 // Lowers a pitch rate from which the camera could not stop before straight up or down, braking with all of the acceleration `a`.
-// From the rate that it allows, the next step can brake in time as well, however long that step is: v^2 / (2 a) <= the way left.
+// The rate that it returns keeps v^2 / (2 a) <= the angle left, so the next step can brake in time as well, however long it is.
 glm::dvec2 brake_before_pole(const glm::dvec2& present, const glm::dvec2& rates, double pitch_rad, double a,
                              double dt_s) {
   const double up = rates.y < 0 ? -1 : 1;

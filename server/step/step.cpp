@@ -28,8 +28,8 @@ constexpr double kOptionalShare = 0.1;
 // The bound keeps this much more from the targets' centre than the camera from a target: nearer, one map no longer shows it all.
 constexpr double kBoundFromTargetsM = 0.5;
 
-TargetView view_of(const Target& target, const Instance& instance) {
-  TargetView view;
+TrackedTarget view_of(const Target& target, const Instance& instance) {
+  TrackedTarget view;
   const glm::dvec3 aim = target.aim_offset_m.value_or(glm::dvec3(instance.geometry->bounds.center()));
   view.aim_m = transform_point(instance.world_from_instance, aim);
   view.radius_m = instance.radius_m;
@@ -81,7 +81,7 @@ void keep_offset(StepWork& w) {
     if (w.steered >> i & 1u)
       set += hash64_bytes(std::as_bytes(std::span(&w.input.targets[i].instance_id, 1)));
   if (w.memory.has_offset && w.memory.offset_targets == set) return;
-  w.memory.desired_offset_m = w.memory.camera.pose.position_m - weighted_center_m(w.memory.target_views);
+  w.memory.desired_offset_m = w.memory.camera.pose.position_m - weighted_center_m(w.memory.tracked_targets);
   w.memory.shot.asked_offset_m = w.memory.desired_offset_m;
   w.memory.shot.place.reset();
   w.memory.offset_targets = set;
@@ -105,7 +105,7 @@ void start(StepWork& w) {
   look_at_targets(w);
   remember_pasts(w);
   keep_offset(w);
-  if (w.steered != 0) w.memory.goal.trail.pass(weighted_center_m(w.memory.target_views));
+  if (w.steered != 0) w.memory.goal.trail.pass(weighted_center_m(w.memory.tracked_targets));
 }
 
 // Whether the picture shows a point that lies in it: what hides it may be too near the lens to be drawn.
@@ -142,12 +142,12 @@ Status take_maps(StepMemory& memory, const SceneMirror& scene, Sampler& sampler)
 
 void look_at_targets(StepWork& w) {
   const auto& targets = w.input.targets;
-  w.memory.target_views.clear();
+  w.memory.tracked_targets.clear();
   w.memory.target_ids.clear();
   w.memory.goal.target_weights.clear();
   w.memory.ignored_slots.resize(targets.size());
   for (size_t i = 0; i < targets.size(); ++i) {
-    w.memory.target_views.push_back(view_of(targets[i], *w.input.scene.find(targets[i].instance_id)));
+    w.memory.tracked_targets.push_back(view_of(targets[i], *w.input.scene.find(targets[i].instance_id)));
     w.memory.target_ids.push_back(targets[i].instance_id);
     w.memory.goal.target_weights.push_back(targets[i].weight * (targets[i].required ? 1.0 : kOptionalShare));
     if (targets[i].weight > 0) w.steered |= 1u << i;
@@ -157,7 +157,7 @@ void look_at_targets(StepWork& w) {
 
 glm::dvec3 desired_place(const StepWork& w) {
   if (w.input.settings.move.follow == Follow::kStay) return w.memory.camera.pose.position_m;
-  return desired_place_m(w.memory.target_views, w.memory.desired_offset_m, w.lens,
+  return desired_place_m(w.memory.tracked_targets, w.memory.desired_offset_m, w.lens,
                          w.input.settings.framing.margin, w.input.settings.move);
 }
 
@@ -167,7 +167,7 @@ void bound(StepWork& w) {
   w.memory.bound = bound_camera(w.memory.camera, w.input.limits, settings, w.memory.horizon_s, w.move_s);
   if (w.steered == 0 || settings.towards_m == 0) return;
   w.memory.bound =
-      extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.towards_m,
+      extend_towards(w.memory.bound, weighted_center_m(w.memory.tracked_targets), settings.towards_m,
                      w.input.settings.move.min_distance_m + kBoundFromTargetsM);
 }
 
@@ -183,8 +183,8 @@ void report_targets(StepWork& w) {
     report.visible_share = sight.share();
     report.filtered_share = w.memory.shares.share(i).value_or(sight.share());
     report.filtered_visible = w.memory.candidates.filtered()[w.own_candidate] >> i & 1u;
-    report.in_picture = in_picture(w.memory.camera.pose, lens, w.memory.target_views[i].aim_m);
-    report.distance_m = glm::distance(place, w.memory.target_views[i].aim_m);
+    report.in_picture = in_picture(w.memory.camera.pose, lens, w.memory.tracked_targets[i].aim_m);
+    report.distance_m = glm::distance(place, w.memory.tracked_targets[i].aim_m);
     if (sight.occluder != kNoOccluder) report.occluder_id = w.input.scene.instances()[sight.occluder].id;
     w.result.targets.push_back(report);
   }
@@ -208,7 +208,7 @@ void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& veloci
   memory.horizon_s = 0.0;
   memory.goal.goal_m.reset();
   memory.shares.forget();
-  memory.shot.survey.forget();
+  memory.shot.viewpoints.forget();
 }
 
 StepWork begin_step(StepMemory& memory, const StepInput& input, const StageClock& clock) {

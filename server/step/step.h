@@ -15,27 +15,27 @@
 #include <vector>
 
 #include "server/aggregate/compose.h"
-#include "server/aggregate/lasting.h"
 #include "server/aggregate/lattice.h"
+#include "server/aggregate/occlusion_smoother.h"
 #include "server/aggregate/pair_chain.h"
 #include "server/aggregate/share_window.h"
-#include "server/aggregate/survey.h"
 #include "server/aggregate/temporal_volume.h"
+#include "server/aggregate/viewpoint_map.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
 #include "server/base/inline_vector.h"
 #include "server/bound/bound.h"
 #include "server/move/body.h"
 #include "server/move/choose.h"
+#include "server/move/clearance_cache.h"
 #include "server/move/decision.h"
-#include "server/move/depths.h"
 #include "server/move/framing.h"
+#include "server/move/goal.h"
+#include "server/move/groups.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/route.h"
-#include "server/move/shelter.h"
 #include "server/move/shot.h"
-#include "server/move/standoff.h"
 #include "server/move/trail.h"
 #include "server/sample/extent.h"
 #include "server/sample/plan.h"
@@ -109,7 +109,7 @@ inline constexpr size_t kMaxFutures = 3;  // going on, and turning to either sid
 
 // The survey of a step, and the shot that it leads to.
 struct ShotSearch {
-  Survey survey;
+  ViewpointMap viewpoints;
   size_t looking = 0;              // which target looks round in this step
   MapRange maps;                   // what it sees; none without a survey
   glm::dvec3 asked_offset_m{0.0};  // of the shot that the client gave
@@ -123,11 +123,11 @@ struct GoalSearch {
   std::vector<double> target_weights;
   HiddenShares hidden_by;       // by candidate: what is expected to be hidden, by what
   std::vector<uint8_t> passes;  // by mirror slot: moves, and is no target
-  LastingShares lasting;        // of what they hide
+  OcclusionSmoother smoother;        // of what they hide
   std::vector<double> hidden;   // by candidate: what counts as hidden, [0, 1]
-  Standoff standoff;
+  ClearanceCache clearance_cache;
   std::vector<float> clearance_m;  // by candidate, to what stands, 0 where a mover is about to be
-  Depths depths;                   // among the places that see all
+  EdgeDepths edge_depths;                   // among the places that see all
   RouteFinder routes;
   bool lost = false;  // nothing is seen from any place that can be reached
   Trail trail;
@@ -153,7 +153,7 @@ struct StepMemory {
 
   // Intermediates of the last step: what is dumped and drawn.
   Bound bound;
-  std::vector<TargetView> target_views;
+  std::vector<TrackedTarget> tracked_targets;
   std::vector<MapRequest> requests;
   std::vector<MapView> views;
   std::vector<std::vector<uint32_t>> ignored_slots;  // by target
@@ -171,7 +171,6 @@ struct StepMemory {
   ClearanceField colliders;
   MoversAhead movers_ahead;
   std::vector<uint32_t> slots;
-  FilteredSights filtered;
   std::vector<glm::ivec3> cells;
   std::vector<uint8_t> members;
   Composer composer;
@@ -180,8 +179,8 @@ struct StepMemory {
   GoalSearch goal;
   GroupScratch group_scratch;
   Groups groups;  // strategy robust only
-  ShelterScratch shelter_scratch;
-  std::vector<uint32_t> shelter_squared;  // by candidate; strategy robust only
+  EdgeDistanceScratch edge_distance_scratch;
+  std::vector<uint32_t> edge_distance_squared;  // by candidate; strategy robust only
   std::vector<double> cost;               // by candidate; strategy robust only
   ChoiceScratch choice_scratch;
   std::vector<glm::vec3> picked;

@@ -92,8 +92,7 @@ void filter(StepWork& w) {
                       candidates.visible_targets[cells + k]);
     w.memory.slots.push_back(volume.place_slot(k));
   }
-  volume.filter(w.memory.slots, candidates.visible_targets, w.steered, w.memory.filtered);
-  candidates.filtered_targets.swap(w.memory.filtered.visible_targets);
+  volume.filter(w.memory.slots, candidates.visible_targets, w.steered, candidates.filtered_targets);
 }
 
 void look_ahead(StepWork& w) {

@@ -34,7 +34,7 @@ void give_way(StepWork& w, double body_radius_m) {
 
 void measure_clearances(StepWork& w, double body_radius_m) {
   StepMemory& m = w.memory;
-  const std::span<const float> standoff = m.goal.standoff.measure(
+  const std::span<const float> standoff = m.goal.clearance_cache.measure(
       w.input.scene, m.lattice, m.bound, m.place_m, w.on_lattice, body_radius_m);
   m.goal.clearance_m.assign(standoff.begin(), standoff.end());
   give_way(w, body_radius_m);
@@ -113,8 +113,8 @@ bool follow_trail(StepWork& w, Leg& leg) {
 }  // namespace
 
 bool targets_stand(const StepWork& w) {
-  return std::none_of(w.memory.target_views.begin(), w.memory.target_views.end(),
-                      [](const TargetView& target) {
+  return std::none_of(w.memory.tracked_targets.begin(), w.memory.tracked_targets.end(),
+                      [](const TrackedTarget& target) {
                         return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
                       });
 }
@@ -149,7 +149,7 @@ void expect_hidden(StepWork& w) {
     w.memory.composer.add_hidden(as_input(w, future.sampled), w.input.settings.aggregate.relative_bias,
                                  hidden_weights(w, ahead * (1 - kForetoldShare) * future.weight), goal.hidden_by);
   const FilterSettings& filter = w.input.settings.aggregate.filter;
-  goal.lasting.update(w.memory.lattice, w.on_lattice, w.move_s,
+  goal.smoother.update(w.memory.lattice, w.on_lattice, w.move_s,
                       filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                       goal.hidden_by.by_passing);
   goal.hidden.resize(goal.hidden_by.by_staying.size());
@@ -163,7 +163,7 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
   const MoveSettings& settings = w.input.settings.move;
   const double body_radius_m = body_m(w) + kRouteRoomM;
   list_all_visible(w);
-  goal.depths.begin(m.cells, m.members);
+  goal.edge_depths.begin(m.cells, m.members);
   measure_clearances(w, body_radius_m);
   StraightWays ways(m.colliders, m.camera.pose.position_m, body_m(w));
   const RouteNodes nodes{.position_m = m.place_m,
@@ -182,11 +182,11 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
                           .desired_m = desired_m,
                           .former_goal_m = goal.goal_m},
                          blend);
-  const PlaceLimits limits(m.target_views, settings);
-  const uint32_t found = find_goal({costs, goal.depths, limits, m.place_m}, goal.routes);
+  const PlaceLimits limits(m.tracked_targets, settings);
+  const uint32_t found = find_goal({costs, goal.edge_depths, limits, m.place_m}, goal.routes);
   goal.lost = is_lost(w);
   goal.goal_m = m.place_m[found];
-  return choice_of(found, m.candidates, m.target_views, desired_m);
+  return choice_of(found, m.candidates, m.tracked_targets, desired_m);
 }
 
 glm::dvec3 velocity_to_goal(StepWork& w, Choice& choice) {

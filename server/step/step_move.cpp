@@ -42,8 +42,8 @@ void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
   list_all_visible(w);
   leave_out_hidden_ahead(w);
   find_groups(m.cells, m.place_m, m.members, desired, m.group_scratch, m.groups);
-  measure_shelter(m.cells, m.members, m.shelter_scratch, m.shelter_squared);
-  robust_costs(m.place_m, desired, m.groups, m.shelter_squared, m.cost);
+  measure_edge_distances(m.cells, m.members, m.edge_distance_scratch, m.edge_distance_squared);
+  robust_costs(m.place_m, desired, m.groups, m.edge_distance_squared, m.cost);
 }
 
 Choice choose(StepWork& w) {
@@ -55,10 +55,10 @@ Choice choose(StepWork& w) {
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
   const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
   if (w.input.settings.move.strategy == Strategy::kBasic)
-    return choose_basic(w.memory.candidates, w.memory.target_views, desired, ahead_weight,
+    return choose_basic(w.memory.candidates, w.memory.tracked_targets, desired, ahead_weight,
                         w.input.settings.move, reachable, w.memory.choice_scratch);
   set_robust_costs(w, desired);
-  return choose_place(w.memory.candidates, w.memory.target_views, w.memory.cost, desired, ahead_weight,
+  return choose_place(w.memory.candidates, w.memory.tracked_targets, w.memory.cost, desired, ahead_weight,
                       w.input.settings.move, reachable, w.memory.choice_scratch);
 }
 
@@ -94,7 +94,7 @@ void turn(StepWork& w) {
   const FramingSettings& framing = w.input.settings.framing;
   Aim aim{turn.angles, w.lens.vertical_fov_rad, true};
   if (w.steered != 0)
-    aim = aim_at(w.memory.camera.pose.position_m, w.memory.target_views, turn.angles, w.lens, framing);
+    aim = aim_at(w.memory.camera.pose.position_m, w.memory.tracked_targets, turn.angles, w.lens, framing);
   const glm::dquat before = w.memory.camera.pose.rotation;
   turn = turn_towards(turn, aim.angles, w.input.limits, framing.response_s, w.move_s);
   w.memory.camera.pose.rotation = rotation_from_angles(turn.angles);
@@ -112,7 +112,7 @@ void turn(StepWork& w) {
 glm::dvec3 group_velocity(const StepWork& w) {
   glm::dvec3 sum(0.0);
   double weight = 0;
-  for (const TargetView& t : w.memory.target_views) sum += t.weight * t.velocity_mps, weight += t.weight;
+  for (const TrackedTarget& t : w.memory.tracked_targets) sum += t.weight * t.velocity_mps, weight += t.weight;
   return weight > 0 ? sum / weight : sum;
 }
 

@@ -96,7 +96,7 @@ void pick_all(StepWork& w) {
         add_points(ahead.points_m,
                    std::span(w.memory.picked).first(std::min(kPointsAhead, w.memory.picked.size())), later);
     } else {
-      const glm::dvec3 aim = w.memory.target_views[i].aim_m;
+      const glm::dvec3 aim = w.memory.tracked_targets[i].aim_m;
       now.points_m.push_back(aim);
       now.sights_m.push_back(aim);
       if (w.memory.ahead_s > 0)
@@ -133,7 +133,7 @@ void pick_futures(StepWork& w) {
       const Pose foretold = find_past(w.memory, instance.id)->predictor.at(w.memory.ahead_s).pose;
       const glm::dvec3 way = foretold.position_m - instance.world_from_instance[3];
       future.sampled.points_of_target.push_back({static_cast<uint32_t>(i), 1});
-      future.sampled.points_m.push_back(w.memory.target_views[i].aim_m + turned(way, turns_rad[f]));
+      future.sampled.points_m.push_back(w.memory.tracked_targets[i].aim_m + turned(way, turns_rad[f]));
     }
   }
 }

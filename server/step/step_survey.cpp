@@ -34,24 +34,24 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
 }
 
 glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
-  return desired_place_m(w.memory.target_views, offset_m, w.lens, w.input.settings.framing.margin,
+  return desired_place_m(w.memory.tracked_targets, offset_m, w.lens, w.input.settings.framing.margin,
                          w.input.settings.move) -
-         weighted_center_m(w.memory.target_views);
+         weighted_center_m(w.memory.tracked_targets);
 }
 
 // The shot that looks at the targets' centre from there, all of them seen.
 void capture(const StepWork& w, const glm::dvec3& offset_m, ShotState& shot) {
   std::array<float, kMaxTargets> seen;
   seen.fill(1.0f);
-  const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
-  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.target_views,
+  const glm::dvec3 center_m = weighted_center_m(w.memory.tracked_targets);
+  capture_shot(pose_of_shot(center_m, offset_m), w.lens, w.memory.tracked_targets,
                std::span<const float>(seen).first(w.input.targets.size()), shot);
 }
 
 void choose(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   const MoveSettings& settings = w.input.settings.move;
-  const glm::dvec3 center_m = weighted_center_m(w.memory.target_views),
+  const glm::dvec3 center_m = weighted_center_m(w.memory.tracked_targets),
                    present_m = w.memory.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
   capture(w, shot_offset_m(w, shot.asked_offset_m), shot.asked);
@@ -61,11 +61,11 @@ void choose(StepWork& w) {
   CoherenceSettings coherence = settings.coherence;
   coherence.predictive_power = settings.predictive_power;
   const auto allowed = [&](const glm::dvec3& offset_m) {
-    return within_limits(center_m + offset_m, w.memory.target_views, settings) &&
+    return within_limits(center_m + offset_m, w.memory.tracked_targets, settings) &&
            glm::length(shot_offset_m(w, offset_m)) <= kFitSlack * glm::length(offset_m);
   };
-  shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
-  shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
+  shot.asked_place = shot.viewpoints.nearest_viewpoint(shot.asked.from_center_m);
+  shot.place = choose_shot(shot.viewpoints, w.memory.tracked_targets, shot.asked, shot.asked_place, shot.present,
                            shot.place.value_or(shot.asked_place), survey, coherence, std::cref(allowed));
 }
 
@@ -77,7 +77,7 @@ double survey_distance_m(const StepWork& w) {
 // What was learnt is old when the survey comes on again, and without one the camera wants the shot that it was asked for.
 void stop_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
-  shot.survey.forget();
+  shot.viewpoints.forget();
   if (shot.place) w.memory.desired_offset_m = shot.asked_offset_m;
   shot.place.reset();
 }
@@ -100,12 +100,12 @@ void plan_survey(StepWork& w) {
 
 void request_survey(StepWork& w) {
   const ShotSearch& shot = w.memory.shot;
-  const glm::dvec3 center_m = weighted_center_m(w.memory.target_views);
+  const glm::dvec3 center_m = weighted_center_m(w.memory.tracked_targets);
   for (uint32_t view = shot.maps.first; view < shot.maps.first + shot.maps.count; ++view)
     w.memory.requests[view] = {.view = w.memory.views[view],
                                .layer_mask = w.input.targets[shot.looking].layer_mask,
                                .far_m = beyond_all_m(glm::distance(w.memory.views[view].eye_m, center_m) +
-                                                     Survey::kFarthestShare * survey_distance_m(w)),
+                                                     ViewpointMap::kFarthestShare * survey_distance_m(w)),
                                .ignored_slots = w.memory.ignored_slots[shot.looking]};
 }
 
@@ -113,17 +113,17 @@ void learn_survey(StepWork& w) {
   ShotSearch& shot = w.memory.shot;
   if (shot.maps.count == 0 || w.move_s <= 0) return;
   const AggregateSettings& settings = w.input.settings.aggregate;
-  shot.survey.follow(w.memory.target_ids, survey_distance_m(w));
-  shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
-                    weighted_center_m(w.memory.target_views), settings.relative_bias,
+  shot.viewpoints.follow(w.memory.target_ids, survey_distance_m(w));
+  shot.viewpoints.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
+                    weighted_center_m(w.memory.tracked_targets), settings.relative_bias,
                     w.move_s * static_cast<double>(w.input.targets.size()),
                     w.input.settings.move.survey.memory_s);
-  const bool knows = shot.survey.known_s() >= kKnownShare * w.input.settings.move.survey.memory_s;
+  const bool knows = shot.viewpoints.known_s() >= kKnownShare * w.input.settings.move.survey.memory_s;
   if (knows && w.input.tick % kStepsPerChoice == 0) choose(w);
   if (!shot.place) return;
   // The survey's places are coarse: the one that is most like the shot that was asked for is taken for that shot itself.
   w.memory.desired_offset_m =
-      *shot.place == shot.asked_place ? shot.asked_offset_m : shot.survey.offset_m(*shot.place);
+      *shot.place == shot.asked_place ? shot.asked_offset_m : shot.viewpoints.offset_m(*shot.place);
 }
 
 }  // namespace sightline

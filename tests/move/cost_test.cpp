@@ -130,7 +130,7 @@ TEST(BlendCosts, AreTheSumOfTheirTerms) {
   for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(blend.cost[i], sum[i], 1e-9);
 }
 
-// What the search for a goal rests on: bounds that hold to the last bit.
+// The search for a goal relies on these bounds, which hold to the last bit.
 TEST(BlendCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
   const Blend blend = random_blend(42);
   const BlendCosts costs = blend.costs(

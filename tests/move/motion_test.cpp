@@ -124,8 +124,8 @@ TEST(Motion, YawTurnsLeftAndPitchLooksUp) {
   EXPECT_LT(glm::distance(up, glm::dvec3(0, 1, 0)), 1e-12);
 }
 
-// Up to both poles, over half turns, with irregular steps: the rotation between two poses, measured on the quaternions, is
-// within the limits, and the camera neither rolls nor passes a pole.
+// Turns up to both poles and half turns, with irregular steps. The rotation between two poses, measured on the quaternions, stays within
+// the limits, and the camera neither rolls nor passes a pole.
 TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   const CameraLimits limits{.max_angular_speed_radps = 2, .max_angular_acceleration_radps2 = 9};

@@ -1,4 +1,4 @@
-// Steps a world and checks what holds at every step, whatever happens in it.
+// Steps a world and checks the invariants of every step.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -69,7 +69,7 @@ class TimedRays {
             bool keep) {
     from_.clear();
     for (size_t i = 0; i < targets.size(); ++i)
-      from_.push_back({memory.target_views[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
+      from_.push_back({memory.tracked_targets[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
     list_places(memory.candidates.position_m, place_m_);
     const double begin_ms = now_ms();
     peer_->prepare();
