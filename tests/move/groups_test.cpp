@@ -152,16 +152,19 @@ TEST(Groups, EqualGroupsAreDecidedByTheOneNearestToTheDesiredPlace) {
   Grid grid;
   for (int x = 0; x < 7; ++x) grid.add({x, 0, 0}, x != 3);
   grid.desired = {10, 0, 0};
-  EXPECT_EQ(grid.find().largest, grid.groups.group_of[6]);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[6]);
   grid.desired = {-10, 0, 0};
-  EXPECT_EQ(grid.find().largest, grid.groups.group_of[0]);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[0]);
 }
 
 TEST(Groups, ALargerGroupWinsOverANearerOne) {
   Grid grid;
   for (int x = 0; x < 8; ++x) grid.add({x, 0, 0}, x != 2);
   grid.desired = {-10, 0, 0};
-  EXPECT_EQ(grid.find().largest, grid.groups.group_of[3]);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[3]);
 }
 
 TEST(Groups, TouchingAtAnEdgeOrACornerDoesNotConnect) {
