@@ -44,7 +44,7 @@ RaycastPolicy::RaycastPolicy(const PolicySite& site, std::unique_ptr<ScenarioWor
       offset_m_(site.scenario.camera().position_m - world_->targets_center_m()),
       horizon_s_(settings_.bound.horizon_s) {
   camera_.pose = site.scenario.camera();
-  turn_.angles = angles_from_rotation(camera_.pose.rotation, 0.0);
+  turn_.angles = angles_from_rotation(camera_.pose.rotation);
 }
 
 void RaycastPolicy::update_views() {

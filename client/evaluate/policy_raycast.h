@@ -35,7 +35,7 @@ class RaycastPolicy : public CameraPolicy {
   const Lens lens_;
   const std::unique_ptr<ScenarioWorld> world_;
   const glm::dvec3 offset_m_;
-  std::vector<TargetView> views_;
+  std::vector<TrackedTarget> views_;
   glm::dvec3 center_velocity_mps_{0.0};
   CameraState camera_;
   TurnState turn_;

@@ -1,4 +1,4 @@
-// The candidates of one step: places where the camera could be, and which targets each sees.
+// The candidates of one step: positions that the camera could take, and which targets each of them sees.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace sightline {
 
-// Structure of arrays, all as long as the places or empty where said. Memory is reused from step to step.
+// A structure of arrays with one entry a candidate, or none where a comment allows it. Memory is reused from step to step.
 struct CandidateSet {
   PlaceList position_m;                   // world
-  std::vector<uint32_t> visible_targets;  // bit i: target i is seen in this step: enough of its sampled points are
-  // What the last steps together make of it (paper 5). Empty without a filter: the same.
+  std::vector<uint32_t> visible_targets;  // bit i: enough of the sampled points of target i are seen in this step
+  // The same after the filter over the last steps (paper 5). Empty without a filter.
   std::vector<uint32_t> filtered_targets;
-  // Bit i: target i would be seen where it is predicted to be. Empty without a prediction: the same as with the filter.
+  // Bit i: target i would be seen where it is predicted to be. Empty without a prediction.
   std::vector<uint32_t> ahead_targets;
 
   size_t size() const { return position_m.size(); }
@@ -25,7 +25,7 @@ struct CandidateSet {
   void clear() {
     position_m.clear(), visible_targets.clear(), filtered_targets.clear(), ahead_targets.clear();
   }
-  // A single place more; the lists that are empty then stay so.
+  // Adds a single candidate. Lists that are empty for want of a filter or prediction stay empty.
   void add(const glm::dvec3& p, uint32_t visible = 0) { position_m.push_back(p), visible_targets.push_back(visible); }
 };
 

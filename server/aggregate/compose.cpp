@@ -14,7 +14,7 @@ void count_sight(const uint8_t* __restrict sights, size_t count, uint8_t sight, 
   for (size_t i = 0; i < count; ++i) points[i] = static_cast<uint8_t>(points[i] + (sights[i] == sight));
 }
 
-// What is neither seen nor hidden by what passes counts as hidden by what stays.
+// Points that are neither seen nor hidden by passing occluders count as hidden by occluders that stay.
 SIGHTLINE_VECTOR_CLONES
 void count_staying(const uint8_t* __restrict seen, const uint8_t* __restrict passing, size_t count, uint8_t points,
                    uint8_t* __restrict staying) {
@@ -27,7 +27,7 @@ void set_bit_where_enough(const uint8_t* __restrict seen, size_t count, uint8_t 
   for (size_t i = 0; i < count; ++i) visible[i] |= seen[i] >= least ? bit : 0u;
 }
 
-// One after the other, as if each point came alone: a product would round differently.
+// Adds the share once for each hidden point, because a product would round differently.
 SIGHTLINE_VECTOR_CLONES
 void add_times(const uint8_t* __restrict times, size_t count, double share, double* __restrict sums) {
   uint8_t most = 0;
@@ -45,7 +45,7 @@ uint32_t count_masked(const uint32_t* visible, size_t count, uint32_t mask, uint
 
 constexpr size_t kCountedTogether = 4096;
 
-// The least number of seen points that is enough; more than there are when none is.
+// The least number of seen points that is enough, or points + 1 when no number is.
 uint8_t least_enough(uint32_t points, double visibility_threshold) {
   uint32_t seen = 0;
   while (seen <= points && !is_enough(seen, points, visibility_threshold)) ++seen;
@@ -78,12 +78,12 @@ void Composer::visibility_and_hidden(const SampledPoints& sampled, double relati
   compose(sampled, relative_bias, weights, &visible, &hidden);
 }
 
-// What is found of a tile's places. By place: points of one target.
+// Point counts of one target for each position of a tile.
 struct Composer::Tile {
   SightTile sights;
   uint8_t seen[kTilePlaces], staying[kTilePlaces], passing[kTilePlaces];
   bool any_passing;
-  size_t next_map;  // of those prepared
+  size_t next_map;  // index of the next prepared map
 };
 
 void Composer::compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
@@ -99,7 +99,7 @@ void Composer::compose(const SampledPoints& sampled, double relative_bias, const
   }
 }
 
-// Lists the targets that anything is asked of, and has their maps prepared in this order.
+// Lists the targets of this call, and has their maps prepared in the same order.
 void Composer::ask(const SampledPoints& sampled, const HiddenWeights& weights, bool visible, bool hidden) {
   asked_.clear();
   const double total = sum_of(weights.of_target);
@@ -148,7 +148,7 @@ void Composer::count_points(const SampledPoints& sampled, const Asked& asked, Ti
 void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count,
                   SightCounts& counts) {
   counts.total = static_cast<uint32_t>(candidates.size());
-  // A part at a time, which stays in the nearest cache while all is counted.
+  // One part at a time, so that it stays in the L1 cache while everything is counted.
   const std::span<const uint32_t> visible = candidates.filtered();
   counts.all_visible = counts.none_visible = 0;
   counts.visible_by_target.assign(target_count, 0);
@@ -159,7 +159,7 @@ void count_sights(const CandidateSet& candidates, uint32_t steered, size_t targe
     for (size_t target = 0; target < target_count; ++target)
       counts.visible_by_target[target] += count_masked(part.data(), part.size(), 1u << target, 1u << target);
   }
-  // Without a target to steer for nothing is seen, rather than all.
+  // Without a steered target, no candidate counts as seeing all.
   if (steered == 0) counts.all_visible = 0;
   counts.some_visible = counts.total - counts.all_visible - counts.none_visible;
 }

@@ -13,14 +13,14 @@
 
 namespace sightline {
 
-// A run of a list: [first, first + count).
+// A part of a list: [first, first + count).
 struct MapRange {
   uint32_t first = 0;
   uint32_t count = 0;
 };
 
-// What has been sampled of the targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of
-// target i. A target is seen from a place when at least `visibility_threshold` of its points are, [0, 1]; more than none in any case.
+// The sampled points of all targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of target i. A
+// candidate sees a target when it sees at least the share `visibility_threshold`, [0, 1], of its points, and at least one point.
 struct SampledPoints {
   std::span<const DepthMap> maps;
   std::span<const MapRange> maps_of_point;
@@ -30,46 +30,46 @@ struct SampledPoints {
 
 bool is_enough(uint32_t seen, uint32_t points, double visibility_threshold);
 
-// What hides the targets, by position: shares in [0, 1].
+// For each position, the share of the targets that is hidden, [0, 1], by occluders that stay and by occluders that pass.
 struct HiddenShares {
   std::vector<double> by_staying, by_passing;
   void reset(size_t positions) { by_staying.assign(positions, 0.0), by_passing.assign(positions, 0.0); }
 };
 
-// How hidden points count. `passes` has an entry for each mirror slot: 1 for occluders that may be gone at once.
+// How hidden points count. `passes` has an entry for each mirror slot: 1 for occluders that move and may soon be gone.
 struct HiddenWeights {
   std::span<const uint8_t> passes;
   std::span<const double> of_target;
-  double weight = 1.0;  // of what is added, >= 0
+  double weight = 1.0;  // factor of the shares that are added, >= 0
 };
 
-// What many positions see, by one look at the maps for all that is asked of them. Memory is kept from call to call. Not
-// thread-safe. Every call is O(positions * maps). At most 254 points a target.
+// Finds what many positions see. Each call looks up every position in every map once, O(positions * maps). Memory is kept from call to
+// call. Not thread-safe. At most 254 points a target.
 class Composer {
  public:
-  // The positions of the calls to come; what the view refers to must outlive them.
+  // Sets the positions for the following calls. The memory behind the view must outlive them.
   void set_positions(const PlaceView& positions) { look_up_.set_places(positions); }
 
-  // visible[i] becomes the set of targets that position i sees.
+  // Sets visible[i] to the set of targets that position i sees.
   void visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible);
 
-  // Adds weight * the mean, by `of_target`, of the shares of each target's points that are hidden from position i, by what stays
-  // and by what passes; nothing when all of them are 0. A position that no map shows counts as hidden by what stays. `hidden` is
-  // as long as the positions.
+  // Adds, for each position, weight * the mean over the targets (weighted by `of_target`) of the share of a target's points that is hidden
+  // from there. Adds nothing when all target weights are 0. A position outside all maps counts as hidden by occluders that stay. `hidden`
+  // has one entry a position.
   void add_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights, HiddenShares& hidden);
 
-  // Both.
+  // Does both of the above with one pass over the maps.
   void visibility_and_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
                              std::vector<uint32_t>& visible, HiddenShares& hidden);
 
  private:
-  // What is asked of one target.
+  // The work of one call for one target.
   struct Asked {
     uint32_t target = 0;
     MapRange points;
     bool hides = false;
-    double each = 0.0;  // what one hidden point adds
-    uint8_t least = 0;  // of points seen are enough
+    double each = 0.0;  // share that one hidden point adds
+    uint8_t least = 0;  // this many seen points are enough
   };
   void compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
                std::vector<uint32_t>* visible, HiddenShares* hidden);
@@ -82,7 +82,7 @@ class Composer {
   std::vector<Asked> asked_;
 };
 
-// How many candidates see how much, by what the filter makes of it. `steered` has a bit for each target that counts.
+// Counts the candidates that see all, some or none of the targets in the mask `steered`, after the filter.
 struct SightCounts {
   uint32_t total = 0, all_visible = 0, some_visible = 0, none_visible = 0;
   std::vector<uint32_t> visible_by_target;

@@ -9,7 +9,7 @@
 namespace sightline {
 namespace {
 
-// A share of 0.6 of 10 steps is 6 steps, whatever way 0.6 was rounded.
+// So that a share of 0.6 of 10 steps is 6 steps, however 0.6 was rounded.
 constexpr double kRounding = 1e-6;
 
 int steps_in(double steps, int least) {
@@ -36,8 +36,8 @@ JointState joint_state(std::span<const VisibilityRecord> records, uint32_t targe
   for (uint32_t t = targets; t != 0; t &= t - 1) rest &= records[std::countr_zero(t)].known;
   const int known = std::popcount(rest);
   JointState kept{0, known > 0};
-  // States come in the order of their last occurrence: only a more frequent one takes the place of one found
-  // before, and once fewer steps are left than the best one has, none will.
+  // States are visited in the order of their last occurrence. Only a more frequent state replaces the best one, so the search ends when
+  // fewer steps are left than the best one has.
   int most = 0;
   while (most < std::popcount(rest)) {
     const int newest = std::countr_zero(rest);

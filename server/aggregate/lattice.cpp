@@ -7,10 +7,9 @@
 namespace sightline {
 namespace {
 
-// Where rounding puts the end of a row in doubt: this near to a lattice point, in spacings.
+// Rounding makes the end of a row uncertain when it is this near to a lattice point, in spacings.
 constexpr double kDoubtful = 1e-5;
-// And in rows that hardly meet the ball, whose half length is below this share of its radius, and this far from the world's origin,
-// in spacings, everywhere.
+// The same holds for rows whose half length is below this share of the radius, and this far from the world's origin, in spacings.
 constexpr double kShortRow = 0.05, kFarOut = 1e7;
 
 }  // namespace
@@ -23,7 +22,7 @@ double lattice_spacing_m(double radius_m, int candidates) {
 
 void Lattice::resize(double spacing_m, int side) {
   if (spacing_m == spacing_m_ && side <= side_) return;
-  // A larger side at the same spacing happens only when rounding adds a layer: forgetting then is harmless and rare.
+  // A larger side at the same spacing happens only when rounding adds a layer, which is rare. Resetting the cells is harmless then.
   spacing_m_ = spacing_m;
   side_ = side;
   cells_.clear();
@@ -57,7 +56,7 @@ void Lattice::lay(const Bound& bound, int candidates) {
   if (covers_) take_addresses();
 }
 
-// A row meets the ball in one run. The root tells where it ends, but for rounding: there the points are asked.
+// A row meets the ball in one run. The square root gives its ends; where rounding makes them uncertain, the points are tested.
 void Lattice::lay_row(const Bound& bound, int first, int last, int y, int z) {
   const auto contains = [&](int x) { return bound.contains(glm::dvec3(x, y, z) * spacing_m_); };
   const glm::dvec2 off = glm::dvec2(y, z) * spacing_m_ - glm::dvec2(bound.center_m.y, bound.center_m.z);

@@ -1,6 +1,6 @@
-// The candidate lattice (design 4.2): a cubic lattice anchored to the world, of which the bound selects the points
-// inside its ball. Anchored to the world, a cell is the same place while the camera moves, so what was learnt about it
-// stays true; cells are addressed toroidally (index modulo the side), so moving the bound copies nothing.
+// The candidate lattice (design 4.2): a cubic lattice anchored to the world. Its points inside the bound are the candidates. A cell stays at
+// the same position while the camera moves, so what was learnt about it stays true. Cells are addressed toroidally (index modulo the
+// side), so nothing is copied when the bound moves.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,17 @@
 
 namespace sightline {
 
-// Spacing for which a ball of `radius_m` holds about `candidates` lattice points, rounded down to a step of 2^(1/4), so
-// that small changes of the radius keep the lattice. The ball then holds between 1 and 1.7 times as many, give or
-// take the lattice points on its surface.
+// The spacing for which a ball of `radius_m` holds about `candidates` lattice points. It is rounded down to a power of 2^(1/4), so that
+// small changes of the radius keep the lattice. The ball therefore holds up to 1.7 times as many points, and a few more or less at its
+// surface.
 double lattice_spacing_m(double radius_m, int candidates);
 
 class Lattice {
  public:
-  // Lays the lattice over the bound: the runs of the points inside it, x fastest. A new spacing forgets every cell. What is stored by
-  // cell needs `cover`; once it was called, `lay` does the same.
+  // Finds the runs of lattice points inside the bound, x fastest. A new spacing resets every cell. Data that is stored by cell needs
+  // addresses, which only `cover` assigns; after the first call of `cover`, `lay` assigns them too.
   void lay(const Bound& bound, int candidates);
-  // The same, and gives every cell its address. A cell that came into the bound at another cell's address takes it over.
+  // The same, and assigns an address to every cell. A cell that comes into the bound takes over the address of a cell that left.
   void cover(const Bound& bound, int candidates);
 
   double spacing_m() const { return spacing_m_; }
@@ -33,14 +33,14 @@ class Lattice {
   const std::vector<PlaceRun>& runs() const { return runs_; }
   size_t size() const { return size_; }  // points in all runs
 
-  // Of the points, in the order of the runs. Positions are listed when they are first asked for.
+  // Positions and addresses of the points, in the order of the runs. Positions are computed at the first call.
   const std::vector<glm::dvec3>& positions_m() const;
   const std::vector<uint32_t>& addresses() const { return addresses_; }  // after `cover`
 
-  // A number that the cell got when the address became its own, never given twice: what was stored by address elsewhere
-  // belongs to another cell when the number differs. 0: nobody's.
+  // A number that identifies the cell that has the address; no number is used twice. Data stored under the address belongs to another cell
+  // when its number differs. 0: no cell.
   uint64_t owner(uint32_t address) const { return cells_[address].owner; }
-  // The address of the lattice point nearest to a place, while the address is still that point's.
+  // The address of the lattice point nearest to a position, or nothing when that point has no address.
   std::optional<uint32_t> address_near(const glm::dvec3& place_m) const;
 
  private:
@@ -62,8 +62,8 @@ class Lattice {
   mutable std::vector<glm::dvec3> positions_m_;
   mutable bool listed_ = false;
 
-  bool covers_ = false;  // has been asked to
-  uint64_t owners_ = 0;  // numbers given so far
+  bool covers_ = false;  // `cover` was called
+  uint64_t owners_ = 0;  // owner numbers used so far
   std::vector<Cell> cells_;
   std::vector<uint32_t> addresses_;
 };

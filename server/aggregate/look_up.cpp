@@ -35,7 +35,7 @@ void LookUp::set_places(const PlaceView& places) {
 
 void LookUp::begin_maps(double relative_bias, std::span<const uint8_t> passes) {
   relative_bias_ = relative_bias;
-  // Where nothing at all passes, no map has to be asked.
+  // If no occluder passes, no map has to be searched for them.
   passes_ = passes.empty() || std::memchr(passes.data(), 1, passes.size()) ? passes : std::span<const uint8_t>{};
   maps_.clear();
   limits_m2_.clear();
@@ -52,7 +52,7 @@ void LookUp::load_tile(size_t number, SightTile& tile) const {
   fill_tile(places_, number * kTilePlaces, extent_.middle_m, tile.places);
 }
 
-// Looks up singly what is unsure.
+// Looks up the unsure candidates one by one.
 void LookUp::settle(std::span<const DepthMap> maps, SightTile& tile) {
   uint8_t* const end = tile.sights + tile.places.count;
   for (uint8_t* at = tile.sights;; ++at) {

@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// Who brings target `i` in: the one before it in the list if it can, else the newest in the chain that can.
+// The target to which target `i` is joined: the one before it in the list if possible, else the newest one of the chain that is possible.
 std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const Bound& bound,
                                    const PairChain& chain, uint32_t joined, uint32_t i) {
   const auto brings_in = [&](uint32_t other) {
@@ -20,12 +20,12 @@ std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const B
   return std::nullopt;
 }
 
-// From far-plane coordinates to the texel around them. Rounding may put a place at the rim of the bound a hair outside.
+// The texel that contains a far-plane coordinate. It is clamped, since rounding may put a candidate at the edge of the bound outside.
 int texel_between(double low, double high, double at, int resolution) {
   return std::clamp(static_cast<int>((at - low) / (high - low) * resolution), 0, resolution - 1);
 }
 
-// Compares every candidate with the picture of the link's second target, in the basis of the link's volume.
+// Compares every candidate with the map of the link's second target, in the basis of the link's volume.
 void add_bits(const ChainLink& link, const DepthMap& map, double slack, CandidateSet& candidates) {
   const PairVolume& v = link.volume;
   for (size_t i = 0; i < candidates.size(); ++i) {
@@ -38,7 +38,7 @@ void add_bits(const ChainLink& link, const DepthMap& map, double slack, Candidat
   }
 }
 
-// Bit 1, compose_pair's for its B, becomes bit `to`.
+// Moves bit 1, which compose_pair sets for B, to bit `to`.
 void move_second_bit(uint32_t to, std::vector<uint32_t>& masks) {
   for (uint32_t& mask : masks) mask = (mask & 1u) | (mask >> 1 & 1u) << to;
 }
@@ -71,7 +71,7 @@ PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound
 MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& jitter) {
   const auto link = std::find_if(chain.links.begin(), chain.links.end(),
                                  [=](const ChainLink& l) { return l.to == target; });
-  // Only target 0 is brought in by no link: it is the first of the first.
+  // Target 0 is the only one that is no link's second target: it is the first target of the first link.
   return link == chain.links.end() ? pair_views(chain.links.front().volume, jitter)[0]
                                    : pair_views(link->volume, jitter)[1];
 }

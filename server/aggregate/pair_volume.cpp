@@ -7,8 +7,8 @@
 namespace sightline {
 namespace {
 
-// The far-plane columns between which a ball lies, seen from a point of the line AB at `x0`: its two tangents in the xz plane
-// (a plane that holds the y direction and touches the ball touches its outline in that plane).
+// The far-plane columns between which a ball is seen from the point `x0` of the line AB. They are given by the ball's two tangents in the
+// xz plane, because a plane that contains the y direction and touches the ball touches its outline there.
 struct Columns {
   double min, max;
 };

@@ -1,9 +1,9 @@
-// The pair volume of two targets in closed form (paper 3.2-3.3, design 4.1).
+// The pair volume of two targets in closed form (paper 3.2-3.3, design 4.1). It exists only to reproduce the paper.
 //
-// Both frusta share the far plane z = H and its rows; rays of equal rows lie in one plane through A and B and meet at
-//   t = L / (L + xa - xb),   point = (t xa, t y, t H)
-// in the volume's frame: A at the origin, x along AB, z the unit part of (centre - A) orthogonal to AB, y = z cross x,
-// L = |AB|, (xa, y, H) and (xb, y, H) the points of the far plane that the two rays pass. At each meeting point the
+// Both frusta share the far plane z = H and its rows. Rays of equal rows are in one plane through A and B, and meet at
+//   t = L / (L + xa - xb),   point = (t xa, t y, t H).
+// In the volume's frame, A is the origin and x is along AB. z is the unit part of (centre - A) orthogonal to AB, and y = z cross x.
+// L = |AB|. The two rays pass the far plane at (xa, y, H) and (xb, y, H). At each meeting point the
 // visibility of both targets is known exactly: no interpolation.
 //
 // The paper addresses the volume by a trilinear map of its eight corners. Equal pixel steps give a projective grid, which
@@ -22,7 +22,7 @@
 
 namespace sightline {
 
-// Why the rays of two targets do not all meet around the bound. kNone: they do.
+// The reason why the rays of two targets do not all meet around the bound. kNone: they do.
 enum class PairGap { kNone, kTargetInBound, kOnLine, kTooClose };
 
 struct PairVolume {
@@ -36,8 +36,8 @@ struct PairVolume {
   int resolution = 0;                 // r: texels a side of both maps
 };
 
-// Complete when the angle between A and B seen from the centre exceeds the sum of the ball's angular radii seen from
-// each, neither lies in the ball and the ball does not touch the line AB. Otherwise some rays of A meet none of B.
+// kNone when the volume is complete. Then neither target is in the ball, the ball does not touch the line AB, and the angle ACB at the
+// ball's centre C exceeds the sum of the ball's angular radii seen from A and from B. Otherwise some rays of A meet no ray of B.
 PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound);
 
 // The volume around a bound for which pair_gap is kNone. Its windows enclose the ball.

@@ -9,11 +9,11 @@
 namespace sightline {
 namespace {
 
-// A run is written in whole chunks of this many; what is too much, the next run writes over.
+// A run is written in whole chunks of this many positions. The next run overwrites what is too much.
 constexpr size_t kChunk = 8;
 static_assert(kChunk <= PlaceTile::kTilePad);
 
-// The places [first, end) of the runs, the first of them in `run`.
+// Writes the positions [first, end) of the runs; the first of them is in `run`.
 SIGHTLINE_VECTOR_CLONES
 void write_runs(const PlaceView& places, size_t run, size_t first, size_t end, const glm::dvec3& origin_m,
                 PlaceTile& tile) {
@@ -101,13 +101,13 @@ PlaceExtent extent_of(const PlaceView& places) {
   };
   over_ends(take_in);
   PlaceExtent extent{.middle_m = (low + high) / 2.0};
-  // More than half the box by what rounding may take from the distance to its middle.
+  // Half of the box, plus the rounding error of the distance to its middle.
   extent.reach_m = (high - low) * (0.5 + 0x1p-24);
   double squared = 0.0;
   over_ends([&](const glm::dvec3& p) {
     const glm::dvec3 off = p - extent.middle_m;
     const double far = glm::dot(off, off);
-    // Not a number stays.
+    // Written so that a NaN stays.
     squared = far <= squared ? squared : far;
   });
   extent.radius_m = std::sqrt(squared) * (1 + 0x1p-24);

@@ -1,5 +1,5 @@
-// The places of a step as they are looked at: runs of a lattice along x, told by where they begin, and single places after them.
-// Most places belong to runs. A place of a run costs no memory: it is made where it is needed, and always the same bits.
+// The positions of the candidates of a step. Most are lattice points in runs along x, of which only the first point is stored; single
+// positions follow them. The positions of a run are computed where they are needed, always with the same bits.
 #pragma once
 
 #include <cstddef>
@@ -10,19 +10,19 @@
 
 namespace sightline {
 
-// Lattice points (cell + (k, 0, 0)) * spacing. The run ends where the next one begins.
+// The lattice points (cell + (k, 0, 0)) * spacing for k = 0, 1, ... up to the beginning of the next run.
 struct PlaceRun {
   glm::ivec3 cell{0};
-  uint32_t first = 0;  // number of its first place; runs ascend
+  uint32_t first = 0;  // index of its first position; ascending from run to run
 };
 
-// Numbered places: those of the runs, then the single ones. Refers to memory that must outlive it.
+// Indexed positions, with the runs before the single positions. The memory that the view refers to must outlive it.
 class PlaceView {
  public:
   PlaceView() = default;
   PlaceView(std::span<const glm::dvec3> singles_m) : singles_m_(singles_m) {}
   PlaceView(const std::vector<glm::dvec3>& singles_m) : singles_m_(singles_m) {}
-  // `in_runs`: how many places the runs have together.
+  // `in_runs`: total number of positions in the runs.
   PlaceView(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs,
             std::span<const glm::dvec3> singles_m)
       : spacing_m_(spacing_m), runs_(runs), in_runs_(in_runs), singles_m_(singles_m) {}
@@ -36,7 +36,7 @@ class PlaceView {
 
   // O(log runs).
   glm::dvec3 operator[](size_t place) const;
-  // The run of a place, which is in one.
+  // The run that contains a position, which must be in one.
   size_t run_of(size_t place) const;
   size_t end_of_run(size_t run) const { return run + 1 < runs_.size() ? runs_[run + 1].first : in_runs_; }
   glm::dvec3 in_run(const PlaceRun& run, size_t place) const {
@@ -50,11 +50,11 @@ class PlaceView {
   std::span<const glm::dvec3> singles_m_;
 };
 
-// The same, with memory of its own that is kept when it is cleared.
+// The same, but owns its memory, which is kept when the list is cleared.
 class PlaceList {
  public:
   void clear() { runs_.clear(), singles_m_.clear(), in_runs_ = 0; }
-  // Of a list without single places.
+  // Sets the runs of a list that has no single positions yet.
   void set_runs(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs);
   void push_back(const glm::dvec3& place_m) { singles_m_.push_back(place_m); }
 
@@ -65,7 +65,7 @@ class PlaceList {
   glm::dvec3 operator[](size_t place) const { return view()[place]; }
   glm::dvec3 back() const { return view()[size() - 1]; }
 
-  // In order, each by value.
+  // Iterates over the positions, by value.
   class Iterator {
    public:
     Iterator(const PlaceList& list, size_t place) : list_(&list), place_(place) {}
@@ -87,26 +87,26 @@ class PlaceList {
   std::vector<glm::dvec3> singles_m_;
 };
 
-// Writes all places out, for who goes over them many times.
+// Computes all positions, for callers that read them many times.
 void list_places(const PlaceView& places, std::vector<glm::dvec3>& position_m);
 
-// The least box that holds all places, and a ball round its middle that does. Of no places: all 0.
+// The least axis-aligned box that contains all positions, and the radius of a ball round its middle that does. All 0 without positions.
 struct PlaceExtent {
   glm::dvec3 middle_m{0.0}, reach_m{0.0};  // middle +- reach
   double radius_m = 0.0;
 };
 PlaceExtent extent_of(const PlaceView& places);
 
-// So many places are worked on at a time, while what is found of them is in the nearest cache.
+// Positions in a tile, so few that a tile and its results fit the L1 cache.
 inline constexpr size_t kTilePlaces = 1024;
 
-// Places [first, first + count) in single precision, from an origin. Behind them come zeros up to a multiple of kTilePad.
+// Positions [first, first + count) in single precision, relative to an origin, followed by kTilePad zeros.
 struct PlaceTile {
   static constexpr size_t kTilePad = 16;
   alignas(64) float x_m[kTilePlaces + kTilePad], y_m[kTilePlaces + kTilePad], z_m[kTilePlaces + kTilePad];
   size_t first = 0, count = 0;
 };
-// The tile that begins with place `first`, less than places.size().
+// Fills the tile that begins with position `first`, which must be less than places.size().
 void fill_tile(const PlaceView& places, size_t first, const glm::dvec3& origin_m, PlaceTile& tile);
 
 }  // namespace sightline

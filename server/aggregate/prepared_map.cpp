@@ -9,7 +9,7 @@
 
 #ifdef SIGHTLINE_X86_V4
 #include <immintrin.h>
-// GCC 12 takes the operands that its own intrinsics leave undefined for ours (its bug 105593).
+// GCC 12 warns about operands that its own intrinsics leave undefined (GCC bug 105593).
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #pragma GCC diagnostic ignored "-Wuninitialized"
 #endif
@@ -19,15 +19,15 @@ namespace {
 
 // Relative rounding error of one operation in single precision.
 constexpr double kRounding = 0x1p-24;
-// The error of a sum of four products whose factors are themselves rounded is at most 6 roundings of the sum of their sizes.
+// A sum of four products of rounded factors has an error of at most 6 roundings of the sum of their sizes.
 constexpr double kSumError = 8 * kRounding;
-// And that of a squared distance of two rounded points 12 of the squared sizes, 9 more for the limit that it is compared with and
-// its last bit. Fused multiply-adds round less.
+// The squared distance of two rounded points has an error of at most 12 roundings of the squared sizes. The limit that it is compared with,
+// and the limit's last bit, add 9. Fused multiply-adds round less.
 constexpr double kSquareError = 32 * kRounding;
-// All places are well before the eye when the nearest is no nearer than this share of the middle's depth.
+// All positions are well in front of the eye when the depth of the nearest is at least this share of the middle's depth.
 constexpr double kWellBefore = 0.2;
 
-// The bound of a row's error over the places, as said at kSumError.
+// The greatest error of a row over the positions, see kSumError.
 double error_of(const glm::dvec3& slope, double at_origin, const glm::dvec3& reach_m) {
   return kSumError * (glm::dot(glm::abs(slope), reach_m) + std::abs(at_origin));
 }
@@ -37,8 +37,8 @@ PlaceRow row_of(const glm::dvec3& slope, double at_origin) {
           static_cast<float>(at_origin)};
 }
 
-// With d the computed depth, at least twice its error e_d, a true texel coordinate t and the computed one c differ by
-// |c - t| <= (e_x + |t| e_d) / d, so by at most 2 (e_x + size e_d) / d where either lies in the window.
+// Let d be the computed depth and at least twice its error e_d. A true texel coordinate t and the computed one c differ by
+// |c - t| <= (e_x + |t| e_d) / d, so by at most 2 (e_x + size e_d) / d if one of them is in the window.
 void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) {
   const glm::dvec3 eye = view.eye_m - extent.middle_m, back = view.world_from_view[2];
   const double per_width = view.width / (view.right - view.left),
@@ -47,7 +47,7 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
                    up = (view.world_from_view[1] + view.bottom * back) * per_height + 0.5 * back;
   const double across_0 = -glm::dot(across, eye), up_0 = -glm::dot(up, eye), depth_0 = glm::dot(back, eye);
   const double depth_error = error_of(back, depth_0, extent.reach_m);
-  // A sum, which more than the greater of the two tells when one of them is not a number.
+  // The sum, not the maximum, because a sum stays NaN when one of them is.
   const double coordinate_error = error_of(across, across_0, extent.reach_m) +
                                   error_of(up, up_0, extent.reach_m) +
                                   std::fmax(view.width, view.height) * depth_error;
@@ -67,7 +67,7 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
 
 float square_limit(float distance_m, double slack) {
   const double limit_m = distance_m * slack;
-  // A negative distance sees nothing; its square would.
+  // Nothing is nearer than a negative distance, although its square is positive.
   return static_cast<float>(limit_m < 0 ? std::numeric_limits<double>::quiet_NaN() : limit_m * limit_m);
 }
 
@@ -76,7 +76,7 @@ void set_limits(const float* __restrict distance_m, size_t count, double slack, 
   for (size_t i = 0; i < count; ++i) limits_m2[i] = square_limit(distance_m[i], slack);
 }
 
-// A row of eight, of which as many as the map is wide tell something.
+// Rows of eight limits, of which only the first `width` are used.
 SIGHTLINE_VECTOR_CLONES
 void set_small_limits(const float* distance_m, int width, int height, double slack, float* limits_m2) {
   for (int y = 0; y < height; ++y) {
@@ -86,8 +86,8 @@ void set_small_limits(const float* distance_m, int width, int height, double sla
   }
 }
 
-// Whether any texel's occluder passes; if so, which do, in the limits' last bits. An infinite limit hides nothing, and would not be
-// one with another last bit.
+// Returns whether any texel's occluder passes, and if so marks those texels in the last bits of their limits. Infinite limits hide nothing
+// and stay as they are, because another last bit would make them NaN.
 bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t stride, float* limits_m2) {
   const auto of_texel = [&](size_t texel) {
     const uint32_t occluder = map.occluder[texel];
@@ -106,7 +106,7 @@ bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t s
   return true;
 }
 
-// Certain answers are asked for by comparisons that hold, so that what is not a number is never certain.
+// A sight is certain only if a comparison holds, so NaN never gives a certain sight.
 template <bool kPasses>
 [[gnu::always_inline]] inline bool look(const PreparedMap& map, const float* __restrict limits_m2,
                                         const PlaceTile& tile, bool first, uint8_t* __restrict sights) {
@@ -117,11 +117,11 @@ template <bool kPasses>
     const float depth = map.depth(px, py, pz), per_depth = 1.0f / depth;
     const float x = map.across(px, py, pz) * per_depth, y = map.up(px, py, pz) * per_depth;
     const float error = map.texel_error * per_depth + map.texel_rounding;
-    // Clamped, so that the texel is one of the map's whatever becomes of the answer.
+    // Clamped, so that the texel is always inside the map.
     const float in_x = x > 0.0f ? x : 0.0f, in_y = y > 0.0f ? y : 0.0f;
     const auto column = static_cast<int32_t>((in_x < map.last_column ? in_x : map.last_column) + 0.5f),
                row = static_cast<int32_t>((in_y < map.last_row ? in_y : map.last_row) + 0.5f);
-    // From the texel's middle: within half a texel when inside, more beyond the window's edge, to which the texel was clamped.
+    // Offset from the texel's middle: at most half a texel inside the window, more outside, because the texel was clamped.
     const float of_x = x - static_cast<float>(column), of_y = y - static_cast<float>(row);
     const float off_x = of_x < 0.0f ? -of_x : of_x, off_y = of_y < 0.0f ? -of_y : of_y;
     const float off = off_x > off_y ? off_x : off_y;
@@ -169,12 +169,12 @@ SIGHTLINE_X86_V4 inline __m512 at(const RowV4& row, __m512 px, __m512 py, __m512
   return _mm512_fmadd_ps(row.x, px, _mm512_fmadd_ps(row.y, py, _mm512_fmadd_ps(row.z, pz, row.at_origin)));
 }
 
-// The texel's coordinate on one axis, clamped to the map's. Comparisons with what is not a number give the second operand.
+// The texel's coordinate on one axis, clamped to the map. min and max return the second operand for NaN.
 SIGHTLINE_X86_V4 inline __m512i texel_at(__m512 coordinate, __m512 last) {
   return _mm512_cvtps_epi32(_mm512_min_ps(_mm512_max_ps(coordinate, _mm512_setzero_ps()), last));
 }
 
-// The limits of a small map lie in four registers, where a look costs a tenth of one into memory.
+// The limits of a small map are in four registers, where reading one costs a tenth of reading memory.
 template <bool kSmall, bool kBefore, bool kPasses>
 SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
                               bool first, uint8_t* sights) {
@@ -273,7 +273,7 @@ PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double r
   const bool small = is_small(map.view);
   out.stride = small ? kSmallMap : map.view.width;
   out.first_limit = limits_m2.size();
-  // What is not set is never looked at. A whole vector of limits is there to be read in any case.
+  // Limits that are not set are never used. There are at least 16, because whole vectors are read.
   const size_t count = small ? kSmallMap * kSmallMap : std::max<size_t>(map.distance_m.size(), 16);
   limits_m2.resize(out.first_limit + count);
   float* const limits = &limits_m2[out.first_limit];

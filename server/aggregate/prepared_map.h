@@ -1,5 +1,5 @@
-// A depth map as a loop over many places needs it, and the loop: what each place of a tile sees, in single precision, and of which
-// places that cannot be told (see look_up.h). Of LookUp alone.
+// A depth map that is prepared for the vectorised look-up of many candidates, and that look-up. It finds what each candidate of a tile sees
+// in single precision, and which candidates need double precision (see look_up.h). Used by LookUp only.
 #pragma once
 
 #include <cstdint>
@@ -11,54 +11,55 @@
 
 namespace sightline {
 
-// What a place sees of a point.
+// The visibility of a point from a candidate.
 enum PlaceSight : uint8_t {
-  kUnknownSight = 0,  // in no map's window
+  kUnknownSight = 0,  // outside the windows of all maps
   kVisibleSight = 1,
   kHiddenSight = 2,
-  kPassingSight = 3,  // hidden, by an occluder that may be gone at once
-  kUnsureSight = 4,   // to be looked up singly; never in an answer of LookUp
+  kPassingSight = 3,  // hidden by an occluder that moves and may soon be gone
+  kUnsureSight = 4,   // needs `look_up`; never in a result of LookUp
 };
 
-// Linear in the place: dot(slope, place) + at_origin.
+// A linear function of a position: dot(slope, position) + at_origin.
 struct PlaceRow {
   float x = 0, y = 0, z = 0, at_origin = 0;
   float operator()(float px, float py, float pz) const { return x * px + y * py + z * pz + at_origin; }
 };
 
-// The texel coordinates, from the middle of texel (0, 0), are across / depth and up / depth.
+// The texel coordinates of a position, relative to the middle of texel (0, 0), are across / depth and up / depth.
 struct PreparedMap {
   const DepthMap* map = nullptr;
   PlaceRow across, up, depth;
-  float eye_x = 0, eye_y = 0, eye_z = 0;  // from the origin
+  float eye_x = 0, eye_y = 0, eye_z = 0;  // relative to the tile's origin, metres
   float last_column = 0, last_row = 0;
-  int32_t stride = 0;        // of the limits
-  float least_depth = 0;     // twice the error of depth: its sign is right beyond it
-  float texel_error = 0;     // over depth: how far a texel coordinate may be off,
-  float texel_rounding = 0;  // and this more
-  float square_error = 0;    // m^2
-  // All places lie well before the eye: then no coordinate is off by more than this.
+  int32_t stride = 0;        // limits in a row
+  float least_depth = 0;     // twice the error of depth; a depth of larger size has the right sign
+  float texel_error = 0;     // the error of a texel coordinate is at most texel_error / depth + texel_rounding
+  float texel_rounding = 0;
+  float square_error = 0;    // greatest error of a squared distance, m^2
+  // All positions are well in front of the eye. Then no texel coordinate has a larger error than greatest_error.
   bool before = false;
   float greatest_error = 0;
-  // By texel, in the list of all prepared maps: the greatest squared distance that sees, m^2. Of a small map in rows of
-  // kSmallMap whatever its width, and kSmallMap rows. With `passing` its last bit is 1 where the texel's occluder passes.
+  // Index of the map's first limit in the list for all maps. The limit of a texel is the greatest squared distance that sees, m^2. A small
+  // map has kSmallMap rows of kSmallMap limits. If `passing`, the last bit of a limit is 1 where the texel's occluder passes.
   size_t first_limit = 0;
   bool passing = false;
 };
 
-// The limits of a map of at most this many texels a side fit the registers.
+// The limits of a map with at most this many texels on each side fit into vector registers.
 inline constexpr int kSmallMap = 8;
 
-// `extent` is of all places. `passes`: an entry for each mirror slot, or none. Appends the map's limits to `limits_m2`.
+// Prepares a map for positions within `extent`, and appends its limits to `limits_m2`. `passes` has an entry for each mirror slot, or is
+// empty.
 PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double relative_bias,
                         std::span<const uint8_t> passes, std::vector<float>& limits_m2);
 
-// The sights of a tile's places, which no former map has shown; without `first` there are former maps of the same point, and `sights`
-// is what they left. Writes up to kTilePad more. True when one may be kUnsureSight.
+// Writes the sights of a tile's candidates, and up to kTilePad bytes more. Unless `first`, `sights` holds the result of earlier maps of the
+// same point, and only unknown sights are replaced. Returns whether a sight may be kUnsureSight.
 bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
                  uint8_t* sights);
 
-// The same, as it is on machines without AVX-512.
+// The same without AVX-512 intrinsics.
 bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
                          uint8_t* sights);
 

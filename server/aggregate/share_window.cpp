@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// Steps that are compared with those before them. One alone may well be an outlier.
+// Number of newest steps that are compared with the steps before them. A single step could be an outlier.
 constexpr size_t kNewest = 2;
 
 }  // namespace
@@ -36,8 +36,7 @@ void ShareWindow::drop_old(Track& track) const {
   while (track.kept > 0 && time_s_ - track.newest(track.kept - 1).time_s >= kShareWindowS) --track.kept;
 }
 
-// Whether two samples of one share would differ as much as the newest steps and those before do: the usual test of two shares, with
-// one point more of either kind so that all or nothing leaves room for doubt.
+// The usual test whether two samples have different proportions. One seen and one hidden point are added, so that the variance is never 0.
 bool ShareWindow::has_changed(const Track& track) const {
   double seen[2] = {}, points[2] = {};
   for (size_t back = 0; back < track.kept; ++back) {

@@ -1,18 +1,17 @@
-// How much of a target is seen: the mean of (points seen) / (points sampled) over a short time (paper 4: "the accumulation of this
-// visibility information over different frames provides an improved estimate of the overall visibility of the target").
+// Estimates how much of a target is seen, as the mean of (points seen) / (points sampled) over a short time. Paper 4: "the accumulation of
+// this visibility information over different frames provides an improved estimate of the overall visibility of the target".
 //
-// Each sample of a step is uniform over the target's picture, so that its share is the pixels' on average, and the error left is the
-// noise of few points. A step weighs by its points and by its age: 1 now, falling in a straight line to 0 at kShareWindowS. Such a
-// triangle lags behind by a third of the window; a plain mean that lags as much has more noise. When the newest two steps together
-// differ from those before them by more than chance explains (kShareSigmas standard deviations), something has changed, and those
-// before are forgotten: the window is long where sight is steady and short behind a door that opens.
+// The sample points of a step are uniform over the target's picture, so on average their seen share equals the seen share of its pixels. Few points
+// leave noise. A step is weighted by its number of points and by its age: 1 now, falling linearly to 0 at kShareWindowS. This triangular
+// window has a lag of a third of its length, and less noise than a plain mean of the same lag. When the newest two steps differ from the
+// steps before them by more than kShareSigmas standard deviations, the visibility has changed, and the steps before are dropped. So the
+// window is long while the visibility is steady, and short after a change.
 //
-// Both were chosen by measurement, 8 points a target at 60 Hz over the generated scenes: without forgetting, the noise of fine
-// occluders (a fence) prevails in a shorter window and the lag behind doors and pillars in a longer one. Against a window of
-// 0.1 s without it, forgetting took the error from 0.026 to 0.021 behind doors and from 0.011 to 0.006 in the hall, and left the
-// fence's as it was.
+// Both constants were chosen by measurement with 8 points a target at 60 Hz on the generated scenes. Without dropping, fine occluders such
+// as a fence cause noise in a shorter window, and doors and pillars cause lag in a longer one. Compared with a window of 0.1 s without
+// dropping, the error fell from 0.026 to 0.021 behind doors and from 0.011 to 0.006 in the hall. Behind the fence it stayed the same.
 //
-// In each step: begin_step, then add for every target. A value type; nothing is allocated unless the number of targets grows.
+// In each step, call begin_step, then `add` for every target. A value type; it allocates only when the number of targets grows.
 #pragma once
 
 #include <array>
@@ -26,21 +25,21 @@ namespace sightline {
 
 inline constexpr double kShareWindowS = 0.13;
 inline constexpr double kShareSigmas = 2.0;
-inline constexpr size_t kShareSteps = 32;  // of a window at most: at over 240 Hz it is the shorter for it
+inline constexpr size_t kShareSteps = 32;  // steps in a window at most, so it is shorter than kShareWindowS above 240 Hz
 
 class ShareWindow {
  public:
-  // `dt_s` >= 0 has passed since the step before. Targets are known by id: one that is there again keeps its window, wherever it
-  // stands in the list; one that is not in the list is forgotten. No id twice.
+  // Begins a step, `dt_s` >= 0 seconds after the last one. Targets are known by id: a target that was there before keeps its window,
+  // wherever it is in the list. Targets that are not in the list lose theirs. No id twice.
   void begin_step(std::span<const uint64_t> target_ids, double dt_s);
 
-  // Of `points` points of target i of the list `seen` are seen in this step. Once a step and target; not at all is 0 of 0.
+  // Adds the counts of this step for target i of the list: `seen` of `points` points are seen. Call it at most once a step and target.
   void add(size_t target, uint32_t seen, uint32_t points);
 
-  // In [0, 1]; none when no point of the window counts.
+  // The estimate, in [0, 1]; empty when the window has no points.
   std::optional<double> share(size_t target) const;
 
-  // After a cut, or when what was seen says nothing about now.
+  // Drops all windows, as after a cut.
   void forget() { tracks_.clear(); }
 
  private:
@@ -50,8 +49,8 @@ class ShareWindow {
   };
   struct Track {
     uint64_t id = 0;
-    size_t added = 0;  // steps ever; the newest is at (added - 1) % kShareSteps
-    size_t kept = 0;   // the newest of them, in [0, kShareSteps]
+    size_t added = 0;  // steps ever added; the newest is at (added - 1) % kShareSteps
+    size_t kept = 0;   // number of the newest steps that form the window, in [0, kShareSteps]
     std::array<Step, kShareSteps> ring{};
 
     const Step& newest(size_t back) const { return ring[(added - 1 - back) % kShareSteps]; }

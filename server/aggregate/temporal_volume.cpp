@@ -12,33 +12,14 @@ uint32_t visible_now(std::span<const VisibilityRecord> records) {
   return visible;
 }
 
-uint32_t known_within(std::span<const VisibilityRecord> records, int steps) {
-  uint32_t known = 0;
-  for (size_t i = 0; i < records.size(); ++i)
-    if (records[i].known & newest_steps(steps)) known |= 1u << i;
-  return known;
-}
-
-int window_of(const FilterSettings& settings, const FilterSteps& steps) {
-  switch (settings.mode) {
-    case FilterMode::kNone:
-      return 1;
-    case FilterMode::kJoint:
-      return std::max(settings.n, 1);
-    case FilterMode::kPerTarget:
-      return steps.window;
-  }
-  return 1;
-}
-
 }  // namespace
 
-void TemporalVolume::begin_step(const Lattice& lattice, size_t places, std::span<const uint64_t> target_ids,
+void TemporalVolume::begin_step(const Lattice& lattice, size_t singles, std::span<const uint64_t> target_ids,
                                 const FilterSettings& settings, double dt_s) {
   settings_ = settings;
   steps_ = filter_steps(settings, dt_s);
   lattice_slots_ = lattice.address_count();
-  history_.resize(lattice_slots_ + places);
+  history_.resize(lattice_slots_ + singles);
   switches_.resize(history_.slot_count() * history_.target_count());
   if (!std::ranges::equal(target_ids, target_ids_)) follow(target_ids);
   history_.begin_step();
@@ -60,7 +41,7 @@ void TemporalVolume::follow(std::span<const uint64_t> target_ids) {
   target_ids_.assign(target_ids.begin(), target_ids.end());
 }
 
-// The switches go along in every mode: a live session that changes its mode finds them where they would be.
+// The switches are updated in every mode, so that a session can change its mode at any step.
 void TemporalVolume::push(uint32_t slot, uint64_t owner, uint32_t visible_targets) {
   history_.push(slot, owner, visible_targets);
   const auto records = history_.records(slot);
@@ -94,39 +75,21 @@ uint32_t TemporalVolume::switched_on(uint32_t slot) {
   return on;
 }
 
-TemporalVolume::Verdict TemporalVolume::judge(uint32_t slot, uint32_t steered) {
+uint32_t TemporalVolume::filtered(uint32_t slot, uint32_t steered) {
+  if (settings_.mode == FilterMode::kPerTarget) return switched_on(slot);
   const auto records = history_.records(slot);
-  if (settings_.mode == FilterMode::kPerTarget)
-    return {switched_on(slot), known_within(records, steps_.window)};
-  const Verdict now{visible_now(records), known_within(records, 1)};
+  const uint32_t now = visible_now(records);
   if (settings_.mode == FilterMode::kNone) return now;
-  const JointState joint = joint_state(records, steered, settings_.n, settings_.alpha);
-  return {(now.visible & ~steered) | joint.visible_targets,
-          (now.known & ~steered) | (joint.known ? steered : 0)};
+  return (now & ~steered) | joint_state(records, steered, settings_.n, settings_.alpha).visible_targets;
 }
 
 void TemporalVolume::filter(std::span<const uint32_t> slots, std::span<const uint32_t> visible_now,
-                            uint32_t steered, FilteredSights& out) {
+                            uint32_t steered, std::vector<uint32_t>& visible_targets) {
   assert(slots.size() == visible_now.size());
-  const size_t targets = history_.target_count();
-  const auto all = static_cast<uint32_t>(newest_steps(static_cast<int>(targets)));
-  const int window = window_of(settings_, steps_);
-  out.target_count = targets;
-  out.visible_targets.assign(visible_now.begin(), visible_now.end());
-  out.known_targets.assign(slots.size(), all);
-  out.visible_shares.resize(slots.size() * targets);
-  for (size_t i = 0; i < slots.size(); ++i) {
-    float* shares = out.visible_shares.data() + i * targets;
-    if (slots[i] == kNoSlot) {
-      for (size_t t = 0; t < targets; ++t) shares[t] = visible_now[i] >> t & 1u ? 1.0f : 0.0f;
-      continue;
-    }
-    const Verdict verdict = judge(slots[i], steered & all);
-    out.visible_targets[i] = verdict.visible;
-    out.known_targets[i] = verdict.known;
-    const auto records = history_.records(slots[i]);
-    for (size_t t = 0; t < targets; ++t) shares[t] = visible_share(records[t], window).share();
-  }
+  const auto all = static_cast<uint32_t>(newest_steps(static_cast<int>(history_.target_count())));
+  visible_targets.assign(visible_now.begin(), visible_now.end());
+  for (size_t i = 0; i < slots.size(); ++i)
+    if (slots[i] != kNoSlot) visible_targets[i] = filtered(slots[i], steered & all);
 }
 
 }  // namespace sightline

@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// A ball needs some size for its frusta to be well formed; also the floor for cameras that can hardly move.
+// The least radius. Frusta round a smaller ball are badly conditioned, and a camera that can hardly move still needs candidates.
 constexpr double kMinRadiusM = 0.05;
 
 }  // namespace

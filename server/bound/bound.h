@@ -1,8 +1,8 @@
-// Bound: the ball in which the camera can be within the horizon (paper 3.1, design 3).
+// The bound: a ball that contains the positions that the camera can reach within the horizon (paper 3.1, design 3).
 //
-// The paper takes a sphere at c + dt v of radius n dt^2 a_max. At 60 Hz and 10 m/s^2 that radius is 2.8 mm, so the
-// factor n does all the work. We take a horizon T instead: centre c + T v, radius min(a_max T^2 / 2, v_max T): every
-// place that the camera can reach in T. n = radius / (dt^2 a_max) is then derived. `paper` mode takes (dt, a_max, n).
+// The paper takes a sphere at c + dt v of radius n dt^2 a_max. At 60 Hz and 10 m/s^2 that radius is n * 2.8 mm, so only the factor n
+// matters. Here the horizon T sets the ball instead: centre c + T v, radius min(a_max T^2 / 2, v_max T). The factor n is then derived as
+// radius / (dt^2 a_max). BoundMode::kPaper, which exists only to reproduce the paper, takes (dt, a_max, n).
 #pragma once
 
 #include <glm/glm.hpp>
@@ -24,14 +24,13 @@ struct Bound {
   }
 };
 
-// `horizon_s` is settings.horizon_s, or longer while escaping. `dt_s` >= 0 is the tick's step, used by paper mode and
-// to derive n. The centre is limited so that the ball still contains the camera: a fast camera keeps its own place
-// among the candidates.
+// The bound of a step. `horizon_s` is settings.horizon_s, or longer while escaping. `dt_s` >= 0 is the time step, used by paper mode and to
+// derive n. The centre is limited so that the ball always contains the camera, whose own position is a candidate.
 Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const BoundSettings& settings,
                    double horizon_s, double dt_s);
 
-// The least ball that contains `bound` and reaches from it `target_reach_m` metres towards a point, but no nearer to it than
-// `nearest_m`; the bound itself when it reaches there already.
+// The smallest ball that contains `bound` and extends `target_reach_m` metres farther towards a point, but stays at least `nearest_m` away from
+// the point. Returns the bound itself when it already reaches that far.
 Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double target_reach_m, double nearest_m);
 
 }  // namespace sightline

@@ -11,18 +11,17 @@ namespace {
 // Sweeps start this much inside the measured clearance, so that a camera that touches its skin can still slide.
 constexpr double kSweepSlackM = 0.002;
 
-// A camera that has used its skin up comes nearer by no more than this in a step, and never as near as a sweep may press in.
+// A camera that is closer than its skin comes nearer by no more than this in a step, and always stays farther away than a sweep's error.
 constexpr double kNearerM = 1e-6, kNeverPressedM = 2e-9;
 
-// Room kept to what moves, beyond the body: a mover's velocity is only what it was.
+// Distance kept from moving colliders beyond the body radius, since their velocity may change.
 constexpr double kEvadeRoomM = 0.1;
 
-// The radius to sweep from where the clearance is this: with the whole skin where there is room for it, less where the camera already
-// stands closer.
+// The radius to sweep from a position with this clearance: the body with its whole skin, or less where the camera is already closer.
 double sweep_radius_m(double clearance_m, double body_m) {
   return std::clamp(clearance_m - kSweepSlackM, body_m, body_m + kBodySkinM);
 }
-// No clearance beyond this is asked for.
+// Clearances are measured up to this distance.
 double clearance_reach_m(double body_m) {
   return body_m + 2 * kBodySkinM;
 }
@@ -47,10 +46,10 @@ class SafetyCheck {
   }
 
   bool overlaps() const { return clearance_m_ < body_m_; }
-  // Some of the skin is left.
+  // Returns whether any of the skin is left.
   bool has_skin() const { return clearance_m_ >= body_m_ + kSweepSlackM; }
 
-  // Free for the step and for the brake after it.
+  // Returns whether the path is free for the step and for braking after it.
   bool is_safe(const glm::dvec3& velocity) {
     const double speed = glm::length(velocity);
     if (speed < 1e-9) return true;
@@ -59,7 +58,7 @@ class SafetyCheck {
     return field_.is_free(from, from + velocity * (reach / speed), sweep_m_, blocker_);
   }
 
-  // The velocity without its part into the surface that it meets.
+  // The velocity without its component into the surface in the way.
   glm::dvec3 along_surface(const glm::dvec3& velocity) const {
     const glm::dvec3 from = camera_.pose.position_m;
     const double speed = glm::length(velocity);
@@ -72,14 +71,14 @@ class SafetyCheck {
     return velocity - out * std::min(0.0, glm::dot(velocity, out));
   }
 
-  // Away from the nearest surface, as fast as still allows stopping within the skin.
+  // The velocity away from the nearest surface, as fast as the camera can still stop within the skin.
   glm::dvec3 velocity_out() const {
     if (clearance_m_ < 1e-9) return glm::dvec3(0, 1, 0);
     const double missing = body_m_ + kBodySkinM - clearance_m_;
     return away_m_ / clearance_m_ * std::sqrt(2 * limits_.max_acceleration_mps2 * std::max(missing, 0.0));
   }
 
-  // How much room is left by the step and where the brake after it ends.
+  // The least clearance after the step and at the end of braking after it.
   double room_m(const glm::dvec3& velocity) const {
     const glm::dvec3 next = camera_.pose.position_m + velocity * dt_s_;
     const double speed = glm::length(velocity), reach_m = clearance_reach_m(body_m_);
@@ -101,7 +100,7 @@ class SafetyCheck {
   size_t blocker_ = 0;
 };
 
-// Out of what the body touches, or as far as what stands opposite allows: the velocity that leaves the most room.
+// The velocity that leaves the most room: out of the collider that the body touches, or midway between opposite surfaces.
 glm::dvec3 roomiest(const SafetyCheck& check) {
   const glm::dvec3 out = check.velocity_out();
   glm::dvec3 best(0.0);
@@ -129,7 +128,7 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
                  const Lens& lens, const MoversAhead& movers, double dt_s) {
   const double keep = swept_radius_m(limits, lens) + kEvadeRoomM;
   glm::dvec3 velocity = wanted_mps;
-  // A few rounds: what leads away from one collider may lead towards another.
+  // A few rounds, because moving away from one collider may lead towards another.
   for (int round = 0; round < 3; ++round) {
     for (size_t look = 0; look < movers.size(); ++look) {
       const glm::dvec3 there = camera.pose.position_m + velocity * kEvadeS[look];
@@ -145,17 +144,17 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                    const Lens& lens, const ClearanceField& field, double dt_s) {
   SafetyCheck check(camera, limits, lens, field, dt_s);
-  if (check.overlaps()) return {roomiest(check), true, true};
-  if (check.is_safe(wanted_mps)) return {wanted_mps, false, false};
-  // With no skin left it is made again first, where nothing stands opposite.
+  if (check.overlaps()) return {roomiest(check), true};
+  if (check.is_safe(wanted_mps)) return {wanted_mps, false};
+  // Too close to a surface: away from it first, unless another surface is opposite.
   if (const glm::dvec3 out = check.limited(check.velocity_out()); !check.has_skin() && check.is_safe(out))
-    return {out, false, true};
+    return {out, false};
   const glm::dvec3 slide = check.along_surface(wanted_mps);
   const std::array<glm::dvec3, 6> tries = {slide,       0.5 * slide,      0.5 * wanted_mps,
                                            0.2 * slide, 0.2 * wanted_mps, 0.05 * slide};
   for (const glm::dvec3& velocity : tries)
-    if (const glm::dvec3 v = check.limited(velocity); check.is_safe(v)) return {v, false, true};
-  return {check.has_skin() ? check.limited(glm::dvec3(0.0)) : roomiest(check), false, true};
+    if (const glm::dvec3 v = check.limited(velocity); check.is_safe(v)) return {v, false};
+  return {check.has_skin() ? check.limited(glm::dvec3(0.0)) : roomiest(check), false};
 }
 
 }  // namespace sightline

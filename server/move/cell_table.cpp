@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
 namespace sightline {
 namespace {
@@ -24,6 +25,17 @@ std::optional<CellBox> compact_box(std::span<const glm::ivec3> cell) {
 }
 
 }  // namespace
+
+void lattice_cells(const PlaceView& places, double spacing_m, std::vector<glm::ivec3>& cells) {
+  assert(spacing_m > 0 && (places.in_runs() == 0 || places.spacing_m() == spacing_m));
+  cells.resize(places.size());
+  for (size_t run = 0; run < places.runs().size(); ++run) {
+    glm::ivec3 cell = places.runs()[run].cell;
+    for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i, ++cell.x) cells[i] = cell;
+  }
+  for (size_t k = 0; k < places.singles_m().size(); ++k)
+    cells[places.in_runs() + k] = glm::ivec3(glm::round(places.singles_m()[k] / spacing_m));
+}
 
 void CellTable::clear(std::span<const glm::ivec3> cell) {
   cell_ = cell;

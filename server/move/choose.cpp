@@ -14,16 +14,16 @@ namespace {
 constexpr double kHalfPi = std::numbers::pi / 2;
 
 // The distance from the centre, along unit `outwards`, at which the whole group fits the picture.
-double fitting_distance_m(std::span<const TargetView> targets, const glm::dvec3& center_m,
+double fitting_distance_m(std::span<const TrackedTarget> targets, const glm::dvec3& center_m,
                           const glm::dvec3& outwards, const Lens& lens, double margin) {
   const glm::dquat camera = look_rotation(-outwards, {0, 1, 0}, {1, 0, 0});
   const double half_y = lens.vertical_fov_rad / 2 * (1 - margin),
                half_x = half_horizontal_fov_rad(lens) * (1 - margin);
   double distance = 0;
-  for (const TargetView& t : targets) {
+  for (const TrackedTarget& t : targets) {
     if (!t.steered()) continue;
     const glm::dvec3 p = glm::conjugate(camera) * (t.aim_m - center_m);
-    // A sphere touches the frustum's side when its centre is r / sin(half) behind the corner that it would fill.
+    // A sphere touches the side of the frustum when its centre is r / sin(half angle) behind the frustum's corner.
     distance = std::max({distance, p.z + std::abs(p.x) / std::tan(half_x) + t.radius_m / std::sin(half_x),
                          p.z + std::abs(p.y) / std::tan(half_y) + t.radius_m / std::sin(half_y)});
   }
@@ -44,26 +44,26 @@ glm::dvec3 with_elevation(const glm::dvec3& offset, double elevation) {
 struct Weights {
   double required = 0, optional = 0;
 };
-Weights weight_seen(uint32_t visible, std::span<const TargetView> targets) {
+Weights weight_seen(uint32_t visible, std::span<const TrackedTarget> targets) {
   Weights sum;
   for (size_t i = 0; i < targets.size(); ++i)
     if (visible >> i & 1u) (targets[i].required ? sum.required : sum.optional) += targets[i].weight;
   return sum;
 }
 
-uint32_t steered_mask(std::span<const TargetView> targets) {
+uint32_t steered_mask(std::span<const TrackedTarget> targets) {
   uint32_t mask = 0;
   for (size_t i = 0; i < targets.size(); ++i)
     if (targets[i].steered()) mask |= 1u << i;
   return mask;
 }
 
-// Orders candidates for a choice and tries the best ones for reachability. `Costs` tells what a candidate costs, and goes over those
-// that may be among the best.
+// Orders candidates and tests the best ones for reachability. `Costs` has the cost of each candidate, and visits those that may be among
+// the best.
 template <typename Costs>
 class Search {
  public:
-  Search(const CandidateSet& candidates, std::span<const TargetView> targets, const Costs& costs, double ahead_weight,
+  Search(const CandidateSet& candidates, std::span<const TrackedTarget> targets, const Costs& costs, double ahead_weight,
          const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch)
       : seen_(candidates.filtered()),
         seen_ahead_(candidates.ahead()),
@@ -74,8 +74,8 @@ class Search {
         reachable_(reachable),
         keys_(scratch.keys) {}
 
-  // The first reachable of the kMaxReachTests best of those that are wanted, best first; -1 when none is. Mostly the very best is
-  // reachable, and finding it alone is quicker. `alike`: those wanted all see the same of what counts.
+  // The first reachable one of the kMaxReachTests best wanted candidates, best first; -1 when there is none. Usually the very best is
+  // reachable, and finding that one alone is faster. `alike`: all wanted candidates see the same targets.
   template <typename Wanted>
   int best(Wanted wanted, bool alike) {
     collect(wanted, alike, 1);
@@ -89,16 +89,15 @@ class Search {
       if (key.candidate != best && reachable_(key.place_m)) return static_cast<int>(key.candidate);
     return -1;
   }
-  // Whether any was wanted by the last `best`.
+  // Returns whether the last call of `best` found a wanted candidate.
   bool any() const { return any_; }
 
  private:
-  // Keeps the best of those that are wanted. Most candidates are worse than all that are kept by what they see and cost alone:
-  // whether they are within the limits need not be known.
+  // Keeps the best wanted candidates. Most others are worse by what they see and cost alone, so the limits need not be tested for them.
   template <typename Wanted>
   void collect(Wanted wanted, bool alike, size_t kept) {
     keys_.clear();
-    // The cost from which on nothing more is kept.
+    // Candidates of this cost or more are not kept any more.
     const auto enough = [&] {
       const bool settled = alike && ahead_weight_ == 0 && keys_.size() == kept && keys_.front().within_limits;
       return settled ? keys_.front().cost : std::numeric_limits<double>::infinity();
@@ -137,18 +136,18 @@ class Search {
             now.optional * (1 - ahead_weight_) + ahead.optional * ahead_weight_};
   }
 
-  // Places side by side mostly see the same: the last sum is kept.
+  // Neighbouring candidates usually see the same targets, so the last sum is cached.
   struct LastWeights {
     uint32_t visible = 0;
-    Weights weights;  // of seeing nothing: none
-    const Weights& of(uint32_t seen, std::span<const TargetView> targets) {
+    Weights weights;  // seeing nothing weighs nothing
+    const Weights& of(uint32_t seen, std::span<const TrackedTarget> targets) {
       if (seen != visible) visible = seen, weights = weight_seen(seen, targets);
       return weights;
     }
   };
 
   const std::span<const uint32_t> seen_, seen_ahead_;
-  std::span<const TargetView> targets_;
+  std::span<const TrackedTarget> targets_;
   const Costs& costs_;
   const double ahead_weight_;
   const PlaceLimits limits_;
@@ -160,7 +159,7 @@ class Search {
 
 using CostAndPlace = std::tuple<double, glm::dvec3>;
 
-// Costs that were worked out before.
+// Costs that the caller has computed.
 struct ListedCosts {
   const PlaceList& places;
   std::span<const double> cost;
@@ -171,8 +170,8 @@ struct ListedCosts {
   }
 };
 
-// A candidate costs its distance to a place. The runs are gone over from the nearest on, up and down, and only as far along each as
-// may still be among the best.
+// The cost of a candidate is its distance to a position. Runs are visited from the nearest one upwards and downwards, and each only as
+// far as its candidates may be among the best.
 class DistanceCosts {
  public:
   DistanceCosts(const PlaceView& places, const glm::dvec3& to_m) : places_(places), to_m_(to_m) {
@@ -190,7 +189,7 @@ class DistanceCosts {
   }
 
  private:
-  // More than rounding takes from a distance or adds to one, as a share of it and of the places' own sizes.
+  // More than the rounding error of a distance, as a share of it and of the coordinates.
   static constexpr double kSlack = 1e-9;
 
   template <typename Take>
@@ -198,7 +197,7 @@ class DistanceCosts {
     take(i, [&]() -> CostAndPlace { return {glm::distance(place_m, to_m_), place_m}; });
   }
 
-  // How far the run's line passes by, squared.
+  // Squared distance between the run's line and the position.
   double squared_beside(const PlaceRun& run) const {
     const double y = run.cell.y * places_.spacing_m() - to_m_.y, z = run.cell.z * places_.spacing_m() - to_m_.z;
     return y * y + z * z;
@@ -229,7 +228,7 @@ class DistanceCosts {
 };
 
 template <typename Costs>
-Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<const TargetView> targets,
+Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                  const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
                  const Reachable& reachable, ChoiceScratch& scratch) {
   const uint32_t steered = steered_mask(targets);
@@ -251,15 +250,15 @@ Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<c
 
 }  // namespace
 
-glm::dvec3 weighted_center_m(std::span<const TargetView> targets) {
+glm::dvec3 weighted_center_m(std::span<const TrackedTarget> targets) {
   glm::dvec3 sum(0.0);
   double weight = 0;
-  for (const TargetView& t : targets)
+  for (const TrackedTarget& t : targets)
     if (t.steered()) sum += t.weight * t.aim_m, weight += t.weight;
   return sum / weight;
 }
 
-glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3& offset_m, const Lens& lens,
+glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const Lens& lens,
                            double framing_margin, const MoveSettings& settings) {
   const glm::dvec3 center = weighted_center_m(targets);
   glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
@@ -269,7 +268,7 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
   offset = with_elevation(offset, elevation);
   const glm::dvec3 outwards = glm::normalize(offset);
   double nearest_allowed = fitting_distance_m(targets, center, outwards, lens, framing_margin);
-  for (const TargetView& t : targets)
+  for (const TrackedTarget& t : targets)
     if (t.steered())
       nearest_allowed =
           std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
@@ -277,17 +276,17 @@ glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3
   return center + outwards * distance;
 }
 
-PlaceLimits::PlaceLimits(std::span<const TargetView> targets, const MoveSettings& settings)
+PlaceLimits::PlaceLimits(std::span<const TrackedTarget> targets, const MoveSettings& settings)
     : targets_(targets),
       settings_(settings),
       center_m_(weighted_center_m(targets)),
       low_(std::cos(settings.min_elevation_rad), std::sin(settings.min_elevation_rad)),
       high_(std::cos(settings.max_elevation_rad), std::sin(settings.max_elevation_rad)) {}
 
-// An elevation e is over a limit l when sin(e - l), which is y cos l - flat sin l over the distance, is above 0: no arc has to be
-// taken unless it is within rounding of 0.
+// An elevation e is above a limit l when sin(e - l) > 0, which is (y cos l - flat sin l) / distance. So the arc tangent is only needed
+// where that is within rounding of 0.
 bool PlaceLimits::hold(const glm::dvec3& place_m) const {
-  for (const TargetView& t : targets_)
+  for (const TrackedTarget& t : targets_)
     if (t.steered() && glm::distance(place_m, t.aim_m) < settings_.min_distance_m) return false;
   const glm::dvec3 from_center = place_m - center_m_;
   const double distance_m = glm::length(from_center);
@@ -300,9 +299,9 @@ bool PlaceLimits::hold(const glm::dvec3& place_m) const {
   return within_limits(place_m, targets_, settings_);
 }
 
-bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
+bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
                    const MoveSettings& settings) {
-  for (const TargetView& t : targets)
+  for (const TrackedTarget& t : targets)
     if (t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m) return false;
   const glm::dvec3 from_center = place_m - weighted_center_m(targets);
   const double elevation = elevation_rad(from_center);
@@ -310,14 +309,14 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> target
          elevation <= settings.max_elevation_rad;
 }
 
-Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
+Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch) {
   return choose_by(ListedCosts{candidates.position_m, cost}, candidates, targets, desired_m, ahead_weight, settings,
                    reachable, scratch);
 }
 
-Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TargetView> targets,
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                  const glm::dvec3& desired_m) {
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
@@ -329,7 +328,7 @@ Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<c
   return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible, index};
 }
 
-Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
+Choice choose_basic(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                     const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
                     const Reachable& reachable, ChoiceScratch& scratch) {
   return choose_by(DistanceCosts(candidates.position_m, desired_m), candidates, targets, desired_m, ahead_weight,

@@ -1,9 +1,9 @@
-// Choose: the goal among the candidates (paper 3.4), with the ordered fallbacks of design 6: S_V, then the best partial view by
-// target weight (required before optional), then escape, then hold. Among candidates that see the same, the one of least cost
-// is taken; the strategies of the paper are ways to set that cost (see cost.h).
+// Chooses the goal among the candidates (paper 3.4). The choice falls back in this order: candidates that see all targets, the best
+// partial view by target weight (required before optional targets), escape, hold. Among candidates that see the same targets, the one
+// of least cost wins; the strategies of the paper are different costs (see cost.h).
 //
-// What the paper leaves open is nearest to *what*. Here: to the desired place, which is the place that keeps the shot when
-// targets walk, and the camera's own place when `follow` is kStay (the method as printed).
+// The paper leaves open what the goal should be nearest to. Here it is the desired position, which keeps the shot while targets
+// walk. With `follow` = kStay it is the camera's own position, which is the method as printed.
 #pragma once
 
 #include <cstdint>
@@ -18,34 +18,33 @@
 #include "server/move/cost.h"
 #include "server/move/decision.h"
 #include "server/move/shot.h"
-#include "server/move/target_view.h"
 #include "server/scene/target.h"
 #include "server/settings/move_settings.h"
 
 namespace sightline {
 
-// Weighted centre of the steered targets; required and optional alike. Must have at least one.
-glm::dvec3 weighted_center_m(std::span<const TargetView> targets);
+// Weighted centre of the steered targets, required and optional alike, world metres. At least one target must be steered.
+glm::dvec3 weighted_center_m(std::span<const TrackedTarget> targets);
 
-// The place that the camera wants: `offset_m` from the weighted centre, pushed outwards until the whole group fits the
-// picture (dolly), clamped to the distance and elevation limits.
-glm::dvec3 desired_place_m(std::span<const TargetView> targets, const glm::dvec3& offset_m, const Lens& lens,
+// The desired position: `offset_m` from the weighted centre, moved outwards until the whole group fits the picture (dolly), and clamped
+// to the distance and elevation limits.
+glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const Lens& lens,
                            double framing_margin, const MoveSettings& settings);
 
-// A place the camera may not want by the distance or elevation limits.
-bool within_limits(const glm::dvec3& place_m, std::span<const TargetView> targets,
+// Returns whether a position is within the distance and elevation limits.
+bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
                    const MoveSettings& settings);
 
-// The same for many places of the same targets, which are looked at once. Exact: a place so near to a limit of elevation that the
-// quick test cannot tell is tested as above.
+// The same test for many positions around the same targets, with the same results. A position that is too near to an elevation limit
+// for the quick test is tested by within_limits.
 class PlaceLimits {
  public:
-  // At least one target is steered; both must outlive it.
-  PlaceLimits(std::span<const TargetView> targets, const MoveSettings& settings);
+  // At least one target must be steered. Both arguments must outlive the object.
+  PlaceLimits(std::span<const TrackedTarget> targets, const MoveSettings& settings);
   bool hold(const glm::dvec3& place_m) const;
 
  private:
-  std::span<const TargetView> targets_;
+  std::span<const TrackedTarget> targets_;
   const MoveSettings& settings_;
   glm::dvec3 center_m_;
   glm::dvec2 low_, high_;  // cosine and sine of the least and greatest elevation
@@ -54,18 +53,18 @@ class PlaceLimits {
 struct Choice {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
-  int candidate = -1;  // index into the set, or -1: stay
+  int candidate = -1;  // index into the candidate set; -1: stay
 };
 
-// True when the camera body can go straight to a place.
+// Returns whether the camera body can go straight to a position.
 using Reachable = std::function<bool(const glm::dvec3& place_m)>;
 
-// At most this many places of one set are tested for reachability, nearest first: it bounds the cost of a step.
+// At most this many candidates of one set are tested for reachability, nearest first. This bounds the cost of a step.
 inline constexpr int kMaxReachTests = 24;
 
-// By what candidates are ordered, and the memory for it, reused.
+// The sort key of a candidate, and memory for the keys that is reused from step to step.
 struct ChoiceKey {
-  double required = 0, optional = 0;  // weights of the targets seen
+  double required = 0, optional = 0;  // summed weights of the required and of the optional targets that it sees
   double cost = 0;
   glm::dvec3 place_m{0.0};
   uint32_t candidate = 0;
@@ -75,20 +74,20 @@ struct ChoiceScratch {
   std::vector<ChoiceKey> keys;
 };
 
-// The goal among `candidates`. `cost` runs parallel to them. What a candidate sees is what the filter says now and what is
-// predicted, weighed by 1 - ahead_weight and ahead_weight, [0, 1]; a state (tracking, partial, escaping) is by what it sees
-// now: a prediction never replaces the real target. `desired_m` only tells whether the goal is the desired place itself.
-// Candidates outside the limits are taken only when none inside is left.
-Choice choose_place(const CandidateSet& candidates, std::span<const TargetView> targets,
+// The goal among `candidates`; `cost` has one entry a candidate. The targets that a candidate sees now, after the filter, count by
+// 1 - ahead_weight, and those that it is predicted to see by ahead_weight, in [0, 1]. The status (tracking, partial, escaping) depends on what it sees now: a
+// prediction never replaces the real target. `desired_m` is only compared with the goal, for the reason. Candidates outside the limits
+// are taken only when no other is left.
+Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch);
 
-// What it means to go to this candidate, whatever it sees: for goals whose costs hold what is hidden. Holds without targets.
-Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TargetView> targets,
+// Status and reason of going to this candidate. For strategies whose cost includes what is hidden. Without targets: hold.
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                  const glm::dvec3& desired_m);
 
-// Basic alone: choose_place by the distance to the desired place, without looking at all candidates where those near it do.
-Choice choose_basic(const CandidateSet& candidates, std::span<const TargetView> targets,
+// Strategy kBasic: choose_place with the distance to the desired position as cost. Usually looks only at the candidates near it.
+Choice choose_basic(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                     const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
                     const Reachable& reachable, ChoiceScratch& scratch);
 

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// More than any distance inside a bound: orders places outside the largest group after all inside.
+// More than any distance inside a bound. It sorts candidates outside the largest group after all inside.
 constexpr double kOutsideGroup = 1e6;
 
 }  // namespace
@@ -23,14 +23,14 @@ void basic_costs(const PlaceView& places, const glm::dvec3& desired_m, std::vect
 }
 
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
-                  std::span<const uint32_t> shelter_squared, std::vector<double>& cost) {
+                  std::span<const uint32_t> edge_distance_squared, std::vector<double>& cost) {
   basic_costs(position_m, desired_m, cost);
   size_t best = position_m.size();
   for (size_t i = 0; i < position_m.size(); ++i) {
     if (groups.largest == kNoGroup || groups.group_of[i] != groups.largest) continue;
     const bool first = best == position_m.size();
-    if (first || shelter_squared[i] > shelter_squared[best] ||
-        (shelter_squared[i] == shelter_squared[best] && cost[i] < cost[best]))
+    if (first || edge_distance_squared[i] > edge_distance_squared[best] ||
+        (edge_distance_squared[i] == edge_distance_squared[best] && cost[i] < cost[best]))
       best = i;
   }
   if (best == position_m.size()) return;
@@ -62,7 +62,7 @@ double CandidateCosts::least_of(size_t candidate, double route_m) const {
 
 uint32_t CandidateCosts::full_depth_steps() const {
   constexpr uint32_t kMost =
-      1 << 15;  // more than any group of candidates has, and its square is a number still
+      1 << 15;  // deeper than any group; its square fits an int
   auto steps = static_cast<uint32_t>(std::min(settings_.full_depth_m / input_.spacing_m, double{kMost}));
   while (steps < kMost && steps * input_.spacing_m / settings_.full_depth_m < 1.0) ++steps;
   return steps;

@@ -1,4 +1,4 @@
-// What `move` decided, in words that a person and a program can read.
+// The decision of stage `move`, for people and programs.
 #pragma once
 
 #include <string_view>

@@ -9,19 +9,15 @@
 namespace sightline {
 namespace {
 
-constexpr double kHalfPi = std::numbers::pi / 2;
-// Straight up and down are defined, but a hair less keeps the yaw of a target overhead from being noise.
-constexpr double kMaxPitchRad = kHalfPi - 1e-3;
 constexpr int kAimIterations = 4;
 
-// Where the group stands in the picture along one axis, in radians from the middle: the interval that must fit, and
-// the weighted mean.
+// The extent of the group along one axis of the picture, in radians from the middle: the interval that must fit, and the weighted mean.
 struct Extent {
   double low = 1e9, high = -1e9, mean = 0;
   void include(double middle, double half) {
     low = std::min(low, middle - half), high = std::max(high, middle + half);
   }
-  // How far to turn so that [low, high] fits into [-half, half] and the mean is as near the middle as that allows.
+  // The turn that fits [low, high] into [-half, half] and brings the mean as near to the middle as possible.
   double shift(double half) const {
     const double least = high - half, most = low + half;
     return least <= most ? std::clamp(mean, least, most) : (low + high) / 2;
@@ -32,18 +28,18 @@ struct Extents {
   Extent x, y;
 };
 
-bool must_fit(const TargetView& target, bool any_required) {
+bool must_fit(const TrackedTarget& target, bool any_required) {
   return target.steered() && (target.required || !any_required);
 }
 
-Extents extents_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& angles) {
+Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles) {
   const glm::dquat camera_from_world =
       glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
   const bool any_required =
       std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
   Extents out;
   double weight = 0;
-  for (const TargetView& target : targets) {
+  for (const TrackedTarget& target : targets) {
     if (!target.steered()) continue;
     const glm::dvec3 p = camera_from_world * (target.aim_m - eye_m);
     const double ax = std::atan2(p.x, -p.z), ay = std::atan2(p.y, -p.z);
@@ -77,14 +73,14 @@ double zoom_for(const Extents& extents, const Lens& lens, const FramingSettings&
   return std::clamp(2 * half, settings.min_vertical_fov_rad, settings.max_vertical_fov_rad);
 }
 
-// What remains of a shift when the dead zone has swallowed its share.
+// The part of a shift that exceeds the dead zone.
 double beyond(double shift, double dead) {
   return shift - std::clamp(shift, -dead, dead);
 }
 
 }  // namespace
 
-Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present,
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings) {
   const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
   const double room = 1 - settings.framing_margin;
@@ -98,7 +94,7 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const V
   Aim aim;
   aim.vertical_fov_rad = zoom_for(at, lens, settings);
   aim.fits = at.x.reach() <= half_x && at.y.reach() <= half_y;
-  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 4 * kHalfPi),
+  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi),
                                                 settings.dead_zone * half_x);
   aim.angles.pitch_rad =
       present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);

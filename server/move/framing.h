@@ -1,4 +1,4 @@
-// Framing: which way to look, and how wide, so that all required targets stand in the picture (design 6).
+// Aims and zooms the camera so that all required targets are in the picture (design 6).
 #pragma once
 
 #include <span>
@@ -21,13 +21,13 @@ struct Aim {
   bool fits = true;               // every required target's sphere is inside the picture
 };
 
-// Aims from `eye_m`: the weighted mean of the steered targets, moved as little as needed so that all required targets' spheres
-// are inside the picture; when they do not fit, the middle of them. `present` decides yaw when the aim is vertical, and
-// is returned when the aim lies in the dead zone around it. At least one target must be steered.
-Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present,
+// The aim from `eye_m`. It is at the weighted mean of the steered targets, moved as little as needed so that the spheres of all required
+// targets are inside the picture. When they do not fit, it is at their middle. `present` gives the yaw of a vertical aim, and is returned for aims in the
+// dead zone around it. At least one target must be steered.
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings);
 
-// True when the world point is inside the picture.
+// Returns whether a world point is inside the picture.
 bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& point_m);
 
 }  // namespace sightline

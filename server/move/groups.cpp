@@ -1,7 +1,3 @@
-// Depth is the exact Euclidean distance transform, one pass an axis (Meijster, Roerdink & Hesselink, "A general algorithm for
-// computing distance transforms in linear time", 2000). A run of members ends at cells of distance 0, beyond which nothing can be
-// nearer, so each run is a problem of its own. Within a run the nearest place is sought outwards and not by the paper's envelope of
-// parabolas: runs are a few cells deep, where dividing costs more than looking.
 #include "server/move/groups.h"
 
 #include <algorithm>
@@ -11,8 +7,6 @@
 
 namespace sightline {
 namespace {
-
-constexpr int32_t kFar = 1 << 29;  // larger than any squared distance on a run, and twice it still is an int
 
 class Finder {
  public:
@@ -51,33 +45,15 @@ class Finder {
     g_.size_cells.reserve(cell_.size());
     s_.nearest_m.reserve(cell_.size());
     s_.queue.reserve(cell_.size());
-    s_.run.resize(cell_.size());
-    s_.line.resize(cell_.size() + 2);
     g_.group_of.assign(cell_.size(), kNoGroup);
     for (size_t i = 0; i < cell_.size(); ++i)
       if (owns_member_cell(i) && g_.group_of[i] == kNoGroup) flood(static_cast<int32_t>(i));
   }
 
-  void measure_depth() {
-    s_.distance.resize(cell_.size());
-    for (size_t i = 0; i < cell_.size(); ++i) s_.distance[i] = owns_member_cell(i) ? kFar : 0;
-    for (int axis = 0; axis < 3; ++axis)
-      for (size_t i = 0; i < cell_.size(); ++i)
-        if (s_.distance[i] != 0 && s_.beside[i][2 * axis] < 0) transform_run(static_cast<int32_t>(i), axis);
-  }
-
-  // Gives every member what its cell has: no group and no depth where the first candidate of the cell is no
-  // member.
+  // Gives every member the group of its cell: none where the first candidate of the cell is no member.
   void share_out() {
-    g_.depth_squared.assign(cell_.size(), 0);
-    g_.max_depth_squared = 0;
-    for (size_t i = 0; i < cell_.size(); ++i) {
-      const int32_t first = s_.first_in_cell[i];
-      if (!member_[i]) continue;
-      g_.group_of[i] = g_.group_of[first];
-      g_.depth_squared[i] = static_cast<uint32_t>(s_.distance[first]);
-      g_.max_depth_squared = std::max(g_.max_depth_squared, g_.depth_squared[i]);
-    }
+    for (size_t i = 0; i < cell_.size(); ++i)
+      if (member_[i]) g_.group_of[i] = g_.group_of[s_.first_in_cell[i]];
   }
 
  private:
@@ -111,32 +87,6 @@ class Finder {
     g_.size_cells.push_back(static_cast<uint32_t>(s_.queue.size()));
   }
 
-  // One axis of the transform for the run of members that begins at `first`. On the line, place 0 and the
-  // last place are the cells of distance 0 that bound the run.
-  void transform_run(int32_t first, int axis) {
-    int32_t length = 0;
-    s_.line[0] = 0;
-    for (int32_t i = first; i >= 0; i = s_.beside[i][2 * axis + 1]) {
-      s_.run[length++] = i;
-      s_.line[length] = s_.distance[i];
-    }
-    s_.line[length + 1] = 0;
-    for (int32_t u = 1; u <= length; ++u) {
-      // Along the first axis nothing but the ends is near.
-      const int32_t to_end = std::min(u, length + 1 - u);
-      s_.distance[s_.run[u - 1]] = axis == 0 ? to_end * to_end : least_around(u);
-    }
-  }
-
-  // The least of (distance of a place on the line) + (squared way to it). Ends where no farther place can have less: at the latest
-  // at the nearer end of the line, whose distance is 0.
-  int32_t least_around(int32_t place) const {
-    const int32_t* const at = &s_.line[place];
-    int32_t least = *at;
-    for (int32_t way = 1; way * way < least; ++way) least = std::min(least, std::min(at[-way], at[way]) + way * way);
-    return least;
-  }
-
   std::span<const glm::ivec3> cell_;
   std::span<const uint8_t> member_;
   GroupScratch& s_;
@@ -162,42 +112,31 @@ int32_t choose_largest(std::span<const glm::dvec3> position_m, const glm::dvec3&
   return best;
 }
 
-int32_t choose_deepest(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& g) {
-  int32_t best = -1;
-  double best_distance = 0;
-  for (size_t i = 0; i < position_m.size(); ++i) {
-    if (g.largest == kNoGroup || g.group_of[i] != g.largest) continue;
-    const bool deeper = best < 0 || g.depth_squared[i] > g.depth_squared[best];
-    if (!deeper && g.depth_squared[i] < g.depth_squared[best]) continue;
-    const double distance = glm::distance(position_m[i], desired_m);
-    if (!deeper && distance >= best_distance) continue;
-    best = static_cast<int32_t>(i);
-    best_distance = distance;
+constexpr int32_t kFar = 1 << 28;  // more than any squared distance; twice as much still fits an int
+
+// For each cell of a line: the least of (distance of another cell + squared way to it). Lines are short, so every pair is tried.
+void spread_line(int32_t* first, size_t stride, int count, std::vector<int32_t>& line) {
+  line.resize(count);
+  for (int i = 0; i < count; ++i) line[i] = first[i * stride];
+  for (int to = 0; to < count; ++to) {
+    int32_t least = kFar;
+    for (int from = 0; from < count; ++from) least = std::min(least, line[from] + (to - from) * (to - from));
+    first[to * stride] = least;
   }
-  return best;
+}
+
+// The squared distance is a sum over the axes, so one pass along each axis finds it.
+void spread(const CellBox& box, EdgeDistanceScratch& s) {
+  const size_t row = box.row(), slice = box.slice();
+  for (int z = 0; z < box.size.z; ++z)
+    for (int y = 0; y < box.size.y; ++y) spread_line(&s.distance[z * slice + y * row], 1, box.size.x, s.line);
+  for (int z = 0; z < box.size.z; ++z)
+    for (int x = 0; x < box.size.x; ++x) spread_line(&s.distance[z * slice + x], row, box.size.y, s.line);
+  for (size_t in_slice = 0; in_slice < slice; ++in_slice)
+    spread_line(&s.distance[in_slice], slice, box.size.z, s.line);
 }
 
 }  // namespace
-
-double Groups::depth_steps(size_t candidate) const {
-  return std::sqrt(static_cast<double>(depth_squared[candidate]));
-}
-
-double Groups::depth_share(size_t candidate) const {
-  if (max_depth_squared == 0) return 0.0;
-  return std::sqrt(static_cast<double>(depth_squared[candidate]) / max_depth_squared);
-}
-
-void lattice_cells(const PlaceView& places, double spacing_m, std::vector<glm::ivec3>& cells) {
-  assert(spacing_m > 0 && (places.in_runs() == 0 || places.spacing_m() == spacing_m));
-  cells.resize(places.size());
-  for (size_t run = 0; run < places.runs().size(); ++run) {
-    glm::ivec3 cell = places.runs()[run].cell;
-    for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i, ++cell.x) cells[i] = cell;
-  }
-  for (size_t k = 0; k < places.singles_m().size(); ++k)
-    cells[places.in_runs() + k] = glm::ivec3(glm::round(places.singles_m()[k] / spacing_m));
-}
 
 void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> position_m,
                  std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch,
@@ -207,10 +146,22 @@ void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> p
   finder.index_cells();
   finder.link_neighbours();
   finder.flood_all();
-  finder.measure_depth();
   finder.share_out();
   groups.largest = choose_largest(position_m, desired_m, scratch.nearest_m, groups);
-  groups.deepest = choose_deepest(position_m, desired_m, groups);
+}
+
+void measure_edge_distances(std::span<const glm::ivec3> cell, std::span<const uint8_t> member,
+                     EdgeDistanceScratch& scratch, std::vector<uint32_t>& edge_distance_squared) {
+  assert(cell.size() == member.size());
+  edge_distance_squared.assign(cell.size(), kAllOpen);
+  if (std::find(member.begin(), member.end(), 0) == member.end()) return;
+  const CellBox box = box_around(cell, 0);
+  scratch.distance.assign(box.count(), kFar);
+  for (size_t i = 0; i < cell.size(); ++i)
+    if (!member[i]) scratch.distance[box.address(cell[i])] = 0;
+  spread(box, scratch);
+  for (size_t i = 0; i < cell.size(); ++i)
+    edge_distance_squared[i] = static_cast<uint32_t>(scratch.distance[box.address(cell[i])]);
 }
 
 }  // namespace sightline

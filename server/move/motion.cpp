@@ -28,16 +28,30 @@ Vec limit_length(const Vec& v, double most) {
   return length > most ? v * (most / length) : v;
 }
 
-// A rate over its maximum brakes straight, as far as its change is allowed; less than this share over it is rounding.
+// A rate above its maximum by less than this factor is a rounding error.
 constexpr double kOverMaximum = 1 + 1e-9;
 
-// `wanted` brought to within `most`, and then to within `most_change` of `present`. With present within `most` too the segment
-// between both is, so that the two limits do not fight.
+// `wanted`, clamped to `most`, and then to within `most_change` of `present`. If `present` is within `most`, so is the segment between the
+// two, and the limits do not conflict. Otherwise the rate brakes straight.
 template <typename Vec>
 Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_change) {
   const double rate = glm::length(present);
   if (rate > most * kOverMaximum) return present * (std::max(most, rate - most_change) / rate);
   return present + limit_length(limit_length(wanted, most) - present, most_change);
+}
+
+// Lowers a pitch rate from which the camera could not stop before straight up or down, braking with all of the acceleration `a`.
+// The rate that it returns keeps v^2 / (2 a) <= the angle left, so the next step can brake in time as well, however long it is.
+glm::dvec2 brake_before_pole(const glm::dvec2& present, const glm::dvec2& rates, double pitch_rad, double a,
+                             double dt_s) {
+  const double up = rates.y < 0 ? -1 : 1;
+  const double left_rad = std::max(0.0, kMaxPitchRad - up * pitch_rad);
+  const double most = std::max(approach_speed(left_rad, a, dt_s), up * present.y - a * dt_s);
+  if (up * rates.y <= most) return rates;
+  const double pitch_rate = up * std::min(most, left_rad / dt_s);
+  const double change = a * dt_s, spent = std::min(std::abs(pitch_rate - present.y), change);
+  const double yaw_change = std::sqrt(change * change - spent * spent);
+  return {present.x + std::clamp(rates.x - present.x, -yaw_change, yaw_change), pitch_rate};
 }
 
 double roll_after(double roll_rad, double most) {
@@ -79,14 +93,15 @@ double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& li
   return glm::dot(velocity_mps, velocity_mps) / (2 * limits.max_acceleration_mps2);
 }
 
-ViewAngles angles_from_rotation(const glm::dquat& world_from_camera, double yaw_when_vertical_rad) {
+ViewAngles angles_from_rotation(const glm::dquat& world_from_camera) {
   const glm::dvec3 forward = world_from_camera * glm::dvec3(0, 0, -1);
+  const glm::dvec3 side = world_from_camera * glm::dvec3(1, 0, 0);
   ViewAngles angles;
   angles.pitch_rad = std::asin(std::clamp(forward.y, -1.0, 1.0));
   const bool vertical = std::hypot(forward.x, forward.z) < 1e-6;
-  angles.yaw_rad = vertical ? yaw_when_vertical_rad : std::atan2(-forward.x, -forward.z);
+  angles.yaw_rad = vertical ? std::atan2(-side.z, side.x) : std::atan2(-forward.x, -forward.z);
   const glm::dquat level = rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0.0});
-  const glm::dvec3 right = glm::conjugate(level) * (world_from_camera * glm::dvec3(1, 0, 0));
+  const glm::dvec3 right = glm::conjugate(level) * side;
   angles.roll_rad = std::atan2(right.y, right.x);
   return angles;
 }
@@ -110,14 +125,17 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
     if (response_s > 0) rate = std::min(rate, size * (1 - std::pow(0.01, dt_s / response_s)) / dt_s);
     wanted = error * (rate / size);
   }
-  const glm::dvec2 rates = limit_rate(present, wanted, limits.max_angular_speed_radps,
-                                      limits.max_angular_acceleration_radps2 * dt_s);
+  const glm::dvec2 limited = limit_rate(present, wanted, limits.max_angular_speed_radps,
+                                        limits.max_angular_acceleration_radps2 * dt_s);
+  const glm::dvec2 rates = brake_before_pole(present, limited, state.angles.pitch_rad,
+                                             limits.max_angular_acceleration_radps2, dt_s);
   TurnState next;
   next.yaw_rate_radps = rates.x;
   next.pitch_rate_radps = rates.y;
   next.angles.yaw_rad = wrap_angle(state.angles.yaw_rad + rates.x * dt_s);
   next.angles.pitch_rad = state.angles.pitch_rad + rates.y * dt_s;
-  next.angles.roll_rad = roll_after(state.angles.roll_rad, limits.max_angular_speed_radps * dt_s);
+  const double roll_rate = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
+  next.angles.roll_rad = roll_after(state.angles.roll_rad, roll_rate * dt_s);
   return next;
 }
 

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// Samples that always count a little, so that after a long gap there is still a parabola.
+// This many samples always have some weight, so that a parabola is defined after a long gap too.
 constexpr size_t kAlwaysFitted = 3;
 constexpr double kLeastWeight = 1e-3;
 constexpr size_t kStepsToJudge =
@@ -33,7 +33,7 @@ glm::dvec3 shortened(const glm::dvec3& v, double longest) {
   return length > longest ? v * (longest / length) : v;
 }
 
-// The share of the newest in a low-pass of that time constant.
+// The weight of the newest value in a low-pass filter with this time constant.
 double newest_share(double dt_s, double time_s) {
   return time_s > 0 ? -std::expm1(-dt_s / time_s) : 1.0;
 }
@@ -44,9 +44,8 @@ glm::dvec3 rate_of(double dt_s, const glm::dvec3& moved) {
 
 }  // namespace
 
-// Weighted least squares with polynomials that are orthogonal over the samples themselves, p0 = 1, p1 = t - a0, p2 = (t - a1) p1 - b:
-// well conditioned for any time steps, where the normal equations in t and t^2 are not. Every sum is taken in the order of the samples;
-// those that do not need each other go along in one loop.
+// Weighted least squares with polynomials that are orthogonal over the samples, p0 = 1, p1 = t - a0, p2 = (t - a1) p1 - b. They are well
+// conditioned for all time steps, where the normal equations in t and t^2 are not. Every sum is taken in the order of the samples.
 class MotionPredictor::Parabola {
  public:
   Parabola(const SampleTimes& times, const std::array<glm::dvec3, kKept + 1>& y) {
@@ -116,8 +115,8 @@ void MotionPredictor::Track::advance(double dt_s, const glm::dvec3& moved, doubl
   measure_extremes({lost.rate, lost_between.acceleration, lost.dt_s});
 }
 
-// Noise of single poses makes mismatches that cancel: those are not wrong predictions of where the thing
-// goes. So the mismatch is smoothed as the fit is, before its size is taken.
+// Noise in single poses causes mismatches that cancel each other, which are no wrong predictions. So the mismatch is smoothed like the
+// fit before its size is taken.
 void MotionPredictor::Track::judge(double dt_s, const glm::dvec3& moved, double max_rate,
                                    const PredictionSettings& settings) {
   const glm::dvec3 mismatch = (moved - displacement(dt_s, max_rate, settings)) / dt_s;
@@ -151,7 +150,7 @@ void MotionPredictor::Track::fit(const SampleTimes& times) {
   acceleration = parabola.acceleration();
 }
 
-// Of step k and, of acceleration, between it and the one before it; 0 where there is none.
+// The speed of step k, and the acceleration between it and the step before it; 0 where there is none.
 MotionPredictor::Track::Extremes MotionPredictor::Track::extremes_at(size_t k) const {
   const Step& step = recent(k);
   const glm::dvec3 rate_k = rate_of(step.dt_s, step.moved);
@@ -169,7 +168,7 @@ void MotionPredictor::Track::take_in(const Extremes& at) {
   top_.dt_s = std::max(top_.dt_s, at.dt_s);
 }
 
-// All steps are looked at again only when a greatest value went with the oldest step, and the newest does not reach it.
+// Rescans all steps only when a maximum left with the oldest step and the newest step does not reach it.
 void MotionPredictor::Track::measure_extremes(const Extremes& lost) {
   const Extremes newest = extremes_at(0);
   const auto keeps = [](double top, double gone, double come) { return gone < top || come >= top; };
@@ -185,8 +184,7 @@ glm::dvec3 MotionPredictor::Track::displacement(double ahead_s, double max_rate,
   const double bent_s = std::min(ahead_s, settings.acceleration_lasts_s);
   const glm::dvec3 moved = rate * ahead_s + acceleration * (bent_s * (ahead_s - bent_s / 2));
   const double reach = top_.rate * ahead_s + top_.acceleration * ahead_s * (ahead_s + top_.dt_s) / 2;
-  // The slack keeps an exact prediction, which lies on the bound when the motion is uniform, from being
-  // rounded.
+  // Uniform motion is predicted exactly at the bound; the slack keeps rounding from cutting it.
   return shortened(moved, std::min(reach * (1 + 1e-9), max_rate * ahead_s));
 }
 
@@ -203,7 +201,7 @@ void MotionPredictor::observe(double dt_s, const Pose& pose) {
   seen_ = true;
 }
 
-// Tracks of as many steps have the same ones, the newest: they came together.
+// Tracks with equally many steps share their sample times, because steps are added to both at once.
 void MotionPredictor::fit() {
   SampleTimes times;
   const bool same = travel_.count() == turn_.count();

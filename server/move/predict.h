@@ -1,15 +1,12 @@
-// Predict: where a target or a moving occluder will be, from its past velocities and accelerations, of
-// translation and of rotation (paper 6.1, "Prediction").
+// Predicts the pose of a target from its past velocities and accelerations, of translation and rotation (paper 6.1, "Prediction").
 //
-// The past is fitted with one parabola an axis, samples weighted by exp(-age / smoothing), and the fit's
-// velocity and acceleration carry the last pose forward. The rotation is treated alike: the steps between
-// successive orientations, as rotation vectors in the world frame, are summed and fitted. So a motion of
-// constant acceleration, and a turn about a fixed axis of constant angular acceleration, are foretold
-// exactly, whatever the time steps.
+// One parabola for each axis is fitted to the past, with sample weights exp(-age / smoothing). The fitted velocity and acceleration carry
+// the last pose forward. Rotation is handled in the same way: the steps between successive orientations, as rotation vectors in the world
+// frame, are summed and fitted. So constant acceleration, and constant angular acceleration about a fixed axis, are predicted exactly for
+// all time steps.
 //
-// Each new pose is compared with what had been foretold for it. A mismatch of velocities, smoothed, that has
-// been seen lately is expected again: over `ahead_s` it grows to an error of mismatch * ahead_s, and
-// confidence and the usable time fall with that.
+// Each new pose is compared with its prediction. The recent mismatch of velocity, smoothed, is expected again: over `ahead_s` it grows to
+// an error of mismatch * ahead_s, which lowers the confidence and the usable time.
 #pragma once
 
 #include <array>
@@ -56,61 +53,58 @@ struct Prediction {
   double confidence = 0.0;  // [0, 1]; see MotionPredictor::confidence
 };
 
-// The motion of one thing. A value: copied with its past, without allocation. Not thread-safe. Deterministic.
+// The motion of one object. A value type: copies include the past and allocate nothing. Not thread-safe. Deterministic.
 class MotionPredictor {
  public:
   explicit MotionPredictor(const PredictionSettings& settings = {}) : settings_(settings) {}
 
-  // The next pose, dt_s seconds after the last one; finite, rotation of unit length, dt_s >= 0 (asserted).
-  // The first dt_s is not used. With dt_s = 0 (a pause, a correction) the last pose is replaced and no motion
-  // is read from it. A jump, faster than the settings allow or by more than the tolerance in no time, forgets
-  // the past of what jumped: translation and rotation each for itself. A rotation turns by less than half a
-  // turn between two samples: of the two ways the shorter is taken.
+  // Adds the next pose, dt_s seconds after the last one; finite, rotation of unit length, dt_s >= 0 (asserted). The first dt_s is not
+  // used. dt_s = 0 (a pause or a correction) replaces the last pose without reading a motion from it. A jump is a motion faster than
+  // the settings allow, or by more than the tolerance in no time. It clears the past of translation or rotation, whichever jumped.
+  // Between two samples a rotation is taken to turn the shorter way.
   void observe(double dt_s, const Pose& pose);
 
-  // The pose ahead_s from the last one, clamped to [0, kMaxPredictionS]. at(0) is the last pose exactly. With
-  // one sample it is at rest, with two at constant velocity. Before the first sample: the identity,
-  // confidence 0.
+  // The predicted pose at ahead_s, clamped to [0, kMaxPredictionS], after the last one. at(0) is exactly the last pose. One sample is
+  // taken to be at rest, two to move at constant velocity. Without a sample: the identity with confidence 0.
   //
-  // Bounded: with v and a the greatest speed and acceleration between samples that are still remembered,
-  // |displacement| <= min(v ahead + a ahead (ahead + dt) / 2, max_speed_mps ahead), dt being the longest time
-  // step remembered; the turn likewise. So a bad sample can throw a prediction no farther than it moved
-  // itself.
+  // The displacement is at most min(v ahead + a ahead (ahead + dt) / 2, max_speed_mps ahead). Here v, a and dt are the greatest speed,
+  // acceleration and time step among the remembered samples. The same holds for the rotation. So a bad sample moves a prediction
+  // no farther than it moved itself.
   Prediction at(double ahead_s) const;
 
-  // 1 / (1 + e^2), e being the expected error at ahead_s in tolerances, of translation or of rotation,
-  // whichever is worse. 1 for ahead_s = 0; 0 while fewer than four samples are there to judge by.
+  // 1 / (1 + e^2), where e is the expected error at ahead_s, in tolerances, of translation or rotation, whichever is larger. It is 1 for
+  // ahead_s = 0, and 0 with fewer than four samples.
   double confidence(double ahead_s) const;
   // The longest time up to wanted_s at which the confidence is at least one half.
   double usable_ahead_s(double wanted_s) const;
 
-  // At the last sample, world frame, as fitted.
+  // The fitted values at the last sample, world frame.
   const glm::dvec3& velocity_mps() const { return travel_.rate; }
   const glm::dvec3& acceleration_mps2() const { return travel_.acceleration; }
   const glm::dvec3& angular_velocity_radps() const { return turn_.rate; }
 
   void reset() { *this = MotionPredictor(settings_); }
-  // New settings for the same past; they tell from the next sample on.
+  // Replaces the settings and keeps the past. They take effect with the next sample.
   void configure(const PredictionSettings& settings) { settings_ = settings; }
 
  private:
   static constexpr size_t kKept = 32;  // steps remembered: 0.5 s at 60 Hz, five times the default smoothing
 
-  // When the samples were taken, the newest at 0, and what they count.
+  // Times and weights of the samples; the newest is at time 0.
   struct SampleTimes {
     size_t count;
     std::array<double, kKept + 1> t, weight;
   };
   class Parabola;
 
-  // Translation or rotation as a sum of steps in the world frame, the newest last.
+  // Translation or rotation as a series of steps in the world frame, the newest last.
   class Track {
    public:
-    // Takes what was moved in dt_s, or forgets everything when that is a jump. `fit` comes next.
+    // Adds a step of dt_s, or clears everything when the step is a jump. Call `fit` next.
     void advance(double dt_s, const glm::dvec3& moved, double max_rate, double tolerance,
                  const PredictionSettings& settings);
     glm::dvec3 displacement(double ahead_s, double max_rate, const PredictionSettings& settings) const;
-    // Expected mismatch of velocity; infinite while unknown.
+    // Expected mismatch of velocity; infinity while unknown.
     double mismatch() const;
     // Expected error at ahead_s, in tolerances.
     double error(double ahead_s, double tolerance) const { return mismatch() * ahead_s / tolerance; }

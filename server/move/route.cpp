@@ -8,22 +8,23 @@ namespace {
 
 constexpr uint32_t kNone = UINT32_MAX;
 
-// The body fits at both ends, and nothing crosses the leg: a surface that crosses it at a point is no farther from the ends
-// than that point, so the clearances then sum up to no more than the leg's length.
+// Returns whether the body fits at both ends and nothing crosses the leg. A surface that crosses the leg at a point is no farther from each
+// end than that point is. The clearances of both ends then add up to no more than the leg's length.
 bool is_free(const RouteNodes& nodes, uint32_t a, uint32_t b, double length_m, double body_m,
              bool from_start) {
   const double clear_a = nodes.clearance_m[a], clear_b = nodes.clearance_m[b];
   return (from_start || clear_a >= body_m) && clear_b >= body_m && clear_a + clear_b > length_m;
 }
 
-// Round both ends there is room for the body as far as they reach: where they meet it fits all the way.
+// Returns whether the body fits along the whole first leg. Each clearance proves it for a part of the leg; only where the parts do not meet is
+// the callback asked.
 bool first_leg_fits(const RouteNodes& nodes, uint32_t start, uint32_t to, double length_m, double body_m) {
   if (!nodes.first_leg_is_free) return true;
   return nodes.clearance_m[start] + nodes.clearance_m[to] >= length_m + 2 * body_m ||
          nodes.first_leg_is_free(to);
 }
 
-// Of the lattice's spacing: a node that is no farther from its cell's middle along each axis stands on it.
+// A node counts as on its lattice point when it is within this share of the spacing along each axis.
 constexpr double kOnLattice = 1e-6;
 // The least length of a leg between two such nodes, in spacings, by how many axes it runs along.
 constexpr std::array<double, 4> kLeastSteps = {0.0, 1 - 1e-5, 1.4142135623730951 - 1e-5, 1.7320508075688772 - 1e-5};
@@ -35,7 +36,7 @@ bool stands_on_lattice(const RouteNodes& nodes, uint32_t node) {
 
 }  // namespace
 
-// Nodes that the body does not fit, and the start, are nobody's next: they are in no cell.
+// The start, and nodes without room for the body, are never the end of a leg, so they are entered in no cell.
 void RouteFinder::index(const RouteNodes& nodes, uint32_t start, double body_radius_m) {
   box_ = box_around(nodes.cell, 1);
   const size_t count = nodes.cell.size();
@@ -72,8 +73,8 @@ void RouteFinder::try_leg(const RouteNodes& nodes, uint32_t from, uint32_t to) {
   push({cost, to});
 }
 
-// The least that a leg can cost is its length, with what it costs to start it from here. Each operation rounds towards the same
-// side for the lesser operand, so that no leg is passed over that would have been cheaper.
+// Skips the cells that no leg from here can improve. A leg costs at least its length, weighted by what is hidden here. Floating-point
+// operations are monotonic, so rounding never makes it skip a cheaper leg.
 void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
   const double share = 1 + settings_.exposure * nodes.hidden[from] / 2;
   const double spacing_m = on_lattice_[from] ? nodes.spacing_m : 0.0;
@@ -95,8 +96,8 @@ void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
     }
 }
 
-// A heap of four children a node: half as deep as one of two, and the children lie in one or two cache lines. Behind the last entry
-// come four that are greater than all, so that every node has four children, of which the least is found without a branch.
+// A heap with four children a node is half as deep as a binary one, and the children lie in one or two cache lines. Four entries that are
+// greater than all others follow the last one. So every node has four children, and the least is found without a branch.
 void RouteFinder::clear_heap() {
   heap_.assign(4, Entry{});
   heap_size_ = 0;

@@ -1,11 +1,10 @@
-// Route: how the camera body gets from where it is to every candidate, round what stands in the way (design 6: never inside or
-// through geometry). A straight line to the goal is often blocked by the very wall or pillar that hides the targets; the way
-// round it leads through other candidates.
+// Routes from the camera's position to the candidates, round obstacles (design 6: never inside or through geometry). The wall or pillar
+// that hides the targets often blocks the straight line to the goal too; the way round it leads through other candidates.
 //
-// The candidates of the lattice are the nodes; neighbours (26 of them) are joined where the body fits. What a leg costs is its
-// length, more where the targets are hidden on the way, so that a detour in sight of them is preferred to a short cut behind a
-// wall (Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weigh their road map alike).
-// Dijkstra from the camera's own place: exact on the graph, and as far as it is asked for (move/goal.h asks for little).
+// The nodes of the graph are the candidates. A node is joined with its 26 neighbours where the camera body fits. A leg costs its length,
+// and more where the targets are hidden on the way. So a detour in sight of the targets is preferred to a short cut behind a wall.
+// Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weight their road map in the same way. The search is
+// Dijkstra's from the camera's position. It is exact on the graph and runs only as far as the caller asks (move/goal.h).
 #pragma once
 
 #include <cstdint>
@@ -16,23 +15,23 @@
 #include <span>
 #include <vector>
 
-#include "server/move/cell_box.h"
+#include "server/move/cell_table.h"
 
 namespace sightline {
 
 inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
 
-// The nodes; all spans have one length.
+// The nodes of the graph. All spans have one length.
 struct RouteNodes {
   std::span<const glm::dvec3> position_m;
-  std::span<const glm::ivec3> cell;    // several may share one (places off the grid)
-  std::span<const float> clearance_m;  // to the nearest collider; may be cut off at twice the spacing
-  std::span<const double> hidden;      // [0, 1]: what is hidden there; costs the more to pass
-  // Whether the body can really go straight from the start to a node: asked where the clearances of both do not prove it, so
-  // that a camera never heads for a leg that it cannot take. Empty: the clearances decide as on every other leg.
+  std::span<const glm::ivec3> cell;    // candidates off the lattice may share a cell with others
+  std::span<const float> clearance_m;  // to the nearest collider; may be capped at twice the spacing
+  std::span<const double> hidden;      // share of the targets that is hidden there, [0, 1]
+  // Returns whether the body can go straight from the start to a node. It is called where the clearances of both do not prove that, so that the
+  // camera never heads for a leg that it cannot take. Empty: the clearances decide, as on every other leg.
   std::function<bool(uint32_t node)> first_leg_is_free = {};
-  // Of the lattice, whose cell c stands at c * spacing_m; 0: of none. It changes no answer: between nodes that stand there the
-  // least length of a leg is known beforehand, and most legs need no closer look.
+  // Spacing of the lattice, whose cell c is at c * spacing_m; 0: the nodes are on no lattice. It makes the search faster and changes no
+  // result: the least length of a leg between lattice points is known in advance.
   double spacing_m = 0.0;
 };
 
@@ -44,26 +43,25 @@ struct RouteSettings {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class RouteFinder {
  public:
-  // Ways from node `start`, which is a node whatever its clearance. `nodes` must outlive the search, that is the last settle_next.
-  // O(n), and O(log n) for each node that is settled.
+  // Begins a search from node `start`, which need not have room for the body. `nodes` must outlive the last call of settle_next. O(n),
+  // and O(log n) for each settled node.
   void begin(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings);
-  // Settles the node that is the cheapest to go to of those that are left, `start` first: what it costs, and the way, are known from
-  // now on. None: no other can be reached.
+  // Settles the cheapest node that is left, `start` first: its cost and route are final from now on. Empty: no other node can be reached.
   std::optional<uint32_t> settle_next();
 
-  // What it costs to go to a settled node: metres, with what exposure adds. No less than to any that was settled before.
+  // Cost of the route to a settled node: metres, including exposure. Nodes are settled in the order of their cost.
   double cost_m(uint32_t node) const { return cost_m_[node]; }
   bool is_settled(uint32_t node) const { return state_[node] == kSettled; }
-  // Neither settled nor known to be out of reach.
+  // The node is neither settled nor known to be unreachable.
   bool is_open(uint32_t node) const { return state_[node] == kOpen; }
-  // The nodes from the one after `start` to `goal`, which is settled; empty for `start` itself. Valid until the next call.
+  // The nodes of the route from `start`, which is left out, to `goal`, which must be settled. Valid until the next call.
   const std::vector<uint32_t>& to(uint32_t goal);
 
  private:
   struct Entry {
     double cost = kUnreachable;
     uint32_t node = UINT32_MAX;
-    // Without a branch, which nobody could foretell.
+    // Branch-free, because the branch would be unpredictable.
     bool operator<(const Entry& other) const {
       return static_cast<bool>((cost < other.cost) | ((cost == other.cost) & (node < other.node)));
     }
@@ -78,16 +76,16 @@ class RouteFinder {
   const RouteNodes* nodes_ = nullptr;  // of the search
   RouteSettings settings_;
   CellBox box_;
-  std::vector<uint32_t> first_in_cell_, next_in_cell_;  // of the nodes that can be gone to
-  // By cell: what a leg to the cell has to be cheaper than. That is its node's cost; without bound where that takes a closer look,
-  // below every cost where no node is open.
+  std::vector<uint32_t> first_in_cell_, next_in_cell_;  // of the nodes that have room for the body
+  // For each cell, the cost that a leg to the cell must undercut. It is the cost of the cell's node; infinity where each node of the cell has
+  // to be tried; negative where no node is open.
   std::vector<double> open_below_m_;
-  std::vector<uint8_t> on_lattice_;  // by node: alone in its cell, and where the lattice has it
+  std::vector<uint8_t> on_lattice_;  // by node: it is alone in its cell, and exactly on the lattice point
   std::vector<double> cost_m_;
   std::vector<uint32_t> before_;
   enum : uint8_t { kOpen, kSettled, kNoRoom };
   std::vector<uint8_t> state_;
-  std::vector<Entry> heap_;  // and four more at its end
+  std::vector<Entry> heap_;  // padded with four entries
   size_t heap_size_ = 0;
   std::vector<uint32_t> route_;
 };

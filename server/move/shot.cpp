@@ -11,9 +11,9 @@
 namespace sightline {
 namespace {
 
-// The cost of coherence.h against both shots. What is hidden counts once for each, and so does a change.
+// The sum of the shot costs (coherence.h) against the asked and against the present shot.
 double cost_of(const ShotCandidate& candidate, const ShotState& asked, const ShotState& present,
-               std::span<const TargetView> targets, const CoherenceSettings& coherence) {
+               std::span<const TrackedTarget> targets, const CoherenceSettings& coherence) {
   return (shot_cost(candidate, asked, targets, coherence) +
           shot_cost(candidate, present, targets, coherence)) /
          2;
@@ -25,18 +25,18 @@ Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
   return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
 }
 
-std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
+std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
                                   size_t former, const ViewpointSearchSettings& settings,
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
   std::array<float, kMaxTargets> seen, beside;
-  // Without its pose, which costs more than all the rest.
+  // Without the pose, which is the most expensive part.
   const auto candidate_at = [&](size_t place) {
     for (size_t i = 0; i < targets.size(); ++i) {
-      seen[i] = survey.share(i, place);
-      beside[i] = survey.share_beside(i, place);
+      seen[i] = viewpoints.share(i, place);
+      beside[i] = viewpoints.share_beside(i, place);
     }
     ShotCandidate candidate{.world_from_camera = {}, .seen_share = std::span(seen).first(targets.size())};
     candidate.hidden_ahead = hidden_share(targets, std::span(beside).first(targets.size()));
@@ -51,22 +51,22 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
     return std::max(first, alike) / 2 <= settings.keep_shot_below;
   };
   for (const size_t place : {asked_place, former})
-    if (is_good_enough(place) && allowed(survey.offset_m(place))) return place;
+    if (is_good_enough(place) && allowed(viewpoints.offset_m(place))) return place;
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
-  // Of equal ones the first is taken, in whatever order they are tried.
+  // The first of equal viewpoints wins, in whichever order they are tried.
   const auto try_place = [&](size_t place) {
     ShotCandidate candidate = candidate_at(place);
     const double hold = place == former ? settings.switch_margin : 0.0;
     if (unseen_cost(candidate, targets, coherence) - hold > least) return;
-    candidate.world_from_camera = pose_of_shot(center_m, survey.offset_m(place));
+    candidate.world_from_camera = pose_of_shot(center_m, viewpoints.offset_m(place));
     const double cost = cost_of(candidate, asked, present, targets, coherence) - hold;
     const bool better = cost < least || (cost == least && best && place < *best);
-    if (better && allowed(survey.offset_m(place))) least = cost, best = place;
+    if (better && allowed(viewpoints.offset_m(place))) least = cost, best = place;
   };
-  // The former is seldom far from the best: after it most others need no closer look.
+  // The former viewpoint is usually near the best, so trying it first rules out most others cheaply.
   try_place(former);
-  for (size_t place = 0; place < Survey::kPlaces; ++place)
+  for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place)
     if (place != former) try_place(place);
   return best;
 }

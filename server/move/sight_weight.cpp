@@ -11,9 +11,9 @@ constexpr double kOptionalShare = 0.1;
 
 }  // namespace
 
-double optional_share(std::span<const TargetView> targets) {
+double optional_share(std::span<const TrackedTarget> targets) {
   double lightest_required = std::numeric_limits<double>::infinity(), optional = 0;
-  for (const TargetView& target : targets) {
+  for (const TrackedTarget& target : targets) {
     if (!target.steered()) continue;
     if (target.required)
       lightest_required = std::min(lightest_required, target.weight);

@@ -3,16 +3,16 @@
 
 #include <span>
 
-#include "server/move/target_view.h"
+#include "server/scene/target.h"
 
 namespace sightline {
 
 // What an optional target counts, a share of its weight, wherever seeing one target is weighed against seeing another: at most a
 // tenth, and so little that all optional targets together count at most a tenth of the lightest required one. 1 when no required
 // target is steered.
-double optional_share(std::span<const TargetView> targets);
+double optional_share(std::span<const TrackedTarget> targets);
 // What seeing the target counts; `optional_share` is that of all targets.
-inline double sight_weight(const TargetView& target, double optional_share) {
+inline double sight_weight(const TrackedTarget& target, double optional_share) {
   return target.required ? target.weight : target.weight * optional_share;
 }
 

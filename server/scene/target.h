@@ -21,4 +21,14 @@ struct Target {
   std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, including other targets' own
 };
 
+// What a step knows of a target: its place and size in the scene of this step, and how much it counts.
+struct TrackedTarget {
+  glm::dvec3 aim_m{0.0};         // the point to look at, world
+  double radius_m = 0.0;         // of its bounding sphere
+  glm::dvec3 velocity_mps{0.0};  // world
+  double weight = 1.0;           // as Target::weight
+  bool required = true;          // as Target::required
+  bool steered() const { return weight > 0; }
+};
+
 }  // namespace sightline

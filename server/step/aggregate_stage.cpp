@@ -140,8 +140,7 @@ void Aggregation::filter() {
     volume.push_place(k, memory_.lattice, candidates_.position_m[cells + k], candidates_.visible_targets[cells + k]);
     scratch_.slots.push_back(volume.place_slot(k));
   }
-  volume.filter(scratch_.slots, candidates_.visible_targets, step_.targets.steered, scratch_.filtered);
-  candidates_.filtered_targets.swap(scratch_.filtered.visible_targets);
+  volume.filter(scratch_.slots, candidates_.visible_targets, step_.targets.steered, candidates_.filtered_targets);
 }
 
 void Aggregation::look_ahead() {

@@ -7,7 +7,7 @@ void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& veloc
   state.camera.velocity_mps = velocity_mps;
   state.camera.angular_velocity_radps = glm::dvec3(0.0);
   state.turn = TurnState{};
-  state.turn.angles = angles_from_rotation(pose.rotation, 0.0);
+  state.turn.angles = angles_from_rotation(pose.rotation);
   state.shot.is_set = false;
   state.horizon_s = 0.0;
   state.goal_m.reset();

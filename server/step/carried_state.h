@@ -7,10 +7,10 @@
 #include <optional>
 #include <vector>
 
-#include "server/aggregate/lasting.h"
+#include "server/aggregate/occlusion_smoother.h"
 #include "server/aggregate/lattice.h"
 #include "server/aggregate/share_window.h"
-#include "server/aggregate/survey.h"
+#include "server/aggregate/viewpoint_map.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/move/motion.h"
@@ -38,7 +38,7 @@ struct WantedShot {
 struct CandidateMemory {
   Lattice lattice;
   TemporalVolume volume;   // which targets were seen from the lattice's cells
-  LastingShares smoother;  // how much of them moving occluders have hidden there
+  OcclusionSmoother smoother;  // how much of them moving occluders have hidden there
 };
 
 // The past poses of one target, from which its motion is predicted.
@@ -55,7 +55,7 @@ struct CarriedState {
   ZoomState zoom;
   double horizon_s = 0.0;  // grows while no candidate sees all targets
   WantedShot shot;
-  Survey viewpoints;  // what the search for better viewpoints has learnt
+  ViewpointMap viewpoints;  // what the search for better viewpoints has learnt
   std::vector<TargetPast> pasts;
   Trail trail;  // where the targets' centre has been
   CandidateMemory candidates;

@@ -30,7 +30,7 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
   list_all_visible(in, s);
   leave_out_hidden_ahead(in, s.members);
   find_groups(s.cells, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
-  measure_shelter(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
+  measure_edge_distances(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
   robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
 }
 
@@ -38,7 +38,7 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
 Choice choose(const MoveInput& in, MoveScratch& scratch) {
   const MoveSettings& settings = in.step.input.settings.move;
   const CandidateSet& candidates = in.sights.candidates;
-  const std::span<const TargetView> targets = in.step.targets.tracked_targets;
+  const std::span<const TrackedTarget> targets = in.step.targets.tracked_targets;
   StraightWays ways(in.surroundings.colliders, in.step.camera.pose.position_m,
                     swept_radius_m(in.step.input.limits, in.step.lens));
   const auto is_free = [&](const glm::dvec3& position_m) { return ways.is_free(position_m); };

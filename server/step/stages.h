@@ -10,11 +10,10 @@
 #include "server/aggregate/compose.h"
 #include "server/move/choose.h"
 #include "server/move/coherence.h"
-#include "server/move/depths.h"
+#include "server/move/goal.h"
 #include "server/move/groups.h"
 #include "server/move/route.h"
-#include "server/move/shelter.h"
-#include "server/move/standoff.h"
+#include "server/move/clearance_cache.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -87,7 +86,7 @@ void request_look(const SampleInput& input, SamplePlan& plan);
 struct ViewpointScratch {
   ShotState asked, present;
 };
-void search_viewpoints(const StepContext& step, const TakenMaps& taken, Survey& viewpoints, WantedShot& shot,
+void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot,
                        ViewpointScratch& scratch);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
@@ -103,7 +102,6 @@ struct AggregateScratch {
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by slot of the mirror: moves, and is no target
   std::vector<uint32_t> off_grid_visible, slots;
-  FilteredSights filtered;
 };
 void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
 
@@ -124,14 +122,14 @@ struct MoveScratch {
   // Strategy kRobust.
   GroupScratch group_scratch;
   Groups groups;
-  ShelterScratch edge_distance_scratch;
+  EdgeDistanceScratch edge_distance_scratch;
   std::vector<uint32_t> edge_distance_squared;
   std::vector<double> cost;
   ChoiceScratch choice_scratch;
   // Strategy kMinCost.
-  Standoff clearance_cache;
+  ClearanceCache clearance_cache;
   std::vector<float> clearance_m;  // by candidate: to what stands, 0 where a mover is about to be
-  Depths edge_depths;              // among the candidates that see all
+  EdgeDepths edge_depths;              // among the candidates that see all
   RouteFinder routes;
   ClearanceField trail_colliders;
 };

@@ -16,7 +16,7 @@
 #include "server/move/body.h"
 #include "server/move/decision.h"
 #include "server/move/motion.h"
-#include "server/move/target_view.h"
+#include "server/scene/target.h"
 #include "server/sample/depth_map.h"
 #include "server/scene/clearance.h"
 
@@ -24,7 +24,7 @@ namespace sightline {
 
 // Before the first stage: the targets as they are now. Lists are in the order of the input.
 struct TargetsNow {
-  std::vector<TargetView> tracked_targets;
+  std::vector<TrackedTarget> tracked_targets;
   std::vector<uint64_t> ids;
   std::vector<double> sight_weights;                 // what it counts to see each target
   std::vector<std::vector<uint32_t>> ignored_slots;  // of the mirror: what never occludes each target

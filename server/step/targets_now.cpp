@@ -11,8 +11,8 @@ namespace {
 // Slower than this a target stands.
 constexpr double kStandingMps = 0.2;
 
-TargetView view_of(const Target& target, const Instance& instance) {
-  TargetView view;
+TrackedTarget view_of(const Target& target, const Instance& instance) {
+  TrackedTarget view;
   const glm::dvec3 aim = target.aim_offset_m.value_or(glm::dvec3(instance.geometry->bounds.center()));
   view.aim_m = transform_point(instance.world_from_instance, aim);
   view.radius_m = instance.radius_m;
@@ -52,7 +52,7 @@ void look_at_targets(const StepInput& input, TargetsNow& now) {
     list_ignored_slots(input.scene, target, now.ignored_slots[i]);
   }
   const double optional = optional_share(now.tracked_targets);
-  for (const TargetView& target : now.tracked_targets) now.sight_weights.push_back(sight_weight(target, optional));
+  for (const TrackedTarget& target : now.tracked_targets) now.sight_weights.push_back(sight_weight(target, optional));
 }
 
 // Runs at every step, so that a prediction is there at once when it is switched on.
@@ -74,7 +74,7 @@ const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id) {
 }
 
 bool targets_stand(const StepContext& step) {
-  return std::ranges::none_of(step.targets.tracked_targets, [](const TargetView& target) {
+  return std::ranges::none_of(step.targets.tracked_targets, [](const TrackedTarget& target) {
     return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
   });
 }
@@ -82,7 +82,7 @@ bool targets_stand(const StepContext& step) {
 glm::dvec3 group_velocity_mps(const StepContext& step) {
   glm::dvec3 sum(0.0);
   double weight = 0;
-  for (const TargetView& t : step.targets.tracked_targets) sum += t.weight * t.velocity_mps, weight += t.weight;
+  for (const TrackedTarget& t : step.targets.tracked_targets) sum += t.weight * t.velocity_mps, weight += t.weight;
   return weight > 0 ? sum / weight : sum;
 }
 

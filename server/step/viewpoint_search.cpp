@@ -53,7 +53,7 @@ void capture(const StepContext& step, const glm::dvec3& offset_m, ShotState& sho
                std::span<const float>(seen).first(step.target_count()), shot);
 }
 
-void choose_viewpoint(const StepContext& step, const Survey& viewpoints, WantedShot& shot, ViewpointScratch& scratch) {
+void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot, ViewpointScratch& scratch) {
   MoveSettings settings = step.input.settings.move;
   if (!targets_stand(step)) settings.viewpoint_search.keep_shot_below = 0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
@@ -64,14 +64,14 @@ void choose_viewpoint(const StepContext& step, const Survey& viewpoints, WantedS
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) &&
            glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
   };
-  shot.asked_viewpoint = viewpoints.nearest_place(scratch.asked.from_center_m);
+  shot.asked_viewpoint = viewpoints.nearest_viewpoint(scratch.asked.from_center_m);
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, scratch.asked, shot.asked_viewpoint,
                                scratch.present, shot.viewpoint.value_or(shot.asked_viewpoint), settings.viewpoint_search,
                                settings.coherence, std::cref(allowed));
 }
 
 // What was learnt will be old when the search comes on again. Without a search the camera wants the shot that the client gave.
-void stop_search(Survey& viewpoints, WantedShot& shot) {
+void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
   viewpoints.forget();
   if (shot.viewpoint) shot.offset_m = shot.asked_offset_m;
   shot.viewpoint.reset();
@@ -100,11 +100,11 @@ void request_look(const SampleInput& in, SamplePlan& plan) {
     plan.requests[view] = {.view = plan.views[view],
                            .layer_mask = in.step.input.targets[look.target].layer_mask,
                            .far_m = beyond_all_m(glm::distance(plan.views[view].eye_m, center_m) +
-                                                 Survey::kFarthestShare * viewpoint_distance_m(in.step, in.shot)),
+                                                 ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot)),
                            .ignored_slots = in.step.targets.ignored_slots[look.target]};
 }
 
-void search_viewpoints(const StepContext& step, const TakenMaps& taken, Survey& viewpoints, WantedShot& shot,
+void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot,
                        ViewpointScratch& scratch) {
   const ViewpointLook& look = taken.plan.look;
   if (!look.searches) return stop_search(viewpoints, shot);

@@ -21,7 +21,7 @@ glm::dvec3 random_vector(CounterRandom& random, double size) {
   return {random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size)};
 }
 
-// Whether a straight line from eye to point crosses a box, by slabs: shares nothing with maps.
+// Returns whether a straight line from eye to point crosses a box, by slabs: shares nothing with maps.
 bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center,
                 const glm::dvec3& half) {
   double enter = 0, leave = 1;

@@ -18,7 +18,7 @@ void pass(VisibilityHistory& history, int steps) {
   for (int i = 0; i < steps; ++i) history.begin_step();
 }
 
-// What the history must hold, as lists: one a slot and target, to which every step adds one entry.
+// The reference for the history: a list for each slot and target, to which every step adds one entry.
 class PlainHistory {
  public:
   explicit PlainHistory(size_t slots) : owners_(slots, 0), pasts_(slots) {}

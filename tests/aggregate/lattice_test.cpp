@@ -84,7 +84,7 @@ TEST(Lattice, ACellThatComesInAtAnothersAddressIsAnother) {
   for (const uint32_t address : lattice.addresses()) EXPECT_FALSE(former.contains(lattice.owner(address)));
 }
 
-// What is only laid out has the same points; and once cells have addresses, laying it out keeps them.
+// `lay` gives the same points as `cover`. Once cells have addresses, `lay` keeps them up to date.
 TEST(Lattice, LaidOutItHasThePointsThatItHasWhenCovered) {
   Lattice laid, covered;
   for (int step = 0; step < 100; ++step) {

@@ -50,7 +50,7 @@ TEST(PairChain, FollowsTheListWhereItsPairsAreComplete) {
   }
 }
 
-// B and C stand together: A brings B in, nobody B next to C. C joins A as well, then D joins C.
+// B and C are close together, so they form no pair. B and C both join A, then D joins C.
 TEST(PairChain, ATargetTooCloseToItsNeighbourJoinsAnother) {
   const std::vector<glm::dvec3> points = {{-3, 0, 0}, {0, 0, 0}, {0.1, 0, 0}, {3, 0, 0}};
   PairChain chain;
@@ -148,7 +148,7 @@ double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const 
   return nearest;
 }
 
-// Whether a ray shows a place at `distance`; nothing when a hair decides.
+// Returns whether a ray shows a position at `distance`, or nothing when it is too close to tell.
 std::optional<bool> shows(const std::vector<Box>& boxes, const glm::dvec3& eye, const glm::dvec3& direction,
                           double distance) {
   constexpr double kHairM = 1e-3;
@@ -289,8 +289,8 @@ TEST(PairChain, AgreesWithTheGeneralOperatorOverTheSameMaps) {
 }
 
 // Figure 2: "the rendering from object B is performed only once and resampled for use by both visibility volumes". In the basis of
-// V_BC a candidate of V_AB has a column and a row of B: the ray through them, looked up in the picture that was taken for V_AB, is of
-// the very texel that V_AB compared.
+// V_BC a candidate of V_AB has a column and a row of B. The ray through them, looked up in the map that was taken for V_AB, falls into the
+// same texel that V_AB compared.
 TEST(PairChain, TheSecondVolumeFindsTheFirstOnesAnswerInTheSharedPicture) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   int candidates_seen = 0, candidates_hidden = 0;

@@ -94,8 +94,8 @@ TEST(PairVolume, WindowsAreTightAroundTheBall) {
   EXPECT_NEAR(top, volume.y_top, 0.01 * volume.y_top);
 }
 
-// Brute force: complete means that in the plane through the line AB and the centre every ray of A inside its window meets
-// every ray of B inside its own, in front of both.
+// The definition by brute force. In the plane through the line AB and the centre, every ray of A inside its window must meet every ray of B
+// inside its own, in front of both.
 TEST(PairVolume, CompletenessAgreesWithTracingTheOutermostRays) {
   CounterRandom random(15, 0, RandomPurpose::kTest);
   int complete = 0, incomplete = 0;

@@ -101,7 +101,7 @@ TEST(Places, TheirExtentHoldsThemAllAndNoMore) {
   }
 }
 
-// Whether places come as runs or one by one, and in how many tiles, changes nothing about what they see.
+// Candidates in runs, single candidates and any number of tiles give the same sights.
 TEST(Places, OfRunsAreComposedAsPlacesOneByOne) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 20; ++trial) {

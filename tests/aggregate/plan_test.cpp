@@ -14,7 +14,7 @@ Bound ball(const glm::dvec3& center, double radius) {
   return bound;
 }
 
-// Whatever the distance, also inside and on the surface: every point of the ball is in some window.
+// Every point of the ball is in some window at any distance, also for eyes inside the ball and on its surface.
 TEST(Plan, ViewsTogetherShowEveryPointOfTheBall) {
   CounterRandom random(31, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 3000; ++trial) {
@@ -47,7 +47,7 @@ TEST(Plan, OneFrustumFarAwayAndCubeFacesNear) {
   EXPECT_EQ(plan_views({0, 0, 0.2}, ball({0, 0, 0}, 1), {}, {0.5, 0.5}, views), 6);
 }
 
-// A face's texels are neither much wider than those of the widest single frustum nor much finer.
+// The texels of a cube face are about as wide as the texels of the widest single frustum.
 TEST(Plan, FacesAreAsFineAsTheWidestFrustum) {
   for (int resolution = kLeastResolution; resolution <= kMaxMapSize; ++resolution) {
     std::vector<MapView> one, faces;

@@ -1,4 +1,4 @@
-// What tests of pair volumes and of their chains draw at random.
+// Random vectors for the tests of pair volumes and of their chains.
 #pragma once
 
 #include "server/base/random.h"

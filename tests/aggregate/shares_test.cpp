@@ -35,7 +35,7 @@ struct Sampling {
   }
   SampledPoints view() const { return {maps, maps_of_point, points_of_target, 1.0}; }
 
-  // What is hidden by what moves (slot 1), or by all else.
+  // The share that is hidden by moving occluders (slot 1), or by all others.
   double hidden(const glm::dvec3& place, const std::vector<double>& weights, double bias, bool by_moving) {
     double sum = 0, total = 0;
     for (size_t t = 0; t < weights.size(); ++t) {
@@ -51,7 +51,7 @@ struct Sampling {
   }
 };
 
-// Of the two occluders the second passes.
+// The second of the two occluders passes.
 const std::vector<uint8_t> kPasses = {0, 1};
 
 std::vector<glm::dvec3> random_places(CounterRandom& random, size_t count) {

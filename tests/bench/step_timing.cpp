@@ -8,7 +8,6 @@
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
-#include "server/step/paper_settings.h"
 
 namespace sightline {
 namespace {

@@ -13,8 +13,8 @@
 namespace sightline {
 namespace {
 
-TargetView target_at(const glm::dvec3& aim, double weight = 1.0, bool required = true) {
-  TargetView view;
+TrackedTarget target_at(const glm::dvec3& aim, double weight = 1.0, bool required = true) {
+  TrackedTarget view;
   view.aim_m = aim;
   view.radius_m = 0.5;
   view.weight = weight;
@@ -26,7 +26,7 @@ const Reachable kAlways = [](const glm::dvec3&) { return true; };
 
 struct Case {
   CandidateSet candidates;
-  std::vector<TargetView> targets;
+  std::vector<TrackedTarget> targets;
   glm::dvec3 desired{0, 0, 5};
   MoveSettings settings;
   ChoiceScratch scratch;
@@ -63,7 +63,7 @@ TEST(Choose, SaysWhenItIsTheDesiredPlaceItself) {
   EXPECT_EQ(c.choose().reason, MoveReason::kAtDesiredPlace);
 }
 
-// Brute force over random sets: nobody visible-to-all, reachable and inside the limits is nearer.
+// Brute force over random sets: no candidate that sees all, is reachable and inside the limits is nearer.
 TEST(Choose, AgreesWithBruteForceOnRandomSets) {
   CounterRandom random(61, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 500; ++trial) {
@@ -88,8 +88,8 @@ TEST(Choose, AgreesWithBruteForceOnRandomSets) {
   }
 }
 
-// Going outwards from the desired place and going over all candidates must end at the same one: on a lattice's runs and single places,
-// with targets of which some are optional or of no weight, limits, predictions, ties, and places that cannot be reached.
+// Searching outwards from the desired position must find the same candidate as trying all of them. The random sets have runs and single
+// candidates, optional targets, targets without weight, limits, predictions, ties, and candidates that cannot be reached.
 TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
   CounterRandom random(64, 0, RandomPurpose::kTest);
   std::array<int, 4> reasons{};
@@ -227,7 +227,7 @@ TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {
 TEST(DesiredPlace, BacksOffUntilTheGroupFitsThePicture) {
   CounterRandom random(62, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 500; ++trial) {
-    std::vector<TargetView> targets;
+    std::vector<TrackedTarget> targets;
     for (int i = 0; i < 3; ++i)
       targets.push_back(target_at({random.next_in(-5, 5), random.next_in(-1, 1), random.next_in(-5, 5)}));
     const glm::dvec3 place = desired_place_m(targets, {0.3, 0.2, 1}, {}, 0.1, {});
@@ -274,7 +274,7 @@ TEST(ChoiceOf, SaysWhatTheCandidateSees) {
 TEST(ChoiceOf, HoldsWithoutTargets) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
-  for (TargetView& t : c.targets) t.weight = 0;
+  for (TrackedTarget& t : c.targets) t.weight = 0;
   EXPECT_EQ(choice_of(0, c.candidates, c.targets, c.desired).reason, MoveReason::kNoTargets);
   EXPECT_EQ(choice_of(0, c.candidates, {}, c.desired).candidate, -1);
 }
@@ -295,7 +295,7 @@ TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
   CounterRandom random(19, 0, RandomPurpose::kTest);
   int inside = 0, outside = 0;
   for (int trial = 0; trial < 200; ++trial) {
-    std::vector<TargetView> targets;
+    std::vector<TrackedTarget> targets;
     for (int i = 0; i < 1 + trial % 4; ++i)
       targets.push_back(target_at({random.next_in(-2, 2), random.next_in(0, 2), random.next_in(-2, 2)}, i == 1 ? 0.0 : 1.0));
     const bool poles = trial % 10 == 0;

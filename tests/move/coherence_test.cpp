@@ -17,7 +17,7 @@ constexpr double kPi = std::numbers::pi;
 // Two targets about a centre, a camera 6 m off at the centre's height, looking at the centre; a candidate
 // that starts as the shot itself.
 struct Shot {
-  std::vector<TargetView> targets;
+  std::vector<TrackedTarget> targets;
   std::vector<float> now_share{0.8f, 0.6f}, share{0.8f, 0.6f};
   glm::dvec3 center{0.0};
   glm::dvec3 offset{0, 0, 6};
@@ -30,7 +30,7 @@ struct Shot {
     capture();
   }
   void add(const glm::dvec3& at, double weight) {
-    TargetView t;
+    TrackedTarget t;
     t.aim_m = at, t.radius_m = 0.5, t.weight = weight;
     targets.push_back(t);
   }
@@ -76,7 +76,7 @@ TEST(Coherence, KeepingTheShotCostsNothing) {
 
 TEST(Coherence, GoingAlongWithTheTargetsCostsNothing) {
   Shot shot;
-  for (TargetView& t : shot.targets) t.aim_m += glm::dvec3(7, 1, -3);
+  for (TrackedTarget& t : shot.targets) t.aim_m += glm::dvec3(7, 1, -3);
   shot.candidate.world_from_camera.position_m += glm::dvec3(7, 1, -3);
   EXPECT_NEAR(shot.cost(), 0.0, 1e-12);
 }
@@ -204,7 +204,7 @@ TEST(Coherence, TheScaleOfTheSceneChangesNoTerm) {
     Shot shot = random_shot(random);
     const CoherenceTerms metres = shot.terms();
     const Pose pose = shot.candidate.world_from_camera;
-    for (TargetView& t : shot.targets) t.aim_m *= 40.0;
+    for (TrackedTarget& t : shot.targets) t.aim_m *= 40.0;
     shot.offset *= 40.0;
     shot.capture();
     shot.candidate.world_from_camera = {pose.position_m * 40.0, pose.rotation};
@@ -224,7 +224,7 @@ TEST(Coherence, TheScaleOfTheWeightsChangesNoCost) {
   const double before = shot.cost(s);
   s.visibility *= 7, s.view_angle *= 7, s.height *= 7, s.distance *= 7, s.screen *= 7;
   EXPECT_NEAR(shot.cost(s), before, 1e-12);
-  for (TargetView& t : shot.targets) t.weight *= 3;
+  for (TrackedTarget& t : shot.targets) t.weight *= 3;
   EXPECT_NEAR(shot.cost(s), before, 1e-9);
 }
 

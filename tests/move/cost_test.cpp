@@ -130,7 +130,7 @@ TEST(CandidateCosts, AreTheSumOfTheirTerms) {
   for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(given.cost[i], sum[i], 1e-9);
 }
 
-// What the search for a goal rests on: bounds that hold to the last bit.
+// The search for a goal relies on these bounds, which hold to the last bit.
 TEST(CandidateCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
   const CostCase given = random_case(42);
   const CandidateCosts costs = given.costs(

@@ -9,8 +9,8 @@
 namespace sightline {
 namespace {
 
-TargetView target_at(const glm::dvec3& aim, double radius = 0.5, double weight = 1.0, bool required = true) {
-  TargetView view;
+TrackedTarget target_at(const glm::dvec3& aim, double radius = 0.5, double weight = 1.0, bool required = true) {
+  TrackedTarget view;
   view.aim_m = aim;
   view.radius_m = radius;
   view.weight = weight;
@@ -34,7 +34,7 @@ TEST(Framing, OneTargetStandsInTheMiddle) {
     const glm::dvec3 eye(random.next_in(-5, 5), random.next_in(-5, 5), random.next_in(-5, 5));
     const glm::dvec3 aim(random.next_in(-9, 9), random.next_in(-2, 2), random.next_in(-9, 9));
     if (glm::distance(eye, aim) < 3) continue;
-    const std::vector<TargetView> targets = {target_at(aim)};
+    const std::vector<TrackedTarget> targets = {target_at(aim)};
     const Pose pose = pose_of(eye, aim_at(eye, targets, {}, {}, no_dead_zone()));
     const glm::dvec3 p = inverse_transform_point(pose, aim);
     EXPECT_NEAR(p.x / -p.z, 0, 1e-3);
@@ -47,7 +47,7 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
   CounterRandom random(52, 0, RandomPurpose::kTest);
   int fitted = 0;
   for (int trial = 0; trial < 2000; ++trial) {
-    std::vector<TargetView> targets;
+    std::vector<TrackedTarget> targets;
     const int n = 1 + random.next_below(5);
     for (int i = 0; i < n; ++i)
       targets.push_back(target_at({random.next_in(-4, 4), random.next_in(-1, 1), random.next_in(-3, 3)},
@@ -58,7 +58,7 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
     if (!aim.fits) continue;
     ++fitted;
     const Pose pose = pose_of(eye, aim);
-    for (const TargetView& t : targets) {
+    for (const TrackedTarget& t : targets) {
       if (!t.required) continue;
       for (int i = 0; i < 20; ++i) {
         const glm::dvec3 d(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
@@ -70,7 +70,7 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
 }
 
 TEST(Framing, HeavierTargetsStandNearerTheMiddle) {
-  const std::vector<TargetView> targets = {target_at({-2, 0, -10}, 0.3, 5.0),
+  const std::vector<TrackedTarget> targets = {target_at({-2, 0, -10}, 0.3, 5.0),
                                            target_at({2, 0, -10}, 0.3, 1.0)};
   const Pose pose = pose_of({0, 0, 0}, aim_at({0, 0, 0}, targets, {}, {}, no_dead_zone()));
   const double left = inverse_transform_point(pose, targets[0].aim_m).x,
@@ -79,14 +79,14 @@ TEST(Framing, HeavierTargetsStandNearerTheMiddle) {
 }
 
 TEST(Framing, OptionalTargetsGiveWayToRequiredOnes) {
-  const std::vector<TargetView> targets = {target_at({0, 0, -6}), target_at({30, 0, -6}, 0.5, 1.0, false)};
+  const std::vector<TrackedTarget> targets = {target_at({0, 0, -6}), target_at({30, 0, -6}, 0.5, 1.0, false)};
   const Pose pose = pose_of({0, 0, 0}, aim_at({0, 0, 0}, targets, {}, {}, no_dead_zone()));
   EXPECT_TRUE(in_picture(pose, {}, targets[0].aim_m));
   EXPECT_FALSE(in_picture(pose, {}, targets[1].aim_m));
 }
 
 TEST(Framing, InsideTheDeadZoneTheViewDoesNotTurn) {
-  const std::vector<TargetView> targets = {target_at({0.1, 0.05, -10})};
+  const std::vector<TrackedTarget> targets = {target_at({0.1, 0.05, -10})};
   FramingSettings settings;
   settings.dead_zone = 0.2;
   const ViewAngles present{0.01, -0.01, 0};
@@ -97,7 +97,7 @@ TEST(Framing, InsideTheDeadZoneTheViewDoesNotTurn) {
 
 TEST(Framing, StraightUpAndDownAreDefined) {
   for (const double y : {-10.0, 10.0}) {
-    const std::vector<TargetView> targets = {target_at({0, y, 0})};
+    const std::vector<TrackedTarget> targets = {target_at({0, y, 0})};
     const Aim aim = aim_at({0, 0, 0}, targets, {1.2, 0, 0}, {}, no_dead_zone());
     EXPECT_NEAR(aim.angles.yaw_rad, 1.2, 1e-9) << "the yaw stays";
     EXPECT_NEAR(aim.angles.pitch_rad, std::copysign(std::acos(-1.0) / 2, y), 2e-3);
@@ -105,7 +105,7 @@ TEST(Framing, StraightUpAndDownAreDefined) {
 }
 
 TEST(Framing, CameraOnTheTargetIsDefined) {
-  const std::vector<TargetView> targets = {target_at({1, 2, 3})};
+  const std::vector<TrackedTarget> targets = {target_at({1, 2, 3})};
   const Aim aim = aim_at({1, 2, 3}, targets, {0.4, 0.1, 0}, {}, no_dead_zone());
   EXPECT_TRUE(std::isfinite(aim.angles.yaw_rad) && std::isfinite(aim.angles.pitch_rad));
 }
@@ -114,7 +114,7 @@ TEST(Framing, ZoomShowsTheGroupWithItsMarginInsideTheRange) {
   FramingSettings settings = no_dead_zone();
   settings.min_vertical_fov_rad = 0.06;
   settings.max_vertical_fov_rad = 1.5;
-  const std::vector<TargetView> targets = {target_at({-1, 0, -10}), target_at({1, 0, -10})};
+  const std::vector<TrackedTarget> targets = {target_at({-1, 0, -10}), target_at({1, 0, -10})};
   const Aim near = aim_at({0, 0, 0}, targets, {}, {}, settings);
   const Aim far = aim_at({0, 0, 40}, targets, {}, {}, settings);
   EXPECT_GT(near.vertical_fov_rad, far.vertical_fov_rad);

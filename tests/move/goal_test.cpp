@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "server/move/groups.h"
 #include "tests/move/random_nodes.h"
 
 namespace sightline {
@@ -17,7 +16,7 @@ using namespace test;
 struct Field {
   Nodes nodes;
   std::vector<uint8_t> members;
-  std::vector<TargetView> targets;
+  std::vector<TrackedTarget> targets;
   RouteSettings routes;
   MoveSettings settings;
   glm::dvec3 desired_m{0.0};
@@ -42,7 +41,7 @@ Field random_field(Draw& draw) {
   Field field;
   field.nodes = random_nodes(draw);
   for (const double hidden : field.nodes.hidden) field.members.push_back(hidden < 0.5);
-  TargetView target;
+  TrackedTarget target;
   target.aim_m = draw.vec(3);
   target.weight = 1;
   field.targets = {target};
@@ -67,7 +66,7 @@ struct Found {
   size_t settled = 0;
 };
 
-Found search(const Field& field, Depths& depths, RouteFinder& routes) {
+Found search(const Field& field, EdgeDepths& depths, RouteFinder& routes) {
   const RouteNodes nodes = field.view();
   depths.begin(field.nodes.cell, field.members);
   routes.begin(nodes, field.start, field.routes);
@@ -86,15 +85,14 @@ Found look_at_all(const Field& field) {
   routes.begin(nodes, field.start, field.routes);
   while (routes.settle_next()) {
   }
-  GroupScratch scratch;
-  Groups groups;
-  find_groups(field.nodes.cell, field.nodes.position_m, field.members, field.desired_m, scratch, groups);
+  EdgeDepths depths;
+  depths.begin(field.nodes.cell, field.members);
   Found found;
   double least = INFINITY;
   for (uint32_t i = 0; i < field.nodes.size(); ++i) {
     if (!routes.is_settled(i)) continue;
     ++found.settled;
-    double cost = field.costs().of(i, routes.cost_m(i), groups.depth_squared[i]);
+    double cost = field.costs().of(i, routes.cost_m(i), depths.squared(i, 1000));
     if (!within_limits(field.nodes.position_m[i], field.targets, field.settings)) cost += 1e4;
     if (cost < least) least = cost, found.goal = i;
   }
@@ -104,7 +102,7 @@ Found look_at_all(const Field& field) {
 
 TEST(Goal, IsTheOneOfLeastCostAsIfAllWaysWereKnown) {
   Draw draw(71);
-  Depths depths;
+  EdgeDepths depths;
   RouteFinder routes;
   size_t settled = 0, reachable = 0, far = 0;
   for (int trial = 0; trial < 1500; ++trial) {
@@ -127,7 +125,7 @@ TEST(Goal, OfEqualsIsTheFirst) {
   field.targets[0].weight = 1;
   field.settings.min_distance_m = 0, field.settings.min_elevation_rad = -1;
   field.settings.cost = {.occlusion = 1, .distance = 0, .edge_penalty = 0, .route = 0};
-  Depths depths;
+  EdgeDepths depths;
   RouteFinder routes;
   for (field.start = 0; field.start < 5; ++field.start) EXPECT_EQ(search(field, depths, routes).goal, 0u);
 }

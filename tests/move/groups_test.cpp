@@ -11,7 +11,8 @@
 #include <tuple>
 
 #include "server/base/random.h"
-#include "server/move/depths.h"
+#include "server/move/cost.h"
+#include "server/move/goal.h"
 
 namespace sightline {
 namespace {
@@ -29,7 +30,7 @@ struct Grid {
   GroupScratch scratch;
   Groups groups;
 
-  // By value: the cell may be one of these.
+  // Takes the cell by value, because it may be an element of `cells`.
   void add(glm::ivec3 cell, bool member) {
     cells.push_back(cell);
     places.push_back(glm::dvec3(cell) * 0.25);
@@ -86,13 +87,16 @@ struct UnionFind {
   }
 };
 
-// The reference for depth: every cell of a box one layer larger than the candidates that is not a member's,
-// in turn.
+bool is_first_in_cell(const Grid& grid, size_t i) {
+  return std::find(grid.cells.begin(), grid.cells.end(), grid.cells[i]) - grid.cells.begin() == static_cast<ptrdiff_t>(i);
+}
+
+// The reference for depth: tries every cell of a box one layer larger than the candidates that is no member's.
 std::vector<uint32_t> brute_depths(const Grid& grid) {
   std::set<Cell> inside;
   glm::ivec3 low(INT32_MAX), high(INT32_MIN);
   for (size_t i = 0; i < grid.cells.size(); ++i) {
-    if (grid.members[i]) inside.insert(key(grid.cells[i]));
+    if (grid.members[i] && is_first_in_cell(grid, i)) inside.insert(key(grid.cells[i]));
     low = glm::min(low, grid.cells[i] - 1), high = glm::max(high, grid.cells[i] + 1);
   }
   std::vector<glm::ivec3> outside;
@@ -132,33 +136,15 @@ TEST(Groups, AreThoseOfUnionFindOnRandomSets) {
   }
 }
 
-TEST(Groups, DepthIsTheDistanceToTheNearestCellThatIsNoMember) {
-  for (uint64_t seed = 1000; seed < 1100; ++seed) {
-    Grid grid = random_grid(seed);
-    ASSERT_EQ(grid.find().depth_squared, brute_depths(grid)) << "seed " << seed;
-  }
-}
-
-TEST(Groups, DeepestIsAMemberOfALargestGroupThatNoneOtherBeats) {
+TEST(Groups, TheLargestHasMostCells) {
   for (uint64_t seed = 2000; seed < 2150; ++seed) {
     Grid grid = random_grid(seed);
     const Groups& g = grid.find();
     if (g.size_cells.empty()) {
-      ASSERT_EQ(g.deepest, -1);
+      ASSERT_EQ(g.largest, kNoGroup);
       continue;
     }
     ASSERT_EQ(g.size_cells[g.largest], *std::max_element(g.size_cells.begin(), g.size_cells.end()));
-    ASSERT_GE(g.deepest, 0);
-    ASSERT_TRUE(grid.members[g.deepest]);
-    ASSERT_EQ(g.group_of[g.deepest], g.largest);
-    const auto rank = [&](size_t i) {
-      return std::pair(-static_cast<double>(g.depth_squared[i]), glm::distance(grid.places[i], grid.desired));
-    };
-    for (size_t i = 0; i < grid.cells.size(); ++i) {
-      if (g.group_of[i] == g.largest) {
-        ASSERT_LE(rank(g.deepest), rank(i)) << seed;
-      }
-    }
   }
 }
 
@@ -166,37 +152,19 @@ TEST(Groups, EqualGroupsAreDecidedByTheOneNearestToTheDesiredPlace) {
   Grid grid;
   for (int x = 0; x < 7; ++x) grid.add({x, 0, 0}, x != 3);
   grid.desired = {10, 0, 0};
-  EXPECT_EQ(grid.find().deepest, 6);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[6]);
   grid.desired = {-10, 0, 0};
-  EXPECT_EQ(grid.find().deepest, 0);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[0]);
 }
 
 TEST(Groups, ALargerGroupWinsOverANearerOne) {
   Grid grid;
   for (int x = 0; x < 8; ++x) grid.add({x, 0, 0}, x != 2);
   grid.desired = {-10, 0, 0};
-  EXPECT_EQ(grid.find().deepest, 3);
-}
-
-TEST(Groups, ARingIsEnteredNotItsHiddenCentre) {
-  Grid grid;
-  grid.fill(-6, 6, [](const glm::ivec3& c) { return std::abs(std::hypot(c.x, c.z) - 4.5) < 1.6; });
-  grid.desired = glm::dvec3(0.0);  // the centre of mass, in the pillar
-  const Groups& g = grid.find();
-  ASSERT_EQ(g.size_cells.size(), 1u);
-  ASSERT_TRUE(grid.members[g.deepest]);
-  const glm::ivec3 taken = grid.cells[g.deepest];
-  EXPECT_GT(std::hypot(taken.x, taken.z), 3.0);
-  EXPECT_GT(g.depth_steps(g.deepest), 1.0) << "inside the ring, not on its rim";
-}
-
-TEST(Groups, TheDeepestOfABallIsItsCentre) {
-  Grid grid;
-  grid.fill(-6, 6, [](const glm::ivec3& c) { return c.x * c.x + c.y * c.y + c.z * c.z <= 30; });
-  grid.desired = {50, 3, 1};
-  const Groups& g = grid.find();
-  EXPECT_EQ(grid.cells[g.deepest], glm::ivec3(0));
-  EXPECT_DOUBLE_EQ(g.depth_share(g.deepest), 1.0);
+  grid.find();
+  EXPECT_EQ(grid.groups.largest, grid.groups.group_of[3]);
 }
 
 TEST(Groups, TouchingAtAnEdgeOrACornerDoesNotConnect) {
@@ -213,7 +181,6 @@ TEST(Groups, APlaceOffTheGridSharesItsCellsGroupOnlyWhenBothAreMembers) {
   grid.add({0, 0, 0}, true), grid.add({0, 0, 0}, false), grid.add({-2, 0, 0}, true);
   const Groups& g = grid.find();
   EXPECT_EQ(g.group_of[on_grid], g.largest);
-  EXPECT_EQ(g.depth_steps(on_grid), 2.0);
   EXPECT_EQ(g.group_of[on_grid + 1], kNoGroup);
   EXPECT_EQ(g.group_of[on_grid + 2], kNoGroup)
       << "its cell is hidden, so it is not known to hang together with any";
@@ -222,11 +189,10 @@ TEST(Groups, APlaceOffTheGridSharesItsCellsGroupOnlyWhenBothAreMembers) {
 
 TEST(Groups, NothingAndNoMembersAreNoGroup) {
   Grid grid;
-  EXPECT_EQ(grid.find().deepest, -1);
+  EXPECT_EQ(grid.find().largest, kNoGroup);
   grid.fill(0, 2, [](const glm::ivec3&) { return false; });
-  EXPECT_EQ(grid.find().deepest, -1);
-  EXPECT_EQ(grid.groups.largest, kNoGroup);
-  EXPECT_EQ(grid.groups.depth_share(0), 0.0);
+  EXPECT_EQ(grid.find().largest, kNoGroup);
+  EXPECT_TRUE(grid.groups.size_cells.empty());
 }
 
 TEST(Groups, ScatteredCandidatesAreFoundWithoutAGridAroundThem) {
@@ -235,19 +201,19 @@ TEST(Groups, ScatteredCandidatesAreFoundWithoutAGridAroundThem) {
   grid.add({2'000'000'000, -2'000'000'000, 7}, true);
   const Groups& g = grid.find();
   EXPECT_EQ(g.size_cells.size(), 2u);
-  EXPECT_EQ(grid.cells[g.deepest], glm::ivec3(0));
+  EXPECT_EQ(g.group_of[0], g.largest);
 }
 
-TEST(Groups, TheOrderOfCandidatesChangesNoDepthAndNoCentre) {
+TEST(Groups, TheOrderOfCandidatesChangesNoGroup) {
   Grid grid = random_grid(7);
   Grid reversed = grid;
   std::reverse(reversed.cells.begin(), reversed.cells.end());
   std::reverse(reversed.places.begin(), reversed.places.end());
   std::reverse(reversed.members.begin(), reversed.members.end());
   const Groups &a = grid.find(), &b = reversed.find();
-  ASSERT_GE(a.deepest, 0);
-  EXPECT_EQ(grid.cells[a.deepest], reversed.cells[b.deepest]);
-  EXPECT_TRUE(std::equal(a.depth_squared.begin(), a.depth_squared.end(), b.depth_squared.rbegin()));
+  ASSERT_NE(a.largest, kNoGroup);
+  for (size_t i = 0; i < grid.cells.size(); ++i)
+    EXPECT_EQ(a.group_of[i] == a.largest, b.group_of[grid.cells.size() - 1 - i] == b.largest);
 }
 
 TEST(Groups, MemoryIsReusedFromCallToCall) {
@@ -256,17 +222,13 @@ TEST(Groups, MemoryIsReusedFromCallToCall) {
   const auto* group = grid.groups.group_of.data();
   const auto* slot = &grid.scratch.table.slot_of(grid.cells[0]);
   const auto* queue = grid.scratch.queue.data();
-  const auto* line = grid.scratch.line.data();
   for (int i = 0; i < 5; ++i) grid.find();
   EXPECT_EQ(group, grid.groups.group_of.data());
   EXPECT_EQ(slot, &grid.scratch.table.slot_of(grid.cells[0]));
   EXPECT_EQ(queue, grid.scratch.queue.data());
-  EXPECT_EQ(line, grid.scratch.line.data());
 }
 
-// Candidate by candidate the depth is that of all together, as far as it is asked for.
-void expect_depths_of_groups(Grid& grid, Depths& depths) {
-  const std::vector<uint32_t>& all = grid.find().depth_squared;
+void expect_depths(const Grid& grid, EdgeDepths& depths, const std::vector<uint32_t>& all) {
   depths.begin(grid.cells, grid.members);
   for (const uint32_t enough_steps : {1u, 2u, 3u, 100u})
     for (size_t i = 0; i < all.size(); ++i)
@@ -274,22 +236,24 @@ void expect_depths_of_groups(Grid& grid, Depths& depths) {
           << "candidate " << i << ", enough " << enough_steps;
 }
 
-TEST(Depths, AreThoseOfGroups) {
-  Depths depths;
+TEST(EdgeDepths, AreTheDistancesToTheNearestCellThatIsNoMember) {
+  EdgeDepths depths;
   for (uint64_t seed = 2000; seed < 2080; ++seed) {
     Grid grid = random_grid(seed);
     // Places off the grid, in cells of others.
     for (size_t i = 0; i + 3 < grid.cells.size(); i += 5) grid.add(grid.cells[i], i % 2 == 0);
-    expect_depths_of_groups(grid, depths);
+    expect_depths(grid, depths, brute_depths(grid));
   }
 }
 
-TEST(Depths, OfScatteredCandidatesAreThoseOfGroups) {
-  Depths depths;
+TEST(EdgeDepths, AreExactForScatteredCandidatesToo) {
+  EdgeDepths depths;
   Grid grid = random_grid(3);
   grid.fill(-3, 3, [](const glm::ivec3&) { return true; });
+  std::vector<uint32_t> all = brute_depths(grid);
   grid.add({2'000'000'000, -2'000'000'000, 7}, true);
-  expect_depths_of_groups(grid, depths);
+  all.push_back(1);
+  expect_depths(grid, depths, all);
 }
 
 TEST(Groups, LatticeCellsAreTheRoundedMultiplesOfTheSpacing) {
@@ -299,6 +263,89 @@ TEST(Groups, LatticeCellsAreTheRoundedMultiplesOfTheSpacing) {
   for (int i = -900; i <= 900; ++i) places.push_back(glm::dvec3(i, -i, 2 * i) * spacing);
   lattice_cells(places, spacing, cells);
   for (int i = -900; i <= 900; ++i) ASSERT_EQ(cells[i + 900], glm::ivec3(i, -i, 2 * i));
+}
+
+struct Cells {
+  std::vector<glm::ivec3> cells;
+  std::vector<uint8_t> members;
+  EdgeDistanceScratch scratch;
+
+  void add(const glm::ivec3& cell, bool member) {
+    cells.push_back(cell);
+    members.push_back(member);
+  }
+  std::vector<uint32_t> measure() {
+    std::vector<uint32_t> distance;
+    measure_edge_distances(cells, members, scratch, distance);
+    return distance;
+  }
+};
+
+// A ball-like scatter of cells, some twice, some way from the origin.
+Cells random_cells(uint64_t seed) {
+  CounterRandom random(seed, 0, RandomPurpose::kTest);
+  Cells c;
+  const int count = 1 + static_cast<int>(random.next_below(200));
+  const double member = random.next_in(0.5, 1.0);
+  const auto coordinate = [&] { return static_cast<int>(random.next_below(11)) - 700; };
+  for (int i = 0; i < count; ++i) {
+    const int x = coordinate(), y = coordinate(), z = coordinate();
+    c.add({x, y, z}, random.next_unit() < member);
+  }
+  return c;
+}
+
+uint32_t nearest_hidden_squared(const Cells& c, size_t i) {
+  uint32_t least = kAllOpen;
+  for (size_t k = 0; k < c.cells.size(); ++k) {
+    if (c.members[k]) continue;
+    const glm::ivec3 way = c.cells[k] - c.cells[i];
+    least = std::min(least, static_cast<uint32_t>(way.x * way.x + way.y * way.y + way.z * way.z));
+  }
+  return least;
+}
+
+TEST(EdgeDistance, IsTheDistanceToTheNearestHiddenCandidate) {
+  for (uint64_t seed = 0; seed < 200; ++seed) {
+    Cells c = random_cells(seed);
+    const std::vector<uint32_t> distance = c.measure();
+    ASSERT_EQ(distance.size(), c.cells.size());
+    for (size_t i = 0; i < distance.size(); ++i)
+      ASSERT_EQ(distance[i], nearest_hidden_squared(c, i)) << "seed " << seed << ", candidate " << i;
+  }
+}
+
+TEST(EdgeDistance, CountsNothingBeyondTheCandidates) {
+  Cells c;
+  for (int x = 0; x < 5; ++x) c.add({x, 0, 0}, true);
+  for (const uint32_t distance : c.measure()) EXPECT_EQ(distance, kAllOpen);
+  c.members[0] = 0;
+  EXPECT_EQ(c.measure().back(), 16u) << "at the end of the row, but farthest from the hidden one";
+}
+
+// A row of places of which one end is hidden: the goal is the other end, although its neighbours end there. With nothing
+// hidden it is the place nearest to the desired one.
+TEST(Robust, GoesAwayFromWhatIsHiddenAndElseToTheDesiredPlace) {
+  Cells c;
+  std::vector<glm::dvec3> places;
+  for (int x = 0; x < 7; ++x) {
+    c.add({x, 0, 0}, x > 1);
+    places.push_back({x, 0, 0});
+  }
+  GroupScratch scratch;
+  Groups groups;
+  std::vector<double> cost;
+  const auto cheapest = [&](const glm::dvec3& desired) {
+    find_groups(c.cells, places, c.members, desired, scratch, groups);
+    robust_costs(places, desired, groups, c.measure(), cost);
+    return std::min_element(cost.begin(), cost.end()) - cost.begin();
+  };
+  EXPECT_EQ(cheapest({2, 0, 0}), 6);
+  std::fill(c.members.begin(), c.members.end(), uint8_t{1});
+  EXPECT_EQ(cheapest({2, 0, 0}), 2);
+  EXPECT_EQ(cheapest({9, 0, 0}), 6);
+  std::fill(c.members.begin(), c.members.end(), uint8_t{0});
+  EXPECT_EQ(cheapest({3, 0, 0}), 3) << "no group: as Basic";
 }
 
 }  // namespace

@@ -46,9 +46,12 @@ TEST(Motion, WhatIsOverItsLimitIsBrakedAndNeverLetJump) {
     EXPECT_LE(glm::distance(before, after), change * (1 + 1e-9));
     EXPECT_LE(glm::length(after), std::max(limits.max_speed_mps, glm::length(before) - change) * (1 + 1e-9));
 
-    const TurnState turning{{0.3, -0.2, 0.0}, before.x, before.y};
+    // A pitch rate that needs no braking yet for the pole, which goes before.
+    const double stops = -change + std::sqrt(change * change + 2 * limits.max_acceleration_mps2);
+    const glm::dvec2 former(before.x, std::clamp(before.y, -stops, stops));
+    const TurnState turning{{0.3, -0.2, 0.0}, former.x, former.y};
     const TurnState turned = turn_towards(turning, {before.z, 0.4, 0.0}, limits, 0.4, dt);
-    const glm::dvec2 rate(turned.yaw_rate_radps, turned.pitch_rate_radps), former(before);
+    const glm::dvec2 rate(turned.yaw_rate_radps, turned.pitch_rate_radps);
     EXPECT_LE(glm::distance(rate, former), change * (1 + 1e-9));
     EXPECT_LE(glm::length(rate),
               std::max(limits.max_angular_speed_radps, glm::length(former) - change) * (1 + 1e-9));
@@ -98,10 +101,19 @@ TEST(Motion, AnglesAndRotationsAreInverse) {
   CounterRandom random(43, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 1000; ++trial) {
     const ViewAngles angles{random.next_in(-3.1, 3.1), random.next_in(-1.5, 1.5), random.next_in(-1, 1)};
-    const ViewAngles back = angles_from_rotation(rotation_from_angles(angles), 0);
+    const ViewAngles back = angles_from_rotation(rotation_from_angles(angles));
     EXPECT_NEAR(back.yaw_rad, angles.yaw_rad, 1e-9);
     EXPECT_NEAR(back.pitch_rad, angles.pitch_rad, 1e-9);
     EXPECT_NEAR(back.roll_rad, angles.roll_rad, 1e-6);
+  }
+}
+
+TEST(Motion, StraightUpAndDownTheYawLeavesNoRoll) {
+  for (const double pitch : {kPi / 2, -kPi / 2}) {
+    const ViewAngles back = angles_from_rotation(rotation_from_angles({0.7, pitch, 0}));
+    EXPECT_NEAR(back.yaw_rad, 0.7, 1e-9);
+    EXPECT_NEAR(back.pitch_rad, pitch, 1e-7);
+    EXPECT_NEAR(back.roll_rad, 0, 1e-9);
   }
 }
 
@@ -112,15 +124,18 @@ TEST(Motion, YawTurnsLeftAndPitchLooksUp) {
   EXPECT_LT(glm::distance(up, glm::dvec3(0, 1, 0)), 1e-12);
 }
 
-// Through both poles, over half turns, with irregular steps: the rotation between two poses, measured on the quaternions, is
-// within the limits, and there is never any roll.
-TEST(Motion, TurningObeysTheLimitsEvenThroughThePoles) {
+// Turns up to both poles and half turns, with irregular steps. The rotation between two poses, measured on the quaternions, stays within
+// the limits, and the camera neither rolls nor passes a pole.
+TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   const CameraLimits limits{.max_angular_speed_radps = 2, .max_angular_acceleration_radps2 = 9};
   TurnState state;
   ViewAngles aim;
   for (int step = 0; step < 20000; ++step) {
-    if (random.next_below(40) == 0) aim = {random.next_in(-kPi, kPi), random.next_in(-kPi / 2, kPi / 2), 0};
+    if (random.next_below(40) == 0) {
+      const double pitch = random.next_in(-3, 3);  // half of the time as steep as it gets
+      aim = {random.next_in(-kPi, kPi), std::clamp(pitch, -kMaxPitchRad, kMaxPitchRad), 0};
+    }
     const double dt = random.next_in(0.001, 0.04);
     const TurnState next = turn_towards(state, aim, limits, random.next_in(0, 0.5), dt);
     const double turned =
@@ -130,7 +145,23 @@ TEST(Motion, TurningObeysTheLimitsEvenThroughThePoles) {
                             next.pitch_rate_radps - state.pitch_rate_radps);
     EXPECT_LE(glm::length(change), 9 * dt * (1 + 1e-9));
     EXPECT_EQ(next.angles.roll_rad, 0.0);
+    EXPECT_LE(std::abs(next.angles.pitch_rad), kMaxPitchRad + 1e-12);
     state = next;
+  }
+}
+
+// Limits that are lowered during a turn can leave too little acceleration to brake for the pole: the camera stops at it even so.
+TEST(Motion, LoweredLimitsNeverTurnTheCameraPastAPole) {
+  CounterRandom random(45, 0, RandomPurpose::kTest);
+  TurnState state;
+  for (int step = 0; step < 20000; ++step) {
+    CameraLimits limits;
+    limits.max_angular_speed_radps = random.next_in(0.1, 20);
+    limits.max_angular_acceleration_radps2 = random.next_below(3) == 0 ? random.next_in(50, 200) : 0.5;
+    const ViewAngles aim{random.next_in(-kPi, kPi), random.next_below(2) == 0 ? kMaxPitchRad : -kMaxPitchRad,
+                         0};
+    state = turn_towards(state, aim, limits, 0, random.next_in(0.001, 0.25));
+    ASSERT_LE(std::abs(state.angles.pitch_rad), kMaxPitchRad + 1e-12) << step;
   }
 }
 
@@ -153,6 +184,18 @@ TEST(Motion, RollGivenAtTheStartIsLetGoWithinTheLimit) {
   state.angles.roll_rad = 0.5;
   const TurnState next = turn_towards(state, {}, {}, 0.2, 0.1);
   EXPECT_NEAR(next.angles.roll_rad, 0.2, 1e-9);
+}
+
+TEST(Motion, ARolledCameraTurnsAndLevelsWithinTheSpeedLimit) {
+  TurnState state;
+  state.angles.roll_rad = 2.5;
+  for (int i = 0; i < 300; ++i) {
+    const TurnState next = turn_towards(state, {2.0, 1.0, 0}, {}, 0.2, 1.0 / 60);
+    EXPECT_LE(angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles)),
+              CameraLimits{}.max_angular_speed_radps / 60 * (1 + 1e-6));
+    state = next;
+  }
+  EXPECT_EQ(state.angles.roll_rad, 0.0);
 }
 
 TEST(Motion, LimitsOutOfRangeAreNamed) {

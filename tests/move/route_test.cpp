@@ -37,7 +37,7 @@ class Ways {
   std::vector<double> cost_m_;
 };
 
-// The rule as route.h words it, with one exception named there: the start is a node whatever its clearance.
+// The rule of route.h, with its one exception: the start is a node even without room for the body.
 double leg_cost(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, const RouteSettings& s) {
   const glm::ivec3 apart = glm::abs(n.cell[a] - n.cell[b]);
   if (std::max({apart.x, apart.y, apart.z}) > 1) return kUnreachable;
@@ -92,7 +92,7 @@ TEST(Route, CostsAreThoseOfBellmanFordOnRandomNodes) {
   EXPECT_GT(unreached, 1000);
 }
 
-// The nodes' cells are those of a lattice of spacing 1: told so, the finder passes legs over, which must change nothing.
+// The nodes are on a lattice of spacing 1. When the finder knows the spacing it skips legs, which must change nothing.
 TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
   Draw draw(17);
   Ways plain, knowing;
@@ -216,7 +216,7 @@ TEST(Route, OneNodeIsItsOwnRoute) {
   EXPECT_TRUE(finder.to(0).empty());
 }
 
-// What an earlier, larger or smaller, set left behind changes nothing, not in the last bit.
+// Memory left by an earlier set, larger or smaller, changes no bit of the result.
 TEST(Route, MemoryOfFormerCallsChangesNothing) {
   Draw draw(13);
   Ways reused;

@@ -15,11 +15,11 @@ using namespace test;
 
 const auto kAnywhere = [](const glm::dvec3&) { return true; };
 
-// Targets round a centre at the origin, and a survey of them; the shots that were asked for and that are.
+// Targets round a centre at the origin, the viewpoints round them, and the asked and the present shot.
 struct Filming {
-  std::vector<TargetView> targets;
+  std::vector<TrackedTarget> targets;
   std::vector<uint64_t> ids;
-  Survey survey;
+  ViewpointMap viewpoints;
   ShotState asked, present;
   size_t former = 0;
   ViewpointSearchSettings settings{.keep_shot_below = -1, .switch_margin = 0};  // no shot is good enough to be kept unweighed
@@ -27,13 +27,13 @@ struct Filming {
 
   explicit Filming(std::vector<double> weights = {1.0}) {
     for (size_t i = 0; i < weights.size(); ++i) {
-      TargetView t;
+      TrackedTarget t;
       t.aim_m = glm::dvec3(static_cast<double>(i) - static_cast<double>(weights.size() - 1) / 2, 0, 0);
       t.radius_m = 0.5, t.weight = weights[i];
       targets.push_back(t), ids.push_back(i + 1);
     }
-    survey.follow(ids, 6.0);
-    shoot(survey.offset_m(20));
+    viewpoints.follow(ids, 6.0);
+    shoot(viewpoints.offset_m(20));
   }
   glm::dvec3 center() const { return weighted_center_m(targets); }
   Pose pose_at(const glm::dvec3& offset) const {
@@ -47,12 +47,12 @@ struct Filming {
   void look(size_t i, const std::set<size_t>& hidden) {
     RoundMaps maps(center(), 64);
     for (const size_t place : hidden)
-      *maps.texel(center() + survey.offset_m(place)) =
-          static_cast<float>(glm::length(survey.offset_m(place)) - 0.1);
-    survey.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
+      *maps.texel(center() + viewpoints.offset_m(place)) =
+          static_cast<float>(glm::length(viewpoints.offset_m(place)) - 0.1);
+    viewpoints.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
-    return choose_shot(survey, targets, asked, survey.nearest_place(asked.from_center_m), present, former,
+    return choose_shot(viewpoints, targets, asked, viewpoints.nearest_viewpoint(asked.from_center_m), present, former,
                        settings, coherence, allowed);
   }
 };
@@ -60,7 +60,7 @@ struct Filming {
 TEST(Shot, OneThatIsSeenIsKept) {
   Filming film;
   for (const size_t place : {20, 100, 131, 239}) {
-    film.shoot(film.survey.offset_m(place));
+    film.shoot(film.viewpoints.offset_m(place));
     film.look(0, {});
     EXPECT_EQ(film.choose(), place);
   }
@@ -69,23 +69,23 @@ TEST(Shot, OneThatIsSeenIsKept) {
 TEST(Shot, OneThatIsHiddenIsLeftForOneNearBy) {
   Filming film;
   film.look(0, {20});
-  ASSERT_EQ(film.survey.share(0, 20), 0.0f);
+  ASSERT_EQ(film.viewpoints.share(0, 20), 0.0f);
   const auto chosen = film.choose();
   ASSERT_TRUE(chosen);
   EXPECT_NE(*chosen, 20u);
-  EXPECT_EQ(film.survey.share(0, *chosen), 1.0f);
-  const glm::dvec3 was = film.survey.offset_m(20), is = film.survey.offset_m(*chosen);
+  EXPECT_EQ(film.viewpoints.share(0, *chosen), 1.0f);
+  const glm::dvec3 was = film.viewpoints.offset_m(20), is = film.viewpoints.offset_m(*chosen);
   EXPECT_GT(glm::dot(was, is) / glm::length(was) / glm::length(is), 0.8) << "not across the line";
 }
 
-// The asked shot is off the survey's pattern: still one is chosen, and another asked shot pulls it to its side.
+// The asked shot is between viewpoints. One is chosen all the same, and another asked shot pulls it to its side.
 TEST(Shot, LiesBetweenTheOneAskedForAndTheOneThatIs) {
   Filming film;
   film.look(0, {});
   film.capture({6, 1, 0}, film.asked), film.capture({0, 1, 6}, film.present);
   const auto chosen = film.choose();
   ASSERT_TRUE(chosen);
-  const glm::dvec3 offset = film.survey.offset_m(*chosen);
+  const glm::dvec3 offset = film.viewpoints.offset_m(*chosen);
   EXPECT_GT(offset.x, -0.5);
   EXPECT_GT(offset.z, -0.5);
 }
@@ -95,23 +95,23 @@ TEST(Shot, OnlyAllowedPlacesAreTaken) {
   film.look(0, {});
   const auto high = film.choose([](const glm::dvec3& offset) { return offset.y > 4; });
   ASSERT_TRUE(high);
-  EXPECT_GT(film.survey.offset_m(*high).y, 4);
+  EXPECT_GT(film.viewpoints.offset_m(*high).y, 4);
   std::vector<glm::dvec3> asked;
   EXPECT_FALSE(film.choose([&](const glm::dvec3& offset) {
     asked.push_back(offset);
     return false;
   }));
-  ASSERT_EQ(asked.size(), Survey::kPlaces) << "every place was asked for";
-  for (size_t place = 0; place < asked.size(); ++place) EXPECT_EQ(asked[place], film.survey.offset_m(place));
+  ASSERT_EQ(asked.size(), ViewpointMap::kViewpoints) << "every place was asked for";
+  for (size_t place = 0; place < asked.size(); ++place) EXPECT_EQ(asked[place], film.viewpoints.offset_m(place));
 }
 
-// With nothing to tell places apart the first of them is chosen, always.
+// Among equal viewpoints the first is always chosen.
 TEST(Shot, EqualsAreDecidedByTheirOrder) {
   Filming film;
   film.look(0, {});
   film.coherence.responsiveness = 1;
   EXPECT_EQ(film.choose(), 0u);
-  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.survey.offset_m(0); }), 1u);
+  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(0); }), 1u);
 }
 
 // A former place that is a little worse is kept, one that is worse by more than `hold` is not.
@@ -133,13 +133,13 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
 // The asked shot before the former one, each only while no more than `content` is hidden from it and beside it.
 TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   Filming film;
-  film.shoot(film.survey.offset_m(86)), film.former = 186;
+  film.shoot(film.viewpoints.offset_m(86)), film.former = 186;
   film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.keep_shot_below = 0.1;
   film.look(0, {});
   EXPECT_EQ(film.choose(), 86u);
   film.look(0, {86});
   EXPECT_EQ(film.choose(), 186u);
-  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.survey.offset_m(186); }), 86u)
+  EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(186); }), 86u)
       << "weighed, and only the change counts";
   film.look(0, {86 + 20, 86 - 20});
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
@@ -153,7 +153,7 @@ TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
   const auto only = [&](size_t a, size_t b) {
     return [&film, a, b](const glm::dvec3& offset) {
-      return offset == film.survey.offset_m(a) || offset == film.survey.offset_m(b);
+      return offset == film.viewpoints.offset_m(a) || offset == film.viewpoints.offset_m(b);
     };
   };
   EXPECT_EQ(film.choose(only(86, 186)), 86u) << "both are seen";
@@ -170,10 +170,10 @@ TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
     film.former = trial % 2 == 0 ? 86 : 186;
     film.settings.keep_shot_below = trial % 3 == 0 ? 0.15 : -1;
     film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
-    film.shoot(film.survey.offset_m(86));  // as was asked for, and as it is
+    film.shoot(film.viewpoints.offset_m(86));  // as was asked for, and as it is
     film.look(0, {86}), film.look(1, {186});
     const auto chosen = film.choose([&](const glm::dvec3& offset) {
-      return offset == film.survey.offset_m(86) || offset == film.survey.offset_m(186);
+      return offset == film.viewpoints.offset_m(86) || offset == film.viewpoints.offset_m(186);
     });
     EXPECT_EQ(chosen, 186u) << "trial " << trial;
   }
@@ -206,22 +206,22 @@ TEST(Shot, IsTheCheapestOfAll) {
     for (size_t i = 0; i < weights.size(); ++i) {
       RoundMaps maps(film.center() + glm::dvec3(0.01, 0.02, 0.03), 8);
       maps.fill_at_random(random, 1, 9);
-      film.survey.learn(i, maps.maps, film.center(), 0, 0.1, 1);
+      film.viewpoints.learn(i, maps.maps, film.center(), 0, 0.1, 1);
     }
     film.coherence.responsiveness = random.next_unit(), film.coherence.predictive_power = random.next_unit();
     film.settings.switch_margin = random.next_in(0, 0.1);
-    film.former = random.next_below(Survey::kPlaces);
+    film.former = random.next_below(ViewpointMap::kViewpoints);
     double least = INFINITY;
     size_t best = 0;
-    for (size_t place = 0; place < Survey::kPlaces; ++place) {
+    for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place) {
       std::vector<float> seen;
       double sum = 0, beside = 0;
       for (size_t i = 0; i < weights.size(); ++i) {
-        seen.push_back(film.survey.share(i, place));
+        seen.push_back(film.viewpoints.share(i, place));
         sum += weights[i],
-            beside += weights[i] * (1 - static_cast<double>(film.survey.share_beside(i, place)));
+            beside += weights[i] * (1 - static_cast<double>(film.viewpoints.share_beside(i, place)));
       }
-      const ShotCandidate candidate{.world_from_camera = film.pose_at(film.survey.offset_m(place)),
+      const ShotCandidate candidate{.world_from_camera = film.pose_at(film.viewpoints.offset_m(place)),
                                     .seen_share = seen,
                                     .hidden_ahead = beside / sum};
       double cost = 0.5 * shot_cost(candidate, film.asked, film.targets, film.coherence) +

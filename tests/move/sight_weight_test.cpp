@@ -13,9 +13,9 @@ namespace sightline {
 namespace {
 
 // Targets of weights from a millionth to a million, some switched off.
-std::vector<TargetView> any_targets(CounterRandom& random) {
-  std::vector<TargetView> targets(1 + random.next_below(32));
-  for (TargetView& target : targets) {
+std::vector<TrackedTarget> any_targets(CounterRandom& random) {
+  std::vector<TrackedTarget> targets(1 + random.next_below(32));
+  for (TrackedTarget& target : targets) {
     target.weight = random.next_below(8) == 0 ? 0.0 : std::pow(10.0, random.next_in(-6, 6));
     target.required = random.next_below(2) == 0;
   }
@@ -26,10 +26,10 @@ TEST(SightWeight, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneA
   CounterRandom random(23, 0, RandomPurpose::kTest);
   int mixed = 0;
   for (int trial = 0; trial < 2000; ++trial) {
-    const std::vector<TargetView> targets = any_targets(random);
+    const std::vector<TrackedTarget> targets = any_targets(random);
     const double share = optional_share(targets);
     double lightest = std::numeric_limits<double>::infinity(), optional = 0;
-    for (const TargetView& target : targets) {
+    for (const TrackedTarget& target : targets) {
       if (!target.required) optional += sight_weight(target, share);
       if (!target.required || !target.steered()) continue;
       EXPECT_EQ(sight_weight(target, share), target.weight);
@@ -51,7 +51,7 @@ TEST(SightWeight, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneA
 TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   CounterRandom random(24, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 2000; ++trial) {
-    std::vector<TargetView> targets = any_targets(random);
+    std::vector<TrackedTarget> targets = any_targets(random);
     targets[0].required = true, targets[0].weight = std::pow(10.0, random.next_in(-6, 6));
     std::vector<float> required_hidden(targets.size(), 1.0f), optional_hidden(targets.size(), 1.0f);
     required_hidden[0] = 0.0f;

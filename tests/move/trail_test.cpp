@@ -61,7 +61,7 @@ TEST(Trail, WithoutPlacesThereIsNoWayBack) {
   EXPECT_FALSE(Trail().way_back(ClearanceField(), {0, 0, 0}, 12, 0.3, 0.0));
 }
 
-// Of all places that are near enough, far enough from the targets, and free to go to, the newest.
+// The newest point that is near enough, far enough from the targets, and free to go to.
 TEST(Trail, TheWayBackIsTheNewestOfAllThatCanBeReached) {
   Draw draw(32);
   int found = 0, none = 0, passed_over = 0;

@@ -44,7 +44,7 @@ struct Walk {
 };
 
 ViewAngles angles_of(const SessionAnswer& answer) {
-  return angles_from_rotation(answer.step.camera.pose.rotation, 0.0);
+  return angles_from_rotation(answer.step.camera.pose.rotation);
 }
 
 double wrapped(double rad) {

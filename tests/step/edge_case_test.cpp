@@ -1,4 +1,4 @@
-// Each of these is a real fault of some camera system: what happens here instead.
+// Each of these is a real fault of some camera system. The tests say what happens here instead, with the settings of both presets.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,15 +12,23 @@ namespace {
 
 constexpr double kTick = 1.0 / 60;
 
-struct OnePerson : World {
-  OnePerson() {
+struct PresetWorld : World {
+  explicit PresetWorld(Preset preset) { settings = preset_settings(preset); }
+};
+
+struct OnePerson : PresetWorld {
+  explicit OnePerson(Preset preset) : PresetWorld(preset) {
     add_target(1, {0, 1, 0});
     place({0, 1.6, 6}, {0, 1, 0});
   }
 };
 
-TEST(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
-  OnePerson world;
+class EdgeCase : public testing::TestWithParam<Preset> {};
+INSTANTIATE_TEST_SUITE_P(Presets, EdgeCase, testing::Values(Preset::kSightline, Preset::kPaper),
+                         [](const auto& preset) { return std::string(name_of(preset.param)); });
+
+TEST_P(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
+  OnePerson world(GetParam());
   Watch watch(world);
   for (int i = 0; i < 30; ++i) {
     world.move(1, {0.1 * i, 1, 0}, {6, 0, 0});
@@ -31,11 +39,13 @@ TEST(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
   EXPECT_EQ(r.status, MoveStatus::kHolding);
   EXPECT_EQ(r.reason, MoveReason::kNoTargets);
   for (int i = 0; i < 120; ++i) r = watch.step();
+  EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-3);
+  for (int i = 0; i < 180; ++i) r = watch.step();
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-9);
 }
 
-TEST(EdgeCase, WeightToZeroMakesNoPop) {
-  OnePerson world;
+TEST_P(EdgeCase, WeightToZeroMakesNoPop) {
+  OnePerson world(GetParam());
   world.add_target(2, {2, 1, 0});
   Watch watch(world);
   for (int i = 0; i < 30; ++i) watch.step();
@@ -46,16 +56,16 @@ TEST(EdgeCase, WeightToZeroMakesNoPop) {
       << "the place stays, only the view turns";
 }
 
-TEST(EdgeCase, EveryWeightZeroHolds) {
-  OnePerson world;
+TEST_P(EdgeCase, EveryWeightZeroHolds) {
+  OnePerson world(GetParam());
   world.targets[0].weight = 0;
   const StepResult r = Watch(world).step();
   EXPECT_EQ(r.reason, MoveReason::kNoTargets);
   EXPECT_EQ(r.targets.size(), 1u) << "it is still reported";
 }
 
-TEST(EdgeCase, TargetInsideAnOccluderIsOccludedAndNamed) {
-  OnePerson world;
+TEST_P(EdgeCase, TargetInsideAnOccluderIsOccludedAndNamed) {
+  OnePerson world(GetParam());
   world.add_box(9, {0, 1, 0}, {2, 2, 2});
   Watch watch(world);
   StepResult r = watch.step();
@@ -64,8 +74,8 @@ TEST(EdgeCase, TargetInsideAnOccluderIsOccludedAndNamed) {
   for (int i = 0; i < 200; ++i) r = watch.step();
 }
 
-TEST(EdgeCase, CameraSpawnedInsideGeometrySaysSoAndLeavesAThinWall) {
-  OnePerson world;
+TEST_P(EdgeCase, CameraSpawnedInsideGeometrySaysSoAndLeavesAThinWall) {
+  OnePerson world(GetParam());
   world.add_box(9, {0, 1.6, 6.1}, {3, 3, 0.05});
   Watch watch(world);
   StepResult r = watch.step();
@@ -75,8 +85,8 @@ TEST(EdgeCase, CameraSpawnedInsideGeometrySaysSoAndLeavesAThinWall) {
   EXPECT_FALSE(r.flags.body_overlap);
 }
 
-TEST(EdgeCase, TargetNearerThanTheNearLimitBacksTheCameraOff) {
-  OnePerson world;
+TEST_P(EdgeCase, TargetNearerThanTheNearLimitBacksTheCameraOff) {
+  OnePerson world(GetParam());
   world.settings.move.min_distance_m = 3;
   world.place({0, 1.2, 0.8}, {0, 1, 0});
   Watch watch(world);
@@ -84,9 +94,9 @@ TEST(EdgeCase, TargetNearerThanTheNearLimitBacksTheCameraOff) {
   EXPECT_GE(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1, 0)), 2.95);
 }
 
-TEST(EdgeCase, TargetStraightAboveAndBelowIsFramedWithoutSpin) {
+TEST_P(EdgeCase, TargetStraightAboveAndBelowIsFramedWithoutSpin) {
   for (const double height : {-8.0, 8.0}) {
-    World world;
+    PresetWorld world(GetParam());
     world.add_target(1, {0, height, 0});
     world.settings.move.follow = Follow::kStay;
     world.place({0, 0, 0}, {0, 0, -1});
@@ -102,8 +112,8 @@ TEST(EdgeCase, TargetStraightAboveAndBelowIsFramedWithoutSpin) {
   }
 }
 
-TEST(EdgeCase, TargetBehindTheCameraIsTurnedToWithinTheLimits) {
-  OnePerson world;
+TEST_P(EdgeCase, TargetBehindTheCameraIsTurnedToWithinTheLimits) {
+  OnePerson world(GetParam());
   world.place({0, 1.6, 6}, {0, 1.6, 12});
   Watch watch(world);
   StepResult r;
@@ -111,18 +121,19 @@ TEST(EdgeCase, TargetBehindTheCameraIsTurnedToWithinTheLimits) {
   EXPECT_TRUE(r.targets[0].in_picture);
 }
 
-TEST(EdgeCase, TeleportOfTheTargetAloneIsFollowedWithoutAJump) {
-  OnePerson world;
+TEST_P(EdgeCase, TeleportOfTheTargetAloneIsFollowedWithoutAJump) {
+  OnePerson world(GetParam());
   Watch watch(world);
   for (int i = 0; i < 30; ++i) watch.step();
   world.move(1, {40, 1, 0});
   StepResult r;
-  for (int i = 0; i < 600; ++i) r = watch.step();
+  // The bound of the paper's preset is so small that its camera does about 3.4 m/s.
+  for (int i = 0; i < 900; ++i) r = watch.step();
   EXPECT_LT(glm::distance(r.camera.pose.position_m, glm::dvec3(40, 1.6, 6)), 0.2);
 }
 
-TEST(EdgeCase, TeleportWithTheCameraStartsAfreshThere) {
-  OnePerson world;
+TEST_P(EdgeCase, TeleportWithTheCameraStartsAfreshThere) {
+  OnePerson world(GetParam());
   for (int i = 0; i < 30; ++i) world.step(kTick);
   world.move(1, {40, 1, 0});
   world.place({40, 2, 4}, {40, 1, 0});
@@ -131,8 +142,8 @@ TEST(EdgeCase, TeleportWithTheCameraStartsAfreshThere) {
   EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(40, 2, 4)), 0.05);
 }
 
-TEST(EdgeCase, ZeroTimeStepPausesExactly) {
-  OnePerson world;
+TEST_P(EdgeCase, ZeroTimeStepPausesExactly) {
+  OnePerson world(GetParam());
   Watch watch(world);
   for (int i = 0; i < 20; ++i) {
     world.move(1, {0.05 * i, 1, 0}, {3, 0, 0});
@@ -147,8 +158,8 @@ TEST(EdgeCase, ZeroTimeStepPausesExactly) {
   EXPECT_EQ(r.targets.size(), 1u) << "visibility is still answered";
 }
 
-TEST(EdgeCase, AOneSecondGapMovesForTheLongestStepAndSaysSo) {
-  OnePerson world;
+TEST_P(EdgeCase, AOneSecondGapMovesForTheLongestStepAndSaysSo) {
+  OnePerson world(GetParam());
   Watch watch(world);
   watch.step();
   world.move(1, {3, 1, 0}, {3, 0, 0});
@@ -157,34 +168,124 @@ TEST(EdgeCase, AOneSecondGapMovesForTheLongestStepAndSaysSo) {
   EXPECT_FALSE(watch.step().flags.dt_capped);
 }
 
-TEST(EdgeCase, AShieldAttachedToTheTargetDoesNotHideIt) {
-  OnePerson world;
+TEST_P(EdgeCase, AShieldAttachedToTheTargetDoesNotHideIt) {
+  OnePerson world(GetParam());
   world.add_box(5, {0, 1, 0.4}, {0.5, 0.9, 0.03});
   world.targets[0].attached_ids = {5};
   EXPECT_EQ(Watch(world).step().targets[0].visible_share, 1.0);
 }
 
-// Two boxes that touch: a ray between them slips through in many engines, and so may the camera.
-TEST(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
-  World world;
+// A vehicle drives up to a person, who gets in, rides and gets out again.
+TEST_P(EdgeCase, AVehicleHidesItsPassengerOnlyWhileItIsNotAttached) {
+  OnePerson world(GetParam());
+  world.add_box(5, {-12, 1, 0}, {2.0, 1.0, 0.9});
+  Watch watch(world);
+  StepResult r;
+  double x = -12;
+  const auto drive = [&](double speed, bool with_passenger) {
+    x += speed * kTick;
+    world.move(5, {x, 1, 0}, {speed, 0, 0});
+    if (with_passenger) world.move(1, {x, 1, 0}, {speed, 0, 0});
+    r = watch.step();
+    EXPECT_FALSE(r.flags.body_overlap);
+  };
+  while (x < 0) drive(4, false);
+  EXPECT_EQ(r.targets[0].visible_share, 0.0) << "the vehicle stands round the person";
+  EXPECT_EQ(r.targets[0].occluder_id, 5u);
+  world.targets[0].attached_ids = {5};
+  for (int i = 0; i < 300; ++i) {
+    drive(std::min(2.5, 0.05 * i), true);
+    EXPECT_EQ(r.targets[0].visible_share, 1.0) << "step " << i;
+  }
+  EXPECT_NEAR(glm::distance(r.camera.pose.position_m, glm::dvec3(x, 1, 0)), 6, 1.5);
+  world.targets[0].attached_ids.clear();
+  drive(0, false);
+  EXPECT_EQ(r.targets[0].visible_share, 0.0);
+  for (int i = 0; i < 240; ++i) {
+    world.move(1, {x, 1, std::min(2.5, 0.05 * i)}, {0, 0, i < 50 ? 3.0 : 0.0});
+    drive(0, false);
+  }
+  EXPECT_EQ(r.targets[0].visible_share, 1.0) << "out of the vehicle and on this side of it";
+}
+
+TEST_P(EdgeCase, AShieldHandedToAnotherTargetHidesNeither) {
+  OnePerson world(GetParam());
+  world.add_target(2, {2, 1, 0});
+  world.add_box(5, {0, 1, 0.4}, {0.5, 0.9, 0.03});
+  world.targets[0].attached_ids = {5};
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 60; ++i) r = watch.step();
+  const glm::dvec3 before = r.camera.pose.position_m;
+  world.move(5, {2, 1, 0.4});
+  r = watch.step();
+  EXPECT_LT(r.targets[1].visible_share, 0.5) << "it is still the other's";
+  world.targets[0].attached_ids.clear();
+  world.targets[1].attached_ids = {5};
+  r = watch.step();
+  EXPECT_EQ(r.targets[0].visible_share, 1.0);
+  EXPECT_EQ(r.targets[1].visible_share, 1.0);
+  for (int i = 0; i < 120; ++i) r = watch.step();
+  EXPECT_LT(glm::distance(r.camera.pose.position_m, before), 0.1);
+}
+
+// A passenger changes to a vehicle that goes the other way: from one step to the next the velocity is reversed.
+TEST_P(EdgeCase, ATargetThatReversesIsFollowedWithinTheLimits) {
+  OnePerson world(GetParam());
+  Watch watch(world);
+  StepResult r;
+  double x = 0;
+  for (int i = 0; i < 480; ++i) {
+    const double speed = i < 120 ? 2.5 : -2.5;
+    x += speed * kTick;
+    world.move(1, {x, 1, 0}, {speed, 0, 0});
+    r = watch.step();
+    EXPECT_TRUE(r.targets[0].in_picture) << "step " << i;
+  }
+  EXPECT_NEAR(r.camera.pose.position_m.x, x, 1.5);
+}
+
+// Avoidance is switched off by a mask that lets nothing occlude, and on again.
+TEST_P(EdgeCase, AvoidanceToggledWhileDisplacedMakesNoJump) {
+  OnePerson world(GetParam());
+  world.add_box(9, {0, 1, 3}, {0.6, 3, 0.05}, {.collides = false});
+  const glm::dvec3 asked = world.camera().pose.position_m;
+  Watch watch(world);
+  StepResult r;
+  for (int round = 0; round < 3; ++round) {
+    world.targets[0].layer_mask = ~0u;
+    for (int i = 0; i < 240; ++i) r = watch.step();
+    EXPECT_EQ(r.targets[0].visible_share, 1.0);
+    EXPECT_GT(glm::distance(r.camera.pose.position_m, asked), 0.5) << "displaced";
+    world.targets[0].layer_mask = 0;
+    for (int i = 0; i < 240; ++i) r = watch.step();
+    EXPECT_EQ(r.targets[0].visible_share, 1.0);
+    EXPECT_LT(glm::distance(r.camera.pose.position_m, asked), 0.1) << "back at the shot that was asked for";
+  }
+}
+
+// Two boxes that touch: a ray between them slips through in many engines, and so may the camera. The way round is too far.
+TEST_P(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
+  PresetWorld world(GetParam());
   world.add_target(1, {0, 1, -6});
-  world.add_box(5, {-5.0001, 2, 0}, {5, 5, 0.1});
-  world.add_box(6, {5.0001, 2, 0}, {5, 5, 0.1});
+  world.add_box(5, {-200.0001, 2, 0}, {200, 200, 0.1});
+  world.add_box(6, {200.0001, 2, 0}, {200, 200, 0.1});
   world.settings.move.follow = Follow::kOffset;
   world.place({0, 1, 2}, {0, 1, -6});
-  world.step(kTick);
+  Watch watch(world);
+  watch.step();
   world.move(1, {0, 1, -30});
   for (int i = 0; i < 600; ++i) {
-    world.step(kTick);
+    watch.step();
     ASSERT_GT(world.camera().pose.position_m.z, 0.1 + 0.3 - 1e-4);
   }
 }
 
 // Walkers and closing doors come at a camera at rest, from any side and at walking and running pace: it steps aside in time.
-TEST(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
+TEST_P(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
   for (const double speed : {1.4, 3.0}) {
     for (int heading = 0; heading < 8; ++heading) {
-      OnePerson world;
+      OnePerson world(GetParam());
       const double angle = heading * 0.7854;
       const glm::dvec3 from(std::cos(angle), 0, std::sin(angle)), rest(0, 1.6, 6);
       world.add_box(9, rest + from * 4.0, {0.3, 0.9, 0.3});
@@ -200,8 +301,8 @@ TEST(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
   }
 }
 
-TEST(EdgeCase, EnabledWhileOccludedFindsAViewWithoutAJump) {
-  OnePerson world;
+TEST_P(EdgeCase, EnabledWhileOccludedFindsAViewWithoutAJump) {
+  OnePerson world(GetParam());
   world.add_box(9, {0, 1, 3}, {0.6, 3, 0.05});
   Watch watch(world);
   StepResult r = watch.step();
@@ -210,8 +311,8 @@ TEST(EdgeCase, EnabledWhileOccludedFindsAViewWithoutAJump) {
   EXPECT_EQ(r.targets[0].visible_share, 1.0);
 }
 
-TEST(EdgeCase, AspectChangeKeepsThePlaceAndFramesAgain) {
-  OnePerson world;
+TEST_P(EdgeCase, AspectChangeKeepsThePlaceAndFramesAgain) {
+  OnePerson world(GetParam());
   world.add_target(2, {3, 1, 0});
   Watch watch(world);
   for (int i = 0; i < 30; ++i) watch.step();
@@ -222,8 +323,8 @@ TEST(EdgeCase, AspectChangeKeepsThePlaceAndFramesAgain) {
       << "backed off until both fit the narrow picture";
 }
 
-TEST(EdgeCase, MasksChangedAtRunTimeTakeEffectAtOnce) {
-  OnePerson world;
+TEST_P(EdgeCase, MasksChangedAtRunTimeTakeEffectAtOnce) {
+  OnePerson world(GetParam());
   world.add_box(9, {0, 1, 3}, {4, 4, 0.05}, {.layers = 2});
   EXPECT_EQ(world.step(kTick).targets[0].visible_share, 0.0);
   world.targets[0].layer_mask = ~2u;
@@ -234,15 +335,15 @@ TEST(EdgeCase, MasksChangedAtRunTimeTakeEffectAtOnce) {
   EXPECT_EQ(world.step(kTick).targets[0].visible_share, 1.0);
 }
 
-TEST(EdgeCase, AnEmptySceneIsJustATarget) {
-  OnePerson world;
+TEST_P(EdgeCase, AnEmptySceneIsJustATarget) {
+  OnePerson world(GetParam());
   const StepResult r = Watch(world).step();
   EXPECT_EQ(r.status, MoveStatus::kTracking);
   EXPECT_EQ(world.counts().all_visible, world.counts().total);
 }
 
-TEST(EdgeCase, IrregularRatesFrom10To240HertzStayWithinTheLimits) {
-  OnePerson world;
+TEST_P(EdgeCase, IrregularRatesFrom10To240HertzStayWithinTheLimits) {
+  OnePerson world(GetParam());
   world.add_box(9, {1.5, 1, 3}, {0.6, 3, 0.05});
   Watch watch(world);
   CounterRandom random(91, 0, RandomPurpose::kTest);

@@ -1,4 +1,4 @@
-// Worlds that the default preset films, watched at every step: lawful, and clear of all that collides.
+// Worlds filmed with the default preset. Every step is checked for the limits and for the distance from colliders.
 #pragma once
 
 #include "server/settings/step_settings.h"

@@ -1,4 +1,4 @@
-// A plain past to check bit histories against: lists of what was seen, no bits, no shifts.
+// A simple reference for bit histories: lists of what was seen.
 #pragma once
 
 #include <algorithm>
@@ -34,8 +34,8 @@ inline std::vector<VisibilityRecord> as_records(const std::vector<PlainPast>& pa
   return records;
 }
 
-// A past in runs, as passing occluders and leaving the bound make it: seen and hidden for up to `longest`
-// steps each, and unknown for one run in `unknown_in` (0: never).
+// A random past in runs, like those that passing occluders and a moving bound cause. Runs are up to `longest` steps long, seen and hidden;
+// one run in `unknown_in` is unknown (0: never).
 inline PlainPast random_past(CounterRandom& random, size_t length, uint32_t longest, uint32_t unknown_in) {
   PlainPast past;
   while (past.size() < length) {

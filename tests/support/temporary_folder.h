@@ -29,7 +29,7 @@ class TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  // Of what is in it, or may come to be.
+  // The path of a file in the folder, which need not exist yet.
   std::filesystem::path operator/(const std::filesystem::path& name) const { return path_ / name; }
 
  private:

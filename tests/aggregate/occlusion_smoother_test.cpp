@@ -1,4 +1,4 @@
-#include "server/aggregate/lasting.h"
+#include "server/aggregate/occlusion_smoother.h"
 
 #include <gtest/gtest.h>
 
@@ -11,15 +11,15 @@
 namespace sightline {
 namespace {
 
-// A bound that wanders over the lattice, against a low pass kept by the place itself; a place that was out of the bound for a
-// step starts anew.
-TEST(LastingShares, AreALowPassAndStartAnew) {
+// The bound moves over the lattice. The reference keeps a low-pass value for each lattice point and drops it when the point is out of the
+// bound for a step.
+TEST(OcclusionSmoother, AreALowPassAndStartAnew) {
   CounterRandom random(81, 0, RandomPurpose::kTest);
   using Key = std::array<long, 3>;
   Lattice lattice;
   Bound bound;
   bound.radius_m = 1.0;
-  LastingShares lasting;
+  OcclusionSmoother smoother;
   std::map<Key, double> past;
   std::array<double, 2> travellers{};
   int back = 0;
@@ -30,7 +30,7 @@ TEST(LastingShares, AreALowPassAndStartAnew) {
     for (size_t i = 0; i < lattice.positions_m().size() + 2; ++i) hidden.push_back(random.next_unit());
     const double dt_s = random.next_in(0.0, 0.1), memory_s = step % 20 == 0 ? 0.0 : 0.3;
     const std::vector<double> given = hidden;
-    lasting.update(lattice, true, dt_s, memory_s, hidden);
+    smoother.update(lattice, true, dt_s, memory_s, hidden);
     std::map<Key, double> now;
     const auto next = [&](double before, double share) {
       return memory_s == 0 ? share : share + (before - share) * std::exp(-dt_s / memory_s);
@@ -54,15 +54,15 @@ TEST(LastingShares, AreALowPassAndStartAnew) {
 }
 
 // Fewer or more places than the lattice has cells, none of them its own.
-TEST(LastingShares, PlacesThatAreNotTheLatticesHaveAPastByTheirIndex) {
+TEST(OcclusionSmoother, PlacesThatAreNotTheLatticesHaveAPastByTheirIndex) {
   Lattice lattice;
   Bound bound;
   bound.radius_m = 1.0;
   lattice.cover(bound, 60);
-  LastingShares lasting;
+  OcclusionSmoother smoother;
   for (const size_t count : {size_t{3}, size_t{500}, size_t{0}, size_t{7}}) {
     std::vector<double> hidden(count, 0.8);
-    lasting.update(lattice, false, 0.1, 0.1, hidden);
+    smoother.update(lattice, false, 0.1, 0.1, hidden);
     for (size_t i = 0; i < count; ++i) EXPECT_NEAR(hidden[i], 0.8, 1e-12);
   }
 }

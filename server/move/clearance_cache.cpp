@@ -1,10 +1,10 @@
-#include "server/move/standoff.h"
+#include "server/move/clearance_cache.h"
 
 #include <algorithm>
 
 namespace sightline {
 
-std::span<const float> Standoff::measure(const SceneMirror& mirror, const Lattice& lattice,
+std::span<const float> ClearanceCache::measure(const SceneMirror& mirror, const Lattice& lattice,
                                          const Bound& bound, std::span<const glm::dvec3> position_m,
                                          bool on_lattice, double body_radius_m) {
   const double reach_m = 2 * lattice.spacing_m() + body_radius_m + 0.5;

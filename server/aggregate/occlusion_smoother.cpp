@@ -1,11 +1,11 @@
-#include "server/aggregate/lasting.h"
+#include "server/aggregate/occlusion_smoother.h"
 
 #include <algorithm>
 #include <cmath>
 
 namespace sightline {
 
-void LastingShares::update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s,
+void OcclusionSmoother::update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s,
                            std::span<double> hidden) {
   const double share = memory_s > 0 ? -std::expm1(-dt_s / memory_s) : 1.0;
   const size_t cells = on_lattice ? lattice.addresses().size() : 0;
@@ -15,10 +15,10 @@ void LastingShares::update(const Lattice& lattice, bool on_lattice, double dt_s,
   for (size_t i = 0; i < hidden.size(); ++i) {
     Past& past = i < cells ? cells_[lattice.addresses()[i]] : travellers_[i - cells];
     const uint64_t owner = i < cells ? lattice.owner(lattice.addresses()[i]) : 0;
-    if (past.owner != owner || past.step + 1 != step_) past = {.owner = owner, .lasted = hidden[i]};
+    if (past.owner != owner || past.step + 1 != step_) past = {.owner = owner, .smoothed = hidden[i]};
     past.step = step_;
-    past.lasted += share * (hidden[i] - past.lasted);
-    hidden[i] = past.lasted;
+    past.smoothed += share * (hidden[i] - past.smoothed);
+    hidden[i] = past.smoothed;
   }
 }
 

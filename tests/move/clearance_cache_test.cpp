@@ -1,4 +1,4 @@
-#include "server/move/standoff.h"
+#include "server/move/clearance_cache.h"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ struct Place {
   SceneMirror mirror;
   Lattice lattice;
   Bound bound;
-  Standoff standoff;
+  ClearanceCache clearance_cache;
   std::vector<glm::dvec3> position_m;
   uint64_t next_id = 1;
 
@@ -62,7 +62,7 @@ struct Place {
   double reach_m() const { return 2 * lattice.spacing_m() + kBodyM + 0.5; }
 
   void expect_exact(bool on_lattice = true) {
-    const auto measured = standoff.measure(mirror, lattice, bound, position_m, on_lattice, kBodyM);
+    const auto measured = clearance_cache.measure(mirror, lattice, bound, position_m, on_lattice, kBodyM);
     ASSERT_EQ(measured.size(), position_m.size());
     ClearanceField field;
     field.gather(mirror, {0, 0, 0}, 1000, mirror.moving_slots());
@@ -72,7 +72,7 @@ struct Place {
   }
 };
 
-TEST(Standoff, IsTheClearanceWhileTheLatticeTravels) {
+TEST(ClearanceCache, IsTheClearanceWhileTheLatticeTravels) {
   Place place;
   const glm::dvec3 step(0.31, -0.07, 0.19);
   for (int i = 0; i < 40; ++i) {
@@ -82,7 +82,7 @@ TEST(Standoff, IsTheClearanceWhileTheLatticeTravels) {
   }
 }
 
-TEST(Standoff, IsTheClearanceWhenTheLatticeIsLaidAnew) {
+TEST(ClearanceCache, IsTheClearanceWhenTheLatticeIsLaidAnew) {
   Place place;
   for (const double radius : {1.25, 0.4, 2.5, 1.25, 0.05, 1.25}) {
     place.bound.radius_m = radius;
@@ -95,7 +95,7 @@ TEST(Standoff, IsTheClearanceWhenTheLatticeIsLaidAnew) {
   }
 }
 
-TEST(Standoff, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
+TEST(ClearanceCache, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
   Place place;
   place.expect_exact();
   place.grow();
@@ -118,39 +118,39 @@ TEST(Standoff, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
   place.expect_exact();
 }
 
-TEST(Standoff, LeavesOutWhatMoves) {
+TEST(ClearanceCache, LeavesOutWhatMoves) {
   Place still, moving;
   moving.grow(true);
   const auto a =
-      still.standoff.measure(still.mirror, still.lattice, still.bound, still.position_m, true, kBodyM);
+      still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, true, kBodyM);
   const auto b =
-      moving.standoff.measure(moving.mirror, moving.lattice, moving.bound, still.position_m, true, kBodyM);
+      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, still.position_m, true, kBodyM);
   EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end()));
 }
 
-TEST(Standoff, EndsWhereItIsCutOff) {
+TEST(ClearanceCache, EndsWhereItIsCutOff) {
   Place place;
   for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
   for (const float clearance :
-       place.standoff.measure(place.mirror, place.lattice, place.bound, place.position_m, true, kBodyM))
+       place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, true, kBodyM))
     EXPECT_EQ(clearance, static_cast<float>(place.reach_m()));
   place.expect_exact();
 }
 
-// A wide body on a fine lattice: room for it must be told from none.
-TEST(Standoff, SeesFartherThanTheBodyIsWide) {
+// A wide body on a fine lattice. The capped clearance must still show whether there is room for it.
+TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
   Place place;
   place.bound.radius_m = 0.05;
   place.cover();
   for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
   for (const double body_m : {0.0, 1.0, 10.0})
     for (const float clearance :
-         place.standoff.measure(place.mirror, place.lattice, place.bound, place.position_m, true, body_m))
+         place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, true, body_m))
       EXPECT_GT(clearance, body_m);
 }
 
 // The pair volume's places, fewer or more than the lattice's cells.
-TEST(Standoff, MeasuresPlacesThatAreNotTheLattices) {
+TEST(ClearanceCache, MeasuresPlacesThatAreNotTheLattices) {
   Place place;
   for (const size_t count : {size_t{0}, size_t{1}, size_t{20}, size_t{900}}) {
     place.position_m.clear();

@@ -1,5 +1,5 @@
-// Standoff: how far each place is from what stands still, measured once a place: lattice cells are places in the world, so what was
-// measured holds while they are in the bound.
+// Clearance of each candidate from static colliders, computed once for each lattice cell. The lattice is anchored to the world, so the
+// clearance of a cell stays valid while the cell is in the bound.
 #pragma once
 
 #include <cstdint>
@@ -12,19 +12,18 @@
 
 namespace sightline {
 
-class Standoff {
+class ClearanceCache {
  public:
-  // Metres from each place to the nearest collider that does not move, or 2 spacings of the lattice and `body_radius_m` and half
-  // a metre, whichever is less. Either the first places are the lattice's covered cells, in its order (`on_lattice`), and those
-  // after them are measured each time, or all are. Valid until the next call. The cost is that of the cells that are new to
-  // the bound.
+  // Distance in metres from each candidate to the nearest static collider, capped at 2 lattice spacings + `body_radius_m` + 0.5 m. With
+  // `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached; all others are measured in each
+  // call. The result is valid until the next call. Only cells that are new to the bound cost time.
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
                                  std::span<const glm::dvec3> position_m, bool on_lattice,
                                  double body_radius_m);
 
  private:
   struct Cell {
-    uint64_t owner = 0;  // of the address when it was measured
+    uint64_t owner = 0;  // Lattice::owner of the address when it was measured
     float clearance_m = 0;
   };
   ClearanceField field_;
