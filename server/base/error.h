@@ -25,7 +25,7 @@ enum class ErrorCode {
 
 std::string_view to_string(ErrorCode code);
 
-// `field` is a path in the sender's data, e.g. "tick.transforms.rotation_xyzw[7]" or "meshes[2].primitives[0].indices"; empty when no
+// `field` is a path in the sender's data, e.g. "tick.transforms.rotations[7]" or "meshes[2].primitives[0].indices"; empty when no
 // single field is at fault. `message` is for people.
 struct Error {
   ErrorCode code = ErrorCode::kInternal;
