@@ -12,7 +12,7 @@ namespace sightline::scenes {
 namespace {
 
 // Targets run along the lines of a square grid, one node a step and all in step; obstacles stand in its
-// cells. Nobody steps to a node that another stands on or has chosen, so two targets are never nearer than
+// cells. A target never steps to a node that another one occupies or has chosen, so two targets are never nearer than
 // about half a pitch.
 constexpr double kPitch_m = 3.25;
 constexpr int kReach = 2;        // nodes (-2 .. 2) x (-2 .. 2) without the four corners

@@ -9,7 +9,7 @@
 
 namespace sightline::scenes {
 
-// What can be set from outside for every scene; the rest has the defaults of the scene's own options.
+// The options that callers by name can set; the others keep the defaults of the scene's own options.
 struct SceneRequest {
   uint64_t seed = 1;
   int arena_targets = 4;  // [2, 8]
@@ -17,13 +17,13 @@ struct SceneRequest {
 };
 
 struct CatalogEntry {
-  std::string_view name;  // of the file as well, before ".glb"
+  std::string_view name;  // also the file's name, before ".glb"
   std::string_view summary;
   std::vector<std::byte> (*make)(const SceneRequest& request);
 };
 
 std::span<const CatalogEntry> catalog();
-// Null when there is no such scene.
+// Null when no scene has this name.
 const CatalogEntry* find_scene(std::string_view name);
 
 }  // namespace sightline::scenes

@@ -68,8 +68,8 @@ void add_buildings(ScenarioBuilder& scene, CounterRandom& random) {
     }
 }
 
-// A place at the edge of a block: where it is on the edge of the lots, which way the street lies, and which
-// quarter turn makes a thing's +z point there.
+// A site at the edge of a block: its position, the direction of the street, and the quarter turn that makes an object's +z point to
+// the street.
 struct Site {
   glm::dvec2 edge_m;
   glm::dvec2 outwards;

@@ -114,9 +114,8 @@ void open_blind_passages(Passages& passages, double share, CounterRandom& random
       if (random.next_unit() < share && !passages.has(beside(c, side))) passages.open(c, side);
 }
 
-// A wall at each side of a crossing where no passage leads on, long enough to close the corners with its
-// neighbours; and both walls of each passage, no longer than the passage, so that none stands out into
-// another.
+// Adds two kinds of wall. Each side of a crossing without a passage gets one that is long enough to close the corners with its
+// neighbours. Each passage gets two that are no longer than the passage, so that none juts into another.
 void add_walls(ScenarioBuilder& scene, const Passages& passages) {
   const int closing = scene.add_mesh(
       "closing", standing_box(2 * kHalfWidth_m + 2 * kWall_m, kHeight_m, kWall_m), colors::kWall);

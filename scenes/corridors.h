@@ -1,6 +1,5 @@
-// Corridors: passages 2 m wide and 2.8 m high under a ceiling, with right-angled corners and side passages
-// that end blind; two targets walk one behind the other. What it tests: nothing is seen around a corner that
-// the camera has not turned as well, and there is no way but theirs.
+// Corridors: passages 2 m wide and 2.8 m high under a ceiling, with right-angled corners and dead ends. Two targets walk one behind
+// the other. It tests corners: a camera sees around a corner only after it has turned the corner itself, and there is no other way.
 #pragma once
 
 #include <cstddef>

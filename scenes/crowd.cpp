@@ -16,7 +16,7 @@ namespace {
 constexpr double kPlaza_m = 60.0;
 constexpr int kColumns = 7;
 constexpr double kColumnRadius_m = 0.5;
-constexpr double kTick_s = 0.1;  // of plans; who walks turns at a tick
+constexpr double kTick_s = 0.1;  // of plans; a walker turns only at a tick
 constexpr double kMoverKeysPerSecond = 30.0;
 // Between the axes of two bodies. Plans have sharp corners and walkers round them, by up to 0.17 m: 0.6 m
 // remain.
@@ -26,7 +26,7 @@ constexpr double kSlowest_mps = 1.0, kFastest_mps = 1.6;
 constexpr double kFreeView_m = 1.5;  // around the camera's start, at first
 constexpr double kFreeView_s = 1.0;
 
-// Where somebody is at each tick.
+// The position of one person at each tick.
 using Plan = std::vector<glm::dvec2>;
 
 struct Column {
@@ -85,8 +85,8 @@ std::vector<Column> place_columns(const std::array<Plan, 2>& targets, const glm:
   return columns;
 }
 
-// Finds walks for one mover after another: each a row of straight legs to places near the targets, chosen so
-// that they lead nobody into those who were planned before.
+// Plans the walks of the movers one after another. A walk is a row of straight legs to points near the targets, chosen so that the
+// mover meets none of those planned before.
 class CrowdPlanner {
  public:
   CrowdPlanner(const std::array<Plan, 2>& targets, const std::vector<Column>& columns,

@@ -14,7 +14,7 @@ constexpr double kLeaf_m = 1.25;  // wide, and as far as it slides; inside the w
 constexpr double kSliding_s = 1.0;
 constexpr double kOpensBefore_s = 1.8;  // the first target passes
 
-// While a door is not shut: from the first move of its leaf to the last.
+// A time during which a door is not shut: from the first move of its leaf to the last.
 struct Opening {
   double opens_s;
   double shut_s;
@@ -51,29 +51,29 @@ void add_opening(Door& door, const Opening& opening) {
     door.openings.push_back(opening);
 }
 
-// When the second target passes each door of the way.
-std::vector<double> passing_times_s(const Polyline& way) {
+// The time at which the second target passes each door of its path.
+std::vector<double> passing_times_s(const Polyline& path) {
   std::vector<double> times_s;
   double walked_m = 0;
-  for (size_t k = 1; k + 1 < way.size(); k += 2) {
-    walked_m += length(way[k] - way[k - 1]);
-    const double through_m = length(way[k + 1] - way[k]);
+  for (size_t k = 1; k + 1 < path.size(); k += 2) {
+    walked_m += length(path[k] - path[k - 1]);
+    const double through_m = length(path[k + 1] - path[k]);
     times_s.push_back((walked_m + through_m / 2) / kRoomSpeed_mps);
     walked_m += through_m;
   }
   return times_s;
 }
 
-std::vector<Door> doors_along(const std::vector<Room>& rooms, const Polyline& way, double hold_s) {
+std::vector<Door> doors_along(const std::vector<Room>& rooms, const Polyline& path, double hold_s) {
   std::vector<Door> doors = all_doors();
-  const std::vector<double> passing_s = passing_times_s(way);
+  const std::vector<double> passing_s = passing_times_s(path);
   for (size_t k = 0; k < passing_s.size(); ++k)
     add_opening(door_between(doors, rooms[k], rooms[k + 1]),
                 {passing_s[k] - kFollowing_s - kOpensBefore_s, passing_s[k] + hold_s + kSliding_s});
   return doors;
 }
 
-// How far open (0 to 1) a door is at a time.
+// The part of a door that is open at a time, 0 to 1.
 double openness(const Door& door, double time_s) {
   for (const Opening& opening : door.openings)
     if (opening.opens_s < time_s && time_s < opening.shut_s)
@@ -125,16 +125,16 @@ std::vector<std::byte> make_doors(const DoorsOptions& options) {
   CounterRandom random(options.seed, 0, RandomPurpose::kSceneGeneration);
   const RoomDoors plan(random);
   const std::vector<Room> rooms = choose_rooms(rooms_within(options.duration_s), random);
-  const Polyline way = way_through(rooms, plan);
+  const Polyline path = path_through(rooms, plan);
 
   ScenarioBuilder scene(options.duration_s);
   add_room_shell(scene);
   add_inner_walls(scene, plan);
   if (options.roofed) add_roof(scene);
-  add_room_camera(scene, way);
-  scene.add_character("target-1", walk(at_even_speed(way, -kFollowing_s), options.duration_s));
-  scene.add_character("target-2", walk(at_even_speed(way, 0), options.duration_s));
-  add_leaves(scene, doors_along(rooms, way, options.hold_s), plan);
+  add_room_camera(scene, path);
+  scene.add_character("target-1", walk(at_even_speed(path, -kFollowing_s), options.duration_s));
+  scene.add_character("target-2", walk(at_even_speed(path, 0), options.duration_s));
+  add_leaves(scene, doors_along(rooms, path, options.hold_s), plan);
   return scene.write();
 }
 

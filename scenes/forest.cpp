@@ -33,7 +33,7 @@ struct TreePlan {
   double crown_height_m;
   bool is_cone;
 
-  // What nobody may walk through, around the tree's axis.
+  // The radius around the tree's axis that nothing may pass through.
   double body_radius_m() const { return crown_foot_m < kHighCrown_m ? crown_radius_m : trunk_radius_m; }
 };
 constexpr std::array<TreePlan, 4> kHighTrees{{{0.25, 4.5, 1.5, 2.5, 4.0, false},
@@ -66,7 +66,7 @@ Polyline beside(const Polyline& way, double side, CounterRandom& random) {
   return parallel(way, distances_m);
 }
 
-// When both pass each corner: who has the longer leg sets the pace.
+// The time at which both pass each corner: the longer leg sets the pace.
 std::vector<double> paces_s(const Polyline& left, const Polyline& right, CounterRandom& random) {
   std::vector<double> times_s{0};
   for (size_t k = 1; k < left.size(); ++k) {
@@ -147,7 +147,7 @@ Bounds ground_of(const std::array<Motion, 2>& walks) {
   return {glm::floor(bounds.low - margin_m), glm::ceil(bounds.high + margin_m)};
 }
 
-// One tree in each cell of a square grid, anywhere in the cell, unless it would stand in somebody's way or
+// One tree in each cell of a square grid, anywhere in the cell, unless it would block a path or
 // far off.
 void add_trees(ScenarioBuilder& scene, const std::array<Motion, 2>& walks, const glm::dvec2& eye_m,
                const ForestOptions& options, CounterRandom& random) {

@@ -1,6 +1,5 @@
-// Forest: two targets walk a winding path, now closer and now farther apart, between 350 to 400 trees; some
-// trunks stand between them. What it tests: many thin and some thick occluders all around, none of which
-// hides for long, and crowns that hide a view from above.
+// Forest: two targets walk a winding path, sometimes closer and sometimes farther apart, between 350 to 400 trees. It tests many thin
+// and some thick occluders all around, none of which hides a target for long, and crowns that block the view from above.
 #pragma once
 
 #include <cstddef>

@@ -48,7 +48,7 @@ double bay_x(int bay) {
 double lane_z(int lane) {
   return lane * kLane_m;
 }
-// Of a row of columns, or of what stands on its side of the hall: -1 or 1.
+// The side of the hall on which a row of columns is: -1 or 1.
 double side_of(int row) {
   return 2 * row - 1;
 }

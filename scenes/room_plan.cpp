@@ -66,33 +66,33 @@ size_t rooms_within(double duration_s) {
          2;  // a room takes at least 2 s: 3.6 m from door to door
 }
 
-Polyline way_through(const std::vector<Room>& rooms, const RoomDoors& doors) {
-  Polyline way;
+Polyline path_through(const std::vector<Room>& rooms, const RoomDoors& doors) {
+  Polyline path;
   for (size_t k = 0; k + 1 < rooms.size(); ++k) {
     const glm::dvec2 door = doors.between(rooms[k], rooms[k + 1]);
     const glm::dvec2 forward = (middle_of(rooms[k + 1]) - middle_of(rooms[k])) / kRoom_m;
-    if (k == 0) way.push_back(door - forward * (kRoom_m - 2.6));  // where the second target starts
-    way.push_back(door - forward * kThreshold_m);
-    way.push_back(door + forward * kThreshold_m);
+    if (k == 0) path.push_back(door - forward * (kRoom_m - 2.6));  // where the second target starts
+    path.push_back(door - forward * kThreshold_m);
+    path.push_back(door + forward * kThreshold_m);
   }
-  return way;
+  return path;
 }
 
-TimedPath at_even_speed(const Polyline& way, double first_time_s) {
+TimedPath at_even_speed(const Polyline& path, double first_time_s) {
   std::vector<double> times_s{first_time_s};
-  for (size_t k = 1; k < way.size(); ++k)
-    times_s.push_back(times_s.back() + length(way[k] - way[k - 1]) / kRoomSpeed_mps);
-  return {way, times_s};
+  for (size_t k = 1; k < path.size(); ++k)
+    times_s.push_back(times_s.back() + length(path[k] - path[k - 1]) / kRoomSpeed_mps);
+  return {path, times_s};
 }
 
-glm::dvec3 room_eye_m(const Polyline& way) {
-  const glm::dvec2 start = way[0], forward = (way[1] - way[0]) / length(way[1] - way[0]);
+glm::dvec3 room_eye_m(const Polyline& path) {
+  const glm::dvec2 start = path[0], forward = (path[1] - path[0]) / length(path[1] - path[0]);
   return {start.x - forward.x * 1.9, 1.9, start.y - forward.y * 1.9};
 }
 
-void add_room_camera(ScenarioBuilder& scene, const Polyline& way) {
-  const glm::dvec2 start = way[0], forward = (way[1] - way[0]) / length(way[1] - way[0]);
-  scene.add_camera(room_eye_m(way), {start.x + forward.x, 1.2, start.y + forward.y});
+void add_room_camera(ScenarioBuilder& scene, const Polyline& path) {
+  const glm::dvec2 start = path[0], forward = (path[1] - path[0]) / length(path[1] - path[0]);
+  scene.add_camera(room_eye_m(path), {start.x + forward.x, 1.2, start.y + forward.y});
 }
 
 void add_room_shell(ScenarioBuilder& scene) {

@@ -80,16 +80,16 @@ std::vector<std::byte> make_rooms(const RoomsOptions& options) {
   CounterRandom plan_random(options.seed, 0, RandomPurpose::kSceneGeneration);
   CounterRandom furniture_random(options.seed, 1, RandomPurpose::kSceneGeneration);
   const RoomDoors doors(plan_random);
-  const Polyline way = way_through(choose_rooms(rooms_within(options.duration_s), plan_random), doors);
-  const std::array<Motion, 2> walks{walk(at_even_speed(way, -kFollowing_s), options.duration_s),
-                                    walk(at_even_speed(way, 0), options.duration_s)};
+  const Polyline path = path_through(choose_rooms(rooms_within(options.duration_s), plan_random), doors);
+  const std::array<Motion, 2> walks{walk(at_even_speed(path, -kFollowing_s), options.duration_s),
+                                    walk(at_even_speed(path, 0), options.duration_s)};
 
   ScenarioBuilder scene(options.duration_s);
   add_room_shell(scene);
   add_inner_walls(scene, doors);
-  add_furniture(scene, options.furniture_per_room, places_kept_free(walks, doors, room_eye_m(way)),
+  add_furniture(scene, options.furniture_per_room, places_kept_free(walks, doors, room_eye_m(path)),
                 furniture_random);
-  add_room_camera(scene, way);
+  add_room_camera(scene, path);
   scene.add_character("target-1", walks[0]);
   scene.add_character("target-2", walks[1]);
   return scene.write();

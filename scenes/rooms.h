@@ -1,6 +1,5 @@
-// Rooms: nine rooms, three by three, without a ceiling; two targets walk one behind the other through the
-// doors from room to room. What it tests: a camera that has to pass narrow openings, and walls that hide all
-// but one way to see.
+// Rooms: nine rooms, three by three, without a ceiling. Two targets walk one behind the other through the doors from room to room.
+// It tests narrow openings that the camera has to pass, and walls that leave only one way to see.
 #pragma once
 
 #include <cstddef>

@@ -59,7 +59,7 @@ Motion walk(const TimedPath& path, double duration_s, double keys_per_second) {
     const glm::dvec2 p = path.position_m(time_s), v = path.velocity_mps(time_s);
     const double speed = length(v);
     if (speed > 0.01)
-      heading = turned(heading, v / speed, keys_per_second);  // who stands still goes on facing the same way
+      heading = turned(heading, v / speed, keys_per_second);  // a walker that stands still keeps its direction
     motion.add(time_s, {p.x, 0, p.y}, facing(heading));
   }
   return motion;

@@ -27,7 +27,7 @@ struct Motion {
   void add(double time_s, const glm::dvec3& position_m, const glm::dquat& rotation);
 };
 
-// Keys over [0, duration_s] of a walker on the floor who faces where they go. Targets have 60 a second.
+// Keys over [0, duration_s] of a walker on the floor who faces the direction of travel. Targets have 60 a second.
 Motion walk(const TimedPath& path, double duration_s, double keys_per_second = kKeysPerSecond);
 
 // "column", 3 -> "column-3".
@@ -60,7 +60,7 @@ class ScenarioBuilder {
   int visor_mesh_ = -1;
 };
 
-// Colours, so that a person can tell the parts of a picture apart.
+// Colours that distinguish the parts of a picture.
 namespace colors {
 inline constexpr glm::vec3 kFloor{0.35f, 0.34f, 0.32f}, kStone{0.62f, 0.58f, 0.50f},
     kWall{0.70f, 0.66f, 0.60f}, kCurtain{0.55f, 0.12f, 0.12f}, kWood{0.42f, 0.27f, 0.14f},

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <sstream>
 
 #include "server/service/server_info.h"
 
@@ -12,12 +13,11 @@ namespace {
 
 constexpr int kUsageError = 2;
 
-// What the options write to, as text where the text needs more than a conversion.
+// The values that CLI11 fills in. Those that need more than a conversion are text.
 struct RawFlags {
   Flags flags;
   std::string unix_mode = "0660";
   std::string sampler = "auto";
-  std::string egl_variant = "auto";
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
@@ -27,11 +27,6 @@ struct RawFlags {
 
 const std::map<std::string, SamplerChoice> kSamplers{
     {"auto", SamplerChoice::kAuto}, {"egl", SamplerChoice::kEgl}, {"embree", SamplerChoice::kEmbree}};
-std::map<std::string, std::optional<EglVariant>> egl_variants() {
-  std::map<std::string, std::optional<EglVariant>> names{{"auto", std::nullopt}};
-  for (const EglVariant& variant : all_egl_variants()) names[to_string(variant)] = variant;
-  return names;
-}
 const std::map<std::string, LogFormat> kFormats{{"text", LogFormat::kText}, {"json", LogFormat::kJson}};
 const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"info", LogLevel::kInfo},
@@ -39,7 +34,7 @@ const std::map<std::string, LogLevel> kLevels{{"debug", LogLevel::kDebug},
                                               {"error", LogLevel::kError},
                                               {"off", LogLevel::kOff}};
 
-// Whether every session is recorded.
+// The values of --record; true: all sessions.
 const std::map<std::string, bool> kRecorded{{"all", true}, {"asked", false}};
 
 template <typename T>
@@ -65,91 +60,116 @@ std::string check_address(const std::string& text) {
                                                           : "an address is host:port or none; got " + text;
 }
 
-// A printed configuration has an empty one where none is set.
+// An empty path is valid: a printed configuration has one where no folder is set.
 std::string check_folder(const std::string& path) {
   std::error_code unreadable;
   return path.empty() || std::filesystem::is_directory(path, unreadable) ? "" : "not a folder: " + path;
 }
 
+// CLI::Range lets "nan" through.
+CLI::Validator number_in(double least, double most) {
+  std::ostringstream range;
+  range << least << " to " << most;
+  const auto check = [=, text = range.str()](const std::string& value) {
+    double number = 0.0;
+    const bool ok = CLI::detail::lexical_cast(value, number) && number >= least && number <= most;
+    return ok ? "" : "a number from " + text + " is needed; got " + value;
+  };
+  return CLI::Validator(check, "NUMBER " + range.str());
+}
+
 void add_listening(CLI::App& app, RawFlags& raw) {
   app.add_option("--listen", raw.flags.listen,
-                 "TCP address host:port; port 0 takes a free one; none for no TCP")
+                 "TCP address to listen at, host:port. Port 0 takes a free port; none turns TCP off. Change it to serve "
+                 "other machines; the connection is not encrypted")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
-  app.add_option("--listen-unix", raw.flags.listen_unix, "Path of a unix socket, beside or instead of TCP")
+  app.add_option("--listen-unix", raw.flags.listen_unix,
+                 "Path of a unix socket to listen at, in addition to TCP. It answers faster than TCP to clients on the "
+                 "same machine. Default: no socket")
       ->type_name("PATH");
-  app.add_option("--unix-mode", raw.unix_mode, "File mode of the unix socket, octal")
+  app.add_option("--unix-mode", raw.unix_mode,
+                 "File mode of the unix socket, octal. Change it to decide which users can connect")
       ->check(CLI::Validator(check_octal_mode, "MODE"))
       ->capture_default_str();
   app.add_option("--ready-file,--port-file", raw.flags.ready_file,
-                 "File to write the addresses to, one a line, once clients can connect; removed at the stop")
+                 "File that appears once clients can connect, with one address a line; removed when the daemon stops. "
+                 "Use it in scripts that start the daemon. Default: no file")
       ->type_name("PATH");
 }
 
 void add_sampling(CLI::App& app, RawFlags& raw) {
-  app.add_option("--scene-dir", raw.flags.scene_dir, "Folder of the scene files that sessions can name")
+  app.add_option("--scene-dir", raw.flags.scene_dir,
+                 "Folder of the scene files that clients can open by name. Default: none; scenes are then uploaded")
       ->check(CLI::Validator(check_folder, "DIR"));
-  app.add_option(
-         "--sampler", raw.sampler,
-         "What takes depth maps: egl renders with OpenGL, embree casts rays on the CPU, auto takes egl "
-         "where it renders in hardware and else embree")
+  app.add_option("--sampler", raw.sampler,
+                 "Device that takes depth maps. egl renders with OpenGL, embree casts rays on the CPU, auto takes egl on "
+                 "a GPU and embree elsewhere. Change it to force one of them")
       ->check(one_of(kSamplers))
       ->capture_default_str();
   app.add_option("--egl-device", raw.flags.egl_device,
-                 "Index of the EGL device (see `sightlined devices`); -1 chooses")
+                 "Index of the EGL device, as `sightlined devices` lists them; -1 chooses. Change it on a machine with "
+                 "several GPUs")
       ->check(CLI::Range(-1, 1023))
       ->capture_default_str();
-  app.add_option("--egl-variant", raw.egl_variant,
-                 "How OpenGL takes depth maps; all ways give the same maps, auto measures which is fast")
-      ->check(one_of(egl_variants()))
-      ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
-               "Refuse to start when OpenGL would render in software; embree itself needs no GPU");
+               "Refuse to start when OpenGL would render in software. Use it where a silent fallback would be a "
+               "misconfiguration. Embree needs no GPU and is not affected");
 }
 
 void add_limits(CLI::App& app, RawFlags& raw) {
   app.add_option("--threads", raw.flags.threads,
-                 "Threads that take steps; 0 for the CPUs that the process may use")
+                 "Threads that take steps; 0 means one for each CPU that the process may use. Lower it to leave CPUs to "
+                 "a game server on the same machine")
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
   app.add_option("--step-budget-ms", raw.flags.step_budget_ms,
-                 "What a step may cost at most, ms; sessions whose steps cost more leave out a part of them. "
-                 "0: a session's fair "
-                 "share of the threads' time, and less than its tick interval")
-      ->check(CLI::Range(0.0, 1000.0))
+                 "Longest time that a step may take, in milliseconds. A session whose steps take longer lowers its "
+                 "quality level. 0 means no fixed limit: the session's fair share of the threads, and less than its tick "
+                 "interval. Set it to bound the cost of each session")
+      ->check(number_in(0.0, 1000.0))
       ->capture_default_str();
   app.add_flag("--no-degrade", raw.flags.no_degrade,
-               "Leave nothing out of any step: under overload sessions are answered less often instead");
-  app.add_option("--max-sessions", raw.flags.max_sessions, "Sessions open at the same time; more are refused")
+               "Never lower the quality level of a session. Under overload ticks are merged instead, so sessions are "
+               "answered less often. Use it when every reply must have full quality");
+  app.add_option("--max-sessions", raw.flags.max_sessions,
+                 "Largest number of open sessions; further ones are refused. Change it to fit the machine")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--max-message-mib", raw.flags.max_message_mib,
-                 "Largest message taken, MiB; larger ones end their call")
+                 "Largest message that is accepted, in MiB; a larger one ends its call. Raise it for ticks with very many "
+                 "instances")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
-  app.add_option("--max-upload-mib", raw.flags.max_upload_mib, "Largest scene file taken by upload, MiB")
+  app.add_option("--max-upload-mib", raw.flags.max_upload_mib,
+                 "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
+                 "while it is read")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--open-timeout-s", raw.flags.open_timeout_s,
-                 "Seconds that a Control call gets to send `open` before it is ended")
-      ->check(CLI::Range(0.01, 3600.0))
+                 "Time in which a Control call must send `open`, in seconds; otherwise it is ended. Raise it for slow "
+                 "networks")
+      ->check(number_in(0.01, 3600.0))
       ->capture_default_str();
   app.add_option("--upload-timeout-s", raw.flags.upload_timeout_s,
-                 "Seconds that an upload may send nothing before it is ended")
-      ->check(CLI::Range(0.01, 3600.0))
+                 "Longest pause within an upload, in seconds; after that the upload is ended. Raise it for slow networks")
+      ->check(number_in(0.01, 3600.0))
       ->capture_default_str();
   app.add_option("--drain-s", raw.flags.drain_s,
-                 "Seconds that open sessions get to end after SIGTERM or SIGINT")
-      ->check(CLI::Range(0.0, 3600.0))
+                 "Time that clients get to close their sessions after SIGTERM or SIGINT, in seconds. Keep it below the "
+                 "time after which the platform kills the process")
+      ->check(number_in(0.0, 3600.0))
       ->capture_default_str();
 }
 
 void add_logging(CLI::App& app, RawFlags& raw) {
   app.add_option("--log-format", raw.log_format,
-                 "Log lines as text or as JSON objects, to the standard error output")
+                 "Format of the log, which goes to the standard error output: text, or one JSON object a line. Use json "
+                 "for log collectors")
       ->check(one_of(kFormats))
       ->capture_default_str();
-  app.add_option("--log-level", raw.log_level, "Least severe level that is logged")
+  app.add_option("--log-level", raw.log_level,
+                 "Least severe level that is logged. Use debug to see why ticks are refused")
       ->check(one_of(kLevels))
       ->capture_default_str();
 }
@@ -157,47 +177,57 @@ void add_logging(CLI::App& app, RawFlags& raw) {
 void add_recording(CLI::App& app, RawFlags& raw) {
   constexpr uint64_t kMostMib = uint64_t{1} << 30;
   app.add_option("--record-dir", raw.flags.record_dir,
-                 "Folder to record sessions into, a file each; made when it is not there. Without it nothing is recorded")
+                 "Folder in which sessions are recorded, one file each; created when it does not exist. Default: nothing "
+                 "is recorded")
       ->type_name("DIR");
   app.add_option("--record", raw.record,
-                 "Which sessions are recorded: all, unless their client says no, or those that are asked for")
+                 "Sessions to record: all except those whose client refuses, or only those whose client asks (asked)")
       ->check(one_of(kRecorded))
       ->capture_default_str();
   app.add_flag("--record-scenes", raw.flags.record_scenes,
-               "Put the scene files of a session into its recording; a client can also ask for it");
+               "Put the scene files of each session into its recording, which can then be replayed anywhere. A client "
+               "can also ask for it");
   app.add_option("--record-total-mib", raw.flags.record_total_mib,
-                 "All recordings of the folder together, MiB; the oldest go")
+                 "Largest size of all recordings together, in MiB; beyond it the oldest are deleted")
       ->check(CLI::Range(uint64_t{1}, kMostMib))
       ->capture_default_str();
   app.add_option("--record-file-mib", raw.flags.record_file_mib,
-                 "One file, MiB; then the session goes on in a next one")
+                 "Largest size of one file, in MiB; a longer session continues in further files")
       ->check(CLI::Range(uint64_t{1}, kMostMib))
       ->capture_default_str();
-  app.add_option("--record-age-h", raw.flags.record_age_h, "Older recordings go, hours; 0: none for its age")
+  app.add_option("--record-age-h", raw.flags.record_age_h,
+                 "Age at which a recording is deleted, in hours; 0 means never. Set it where recordings may be kept for a "
+                 "limited time only")
       ->check(CLI::Range(uint64_t{0}, uint64_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--record-reserve-mib", raw.flags.record_reserve_mib,
-                 "What recordings leave free on the disk, MiB; with less nothing is recorded")
+                 "Free space that recordings leave on the disk, in MiB; with less, nothing is recorded")
       ->check(CLI::Range(uint64_t{0}, kMostMib))
       ->capture_default_str();
 }
 
 void add_configuration(CLI::App& app, RawFlags& raw) {
-  app.set_config("--config", "", "Read flags from a file as --print-config writes it")->configurable(false);
-  app.add_flag("--print-config", raw.print_config,
-               "Print all flags with their values as a file for --config, and exit")
+  app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins")
       ->configurable(false);
-  app.add_flag("--check-config", raw.check_config, "Say whether the flags are valid, and exit")
+  app.add_flag("--print-config", raw.print_config,
+               "Print all flags with their values in the format of --config, and exit")
+      ->configurable(false);
+  app.add_flag("--check-config", raw.check_config, "Check the flags and exit: 0 when they are valid, otherwise 2")
       ->configurable(false);
   app.set_version_flag("--version", std::string("sightlined ") + kVersion, "Print the version and exit")
       ->configurable(false);
+}
+
+// Throws CLI::ValidationError for flags that are wrong only together.
+void check_together(const Flags& flags) {
+  if (flags.listen == "none" && flags.listen_unix.empty())
+    throw CLI::ValidationError("--listen", "none needs --listen-unix: there is no address to listen at");
 }
 
 Flags finished(const RawFlags& raw) {
   Flags flags = raw.flags;
   flags.unix_mode = static_cast<unsigned>(std::stoul(raw.unix_mode, nullptr, 8));
   flags.sampler = kSamplers.at(raw.sampler);
-  flags.egl_variant = egl_variants().at(raw.egl_variant);
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   flags.record_all = kRecorded.at(raw.record);
@@ -209,7 +239,8 @@ Flags finished(const RawFlags& raw) {
 Command parse_command_line(int argc, const char* const* argv) {
   RawFlags raw;
   CLI::App app(
-      "Steers cameras so that their targets stay in view: scenes and transforms in, poses out, over gRPC.",
+      "Steers cameras so that their targets stay in view. Clients send scenes and transforms over gRPC and "
+      "receive camera poses.",
       "sightlined");
   add_listening(app, raw);
   add_sampling(app, raw);
@@ -219,11 +250,12 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_configuration(app, raw);
   app.allow_config_extras(false);
   const CLI::App* devices =
-      app.add_subcommand("devices", "Report what can take depth maps here, and which would be used")
+      app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
           ->fallthrough()
           ->configurable(false);
   try {
     app.parse(argc, argv);
+    if (!devices->parsed() && !raw.print_config) check_together(raw.flags);
   } catch (const CLI::ParseError& error) {
     return Exit{app.exit(error) == 0 ? 0 : kUsageError};
   }

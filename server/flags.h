@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <variant>
 
@@ -12,7 +11,7 @@
 
 namespace sightline {
 
-// Every default works; --help says what each is for.
+// The values of the flags, with their defaults. `sightlined --help` describes each flag.
 struct Flags {
   std::string listen = "127.0.0.1:50151";  // "none": no TCP
   std::string listen_unix;
@@ -21,9 +20,8 @@ struct Flags {
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
-  std::optional<EglVariant> egl_variant;  // nothing: measured at the start
-  unsigned threads = 0;  // 0: as many as there are CPUs to use
-  double step_budget_ms = 0.0;  // 0: by the load
+  unsigned threads = 0;          // 0: one for each CPU that the process may use
+  double step_budget_ms = 0.0;   // 0: no fixed limit
   bool no_degrade = false;
   size_t max_sessions = 256;
   size_t max_message_mib = 4;
@@ -35,11 +33,11 @@ struct Flags {
   std::string ready_file;
   double drain_s = 5.0;
   std::string record_dir;  // empty: nothing is recorded
-  bool record_all = true;  // else only sessions that ask for it
+  bool record_all = true;  // false: only sessions whose client asks for it
   bool record_scenes = false;
   uint64_t record_total_mib = 4096;
   uint64_t record_file_mib = 256;
-  uint64_t record_age_h = 0;  // 0: any
+  uint64_t record_age_h = 0;  // 0: never deleted for their age
   uint64_t record_reserve_mib = 1024;
 };
 
@@ -49,14 +47,14 @@ struct Serve {
 struct ReportDevices {
   Flags flags;
 };
-// Nothing more to do: the answer (help, version, configuration, what is wrong) has been printed.
+// The process ends with this code. Help, version, configuration or error have been printed.
 struct Exit {
   int code = 0;
 };
 using Command = std::variant<Serve, ReportDevices, Exit>;
 
-// What the arguments, and the file named by --config, ask for. Wrong ones print why to the standard error
-// output and give Exit{2}.
+// Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
+// Exit{2}.
 Command parse_command_line(int argc, const char* const* argv);
 
 }  // namespace sightline

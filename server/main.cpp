@@ -30,16 +30,18 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-// Scenes are read beside the steps, one large file at a time and a small one next to it.
-// One loop moves some twenty thousand ticks a second, more than so many threads can step.
-constexpr unsigned kThreadsALoop = 8;
+// One event loop moves about 20,000 ticks a second, which is more than eight threads can step.
+constexpr unsigned kThreadsPerLoop = 8;
+// Two, so that a small scene file can be read while a large one is.
 constexpr unsigned kLoaderThreads = 2;
+// Time that open calls get to end after the sessions were closed.
 constexpr milliseconds kStopGrace{500};
+// How often the end of the sessions is checked while the server drains.
 constexpr milliseconds kDrainPoll{10};
-// How often the queues of recorded sessions are emptied.
+// How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
 
-// The signals that stop the daemon, blocked in all threads and taken by sigwait in main.
+// The signals that stop the daemon. They are blocked in all threads, and main waits for them with sigwait.
 sigset_t stop_signals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -48,18 +50,18 @@ sigset_t stop_signals() {
   return signals;
 }
 
-// Before any thread is started: all of it is inherited or read once.
+// Runs before any thread starts, because threads inherit the signal mask and libraries read the environment once.
 void prepare_process() {
   const sigset_t signals = stop_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   prepare_software_rendering();
-  // What gRPC would log in a format of its own comes back as an error or a status.
+  // gRPC's own log lines have another format. Everything that matters comes back as an error or a status.
   setenv("GRPC_VERBOSITY", "NONE", 0);
 }
 
 EglOptions egl_options(const Flags& flags) {
-  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu, .variant = flags.egl_variant};
+  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
 }
 
 ListenOptions listen_options(const Flags& flags, unsigned threads) {
@@ -68,7 +70,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads) {
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
-  options.loops = (threads + kThreadsALoop - 1) / kThreadsALoop;
+  options.loops = (threads + kThreadsPerLoop - 1) / kThreadsPerLoop;
   return options;
 }
 
@@ -109,7 +111,7 @@ void tell(const Log& log, const RecordWarning& warning) {
                : log.warn("recording degraded", {session, reason});
 }
 
-// What records sessions. Whoever holds a recorder goes first; then the files are finished here.
+// The recording of sessions. All recorders must be gone before it is destroyed, which completes the files.
 class Recording {
  public:
   Recording(const Flags& flags, const Log& log)
@@ -125,7 +127,7 @@ class Recording {
   RecordThread thread_;
 };
 
-// Different for each start of a daemon, so that session ids in logs never mean two sessions.
+// A prefix that differs for each start of a daemon, so that a session id in a log never means two sessions.
 std::string start_name() {
   char text[32];
   std::snprintf(text, sizeof(text), "%08lx%x", static_cast<unsigned long>(std::time(nullptr)),
@@ -143,13 +145,13 @@ std::string joined(const std::vector<std::string>& words, const char* separator)
   return text;
 }
 
-// Removes the file again when the daemon is no longer ready.
+// The file that exists while the daemon is ready (--ready-file).
 class ReadyFile {
  public:
   explicit ReadyFile(std::string path) : path_(std::move(path)) {}
   ~ReadyFile() { remove(); }
 
-  // Whoever waits for the file sees it whole: it is written beside and renamed.
+  // Written under another name and renamed, so that a waiting script never sees half of it.
   bool write(const std::string& text) const {
     if (path_.empty()) return true;
     const std::string draft = path_ + ".new";
@@ -174,7 +176,7 @@ void wait_for_stop_signal(const Log& log) {
   log.info("stopping", {{"signal", signal == SIGTERM ? "SIGTERM" : "SIGINT"}});
 }
 
-// A second signal ends the wait.
+// Waits for kDrainPoll. True: another stop signal came, which ends the wait for the sessions.
 bool signalled_again() {
   const sigset_t signals = stop_signals();
   const timespec wait{0, std::chrono::nanoseconds(kDrainPoll).count()};
@@ -183,7 +185,7 @@ bool signalled_again() {
 
 void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
   listener.set_not_serving();
-  streams.drain("the server stops");
+  streams.drain("the server is stopping");
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
   while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
   }
@@ -205,7 +207,7 @@ int serve(const Flags& flags) {
     return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
   SamplerDevice& sampler = *chosen->device;
   log.info("sampler",
-           {{"kind", sampler.kind()}, {"renderer", sampler.description()}, {"reason", chosen->reason}});
+           {{"kind", sampler.kind()}, {"renderer", sampler.renderer()}, {"reason", chosen->reason}});
 
   std::optional<Recording> recording;
   if (!flags.record_dir.empty()) recording.emplace(flags, log);
@@ -217,17 +219,17 @@ int serve(const Flags& flags) {
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry, recording.has_value());
   StreamRegistry streams(flags.max_sessions);
-  Scheduler steppers(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
+  Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);
-  WorkerPool loaders(kLoaderThreads);  // after the steppers: its last round may still use them
+  WorkerPool loaders(kLoaderThreads);  // destroyed before the scheduler, which its last tasks may still use
   const BudgetRules budget = budget_rules(flags);
-  FairShares shares(steppers.threads() * budget.largest_share);
+  FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
   CameraControlService service(
-      ServiceParts{scenes, geometry, extents, sampler, steppers, loaders, streams, shares, stats, log,
+      ServiceParts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
                    monotonic_ns, start_name(), chosen->reason, budget, recorded},
       service_limits(flags));
-  const auto listener = Listener::start(listen_options(flags, steppers.threads()), service);
+  const auto listener = Listener::start(listen_options(flags, scheduler.threads()), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
@@ -237,7 +239,7 @@ int serve(const Flags& flags) {
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
                      {"sampler", sampler.kind()},
-                     {"threads", std::to_string(steppers.threads())},
+                     {"threads", std::to_string(scheduler.threads())},
                      {"recordings", recording ? flags.record_dir : "none"}});
   wait_for_stop_signal(log);
   ready.remove();
@@ -271,10 +273,7 @@ int report_devices(const Flags& flags) {
                 device.gl_version.empty() ? "-" : device.gl_version.c_str(), device_note(device).c_str());
   }
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", embree ? "*" : "", "embree", "-", "cpu", "-",
-              make_embree_sampler_device()->description().c_str());
-  if (egl)
-    if (const auto device = make_egl_sampler_device(options))
-      decision->reason = reason_with_variant(*decision, **device);
+              make_embree_sampler_device()->renderer().c_str());
   std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
                                : ("none would be used: " + to_string(decision.error())).c_str());
   return EXIT_SUCCESS;

@@ -1,11 +1,11 @@
-// The presets of settings.proto by the names used on the command line.
+// Settings as a person types them: presets by name, and messages as JSON.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "server/base/error.h"
-#include "sightline/v1/settings.pb.h"
+#include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
 
@@ -13,5 +13,9 @@ namespace sightline {
 std::vector<std::string> preset_names();
 // kInvalidArgument (field "--preset") for any other name.
 Result<v1::Settings::Preset> preset_named(const std::string& name);
+
+// `settings` and `tuning` of an OpenSession as JSON, e.g. {"settings":{"max_distance_m":8},"tuning":{"sample":{"points":4}}}.
+// kInvalidArgument (no field) for anything else; ranges are not checked.
+Result<v1::OpenSession> settings_from_json(const std::string& json);
 
 }  // namespace sightline

@@ -8,47 +8,36 @@
 namespace sightline {
 namespace {
 
-// The kernel may wake a sleeper this much late, to wake several at once; its default of 50 us would be part of every round trip.
+// How late the kernel may wake a thread in order to wake several at once. Its default of 50 us would be part of every round trip.
 constexpr unsigned long kTimerSlackNs = 1'000;
-// How soon a stop is seen.
-constexpr std::chrono::milliseconds kLongestSleep{50};
-
-std::chrono::steady_clock::time_point at(int64_t ns) {
-  return std::chrono::steady_clock::time_point(std::chrono::nanoseconds(ns));
-}
+constexpr std::chrono::milliseconds kLongestSleep{50};  // after which stop() is noticed
 
 }  // namespace
 
+// The next tick of one peer: each session in turn, then the next tick of the first one.
 struct BenchGenerator::Cursor {
   const BenchSchedule& schedule;
   const BenchPeer peer;
   const std::vector<BenchStream*>& streams;
-  const size_t first, stride;
   uint64_t k = 0;
-  size_t session = first;
+  size_t session = 0;
 
-  bool none() const { return first >= streams.size(); }
   int64_t due_ns() const { return schedule.due_ns(peer, k, session); }
   void send(int64_t start_ns) {
     streams[session]->send_tick(start_ns + due_ns(), schedule.window_of(k, session));
-    session += stride;
-    if (session < streams.size()) return;
-    session = first;
+    if (++session < streams.size()) return;
+    session = 0;
     ++k;
   }
 };
 
 BenchGenerator::BenchGenerator(const BenchSchedule& schedule, std::vector<BenchStream*> daemon,
-                               std::vector<BenchStream*> echo, size_t threads)
+                               std::vector<BenchStream*> echo)
     : schedule_(schedule),
       daemon_(std::move(daemon)),
       echo_(std::move(echo)),
-      threads_wanted_(std::clamp<size_t>(threads, 1, daemon_.size())),
       start_ns_(BenchStream::monotonic_ns()),
-      sent_until_ns_(new std::atomic<int64_t>[threads_wanted_]) {
-  for (size_t i = 0; i < threads_wanted_; ++i) sent_until_ns_[i] = 0;
-  for (size_t i = 0; i < threads_wanted_; ++i) threads_.emplace_back([this, i] { send_share(i); });
-}
+      thread_([this] { send_all(); }) {}
 
 BenchGenerator::~BenchGenerator() {
   stop();
@@ -56,32 +45,23 @@ BenchGenerator::~BenchGenerator() {
 
 void BenchGenerator::stop() {
   stopping_ = true;
-  for (std::thread& thread : threads_)
-    if (thread.joinable()) thread.join();
-}
-
-int64_t BenchGenerator::sent_until_ns() const {
-  int64_t until_ns = sent_until_ns_[0];
-  for (size_t i = 1; i < threads_wanted_; ++i) until_ns = std::min<int64_t>(until_ns, sent_until_ns_[i]);
-  return until_ns;
+  if (thread_.joinable()) thread_.join();
 }
 
 void BenchGenerator::sleep_until(int64_t due_ns) const {
-  while (!stopping_) {
-    const auto now = std::chrono::steady_clock::now();
-    if (now >= at(due_ns)) return;
-    std::this_thread::sleep_until(std::min(at(due_ns), now + kLongestSleep));
-  }
+  const std::chrono::steady_clock::time_point due{std::chrono::nanoseconds(due_ns)};
+  for (auto now = std::chrono::steady_clock::now(); !stopping_ && now < due;
+       now = std::chrono::steady_clock::now())
+    std::this_thread::sleep_until(std::min(due, now + kLongestSleep));
 }
 
-void BenchGenerator::send_share(size_t thread) {
+void BenchGenerator::send_all() {
   prctl(PR_SET_TIMERSLACK, kTimerSlackNs);
-  Cursor daemon{schedule_, BenchPeer::kDaemon, daemon_, thread, threads_wanted_};
-  Cursor echo{schedule_, BenchPeer::kEcho, echo_, thread, threads_wanted_};
+  Cursor daemon{schedule_, BenchPeer::kDaemon, daemon_}, echo{schedule_, BenchPeer::kEcho, echo_};
   while (true) {
-    Cursor& next = echo.none() || daemon.due_ns() <= echo.due_ns() ? daemon : echo;
+    Cursor& next = echo_.empty() || daemon.due_ns() <= echo.due_ns() ? daemon : echo;
     const int64_t due_ns = next.due_ns();
-    sent_until_ns_[thread] = due_ns;
+    sent_until_ns_ = due_ns;
     sleep_until(start_ns_ + due_ns);
     if (stopping_) return;
     next.send(start_ns_);

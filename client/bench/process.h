@@ -1,4 +1,4 @@
-// Processes that a load starts and watches: the daemon, the echo.
+// The daemon's process: starting it, and watching what it uses.
 #pragma once
 
 #include <sys/types.h>
@@ -13,53 +13,51 @@
 
 namespace sightline {
 
-// What a process has used so far.
+// The resources that a process has used since its start.
 struct ProcessUsage {
-  int64_t cpu_ns = 0;  // of all its threads, user and system
+  int64_t cpu_ns = 0;  // user and system time of all threads
   size_t resident_bytes = 0;
 };
-// kUnavailable when there is no such process, or none of this user.
+// kUnavailable when the process does not exist or belongs to another user.
 Result<ProcessUsage> usage_of(pid_t pid);
 
-// A new folder below the system's temporary one, removed with everything in it at the end.
+// A new folder in the system's temporary folder. It is removed, with its contents, on destruction.
 class ScratchFolder {
  public:
   ScratchFolder();
   ~ScratchFolder();
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return path_; }  // "" when it could not be made
 
  private:
   std::string path_;
 };
 
-// Ends with its parent, however that ends. One thread at a time.
+// A child that ends with its parent, however the parent ends. Used by one thread at a time.
 class ChildProcess {
  public:
-  // `program` is a path. What it writes goes to `output` and `errors`, new files; its standard input is empty but open.
+  // Starts the program at the path `program`. Its output goes to the new file `log`.
   static Result<std::unique_ptr<ChildProcess>> start(const std::string& program,
                                                      std::vector<std::string> arguments,
-                                                     const std::string& output, const std::string& errors);
-  ~ChildProcess();  // as stop, with a grace of 5 s
+                                                     const std::string& log);
+  ~ChildProcess();  // SIGTERM, then SIGKILL after 5 s
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
   pid_t pid() const { return pid_; }
-  // Waits until `file` holds a whole line and returns it. kUnavailable when the process ends first, with the end of what it
-  // said in `errors`, or when `timeout` passes.
+  // Waits until `file` holds a whole line and returns that line. kUnavailable when the process ends first or `timeout` passes;
+  // the message quotes the end of its log.
   Result<std::string> wait_for_line(const std::string& file, std::chrono::nanoseconds timeout);
-  // SIGTERM, and SIGKILL after `grace`. The exit status; -1: a signal ended it, or it was over.
-  int stop(std::chrono::nanoseconds grace);
 
  private:
-  ChildProcess(std::string program, std::string errors, pid_t pid, int input);
-  bool ended();  // reaps it
+  ChildProcess(std::string program, std::string log, pid_t pid)
+      : program_(std::move(program)), log_(std::move(log)), pid_(pid) {}
+  bool has_ended();  // reaps it
 
-  const std::string program_, errors_;
-  pid_t pid_;
-  int input_;
-  std::optional<int> status_;  // as waitpid says, once it has ended
+  const std::string program_, log_;
+  const pid_t pid_;
+  bool ended_ = false;
 };
 
 }  // namespace sightline

@@ -1,97 +1,81 @@
-// What a load measured, and what it comes to.
+// The measurements of a load: latencies by window, and their figures, as JSON for programs and as a table for people.
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <ostream>
-#include <string>
+#include <span>
+#include <string_view>
 #include <vector>
-
-#include "client/bench/ledger.h"
-#include "client/bench/statistics.h"
-#include "client/bench/window.h"
 
 namespace sightline {
 
-// One window, all sessions together.
+// One kind of latency, in microseconds.
+enum class BenchMetric {
+  kRoundTrip,  // from when a tick was due to the reply that covers it; merged ticks count as well
+  kTransport,  // of a reply: round trip - queue - step; includes the generator's own delay (kSend)
+  kSend,       // from when a tick was due until it was handed to gRPC: the generator's own delay
+  kQueue,      // this one and the following are reported by the server, once a reply
+  kScene,
+  kBound,
+  kSample,
+  kAggregate,
+  kMove,
+  kStep  // kScene to kMove together
+};
+inline constexpr size_t kBenchMetrics = 10;
+inline constexpr std::array<std::string_view, kBenchMetrics> kBenchMetricNames{
+    "round_trip", "transport", "send", "queue", "scene", "bound", "sample", "aggregate", "move", "step"};
+
+// The measurements in one window, of one session or of all sessions together.
+struct BenchWindow {
+  std::array<std::vector<double>, kBenchMetrics> us;
+  uint64_t replies = 0;
+  uint64_t late = 0;      // ticks whose round trip took longer than the tick interval
+  uint64_t degraded = 0;  // replies with StepFlags.degraded
+  uint64_t tick_bytes = 0, reply_bytes = 0;
+
+  const std::vector<double>& of(BenchMetric metric) const { return us[static_cast<size_t>(metric)]; }
+  void add(BenchMetric metric, double value_us) { us[static_cast<size_t>(metric)].push_back(value_us); }
+  void add(const BenchWindow& other);
+  uint64_t ticks() const { return of(BenchMetric::kRoundTrip).size(); }
+};
+
+// One window, all sessions together. CPU times are microseconds a tick.
 struct MeasuredWindow {
   BenchWindow daemon;
   std::optional<BenchWindow> echo;
   std::vector<uint64_t> replies_by_session;
-  std::optional<double> daemon_cpu_us;                    // a tick; when the daemon can be watched
-  double generator_cpu_us = 0.0;                          // a tick, of the whole process that sends the load
-  double echo_cpu_us = 0.0, echo_generator_cpu_us = 0.0;  // a tick, with `echo`
+  std::optional<double> daemon_cpu_us;  // only when the daemon's process is known
+  double generator_cpu_us = 0.0;        // of this process
 };
 
-// Of each window its percentile, and of those the median, the least and the most. Microseconds.
-struct MetricFigures {
-  uint64_t count = 0;  // in all windows
-  Spread p50, p90, p99, p999, max;
+// Exact percentiles by nearest rank; all 0 without values.
+struct Quantiles {
+  size_t count = 0;
+  double p50 = 0.0, p90 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;
 };
+Quantiles quantiles_of(const std::vector<double>& values);
 
-// Resident memory of the daemon, bytes.
-struct BenchMemory {
-  size_t start = 0;                           // before the scene came
-  size_t scene = 0;                           // with the scene and one session that has run
-  size_t sessions = 0;                        // with all of them, at the end of the load
-  size_t after = 0;                           // once they are closed
-  std::optional<double> per_session() const;  // of each beyond the first; none with one
-  size_t session_count = 1;
-};
+// (greatest - least) / least; infinite when only the least is 0, 0 without values.
+double relative_range(const std::vector<double>& values);
 
-// One window's own figures, as the load went on: microseconds, shares in [0, 1].
-struct WindowFigures {
-  double round_trip_p50_us = 0.0, round_trip_p99_us = 0.0, step_p50_us = 0.0;
-  double late_share = 0.0, degraded_share = 0.0;
-  std::optional<double> daemon_cpu_us;  // a tick
-};
+// Windows are stable when the last kStableWindows agree: their p50 lie within 10 % and their p99 within 30 % (relative_range).
+// Fewer windows, or one without any value, are not stable.
+inline constexpr size_t kStableWindows = 3;
+bool are_stable(std::span<const Quantiles> round_trips);
 
-// Round trip against what it cannot be less than: echo p50 + step p50, each of the same window.
-struct EchoComparison {
-  MetricFigures round_trip, send;
-  Spread floor_us;                         // echo p50 + step p50
-  Spread share;                            // round trip p50 / floor
-  Spread server_cpu_us, generator_cpu_us;  // a tick
-};
-// What a round trip may be over that floor.
+// A round trip should take at most this many times the echo's round trip and the step together.
 inline constexpr double kAllowedOverFloor = 1.2;
 
-struct BenchResult {
-  // What ran.
-  std::string address, sampler;
-  uint64_t instances = 0, triangles = 0;  // of one session
-  size_t sessions = 0, targets = 0, moving = 0, channels = 0;
-  double rate_hz = 0.0, window_s = 0.0;
+// The figures of the reported windows; client/README.md lists the fields. `load` says what ran and has the fields `sessions`,
+// `rate_hz` and `window_s`, among others.
+using BenchJson = nlohmann::ordered_json;
+BenchJson summarize(std::span<const MeasuredWindow> windows, const BenchJson& load);
 
-  bool stable = false;
-  size_t windows = 0;                       // that are reported: those that agree, or all when none do
-  size_t windows_seen = 0;                  // after the warm-up
-  double p50_range = 0.0, p99_range = 0.0;  // (greatest - least) / least of the reported windows' round trips
-
-  std::vector<WindowFigures> course;        // of the reported windows, in order
-
-  std::array<MetricFigures, kBenchMetrics> metrics;
-  const MetricFigures& of(BenchMetric metric) const { return metrics[static_cast<size_t>(metric)]; }
-
-  TickCounts totals;  // of the whole run, warm-up included
-  // In the reported windows.
-  uint64_t ticks = 0, replies = 0, late = 0, degraded = 0;
-  double achieved_hz = 0.0;  // replies a second and session
-  double least_served_hz = 0.0, most_served_hz = 0.0;
-  double tick_bytes = 0.0, reply_bytes = 0.0;  // means
-  std::optional<Spread> daemon_cpu_us;         // a tick
-  Spread generator_cpu_us;                     // a tick
-  std::optional<BenchMemory> memory;
-  std::optional<EchoComparison> echo;
-  std::string trouble;  // the first rejection, or whatever else no load expects; empty: none
-};
-
-// The figures of the windows that are reported; the fields that windows do not tell are left.
-void summarize(const std::vector<MeasuredWindow>& windows, BenchResult& result);
-
-// For a person.
-void print_bench(const BenchResult& result, std::ostream& out);
-// For a program; fields in client/README.md.
-std::string bench_json(const BenchResult& result);
+// Prints a result of run_bench (command.h).
+void print_bench(const BenchJson& result, std::ostream& out);
 
 }  // namespace sightline

@@ -5,7 +5,7 @@
 namespace sightline {
 namespace {
 
-// After the other peer's turn: its last answers, caches, sleeping threads.
+// Long enough for the last answers of the other peer, for caches and for threads that slept.
 constexpr int64_t kLeadInNs = 250'000'000;
 
 int64_t to_ns(double seconds) {
@@ -20,7 +20,7 @@ BenchSchedule::BenchSchedule(const Options& options)
       window_ns_(to_ns(options.window_s)),
       warm_up_segments_(static_cast<int64_t>(std::ceil(options.warm_up_s / options.window_s - 1e-9))) {}
 
-BenchSchedule::Place BenchSchedule::place_of(uint64_t k, size_t session) const {
+BenchSchedule::Position BenchSchedule::position_of(uint64_t k, size_t session) const {
   const double phase = static_cast<double>(session) / static_cast<double>(options_.sessions);
   const int64_t own_ns = to_ns((static_cast<double>(k) + phase) / options_.rate_hz);
   const int64_t segment_ns = lead_in_ns_ + window_ns_;
@@ -33,14 +33,14 @@ int64_t BenchSchedule::start_ns(BenchPeer peer, int64_t segment) const {
 }
 
 int64_t BenchSchedule::due_ns(BenchPeer peer, uint64_t k, size_t session) const {
-  const Place place = place_of(k, session);
-  return start_ns(peer, place.segment) + place.ns;
+  const Position position = position_of(k, session);
+  return start_ns(peer, position.segment) + position.ns;
 }
 
 int BenchSchedule::window_of(uint64_t k, size_t session) const {
-  const Place place = place_of(k, session);
-  if (place.ns < lead_in_ns_ || place.segment < warm_up_segments_) return -1;
-  return static_cast<int>(place.segment - warm_up_segments_);
+  const Position position = position_of(k, session);
+  if (position.ns < lead_in_ns_ || position.segment < warm_up_segments_) return -1;
+  return static_cast<int>(position.segment - warm_up_segments_);
 }
 
 int64_t BenchSchedule::begin_ns(BenchPeer peer, int window) const {

@@ -1,12 +1,12 @@
-// When every tick of a load is due: fixed before the first is sent, so that a slow server slows nothing down and hides nothing
-// (no "coordinated omission"). A tick that cannot be sent when it is due still counts from when it was.
+// When every tick of a load is due. All due times are fixed before the first tick is sent, so a slow server neither slows the load
+// down nor hides its delay (no "coordinated omission"). A tick that cannot be sent in time still counts from its due time.
 //
-// Each session sends at the same rate; their phases are spread evenly over the tick. Time is cut into segments of a lead-in,
-// which is not counted, and a window. With an echo to compare with, segments of daemon and echo take turns, and the clock of
-// each stands still while the other's runs: neither ever works beside the other. Without one there is no lead-in, and windows
-// follow each other without a gap.
+// Every session sends at the same rate; the phases of the sessions are spread evenly over the tick. Time is cut into segments: a
+// lead-in, which is not counted, and a window. When an echo is measured too, segments of daemon and echo alternate, and the clock
+// of each stands still during the other's turn. The two never work at the same time. Without an echo there is no lead-in
+// and windows follow each other without a gap.
 //
-// Immutable; any thread. Times are nanoseconds since the start of the load.
+// Immutable; may be used by any thread. Times are nanoseconds since the start of the load.
 #pragma once
 
 #include <cstddef>
@@ -27,25 +27,24 @@ class BenchSchedule {
   };
   explicit BenchSchedule(const Options& options);
 
-  size_t sessions() const { return options_.sessions; }
-  // Between two ticks of a session, unless the other peer's turn lies between them.
+  // Time between two ticks of a session, apart from the other peer's turns.
   double interval_s() const { return 1.0 / options_.rate_hz; }
 
-  // Tick k = 0, 1, ... of a session in [0, sessions).
+  // When tick k = 0, 1, ... of a session in [0, sessions) is due.
   int64_t due_ns(BenchPeer peer, uint64_t k, size_t session) const;
-  // The window in which that tick is counted, 0 for the first after the warm-up; -1: none (warm-up or lead-in).
+  // The window in which that tick counts: 0 is the first after the warm-up, -1 means none (warm-up or lead-in).
   int window_of(uint64_t k, size_t session) const;
 
-  // What is counted of a window, window >= 0: ticks due in [begin, end).
+  // A window counts the ticks that are due in [begin, end).
   int64_t begin_ns(BenchPeer peer, int window) const;
   int64_t end_ns(BenchPeer peer, int window) const;
 
  private:
-  struct Place {
+  struct Position {
     int64_t segment;
     int64_t ns;  // since the segment's start
   };
-  Place place_of(uint64_t k, size_t session) const;
+  Position position_of(uint64_t k, size_t session) const;
   int64_t start_ns(BenchPeer peer, int64_t segment) const;
 
   const Options options_;

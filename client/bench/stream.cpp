@@ -1,7 +1,5 @@
 #include "client/bench/stream.h"
 
-#include <chrono>
-
 #include "client/cpp/client_error.h"
 
 namespace sightline {
@@ -13,23 +11,34 @@ double us_between(int64_t from_ns, int64_t to_ns) {
 
 }  // namespace
 
+CompletionLoop::~CompletionLoop() {
+  queue_.Shutdown();
+  thread_.join();
+}
+
+void CompletionLoop::run() {
+  void* event = nullptr;
+  bool ok = false;
+  while (queue_.Next(&event, &ok)) static_cast<Event*>(event)->ready(ok);
+}
+
 int64_t BenchStream::monotonic_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
 }
 
-BenchStream::BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel,
-                         std::unique_ptr<BenchDialect> dialect, int64_t late_ns)
-    : dialect_(std::move(dialect)),
+BenchStream::BenchStream(CompletionLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
+                         int64_t late_ns)
+    : protocol_(std::move(protocol)),
       late_ns_(late_ns),
       channel_(std::move(channel)),
       stub_(channel_),
-      call_(stub_.PrepareCall(&context_, dialect_->method(), &loop.queue())) {
+      call_(stub_.PrepareCall(&context_, protocol_.method, &loop.queue())) {
   const std::lock_guard lock(mutex_);
-  if (!dialect_->opening(unsent_.emplace_back())) {
-    unsent_.pop_back();
+  if (protocol_.opening)
+    unsent_.push_back(*protocol_.opening);
+  else
     opened_.emplace();
-  }
-  writing_ = true;  // until it has started
+  writing_ = true;  // until the call has started
   under_way_ = 1;
   call_->StartCall(&start_);
 }
@@ -46,24 +55,24 @@ void BenchStream::on_start(bool ok) {
   const std::lock_guard lock(mutex_);
   ++under_way_;
   call_->Read(&reply_, &read_);  // fails when the call did not start
-  write_on(ok);
-  over();
+  write_next(ok);
+  operation_over();
 }
 
-// What comes after an operation that kept others from writing.
-void BenchStream::write_on(bool ok) {
+// After an operation that kept others from writing.
+void BenchStream::write_next(bool ok) {
   writing_ = false;
   if (!ok) {
     closing_ = true;
     unsent_.clear();
   }
   if (!unsent_.empty())
-    start_next_write();
+    start_write();
   else if (closing_)
     finish_writing();
 }
 
-void BenchStream::start_next_write() {
+void BenchStream::start_write() {
   writing_ = true;
   ++under_way_;
   call_->Write(unsent_.front(), &written_);
@@ -76,11 +85,11 @@ void BenchStream::finish_writing() {
   call_->WritesDone(&writes_done_event_);
 }
 
-void BenchStream::over() {
+void BenchStream::operation_over() {
   if (--under_way_ > 0) return;
   ended_ = true;
   closing_ = true;
-  ledger_.give_up();
+  log_.give_up();
   changed_.notify_all();
 }
 
@@ -94,38 +103,31 @@ Result<BenchOpened> BenchStream::wait_opened(std::chrono::nanoseconds timeout) {
 
 void BenchStream::send_tick(int64_t due_ns, int window) {
   grpc::ByteBuffer message;
-  const uint64_t sequence = next_sequence_.load(std::memory_order_relaxed);
-  dialect_->tick(sequence, message);
+  protocol_.write_tick(next_sequence_, message);
   const size_t bytes = message.Length();
-  last_tick_bytes_.store(bytes, std::memory_order_relaxed);
+  last_tick_bytes_ = bytes;
   const std::lock_guard lock(mutex_);
-  next_sequence_.store(sequence + 1, std::memory_order_relaxed);
-  ledger_.sent(sequence, due_ns, window);
-  if (window >= first_window_) {
-    window_at(window).add(BenchMetric::kSend, us_between(due_ns, monotonic_ns()));
-    window_at(window).tick_bytes += bytes;
+  log_.sent(next_sequence_++, due_ns, window);
+  if (BenchWindow* const open = open_window(window)) {
+    open->add(BenchMetric::kSend, us_between(due_ns, monotonic_ns()));
+    open->tick_bytes += bytes;
   }
-  if (ended_) ledger_.give_up();
-  if (closing_) return;  // not ended yet: it is given up then
+  if (ended_) log_.give_up();
+  if (closing_) return;  // when the stream has not ended yet, its end gives the tick up
   unsent_.push_back(std::move(message));
-  if (!writing_) start_next_write();
+  if (!writing_) start_write();
 }
 
 void BenchStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
   unsent_.pop_front();
-  write_on(ok);
-  over();
+  write_next(ok);
+  operation_over();
 }
 
-void BenchStream::on_writes_done(bool) {
+void BenchStream::on_last(bool) {
   const std::lock_guard lock(mutex_);
-  over();
-}
-
-void BenchStream::on_end(bool) {
-  const std::lock_guard lock(mutex_);
-  over();
+  operation_over();
 }
 
 void BenchStream::on_read(bool ok) {
@@ -136,10 +138,10 @@ void BenchStream::on_read(bool ok) {
     if (!writing_) finish_writing();
     ++under_way_;
     call_->Finish(&end_status_, &end_event_);
-    return over();
+    return operation_over();
   }
   const size_t bytes = reply_.Length();
-  const BenchAnswer answer = dialect_->read(reply_);
+  const BenchAnswer answer = protocol_.read(reply_);
   {
     const std::lock_guard lock(mutex_);
     take_answer(answer, bytes, now_ns);
@@ -155,11 +157,11 @@ void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t n
       changed_.notify_all();
       break;
     case BenchAnswer::Kind::kReply:
-      last_reply_bytes_.store(bytes, std::memory_order_relaxed);
+      last_reply_bytes_ = bytes;
       count_reply(answer, bytes, now_ns);
       break;
     case BenchAnswer::Kind::kRejection:
-      ledger_.tick_error(answer.sequence);
+      log_.tick_error(answer.sequence);
       [[fallthrough]];
     case BenchAnswer::Kind::kOther:
       if (trouble_.empty()) trouble_ = answer.trouble;
@@ -169,56 +171,45 @@ void BenchStream::take_answer(const BenchAnswer& answer, size_t bytes, int64_t n
 
 void BenchStream::count_reply(const BenchAnswer& answer, size_t bytes, int64_t now_ns) {
   settled_.clear();
-  ledger_.answered(answer.sequence, answer.merged, settled_);
-  for (const SettledTick& tick : settled_) {
-    if (tick.window < first_window_) continue;  // not counted, or taken already
-    BenchWindow& window = window_at(tick.window);
-    window.add(BenchMetric::kRoundTrip, us_between(tick.due_ns, now_ns));
-    if (now_ns - tick.due_ns > late_ns_) ++window.late;
-  }
-  if (settled_.empty() || settled_.back().window < first_window_) return;
-  BenchWindow& window = window_at(settled_.back().window);
-  ++window.replies;
-  window.degraded += answer.degraded;
-  window.reply_bytes += bytes;
-  if (!answer.stages) return;
-  const BenchStages& stages = *answer.stages;
-  window.add(BenchMetric::kTransport,
-             us_between(settled_.back().due_ns, now_ns) - stages.queue - stages.step);
-  window.add(BenchMetric::kQueue, stages.queue);
-  window.add(BenchMetric::kScene, stages.scene);
-  window.add(BenchMetric::kBound, stages.bound);
-  window.add(BenchMetric::kSample, stages.sample);
-  window.add(BenchMetric::kAggregate, stages.aggregate);
-  window.add(BenchMetric::kMove, stages.move);
-  window.add(BenchMetric::kStep, stages.step);
+  log_.answered(answer.sequence, answer.merged, settled_);
+  for (const SettledTick& tick : settled_)
+    if (BenchWindow* const open = open_window(tick.window)) {
+      open->add(BenchMetric::kRoundTrip, us_between(tick.due_ns, now_ns));
+      open->late += now_ns - tick.due_ns > late_ns_;
+    }
+  BenchWindow* const open = settled_.empty() ? nullptr : open_window(settled_.back().window);
+  if (!open) return;
+  ++open->replies;
+  open->degraded += answer.degraded;
+  open->reply_bytes += bytes;
+  if (!answer.stages_us) return;
+  const auto& stages_us = *answer.stages_us;
+  open->add(BenchMetric::kTransport,
+            us_between(settled_.back().due_ns, now_ns) - stages_us.front() - stages_us.back());
+  for (size_t i = 0; i < stages_us.size(); ++i)
+    open->add(static_cast<BenchMetric>(static_cast<size_t>(BenchMetric::kQueue) + i), stages_us[i]);
 }
 
-BenchWindow& BenchStream::window_at(int window) {
-  const auto at = static_cast<size_t>(window - first_window_);
-  if (windows_.size() <= at) windows_.resize(at + 1);
-  return windows_[at];
-}
-
-int64_t BenchStream::oldest_pending_ns() const {
-  const std::lock_guard lock(mutex_);
-  return ledger_.oldest_pending_ns();
+// Null when the tick does not count, or when its window was taken already.
+BenchWindow* BenchStream::open_window(int window) {
+  return window < first_window_ ? nullptr : &windows_[window];
 }
 
 BenchWindow BenchStream::take_window(int window) {
   const std::lock_guard lock(mutex_);
-  BenchWindow taken;
-  for (; first_window_ <= window; ++first_window_) {
-    if (windows_.empty()) continue;
-    if (first_window_ == window) taken = std::move(windows_.front());
-    windows_.pop_front();
-  }
-  return taken;
+  first_window_ = window + 1;
+  auto taken = windows_.extract(window);
+  return taken ? std::move(taken.mapped()) : BenchWindow();
+}
+
+int64_t BenchStream::oldest_pending_ns() const {
+  const std::lock_guard lock(mutex_);
+  return log_.oldest_pending_ns();
 }
 
 TickCounts BenchStream::counts() const {
   const std::lock_guard lock(mutex_);
-  return ledger_.counts();
+  return log_.counts();
 }
 
 std::string BenchStream::trouble() const {

@@ -12,22 +12,22 @@ namespace sightline {
 namespace {
 
 constexpr double kPathStepS = 1.0 / 30;
-constexpr double kSlowest = 0.8, kFastest = 1.2;  // pace of the sessions, 1: as the scene has it
+constexpr double kSlowest = 0.8, kFastest = 1.2;  // pace of the sessions; 1 is the pace of the scene
 
-// A person beside the scene's own targets.
+// A further target.
 constexpr double kCapsuleRadiusM = 0.3, kCapsuleHalfHeightM = 0.6;
 constexpr double kApartM = 0.9;
 
-// Boxes the size of people and crates, of few shapes, so that sessions share them.
+// Boxes of the size of people and crates. They have few shapes, so that sessions share them.
 constexpr std::array<glm::dvec3, 3> kHalfExtentsM{{{0.3, 0.9, 0.2}, {0.5, 0.5, 0.5}, {0.8, 1.1, 0.3}}};
-constexpr double kNearestToWayM = 2.0, kFarthestFromWayM = 25.0;
+constexpr double kNearestToPathM = 2.0, kFarthestFromPathM = 25.0;
 constexpr double kLeastCircleM = 1.0, kMostCircleM = 4.0;
 constexpr double kLeastSpeedMps = 0.8, kMostSpeedMps = 2.0;
 constexpr double kFreeRoundCameraM = 2.0;
 constexpr int kMostTries = 16;
 constexpr double kTurnRad = 2 * glm::pi<double>();
 
-// Between neighbouring steps of a path; the last pose stays.
+// Interpolates between the steps of a path; after the last step its pose stays.
 Pose pose_on(const std::vector<Pose>& path, double time_s) {
   const double at = time_s / kPathStepS;
   const auto before = std::min(static_cast<size_t>(at), path.size() - 1);
@@ -41,38 +41,15 @@ glm::dvec3 on_circle(double radius_m, double angle_rad) {
   return {radius_m * std::cos(angle_rad), 0.0, radius_m * std::sin(angle_rad)};
 }
 
-void set_vector(const glm::dvec3& value, v1::Vec3* message) {
-  message->set_x(value.x);
-  message->set_y(value.y);
-  message->set_z(value.z);
-}
-
-struct Motion {
-  Pose pose;
-  glm::dvec3 velocity_mps{0.0};
-};
-
-void set_transform(int at, uint64_t id, const Motion& motion, v1::Transforms& transforms) {
-  const auto& [p, r] = motion.pose;
-  transforms.set_ids(at, id);
-  double* position = transforms.mutable_positions()->mutable_data() + 3 * at;
-  float* rotation = transforms.mutable_rotations()->mutable_data() + 4 * at;
-  float* velocity = transforms.mutable_velocities()->mutable_data() + 3 * at;
+void add_transform(uint64_t id, const Pose& pose, const glm::dvec3& velocity_mps,
+                   v1::Transforms& transforms) {
+  transforms.add_ids(id);
   for (int axis = 0; axis < 3; ++axis) {
-    position[axis] = p[axis];
-    velocity[axis] = static_cast<float>(motion.velocity_mps[axis]);
+    transforms.add_positions(pose.position_m[axis]);
+    transforms.add_velocities(static_cast<float>(velocity_mps[axis]));
   }
-  rotation[0] = static_cast<float>(r.x);
-  rotation[1] = static_cast<float>(r.y);
-  rotation[2] = static_cast<float>(r.z);
-  rotation[3] = static_cast<float>(r.w);
-}
-
-void make_room(int n, v1::Transforms& transforms) {
-  transforms.mutable_ids()->Resize(n, 0);
-  transforms.mutable_positions()->Resize(3 * n, 0.0);
-  transforms.mutable_rotations()->Resize(4 * n, 0.0f);
-  transforms.mutable_velocities()->Resize(3 * n, 0.0f);
+  for (const double part : {pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w})
+    transforms.add_rotations(static_cast<float>(part));
 }
 
 }  // namespace
@@ -84,12 +61,13 @@ Result<BenchWorld> BenchWorld::make(std::span<const std::byte> scene, const Benc
   auto scenario = Scenario::from_asset(*asset);
   if (!scenario) return tl::unexpected(scenario.error());
   if (scenario->targets().empty())
-    return invalid("scene", "no node has the role \"target\": nothing says where targets walk");
+    return invalid("scene", "no node has the role \"target\", so no path is known for targets");
   return BenchWorld(std::move(*scenario), options);
 }
 
 BenchWorld::BenchWorld(Scenario scenario, const BenchWorldOptions& options)
     : options_(options), scenario_(std::move(scenario)) {
+  options_.instances = std::max(options_.instances, options_.moving);
   take_walkers();
   place_boxes();
 }
@@ -108,7 +86,7 @@ void BenchWorld::take_walkers() {
     walkers_.push_back(own[i % own.size()]);
     if (i < own.size()) continue;
     walkers_.back().id = actors.size() + 1 + i;
-    // A sunflower: every one as far from its neighbours as the others.
+    // Spread like the seeds of a sunflower: all are about equally far from their neighbours.
     const double rank = static_cast<double>(i - own.size() + 1);
     walkers_.back().beside_m =
         on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * kTurnRad);
@@ -127,7 +105,7 @@ void BenchWorld::place_boxes() {
 }
 
 BenchWorld::Box BenchWorld::make_box(uint64_t id, bool moves, CounterRandom& random) const {
-  const std::vector<Pose>& way = walkers_.front().path;
+  const std::vector<Pose>& path = walkers_.front().path;
   Box box{.id = id, .half_extent_m = kHalfExtentsM[random.next_below(kHalfExtentsM.size())]};
   if (moves) {
     box.radius_m = random.next_in(kLeastCircleM, kMostCircleM);
@@ -136,8 +114,8 @@ BenchWorld::Box BenchWorld::make_box(uint64_t id, bool moves, CounterRandom& ran
   }
   const double free_m = box.radius_m + glm::length(box.half_extent_m) + kFreeRoundCameraM;
   for (int attempt = 0; attempt < kMostTries; ++attempt) {
-    const Pose& pose = way[random.next_below(static_cast<uint32_t>(way.size()))];
-    const double away_m = random.next_in(kNearestToWayM, kFarthestFromWayM);
+    const Pose& pose = path[random.next_below(static_cast<uint32_t>(path.size()))];
+    const double away_m = random.next_in(kNearestToPathM, kFarthestFromPathM);
     box.centre_m = pose.position_m + on_circle(away_m, random.next_in(0.0, kTurnRad));
     box.centre_m.y += box.half_extent_m.y;
     if (glm::distance(box.centre_m, scenario_.camera().position_m) > free_m) break;
@@ -163,13 +141,16 @@ v1::OpenSession BenchWorld::open(size_t session, const std::string& scene_hash) 
   for (const Box& box : boxes_[session]) {
     v1::NewInstance* instance = open.add_instances();
     instance->set_id(box.id);
-    set_vector(box.half_extent_m, instance->mutable_shape()->mutable_box()->mutable_half_extent());
+    v1::Vec3& half_extent = *instance->mutable_shape()->mutable_box()->mutable_half_extent();
+    half_extent.set_x(box.half_extent_m.x);
+    half_extent.set_y(box.half_extent_m.y);
+    half_extent.set_z(box.half_extent_m.z);
     set_pose({box.centre_m + on_circle(box.radius_m, box.phase_rad), {1, 0, 0, 0}}, instance->mutable_pose());
   }
   return open;
 }
 
-double BenchWorld::way_time_s(size_t session, uint64_t sequence) const {
+double BenchWorld::path_time_s(size_t session, uint64_t sequence) const {
   const double duration_s = kPathStepS * static_cast<double>(walkers_.front().path.size() - 1);
   if (duration_s <= 0.0) return 0.0;
   const double rank =
@@ -180,31 +161,25 @@ double BenchWorld::way_time_s(size_t session, uint64_t sequence) const {
   return std::min(walked_s, 2 * duration_s - walked_s);
 }
 
-void BenchWorld::set_walker(const Walker& walker, int at, double time_s, double before_s, double dt_s,
-                            v1::Transforms& transforms) const {
-  Motion motion{.pose = pose_on(walker.path, time_s)};
-  motion.velocity_mps = (motion.pose.position_m - pose_on(walker.path, before_s).position_m) / dt_s;
-  motion.pose.position_m += walker.beside_m;
-  set_transform(at, walker.id, motion, transforms);
-}
-
 void BenchWorld::fill_tick(size_t session, uint64_t sequence, v1::Tick& tick) const {
   const double dt_s = 1.0 / options_.rate_hz;
   const double time_s = dt_s * static_cast<double>(sequence - 1);
   tick.set_sequence(sequence);
   tick.set_time_s(time_s);
   v1::Transforms& transforms = *tick.mutable_transforms();
-  const int movers = static_cast<int>(walkers_.size() + options_.moving);
-  if (transforms.ids_size() != movers) make_room(movers, transforms);
-  const double way_s = way_time_s(session, sequence);
-  const double before_s = way_time_s(session, std::max<uint64_t>(sequence, 2) - 1);
-  int at = 0;
-  for (const Walker& walker : walkers_) set_walker(walker, at++, way_s, before_s, dt_s, transforms);
+  transforms.Clear();
+  const double now_s = path_time_s(session, sequence);
+  const double before_s = path_time_s(session, std::max<uint64_t>(sequence, 2) - 1);
+  for (const Walker& walker : walkers_) {
+    Pose pose = pose_on(walker.path, now_s);
+    const glm::dvec3 velocity_mps = (pose.position_m - pose_on(walker.path, before_s).position_m) / dt_s;
+    pose.position_m += walker.beside_m;
+    add_transform(walker.id, pose, velocity_mps, transforms);
+  }
   for (const Box& box : std::span(boxes_[session]).first(options_.moving)) {
-    const double angle_rad = box.phase_rad + box.speed_radps * time_s;
-    const glm::dvec3 from_centre_m = on_circle(box.radius_m, angle_rad);
+    const glm::dvec3 from_centre_m = on_circle(box.radius_m, box.phase_rad + box.speed_radps * time_s);
     const glm::dvec3 velocity_mps = box.speed_radps * glm::dvec3(-from_centre_m.z, 0.0, from_centre_m.x);
-    set_transform(at++, box.id, {{box.centre_m + from_centre_m, {1, 0, 0, 0}}, velocity_mps}, transforms);
+    add_transform(box.id, {box.centre_m + from_centre_m, {1, 0, 0, 0}}, velocity_mps, transforms);
   }
 }
 

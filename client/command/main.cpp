@@ -6,7 +6,6 @@
 #include <iostream>
 
 #include "client/bench/command.h"
-#include "client/bench/echo.h"
 #include "client/replay/compare_command.h"
 #include "client/recordings/cut_command.h"
 #include "client/drive/drive_command.h"
@@ -58,27 +57,18 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
 }
 
 void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
-  CLI::App* evaluate = app.add_subcommand("evaluate",
-                                          "Play scenes under several camera policies in this process; write "
-                                          "tables and plots of how well they did");
-  CLI::Option* suite = evaluate
-                           ->add_option("--suite", options.suite,
-                                        "scenes: all generated scenes; paper: the paper's tables 1 to 3")
-                           ->check(CLI::IsMember(sightline::suite_names()));
-  evaluate
-      ->add_option("--scene", options.scenes,
-                   "A generated scene by name, or a .glb with roles; may be repeated")
-      ->excludes(suite);
+  CLI::App* evaluate = app.add_subcommand(
+      "evaluate", "Play scenes under several camera policies in this process; write tables of how well they did");
+  evaluate->add_option("--scene", options.scenes,
+                       "A generated scene by name, or a .glb with roles (default: all generated scenes); may be repeated");
   std::vector<std::string> names;
-  for (const sightline::PolicyEntry& policy : sightline::policies()) names.emplace_back(policy.name);
-  evaluate->add_option("--policy", options.policies, "Camera policy to play (default: all); may be repeated")
+  for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
+  evaluate->add_option("--policy", options.policies, "A camera policy (default: all); may be repeated")
       ->check(CLI::IsMember(names));
   evaluate
       ->add_option("--settings", options.settings,
-                   "NAME=JSON: Sightline under these settings (a Settings message of settings.proto, over "
-                   "the default preset) as "
-                   "a policy of its own; may be repeated")
-      ->excludes(suite)
+                   "NAME=JSON: a further policy, Sightline's step under these settings, e.g. "
+                   "calm={\"settings\":{\"move_response_s\":0.4}}; proto/SETTINGS.md lists them; may be repeated")
       ->allow_extra_args(false);
   evaluate->add_option("--seeds", options.seeds, "Number of variants of each scene: seeds 1 to N")
       ->check(CLI::Range(1, 100))
@@ -91,14 +81,9 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  evaluate
-      ->add_option("--frames", options.timed_frames,
-                   "Steps to time for each row of the suite paper's table 1")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  evaluate->add_option("--jobs", options.jobs, "Number of threads (default: the number of cores)")
+  evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
-  evaluate->add_option("--out", options.out, "Folder for the tables and plots")->capture_default_str();
+  evaluate->add_option("--out", options.out, "Folder for the tables")->capture_default_str();
 }
 
 }  // namespace
@@ -123,11 +108,6 @@ int main(int argc, char** argv) {
   bench.program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
   bench.progress = drive.progress;
   sightline::add_bench_flags(app, bench);
-
-  std::string echo;
-  app.add_subcommand("echo", "Serve a bare gRPC echo until standard input ends; `bench --echo` starts it")
-      ->add_option("--listen", echo, "host:port or unix:/path")
-      ->required();
 
   std::string scene;
   app.add_subcommand("scene", "Print what a scene file contains")
@@ -156,6 +136,5 @@ int main(int argc, char** argv) {
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
   if (app.got_subcommand("evaluate")) return sightline::run_evaluate_command(evaluate, std::cout, std::cerr);
   if (app.got_subcommand("bench")) return sightline::run_bench_command(bench, std::cout, std::cerr);
-  if (app.got_subcommand("echo")) return sightline::run_echo_command(echo);
   return sightline::run_scene_command(scene, std::cout, std::cerr);
 }

@@ -115,16 +115,18 @@ void ClientSession::Stream::OnDone(const grpc::Status& status) {
 namespace {
 
 // Merged as the server would apply them in turn: a preset resets all settings.
-void put_over(const v1::Settings& change, v1::Settings& settings) {
-  if (change.preset() != v1::Settings::PRESET_UNSPECIFIED) settings.Clear();
-  settings.MergeFrom(change);
+void put_over(const v1::Settings& settings, v1::Tick& changes) {
+  if (settings.preset() != v1::Settings::PRESET_UNSPECIFIED) changes.clear_settings(), changes.clear_tuning();
+  changes.mutable_settings()->MergeFrom(settings);
 }
 
-// Moves the waiting changes into the tick; its own settings and limits are applied on top.
+// Moves the waiting changes into the tick; its own settings, tuning and limits are applied on top.
 void take_changes(v1::Tick& changes, v1::Tick& tick) {
-  if (changes.has_settings()) {
-    put_over(tick.settings(), *changes.mutable_settings());
-    tick.mutable_settings()->Swap(changes.mutable_settings());
+  if (tick.has_settings()) put_over(tick.settings(), changes);
+  if (changes.has_settings()) tick.mutable_settings()->Swap(changes.mutable_settings());
+  if (changes.has_tuning()) {
+    changes.mutable_tuning()->MergeFrom(tick.tuning());
+    tick.mutable_tuning()->Swap(changes.mutable_tuning());
   }
   if (changes.has_limits()) {
     changes.mutable_limits()->MergeFrom(tick.limits());
@@ -137,7 +139,12 @@ void take_changes(v1::Tick& changes, v1::Tick& tick) {
 
 void ClientSession::Stream::change(const v1::Settings& settings) {
   const std::lock_guard lock(mutex_);
-  put_over(settings, *changes_.mutable_settings());
+  put_over(settings, changes_);
+}
+
+void ClientSession::Stream::change(const tuning::v1alpha1::Tuning& tuning) {
+  const std::lock_guard lock(mutex_);
+  changes_.mutable_tuning()->MergeFrom(tuning);
 }
 
 void ClientSession::Stream::change(const v1::CameraLimits& limits) {

@@ -22,6 +22,7 @@ class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRe
   Result<v1::SessionOpened> wait_opened(std::chrono::nanoseconds timeout);
   Status send(const v1::Tick& tick);
   void change(const v1::Settings& settings);
+  void change(const tuning::v1alpha1::Tuning& tuning);
   void change(const v1::CameraLimits& limits);
   Result<std::optional<SessionEvent>> receive(std::chrono::nanoseconds timeout);
   Status close(std::chrono::nanoseconds timeout);

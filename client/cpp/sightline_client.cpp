@@ -124,6 +124,9 @@ Status ClientSession::send(const v1::Tick& tick) {
 void ClientSession::change(const v1::Settings& settings) {
   stream_->change(settings);
 }
+void ClientSession::change(const tuning::v1alpha1::Tuning& tuning) {
+  stream_->change(tuning);
+}
 void ClientSession::change(const v1::CameraLimits& limits) {
   stream_->change(limits);
 }

@@ -65,11 +65,12 @@ class ClientSession {
   // the stream has ended: the error that ended it.
   Status send(const v1::Tick& tick);
 
-  // Changes settings or limits of the session with the next tick that is sent, like the fields of these names in that tick. Fields that
-  // are set replace those of the session; a preset resets all settings first. Several changes before one tick apply in order, and
+  // Changes settings, tuning or limits of the session with the next tick that is sent, like the fields of these names in that tick. Fields that
+  // are set replace those of the session; a preset resets settings and tuning first. Several changes before one tick apply in order, and
   // what that tick itself holds comes last. When the tick is refused, so are its changes, and the TickError names the
   // field ("tick.settings...."). Must be called on the thread that sends.
   void change(const v1::Settings& settings);
+  void change(const tuning::v1alpha1::Tuning& tuning);
   void change(const v1::CameraLimits& limits);
 
   // The oldest unread event, or nothing when none came within `timeout` (0: do not wait). An Error when the stream has ended and all

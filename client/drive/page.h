@@ -5,7 +5,7 @@
 #include <optional>
 #include <span>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/drive/player.h"
 #include "client/scenario/scenario_world.h"
 #include "client/page/session_page.h"

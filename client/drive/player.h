@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 #include "client/scenario/scenario.h"
 #include "client/cpp/sightline_client.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/drive/player.h"
 
 namespace sightline {

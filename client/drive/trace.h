@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 #include "client/drive/player.h"
 
 namespace sightline {

@@ -1,13 +1,8 @@
-// `sightline evaluate`: scenes x policies x settings, played and judged in this process, as tables and plots.
+// `sightline evaluate`: plays scenes under camera policies in this process and judges every run. It writes into the folder `out`:
 //
-// The suite "paper" instead plays the paper's tables (see paper_suite.h and paper_tables.h) and writes
-//   table1.csv, table2.csv, table3.csv
-//   plots/table2-r_n.svg, table2-r_p.svg, table3-offset.svg
-// Everything else writes into the folder `out`:
-//   runs.csv, runs.json       a row a run, every figure
-//   summary.md                scene x policy
-//   timing.csv                what a clock measured; every other file has the same bytes on every run
-//   plots/<scene>-s<seed>-share.svg, -path.svg; plots/bars-<figure>.svg
+//   runs.csv       one row a run, every figure
+//   pictures.csv   one row a judged picture: where the camera was and what it saw
+//   timing.csv     times measured by a clock; the other files have the same bytes on every run
 #pragma once
 
 #include <ostream>
@@ -19,29 +14,25 @@
 namespace sightline {
 
 struct EvaluateOptions {
-  std::string suite;                  // "scenes": every generated scene; "paper"; empty: `scenes` says which
-  std::vector<std::string> scenes;    // names of generated scenes, and paths of .glb or .gltf files
-  std::vector<std::string> policies;  // empty: all; must be empty with suite "paper"
-  std::vector<std::string> settings;  // NAME=JSON, each a policy of its own after the others, see named_settings.h
+  std::vector<std::string>
+      scenes;  // names of generated scenes, and paths of .glb or .gltf files; empty: all generated scenes
+  std::vector<std::string> policies;  // names; empty: all built-in policies
+  std::vector<std::string> settings;  // NAME=JSON, each a further policy (read_named_settings in policy.h)
   int seeds = 5;                      // [1, 100]: seeds 1 .. n
   double rate_hz = 60.0;
-  double duration_s = 0.0;  // at most this much of each scene; 0: all
+  double duration_s = 0.0;  // longest part of each scene to play; 0: all of it
   int picture_every = 6;
-  int timed_frames = 5000;  // >= 1; steps of each row of Table 1; suite "paper" only
-  int jobs = 0;             // 0: as many as there are cores
+  int jobs = 0;  // number of threads; 0: one per core
   std::string out = "evaluation";
-  bool progress = false;  // a bar on `err`
+  bool progress = false;  // draw a bar on `err`
 };
 
-// The names that --suite takes.
-std::vector<std::string> suite_names();
-
-// The scene cases that the options ask for; not of suite "paper". Of a generated scene one a seed, of the arena with 2 .. 8 targets
-// each; of a file one a seed too, which then is the session's alone. kNotFound: neither a scene nor a file;
-// kInvalidArgument: nothing is asked for, or both a suite and scenes.
+// The scene cases that the options ask for, one a seed. A generated scene that comes in several sizes gives a case for each size:
+// the arena with 2 to 8 targets, the crowd with 0 to 35 others. A file is the same at every seed; only the session's seed
+// changes. kNotFound: neither a generated scene nor a file.
 Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options);
 
-// 0 when all was played and written, else 1 with the reason on `err`.
+// 0 when everything was played and written, else 1 with the reason on `err`.
 int run_evaluate_command(const EvaluateOptions& options, std::ostream& out, std::ostream& err);
 
 }  // namespace sightline

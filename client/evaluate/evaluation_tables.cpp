@@ -1,10 +1,7 @@
 #include "client/evaluate/evaluation_tables.h"
 
 #include <algorithm>
-#include <array>
-#include <cassert>
 #include <charconv>
-#include <nlohmann/json.hpp>
 
 #include "client/base/text_table.h"
 
@@ -13,234 +10,153 @@ namespace {
 
 using Run = RunRecord;
 
-double count(size_t n) {
-  return static_cast<double>(n);
-}
+struct Column {
+  std::string_view name;
+  double (*of)(const Run& run);
+};
 
-constexpr std::array<Figure, 40> kFigures{{
-    {"frames", "frames", [](const Run& r) { return count(r.metrics.frames); }},
-    {"pictures", "judged pictures", [](const Run& r) { return count(r.metrics.pictures); }},
-    {"joint_visible_share", "Share of pictures with all targets visible to 95 %",
-     [](const Run& r) { return r.metrics.all_clear(); }, true},
-    {"all_seen", "Share of pictures with a pixel of every target",
-     [](const Run& r) { return r.metrics.all_seen; }, true},
-    {"mean_visible_share", "Mean visible share of a target",
-     [](const Run& r) { return r.metrics.mean_visible_share; }, true},
-    {"mean_hidden_share", "Mean hidden share of a target in the picture",
-     [](const Run& r) { return r.metrics.mean_hidden_share; }, true},
-    {"in_frame_share", "Share of pictures that hold a target's centre",
-     [](const Run& r) { return r.metrics.in_frame_share; }, true},
-    {"r_n", "r_N: share of pictures with no target visible", [](const Run& r) { return r.metrics.r_n; },
-     true},
-    {"r_p", "r_P: share of pictures with a target partly hidden", [](const Run& r) { return r.metrics.r_p; },
-     true},
-    {"r_p_tolerant", "r_P with 5 % tolerance", [](const Run& r) { return r.metrics.r_p_tolerant; }, true},
-    {"episodes", "Episodes of lost sight", [](const Run& r) { return count(r.metrics.episodes.count); },
-     true},
-    {"p95_episode_s", "95th percentile of an episode's length, seconds",
-     [](const Run& r) { return r.metrics.episodes.p95_length_s; }, true},
-    {"mean_reacquire_s", "Mean time to reacquire 95 % of a lost target, seconds",
-     [](const Run& r) { return r.metrics.episodes.mean_reacquire_s; }, true},
-    {"never_reacquired", "episodes not made good by the end",
-     [](const Run& r) { return count(r.metrics.episodes.never_reacquired); }},
-    {"lasting_occlusions", "lasting occlusions", [](const Run& r) { return count(r.reaction.occlusions); }},
-    {"mean_reaction_s", "Mean reaction delay to a lasting occlusion, seconds",
-     [](const Run& r) { return r.reaction.mean_delay_s; }, true},
-    {"p95_reaction_s", "95th percentile of the reaction delay, seconds",
-     [](const Run& r) { return r.reaction.p95_delay_s; }},
-    {"mean_regain_s", "Mean time until a lasting occlusion is over, seconds",
-     [](const Run& r) { return r.reaction.mean_regain_s; }, true},
-    {"unanswered_occlusions", "lasting occlusions without an answer",
-     [](const Run& r) { return count(r.reaction.unanswered); }},
-    {"d_c_m", "d_c: camera travel, metres", [](const Run& r) { return r.metrics.d_c_m; }, true},
-    {"d_s_heights", "d_s: travel of the targets in the picture, picture heights",
-     [](const Run& r) { return r.metrics.d_s_heights; }, true},
-    {"rms_acceleration_mps2", "RMS acceleration, m/s2",
-     [](const Run& r) { return r.metrics.rms_acceleration_mps2; }, true},
-    {"peak_acceleration_mps2", "peak acceleration, m/s2",
-     [](const Run& r) { return r.metrics.peak_acceleration_mps2; }},
-    {"rms_jerk_mps3", "RMS jerk, m/s3", [](const Run& r) { return r.metrics.rms_jerk_mps3; }, true},
-    {"peak_jerk_mps3", "peak jerk, m/s3", [](const Run& r) { return r.metrics.peak_jerk_mps3; }},
-    {"peak_speed_mps", "peak speed, m/s", [](const Run& r) { return r.metrics.peak_speed_mps; }},
-    {"peak_angular_speed_radps", "peak angular speed, rad/s",
-     [](const Run& r) { return r.metrics.peak_angular_speed_radps; }},
-    {"peak_angular_acceleration_radps2", "peak angular acceleration, rad/s2",
-     [](const Run& r) { return r.metrics.peak_angular_acceleration_radps2; }},
-    {"pops", "Jumps of over 0.5 m or 5 degrees without a cut",
-     [](const Run& r) { return count(r.metrics.pops); }, true},
-    {"body_collisions", "Frames in which the body touches a collider",
-     [](const Run& r) { return count(r.metrics.body_collisions); }, true},
-    {"least_clearance_m", "least clearance, metres",
-     [](const Run& r) { return r.metrics.least_clearance_m; }},
-    {"limit_violations", "Frames that break a motion limit",
-     [](const Run& r) { return count(r.metrics.limit_violations); }, true},
-    {"word_pairs", "judged words", [](const Run& r) { return count(r.words->pairs); }, false, true},
-    {"word_hidden_pairs", "judged words of targets truly not visible",
-     [](const Run& r) { return count(r.words->hidden_pairs); }, false, true},
-    {"false_visible", "Said visible in this step, of what is not",
-     [](const Run& r) { return r.words->visible.false_visible; }, true, true},
-    {"false_occluded", "Said not visible in this step, of what is",
-     [](const Run& r) { return r.words->visible.false_occluded; }, true, true},
-    {"share_error", "Mean absolute error of the share reported of a step",
-     [](const Run& r) { return r.words->visible.mean_absolute_error; }, true, true},
-    {"filtered_false_visible", "Said visible over the last steps, of what is not",
-     [](const Run& r) { return r.words->filtered.false_visible; }, true, true},
-    {"filtered_false_occluded", "Said not visible over the last steps, of what is",
-     [](const Run& r) { return r.words->filtered.false_occluded; }, true, true},
-    {"filtered_share_error", "Mean absolute error of the share reported over the last steps",
-     [](const Run& r) { return r.words->filtered.mean_absolute_error; }, true, true},
-}};
+constexpr Column kReactionColumns[] = {
+    {"sustained_occlusions", [](const Run& r) { return double(r.reaction.occlusions); }},
+    {"mean_reaction_s", [](const Run& r) { return r.reaction.mean_delay_s; }},
+    {"p95_reaction_s", [](const Run& r) { return r.reaction.p95_delay_s; }},
+    {"mean_regain_s", [](const Run& r) { return r.reaction.mean_regain_s; }},
+    {"unanswered_occlusions", [](const Run& r) { return double(r.reaction.unanswered); }},
+};
 
-// A cell of the summary must not end its row or its cell.
-std::string in_cell(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '|') out += '\\';
-    out += c == '\n' ? ' ' : c;
-  }
-  return out;
-}
+// Only of runs that have reports.
+constexpr Column kReportColumns[] = {
+    {"reported_pairs", [](const Run& r) { return double(r.reports->pairs); }},
+    {"reported_hidden_pairs", [](const Run& r) { return double(r.reports->hidden_pairs); }},
+    {"false_visible", [](const Run& r) { return r.reports->visible.false_visible; }},
+    {"false_occluded", [](const Run& r) { return r.reports->visible.false_occluded; }},
+    {"share_error", [](const Run& r) { return r.reports->visible.mean_absolute_error; }},
+    {"filtered_false_visible", [](const Run& r) { return r.reports->filtered.false_visible; }},
+    {"filtered_false_occluded", [](const Run& r) { return r.reports->filtered.false_occluded; }},
+    {"filtered_share_error", [](const Run& r) { return r.reports->filtered.mean_absolute_error; }},
+};
 
-void write_identity(std::ostream& out, const Run& run) {
-  out << quoted(run.scene) << ',' << run.seed << ',' << run.target_count << ',' << quoted(run.policy);
-}
-
-}  // namespace
-
-std::span<const Figure> figures() {
-  return kFigures;
-}
-
-bool has(const RunRecord& run, const Figure& figure) {
-  return !figure.of_words || run.words.has_value();
-}
-
-double Group::mean(const Figure& figure) const {
-  double sum = 0.0;
-  size_t n = 0;
-  for (const RunRecord* run : runs)
-    if (has(*run, figure)) sum += figure.of(*run), ++n;
-  return n == 0 ? 0.0 : sum / count(n);
-}
-
-double Group::mean(std::string_view figure_name) const {
-  const auto found =
-      std::find_if(kFigures.begin(), kFigures.end(), [&](const Figure& f) { return f.name == figure_name; });
-  assert(found != kFigures.end());
-  return mean(*found);
-}
-
-std::vector<Group> group_runs(std::span<const RunRecord> runs) {
-  std::vector<Group> groups;
-  for (const RunRecord& run : runs) {
-    auto group = std::find_if(groups.begin(), groups.end(),
-                              [&](const Group& g) { return g.scene == run.scene && g.policy == run.policy; });
-    if (group == groups.end()) group = groups.insert(groups.end(), {run.scene, run.policy, {}});
-    group->runs.push_back(&run);
-  }
-  return groups;
-}
-
-void write_csv(std::ostream& out, std::span<const RunRecord> runs) {
-  out << "scene,seed,targets,policy";
-  for (const Figure& figure : kFigures) out << ',' << figure.name;
-  out << '\n';
-  for (const RunRecord& run : runs) {
-    write_identity(out, run);
-    for (const Figure& figure : kFigures) {
-      out << ',';
-      if (has(run, figure)) out << exact_text(figure.of(run));
-    }
-    out << '\n';
-  }
-}
-
-void write_json(std::ostream& out, std::span<const RunRecord> runs) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
-  for (const RunRecord& run : runs) {
-    nlohmann::ordered_json row = {
-        {"scene", run.scene}, {"seed", run.seed}, {"targets", run.target_count}, {"policy", run.policy}};
-    for (const Figure& figure : kFigures) {
-      if (has(run, figure))
-        row[std::string(figure.name)] = figure.of(run);
-      else
-        row[std::string(figure.name)] = nullptr;
-    }
-    row["by_target"] = nlohmann::ordered_json::array();
-    for (const TargetMetrics& target : run.metrics.targets)
-      row["by_target"].push_back({{"id", target.id},
-                                  {"name", target.name},
-                                  {"mean_visible_share", target.mean_visible_share},
-                                  {"in_frame_share", target.in_frame_share}});
-    json.push_back(std::move(row));
-  }
-  // A file name need not be UTF-8.
-  out << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-}
-
-namespace {
-
-// Two cells, empty for a policy that says nothing.
-std::string words_in_cells(const Group& group) {
-  if (!group.runs.front()->words) return "| ";
-  return fixed(group.mean("share_error"), 3) + ", " + fixed(group.mean("filtered_share_error"), 3) + " | " +
-         percent(group.mean("filtered_false_visible")) + ", " +
-         percent(group.mean("filtered_false_occluded"));
-}
-
-}  // namespace
-
-void write_summary(std::ostream& out, std::span<const RunRecord> runs) {
-  out << "Means over seeds. Joint visible share: pictures in which every target is visible to 95 %. "
-         "Episodes: times a\n"
-         "target was lost from sight. Collisions, violations and pops are summed over seeds. Error of the "
-         "word: mean\n"
-         "absolute error of the visible share that a policy reports, of one step and over the last steps; "
-         "false words: over\n"
-         "the last steps, said visible of what is not, and the reverse.\n\n"
-         "| scene | policy | runs | joint visible share | r_N | r_P (5 %) | episodes | reacquire s | "
-         "collisions | "
-         "violations | pops | d_c m | d_s heights | jerk m/s3 | reaction s | error of the word | false words "
-         "|\n"
-         "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n";
-  for (const Group& group : group_runs(runs)) {
-    const auto sum = [&](std::string_view name) {
-      return fixed(group.mean(name) * count(group.runs.size()), 0);
-    };
-    out << "| " << in_cell(group.scene) << " | " << group.policy << " | " << group.runs.size() << " | "
-        << percent(group.mean("joint_visible_share")) << " | " << percent(group.mean("r_n")) << " | "
-        << percent(group.mean("r_p_tolerant")) << " | " << fixed(group.mean("episodes"), 1) << " | "
-        << fixed(group.mean("mean_reacquire_s"), 2) << " | " << sum("body_collisions") << " | "
-        << sum("limit_violations") << " | " << sum("pops") << " | " << fixed(group.mean("d_c_m"), 1) << " | "
-        << fixed(group.mean("d_s_heights"), 1) << " | " << fixed(group.mean("rms_jerk_mps3"), 0) << " | "
-        << fixed(group.mean("mean_reaction_s"), 2) << " | " << words_in_cells(group) << " |\n";
-  }
-}
-
-void write_timing(std::ostream& out, std::span<const RunRecord> runs) {
-  out << "scene,seed,targets,policy,run_s,step_ms\n";
-  for (const RunRecord& run : runs) {
-    write_identity(out, run);
-    out << ',' << fixed(run.timing.run_s, 3) << ',' << fixed(run.timing.step_ms, 4) << '\n';
-  }
-}
-
+// In quotes, with quotes doubled: a user's file may have any name.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"') out += '"';
     out += c;
   }
-  out += '"';
-  return out;
+  return out + '"';
 }
 
-std::string fixed(double value, int digits) {
-  return formatted("%.*f", digits, value);
+void write_identity(std::ostream& out, const Run& run) {
+  out << quoted(run.scene) << ',' << run.seed << ',' << run.target_count << ',' << quoted(run.policy);
+}
+
+// The runs of one scene's seeds under one policy.
+using Group = std::vector<const Run*>;
+
+std::vector<Group> group_runs(std::span<const Run> runs) {
+  std::vector<Group> groups;
+  for (const Run& run : runs) {
+    const auto group = std::find_if(groups.begin(), groups.end(), [&](const Group& g) {
+      return g.front()->scene == run.scene && g.front()->policy == run.policy;
+    });
+    group == groups.end() ? groups.push_back({&run}) : group->push_back(&run);
+  }
+  return groups;
+}
+
+template <typename Value>
+double sum(const Group& group, Value value) {
+  double total = 0.0;
+  for (const Run* run : group) total += static_cast<double>(value(*run));
+  return total;
+}
+
+template <typename Value>
+double mean(const Group& group, Value value) {
+  return sum(group, value) / static_cast<double>(group.size());
 }
 
 std::string percent(double share) {
-  return fixed(100 * share, 2) + " %";
+  return formatted("%.2f %%", 100 * share);
+}
+
+}  // namespace
+
+void write_runs(std::ostream& out, std::span<const Run> runs) {
+  out << "scene,seed,targets,policy";
+  for (const RunFigure& figure : run_figures()) out << ',' << figure.name;
+  for (const Column& column : kReactionColumns) out << ',' << column.name;
+  for (const Column& column : kReportColumns) out << ',' << column.name;
+  out << ",reaction_delays_s\n";
+  for (const Run& run : runs) {
+    write_identity(out, run);
+    for (const RunFigure& figure : run_figures()) out << ',' << exact_text(figure.of(run.metrics));
+    for (const Column& column : kReactionColumns) out << ',' << exact_text(column.of(run));
+    for (const Column& column : kReportColumns) out << ',' << (run.reports ? exact_text(column.of(run)) : "");
+    out << ",\"";
+    for (const double delay_s : run.reaction.delays_s) out << exact_text(delay_s) << ' ';
+    out << "\"\n";
+  }
+}
+
+void write_pictures(std::ostream& out, std::span<const Run> runs) {
+  out << "scene,seed,targets,policy,time_s,camera_x_m,camera_y_m,camera_z_m,least_visible_share\n";
+  for (const Run& run : runs)
+    for (const JudgedPicture& picture : run.pictures) {
+      write_identity(out, run);
+      const glm::dvec3& p = picture.camera_m;
+      for (const double value : {picture.time_s, p.x, p.y, p.z, picture.least_visible_share})
+        out << ',' << exact_text(value);
+      out << '\n';
+    }
+}
+
+void write_timing(std::ostream& out, std::span<const Run> runs) {
+  out << "scene,seed,targets,policy,run_s,step_ms\n";
+  for (const Run& run : runs) {
+    write_identity(out, run);
+    out << formatted(",%.3f,%.4f\n", run.timing.run_s, run.timing.step_ms);
+  }
+}
+
+void print_summary(std::ostream& out, std::span<const Run> runs) {
+  Table table({{"scene"},
+               {"policy"},
+               {"runs", true},
+               {"joint", true},
+               {"r_N", true},
+               {"r_P (5 %)", true},
+               {"episodes", true},
+               {"collisions", true},
+               {"violations", true},
+               {"pops", true},
+               {"d_c m", true},
+               {"jerk m/s3", true},
+               {"reaction s", true},
+               {"report error", true}});
+  for (const Group& group : group_runs(runs)) {
+    const auto of = [&](const char* format, auto value) { return formatted(format, mean(group, value)); };
+    const auto total = [&](auto value) { return formatted("%.0f", sum(group, value)); };
+    table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
+               percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
+               percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
+               percent(mean(group, [](const Run& r) { return r.metrics.r_p_tolerant; })),
+               of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
+               total([](const Run& r) { return r.metrics.body_collisions; }),
+               total([](const Run& r) { return r.metrics.limit_violations; }),
+               total([](const Run& r) { return r.metrics.pops; }),
+               of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
+               of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),
+               of("%.2f", [](const Run& r) { return r.reaction.mean_delay_s; }),
+               group.front()->reports
+                   ? of("%.3f", [](const Run& r) { return r.reports->filtered.mean_absolute_error; })
+                   : ""});
+  }
+  table.print(out);
+  out << "\nMeans over seeds; collisions, limit violations and pops are frames, summed over seeds. joint: "
+         "share of\n"
+         "pictures in which every target is visible to 95 %. episodes: times that a target was lost from "
+         "sight.\n"
+         "report error: mean absolute error of the filtered visible share that the policy reports.\n";
 }
 
 std::string exact_text(double value) {

@@ -1,17 +1,13 @@
 #include "client/evaluate/policy.h"
 
-#include <array>
-
-#include "client/evaluate/follow.h"
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
 #include "client/evaluate/policy_step.h"
-#include "server/step/presets.h"
+#include "client/truth/follow.h"
+#include "server/settings/step_settings.h"
 
 namespace sightline {
 namespace {
-
-using MadePolicy = Result<std::unique_ptr<CameraPolicy>>;
 
 class FollowPolicy : public CameraPolicy {
  public:
@@ -20,10 +16,7 @@ class FollowPolicy : public CameraPolicy {
 
   Result<PolicyStep> next(double time_s, double) override {
     world_->set_time(time_s);
-    PolicyStep step;
-    step.camera = follow_.pose(*world_);
-    step.lens = lens_;
-    return step;
+    return PolicyStep{.camera = follow_.pose(*world_), .lens = lens_, .reports = {}};
   }
 
  private:
@@ -32,47 +25,23 @@ class FollowPolicy : public CameraPolicy {
   const FollowCamera follow_;
 };
 
-// A baseline: a camera in a world that it looks at for itself.
+// A baseline has a world of its own, in which it traces rays.
 template <typename Policy>
-MadePolicy make_in_world(const PolicySite& site) {
-  auto world = ScenarioWorld::make(site.scenario, site.store, site.device);
-  if (!world) return tl::unexpected(world.error());
-  return std::make_unique<Policy>(site, std::move(*world));
+PolicyEntry baseline(std::string name) {
+  const auto make = [](const PolicySite& site) -> Result<std::unique_ptr<CameraPolicy>> {
+    auto world = ScenarioWorld::make(site.scenario, site.store, site.device);
+    if (!world) return tl::unexpected(world.error());
+    return std::make_unique<Policy>(site, std::move(*world));
+  };
+  return {std::move(name), make};
 }
-
-// ---- presets of the step ----
-
-StepSettings sightline_settings() {
-  return preset_settings(Preset::kSightline);
-}
-
-StepSettings paper_settings() {
-  return preset_settings(Preset::kPaper);
-}
-
-constexpr std::array<PolicyEntry, 5> kPolicies{{
-    {"follow", "a fixed offset from the targets' centre; avoids nothing", &make_in_world<FollowPolicy>},
-    {"spring-arm", "pulled in along its arm by a sphere sweep", &make_in_world<SpringArmPolicy>},
-    {"raycast", "single rays to the targets' centres over the same candidates",
-     &make_in_world<RaycastPolicy>},
-    {"paper", "the method as printed: RobustMove, prediction 0.3 s, filter 6/10", &make_step<paper_settings>},
-    {"sightline", "the default settings", &make_step<sightline_settings>},
-}};
 
 }  // namespace
 
-Result<std::unique_ptr<CameraPolicy>> make_policy(const PolicyEntry& entry, const PolicySite& site) {
-  return entry.settings ? make_step_policy(site, *entry.settings) : entry.make(site);
-}
-
-std::span<const PolicyEntry> policies() {
-  return kPolicies;
-}
-
-const PolicyEntry* find_policy(std::string_view name) {
-  for (const PolicyEntry& entry : kPolicies)
-    if (entry.name == name) return &entry;
-  return nullptr;
+std::vector<PolicyEntry> policies() {
+  return {baseline<FollowPolicy>("follow"), baseline<SpringArmPolicy>("spring-arm"),
+          baseline<RaycastPolicy>("raycast"), step_policy("paper", preset_settings(Preset::kPaper)),
+          step_policy("sightline", preset_settings(Preset::kSightline))};
 }
 
 }  // namespace sightline

@@ -1,24 +1,22 @@
-// A camera policy: what steers a camera through a scenario, tick by tick. Sightline's own step under several
-// settings, and the baselines that it is compared with (design 9).
-//
-// `policies()` is the one table of them all: a preset of the step is a line there.
+// A camera policy steers a camera through a scenario, tick by tick: Sightline's own step under several settings, or one of the
+// baselines that it is compared with (design 9). `policies()` lists the built-in ones.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
-#include <span>
-#include <string_view>
+#include <string>
 #include <vector>
 
-#include "client/evaluate/metrics.h"
 #include "client/scenario/scenario_world.h"
+#include "client/truth/metrics.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 #include "server/step/step.h"
 
 namespace sightline {
 
-// Where a policy works. All references must outlive it; several policies on several threads may share them.
+// Where a policy works. All references must outlive it. Several policies on several threads may share one site.
 struct PolicySite {
   const Scenario& scenario;  // with at least one target of weight > 0
   GeometryStore& store;
@@ -26,7 +24,7 @@ struct PolicySite {
   SamplerDevice& samplers;
   ExtentCache& extents;
   CameraLimits limits;
-  double tick_s = 1.0 / 60.0;  // > 0; over which actors' velocities are taken
+  double tick_s = 1.0 / 60.0;  // > 0; actors' velocities are taken over this time
   uint64_t seed = 1;
 };
 
@@ -34,30 +32,37 @@ struct PolicyStep {
   Pose camera;
   Lens lens;
   bool jump = false;  // see CameraFrame
-  // What the policy says that its camera sees; none: it says nothing.
-  std::optional<std::vector<TargetWord>> words;
+  std::optional<std::vector<ReportedShare>>
+      reports;  // what the policy reports that its camera sees, if it reports anything
 };
 
-// Deterministic: the same site and calls give the same answers. One thread at a time.
+// Deterministic: the same site and the same calls give the same answers. Used by one thread at a time.
 class CameraPolicy {
  public:
   virtual ~CameraPolicy() = default;
-  // The camera for the scene as it is at `time_s`. Times never go back; `dt_s` is the time since the call
-  // before, 0 at the first.
+  // The camera at `time_s` of the scene. Times never decrease; `dt_s` is the time since the last call, 0 at the first.
   virtual Result<PolicyStep> next(double time_s, double dt_s) = 0;
 };
 
 struct PolicyEntry {
-  std::string_view name;
-  std::string_view summary;
-  Result<std::unique_ptr<CameraPolicy>> (*make)(const PolicySite& site);
-  // When given, Sightline's step under these settings, and `make` is not called. Must outlive the entry.
-  const StepSettings* settings = nullptr;
+  std::string name;
+  std::function<Result<std::unique_ptr<CameraPolicy>>(const PolicySite& site)> make;
 };
-Result<std::unique_ptr<CameraPolicy>> make_policy(const PolicyEntry& entry, const PolicySite& site);
-// In the order in which tables and plots show them.
-std::span<const PolicyEntry> policies();
-// Null when there is no such policy.
-const PolicyEntry* find_policy(std::string_view name);
+// The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline.
+std::vector<PolicyEntry> policies();
+// A policy of Sightline's step under these settings.
+PolicyEntry step_policy(std::string name, const StepSettings& settings);
+
+// Reads NAME=JSON, where JSON is a `Settings` message (settings.proto) over the default preset, for example
+//   calm={"move":{"response_s":0.4},"aggregate":{"filter":{"mode":"JOINT","alpha":0.6,"n":10}}}
+// NAME consists of 1 to 32 letters, digits, '-' and '_'. Fields that are absent keep the preset's value, as in a session.
+//
+// Errors name the field: "settings" when the text is not NAME=JSON, "settings.calm" when JSON is not a Settings message,
+// "settings.calm.move.response_s" when a value is out of range.
+struct NamedSettings {
+  std::string name;
+  StepSettings settings;
+};
+Result<NamedSettings> read_named_settings(const std::string& text);
 
 }  // namespace sightline

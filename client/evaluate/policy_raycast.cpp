@@ -8,19 +8,19 @@
 namespace sightline {
 namespace {
 
-// As in the step: the horizon doubles in this time while no place sees all.
+// As in the step, the horizon doubles in this time while no candidate sees all targets.
 constexpr double kHorizonDoublingS = 0.25;
 
-glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& place_m) {
-  const glm::dvec3 out = place_m - bound.center_m;
+glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& point_m) {
+  const glm::dvec3 out = point_m - bound.center_m;
   const double distance = glm::length(out), reach = bound.radius_m * (1 - 1e-9);
-  return distance <= reach ? place_m : bound.center_m + out * (reach / distance);
+  return distance <= reach ? point_m : bound.center_m + out * (reach / distance);
 }
 
 }  // namespace
 
-void cast_visibility(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
-                     CandidateSet& candidates) {
+void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
+                      std::span<const Target> targets, CandidateSet& candidates) {
   std::fill(candidates.visible_targets.begin(), candidates.visible_targets.end(), 0u);
   for (size_t k = 0; k < targets.size(); ++k) {
     const glm::dvec3 aim = aim_point_m(*mirror.find(targets[k].instance_id));
@@ -47,7 +47,7 @@ RaycastPolicy::RaycastPolicy(const PolicySite& site, std::unique_ptr<ScenarioWor
   turn_.angles = angles_from_rotation(camera_.pose.rotation, 0.0);
 }
 
-void RaycastPolicy::look_at_targets() {
+void RaycastPolicy::update_views() {
   views_.clear();
   for (const Target& target : world_->targets()) {
     const Instance& instance = *world_->mirror().find(target.instance_id);
@@ -59,10 +59,10 @@ void RaycastPolicy::look_at_targets() {
 void RaycastPolicy::list_candidates(const Bound& bound, const glm::dvec3& desired_m) {
   lattice_.cover(bound, settings_.aggregate.candidates);
   candidates_.clear();
-  for (const glm::dvec3& place : lattice_.positions_m()) candidates_.add(place);
+  for (const glm::dvec3& position : lattice_.positions_m()) candidates_.add(position);
   candidates_.add(camera_.pose.position_m);
   candidates_.add(nearest_in_bound(bound, desired_m));
-  cast_visibility(world_->occluders(), world_->mirror(), world_->targets(), candidates_);
+  trace_visibility(world_->occluders(), world_->mirror(), world_->targets(), candidates_);
   candidates_.filtered_targets = candidates_.visible_targets;
 }
 
@@ -73,7 +73,7 @@ Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
   colliders_.gather(world_->mirror(), from,
                     2 * bound.radius_m + site_.limits.max_speed_mps * kMaxStepS + brake + 2 * body, {});
   StraightWays ways(colliders_, from, body);
-  const Reachable reachable = [&](const glm::dvec3& place) { return ways.is_free(place); };
+  const Reachable reachable = [&](const glm::dvec3& position) { return ways.is_free(position); };
   return choose_basic(candidates_, views_, desired_m, 0.0, settings_.move, reachable, scratch_);
 }
 
@@ -87,19 +87,19 @@ void RaycastPolicy::travel(const Choice& choice, double dt_s) {
   camera_.velocity_mps = make_safe(camera_, wanted, site_.limits, lens_, colliders_, dt_s).velocity_mps;
   camera_.pose.position_m += camera_.velocity_mps * dt_s;
   const Aim aim = aim_at(camera_.pose.position_m, views_, turn_.angles, lens_, settings_.framing);
-  turn_ = turn_towards(turn_, aim.angles, site_.limits, settings_.framing.response_s, dt_s);
+  turn_ = turn_towards(turn_, aim.angles, site_.limits, settings_.framing.aim_response_s, dt_s);
   camera_.pose.rotation = rotation_from_angles(turn_.angles);
 }
 
 Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
   const glm::dvec3 before_m = world_->targets_center_m();
   world_->set_time(time_s);
-  look_at_targets();
+  update_views();
   if (dt_s > 0) {
     center_velocity_mps_ = (world_->targets_center_m() - before_m) / dt_s;
     const Bound bound = bound_camera(camera_, site_.limits, settings_.bound, horizon_s_, dt_s);
     const glm::dvec3 desired_m =
-        desired_place_m(views_, offset_m_, lens_, settings_.framing.margin, settings_.move);
+        desired_place_m(views_, offset_m_, lens_, settings_.framing.framing_margin, settings_.move);
     list_candidates(bound, desired_m);
     const Choice choice = choose(bound, desired_m);
     const double factor = std::exp2(dt_s / kHorizonDoublingS);
@@ -107,10 +107,7 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
     horizon_s_ = std::clamp(horizon_s_, settings_.bound.horizon_s, settings_.bound.max_horizon_s);
     travel(choice, dt_s);
   }
-  PolicyStep step;
-  step.camera = camera_.pose;
-  step.lens = lens_;
-  return step;
+  return PolicyStep{.camera = camera_.pose, .lens = lens_, .reports = {}};
 }
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
-// What one would write first: a ray from every candidate place to every target's centre, and the nearest
-// place that sees all. Same candidates, same choice, same motion limits and body as Sightline's Basic; only
-// what is known of visibility differs: exact, of one point a target, at a cost of candidates x targets rays.
+// The simplest occlusion-aware camera: it traces a ray from every candidate to every target's centre and takes the nearest
+// candidate that sees all targets. Candidates, choice, motion limits and body are those of Sightline's Basic strategy. Only
+// visibility differs: it is exact for one point of each target, and costs candidates x targets rays.
 #pragma once
 
 #include "client/evaluate/policy.h"
@@ -14,10 +14,10 @@
 
 namespace sightline {
 
-// Sets bit i of visible_targets of every candidate from which the straight line to the aim point of
-// targets[i] meets no occluder but that target; clears the others. `occluders` must have taken in `mirror`.
-void cast_visibility(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
-                     CandidateSet& candidates);
+// Sets bit i of a candidate's visible_targets when the straight line to the aim point of targets[i] meets no occluder other than
+// that target, and clears it otherwise. `occluders` must have taken in `mirror`.
+void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
+                      std::span<const Target> targets, CandidateSet& candidates);
 
 class RaycastPolicy : public CameraPolicy {
  public:
@@ -25,7 +25,7 @@ class RaycastPolicy : public CameraPolicy {
   Result<PolicyStep> next(double time_s, double dt_s) override;
 
  private:
-  void look_at_targets();
+  void update_views();
   void list_candidates(const Bound& bound, const glm::dvec3& desired_m);
   Choice choose(const Bound& bound, const glm::dvec3& desired_m);
   void travel(const Choice& choice, double dt_s);

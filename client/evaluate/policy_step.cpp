@@ -1,6 +1,12 @@
-#include "client/evaluate/policy_step.h"
+// Sightline's own step as a policy: a session in this process that gets the ticks which a game server would stream.
+#include <algorithm>
+#include <cctype>
 
+#include "client/base/wire_presets.h"
+#include "client/evaluate/policy.h"
 #include "server/session/session.h"
+#include "server/settings/step_settings.h"
+#include "server/wire/from_proto_values.h"
 
 namespace sightline {
 namespace {
@@ -19,9 +25,9 @@ class StepPolicy : public CameraPolicy {
     step.camera = answer->step.camera.pose;
     step.lens = answer->lens;
     step.jump = answer->cut || answer->step.flags.dt_capped;
-    step.words.emplace();
+    step.reports.emplace();
     for (const TargetSight& sight : answer->step.targets)
-      step.words->push_back({sight.id, sight.visible_share, sight.filtered_share});
+      step.reports->push_back({sight.id, sight.visible_share, sight.filtered_share});
     return step;
   }
 
@@ -64,8 +70,6 @@ Status add_scene(const Scenario& scenario, GeometryStore& store, SessionOptions&
   return {};
 }
 
-}  // namespace
-
 Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings) {
   SessionOptions options;
   options.seed = site.seed;
@@ -76,10 +80,39 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.extents = &site.extents;
   if (auto added = add_scene(site.scenario, site.store, options); !added)
     return tl::unexpected(added.error());
-  // No stage clock: nothing that is measured in time may reach a figure.
+  // Without a stage clock, no measured time can reach a figure.
   auto session = Session::open(std::move(options), site.samplers.make_sampler(), StageClock());
   if (!session) return tl::unexpected(session.error());
   return std::make_unique<StepPolicy>(site, std::move(*session));
+}
+
+constexpr size_t kLongestName = 32;
+
+bool is_name(const std::string& name) {
+  return !name.empty() && name.size() <= kLongestName &&
+         std::all_of(name.begin(), name.end(),
+                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
+}
+
+}  // namespace
+
+PolicyEntry step_policy(std::string name, const StepSettings& settings) {
+  return {std::move(name), [settings](const PolicySite& site) { return make_step_policy(site, settings); }};
+}
+
+Result<NamedSettings> read_named_settings(const std::string& text) {
+  const size_t equals = text.find('=');
+  NamedSettings named{.name = text.substr(0, equals), .settings = preset_settings(Preset::kSightline)};
+  if (equals == std::string::npos || !is_name(named.name))
+    return invalid("settings", "must be NAME=JSON, NAME being 1 to 32 letters, digits, '-' or '_'");
+  const std::string field = std::string("settings.").append(named.name);
+  const auto wire = settings_from_json(text.substr(equals + 1));
+  if (!wire) return invalid(field, wire.error().message);
+  if (Status ok = read_settings(wire->settings(), wire->tuning(), field + ".", named.settings); !ok)
+    return tl::unexpected(ok.error());
+  if (Status ok = validate(named.settings); !ok)
+    return fail(ok.error().code, std::string(field).append(".").append(ok.error().field), ok.error().message);
+  return named;
 }
 
 }  // namespace sightline

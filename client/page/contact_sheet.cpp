@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <optional>
 
-#include "client/evaluate/truth.h"
+#include "client/truth/truth.h"
 
 namespace sightline {
 namespace {
@@ -123,7 +123,7 @@ class PanelPainter {
   }
 
   void caption() {
-    const PictureTruth truth = look(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
+    const PictureTruth truth = measure_picture(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
                                     frame_.lens, kTruthSize / 4);
     char text[64];
     std::snprintf(text, sizeof text, "%.1f s", frame_.time_s);

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/evaluate/judge.h"
-#include "client/evaluate/metrics.h"
+#include "client/truth/judge.h"
+#include "client/truth/metrics.h"
 #include "client/drive/report.h"
 #include "server/session/convention.h"
 #include "sightline/v1/camera_control.pb.h"

@@ -153,7 +153,7 @@ class Command {
       if (options_.sampler == "recorded") error.message += "; --sampler embree needs no OpenGL";
       return tl::unexpected(std::move(error));
     }
-    sampler_text_ = sampler->device->description();
+    sampler_text_ = sampler->device->renderer();
     place_ = make_local_place(std::move(sampler->device));
     return {};
   }
@@ -397,7 +397,7 @@ Verb add_replay_verb(CLI::App& app) {
       ->allow_extra_args(false);
   command
       ->add_option("--set", options->set,
-                   "KEY=VALUE: another setting on the same input, e.g. aggregate.filter.n=10, preset=PAPER, "
+                   "KEY=VALUE: another setting on the same input, e.g. max_distance_m=8, preset=PAPER, tuning.sample.points=4, "
                    "limits.max_speed_mps=3, "
                    "lens.near_m=0.2, seed=2; prints both runs side by side; may be repeated")
       ->allow_extra_args(false);

@@ -31,11 +31,17 @@ std::string names_of(const Descriptor& message) {
   return names;
 }
 
-// 0 says that nothing is said: it cannot be asked for.
+// FOLLOW_STAY -> "STAY". The first value of every enum is <PREFIX>UNSPECIFIED.
+std::string short_name(const EnumValueDescriptor& value) {
+  const std::string& first = value.type()->value(0)->name();
+  return value.name().substr(first.size() - std::string_view("UNSPECIFIED").size());
+}
+
+// Without UNSPECIFIED, which cannot be asked for.
 std::string names_of(const EnumDescriptor& values) {
   std::string names;
   for (int i = 1; i < values.value_count(); ++i)
-    names.append(i > 1 ? ", " : "").append(values.value(i)->name());
+    names.append(i > 1 ? ", " : "").append(short_name(*values.value(i)));
   return names;
 }
 
@@ -45,8 +51,10 @@ std::string upper_case(std::string text) {
 }
 
 const EnumValueDescriptor* value_named(const EnumDescriptor& values, const std::string& name) {
-  const EnumValueDescriptor* value = values.FindValueByName(upper_case(name));
-  return value && value->index() > 0 ? value : nullptr;
+  const std::string typed = upper_case(name);
+  for (int i = 1; i < values.value_count(); ++i)
+    if (typed == short_name(*values.value(i)) || typed == values.value(i)->name()) return values.value(i);
+  return nullptr;
 }
 
 template <typename Number>
@@ -64,7 +72,7 @@ std::optional<bool> truth_in(const std::string& text) {
   return std::nullopt;
 }
 
-// What the value must be, where `text` is not.
+// Says what the value must be, if `text` is something else.
 std::optional<std::string> trouble_with(const FieldDescriptor& field, const std::string& text) {
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_DOUBLE:
@@ -125,9 +133,13 @@ std::vector<std::string> words_of(std::string_view key) {
 const Descriptor& part_of(std::vector<std::string>& words, ReplaySetting::Part& part) {
   using Part = ReplaySetting::Part;
   const auto begins = [&](const char* word) { return words.size() > 1 && words.front() == word; };
-  part = begins("limits") ? Part::kLimits : begins("lens") ? Part::kLens : Part::kSettings;
+  part = begins("limits")   ? Part::kLimits
+         : begins("lens")   ? Part::kLens
+         : begins("tuning") ? Part::kTuning
+                            : Part::kSettings;
   if (part != Part::kSettings || begins("settings")) words.erase(words.begin());
   if (part == Part::kLimits) return *v1::CameraLimits::descriptor();
+  if (part == Part::kTuning) return *tuning::v1alpha1::Tuning::descriptor();
   return part == Part::kLens ? *v1::Lens::descriptor() : *v1::Settings::descriptor();
 }
 
@@ -139,7 +151,7 @@ Status find_path(const Descriptor& top, const std::vector<std::string>& words, R
     if (!field) {
       std::string there = "there is no \"" + word + "\" here, only: " + names_of(*at);
       if (setting.path.empty() && setting.part == ReplaySetting::Part::kSettings)
-        there += ", limits..., lens..., seed";
+        there += ", tuning..., limits..., lens..., seed";
       return invalid(setting.key, std::move(there));
     }
     setting.path.push_back(field);
@@ -177,6 +189,9 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open)
       case ReplaySetting::Part::kSettings:
         put_into(setting, *open.mutable_settings());
         break;
+      case ReplaySetting::Part::kTuning:
+        put_into(setting, *open.mutable_tuning());
+        break;
       case ReplaySetting::Part::kLimits:
         put_into(setting, *open.mutable_limits());
         break;
@@ -189,8 +204,8 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open)
     }
 }
 
-// A preset of the tick starts all settings anew and a lens replaces the whole of the former, so what was asked for is said
-// again with every such tick. No preset is put where the tick names none: that would end what other ticks set before it.
+// A preset in the tick starts settings and tuning anew, and a lens replaces the former one whole. So what was asked for is put
+// over every such tick again. No preset is put where the tick names none: that would end what other ticks set before it.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
   const bool anew = tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED;
   for (const ReplaySetting& setting : settings) {
@@ -198,6 +213,8 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
                            setting.path.front()->number() == v1::Settings::kPresetFieldNumber;
     if (setting.part == ReplaySetting::Part::kSettings && tick.has_settings() && (anew || !is_preset))
       put_into(setting, *tick.mutable_settings());
+    if (setting.part == ReplaySetting::Part::kTuning && (tick.has_tuning() || anew))
+      put_into(setting, *tick.mutable_tuning());
     if (setting.part == ReplaySetting::Part::kLimits && tick.has_limits())
       put_into(setting, *tick.mutable_limits());
     if (setting.part == ReplaySetting::Part::kLens && tick.has_lens())

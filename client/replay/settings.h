@@ -1,5 +1,5 @@
-// Other settings on a recorded session, as a person types them: "aggregate.filter.n=10", "preset=PAPER",
-// "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2".
+// Other settings on a recorded session, as a person types them: "max_distance_m=8", "preset=PAPER",
+// "tuning.aggregate.filter.n=10", "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2".
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -14,21 +14,21 @@ namespace sightline {
 
 // One of them, found and read.
 struct ReplaySetting {
-  enum class Part { kSettings, kLimits, kLens, kSeed };
+  enum class Part { kSettings, kTuning, kLimits, kLens, kSeed };
   std::string key;  // as typed
   Part part = Part::kSettings;
   std::vector<const google::protobuf::FieldDescriptor*> path;  // from the part's message down to the value
   std::string value;                                           // a value of that field's type
 };
 
-// KEY=VALUE. kInvalidArgument, the key as field: no such setting (the message lists what there is at that place), or a
-// value that is none of its type (the message says which are). Ranges are checked when the session opens.
+// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field when there is no such setting; the message then lists the
+// names that there are. Fails likewise when the value is not of the setting's type. Ranges are checked when the session opens.
 Result<ReplaySetting> read_replay_setting(const std::string& text);
 
 // Puts them over what the session was opened with.
 void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open);
 
-// A later tick that says something of settings, limits or lens: it still holds for all that `settings` do not name.
+// A later tick that says something of settings, tuning, limits or lens: it still holds for all that `settings` do not name.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick);
 
 }  // namespace sightline

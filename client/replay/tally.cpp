@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <numbers>
 
-#include "client/evaluate/metrics.h"
 #include "client/base/text_table.h"
+#include "client/truth/metrics.h"
 
 namespace sightline {
 namespace {

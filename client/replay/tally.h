@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// Replies that need not be equal are alike while the camera is within what nobody takes for a jump (client/evaluate/metrics.h, kPopM and
+// Replies that need not be equal are alike while the camera is within what nobody takes for a jump (client/truth/metrics.h, kPopM and
 // kPopRad) of where it was.
 enum class ReplayVerdict { kEqual, kAlike, kDiffers };
 

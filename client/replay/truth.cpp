@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <future>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/replay/figures.h"
 
 namespace sightline {

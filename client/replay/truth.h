@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 #include "client/drive/report.h"
 #include "server/sample/embree_scene.h"
 #include "server/session/session.h"

@@ -60,6 +60,7 @@ class Digester {
     newest_tick_ = {tick.sequence(), log_ns};
     poses_ += static_cast<size_t>(tick.transforms().ids_size());
     if (tick.has_settings()) mark("change", "settings " + json_of(tick.settings()));
+    if (tick.has_tuning()) mark("change", "tuning " + json_of(tick.tuning()));
     if (tick.has_limits()) mark("change", "limits " + json_of(tick.limits()));
     if (tick.has_lens()) mark("change", "lens " + json_of(tick.lens()));
     if (tick.has_targets()) mark("change", targets_text(tick.targets()));

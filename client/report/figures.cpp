@@ -1,7 +1,7 @@
 // The figures of a recording as texts.
 #include <algorithm>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "client/page/page_reply.h"
 #include "client/report/digest.h"
 #include "client/base/text_table.h"

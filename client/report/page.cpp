@@ -308,7 +308,7 @@ class Maker {
     }
     CameraFrame camera{frame.time_s, frame.camera, session.lens()};
     camera.lens.vertical_fov_rad = frame.vertical_fov_rad;
-    const PictureTruth truth = look(occluders_, session.mirror(), targets, camera.camera, camera.lens);
+    const PictureTruth truth = measure_picture(occluders_, session.mirror(), targets, camera.camera, camera.lens);
     for (size_t i = 0; whole_scene_ && i < targets.size(); ++i)
       if (truth.targets[i].alone_pixels > 0)
         frame.sights[colours[i]].true_share = truth.targets[i].visible_share();
@@ -324,6 +324,7 @@ class Maker {
     const auto lens = json_of(lens_to_proto(session.lens(), gltf_convention()));
     for (auto& [title, json] :
          {PageSettings{"Settings in effect", json_of(settings_to_proto(session.settings()))},
+          PageSettings{"Tuning in effect", json_of(tuning_to_proto(session.settings()))},
           PageSettings{"Limits in effect", json_of(limits_to_proto(session.limits()))},
           PageSettings{"Lens: radians, vertical", lens}}) {
       const auto same = [&, &json = json](const PageSettings& other) { return other.json == json; };

@@ -15,8 +15,7 @@ std::string field_of(const AssetNode& node, const std::string& key) {
   return "nodes[" + node.name + "].extras.sightline." + key;
 }
 
-// extras.sightline of a node; null when it has none. The glTF reader has parsed the extras before, so they
-// are JSON.
+// extras.sightline of a node; null when it has none. The glTF reader has checked that the extras are JSON.
 Json sightline_extras(const AssetNode& node) {
   if (node.extras_json.empty()) return nullptr;
   const Json extras = Json::parse(node.extras_json, nullptr, false);
@@ -25,7 +24,7 @@ Json sightline_extras(const AssetNode& node) {
   return found != extras.end() && found->is_object() ? *found : Json(nullptr);
 }
 
-// The rotation nearest to `m` among those that Gram-Schmidt gives; exact for a rotation.
+// A rotation near `m`, by Gram-Schmidt; exact when `m` is a rotation.
 glm::dquat rotation_of(const glm::dmat3& m) {
   const glm::dvec3 x = glm::normalize(m[0]);
   const glm::dvec3 y = glm::normalize(m[1] - x * glm::dot(x, m[1]));
@@ -36,7 +35,7 @@ glm::dmat3 linear_of(const Affine& a) {
   return {a[0], a[1], a[2]};
 }
 
-// The product of the rotations from the root down to `node`: what a binding's instance has at rest.
+// The product of the rotations from the root down to `node`: the rotation of a binding's instance at rest.
 glm::dquat rest_rotation(const SceneAsset& asset, int node) {
   glm::dquat rotation{1, 0, 0, 0};
   for (int at = node; at >= 0; at = asset.nodes[at].parent) rotation = asset.nodes[at].rotation * rotation;
@@ -68,7 +67,7 @@ Status Scenario::take_roles() {
   for (int node = 0; node < static_cast<int>(asset_->nodes.size()); ++node)
     if (auto taken = take_role(node); !taken) return taken;
   if (camera_node_ < 0)
-    return invalid("nodes", "no node has the role \"camera\": where the camera starts is not said");
+    return invalid("nodes", "no node has the role \"camera\", so the camera has no start");
   return {};
 }
 
@@ -136,7 +135,7 @@ double Scenario::duration_s() const {
   return asset_->animations.empty() ? 0.0 : asset_->animations.front().duration_s;
 }
 
-// The turn since rest is taken from the linear parts, so that scale and mirroring of the node cancel.
+// The rotation since rest is taken from the linear parts, so that scale and mirroring of the node cancel.
 std::vector<Pose> Scenario::poses_at(double time_s) const {
   const std::vector<Affine> world = world_at(*asset_, time_s);
   std::vector<Pose> poses;

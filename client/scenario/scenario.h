@@ -1,13 +1,11 @@
-// A scenario: a glTF file that says who plays which part. Node extras hold the roles (scenes/README.md has
-// the table):
+// A scenario: a glTF file whose nodes have roles. Node extras hold the roles (scenes/README.md has the table):
 //
-//   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder |
-//   camera
+//   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder | camera
 //
-// A target or occluder is a node that moves with the file's first animation; the camera node says where the
-// camera starts and, with a glTF camera on it, what its lens shows. All other nodes stand still.
+// A target or occluder is a node that moves with the file's first animation. The camera node is where the camera starts; a glTF
+// camera on it defines the lens. All other nodes stand still.
 //
-// Frame: glTF's (the canonical one), metres, seconds. Immutable once read; any number of threads may play it.
+// Frame: glTF's (the canonical one), metres, seconds. Immutable; any number of threads may play it.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +30,7 @@ struct ScenarioActor {
   bool required = true;
 };
 
-// Where one actor is at one time. The pose is what a NodeBinding's instance has: without scale.
+// The motion of one actor at one time. The pose has no scale, like that of a NodeBinding's instance.
 struct ActorMotion {
   Pose pose;
   glm::dvec3 velocity_mps{0.0};
@@ -50,15 +48,15 @@ class Scenario {
   const SceneAsset& asset() const { return *asset_; }
   const std::vector<ScenarioActor>& actors() const { return actors_; }
   std::vector<ScenarioActor> targets() const;
-  // Of the first animation; 0 when there is none.
+  // The length of the first animation; 0 when there is none.
   double duration_s() const;
-  // Where the camera starts, and its lens (design 2: 40 degrees, 16:9 where the file does not say).
+  // The camera's start and its lens (design 2: 40 degrees and 16:9 unless the file says otherwise).
   const Pose& camera() const { return camera_; }
   const Lens& lens() const { return lens_; }
 
-  // All actors at `time_s`, in the order of actors(). Before the first key and after the last the pose stays.
+  // The poses of all actors at `time_s`, in the order of actors(). They are constant before the first key and after the last.
   std::vector<Pose> poses_at(double time_s) const;
-  // The same with velocities by central difference over `step_s` (> 0), cut off at the animation's ends.
+  // The same with velocities, by central difference over `step_s` (> 0), clipped to the animation.
   std::vector<ActorMotion> motion_at(double time_s, double step_s) const;
 
  private:

@@ -23,7 +23,7 @@ Result<std::unique_ptr<ScenarioWorld>> ScenarioWorld::make(const Scenario& scena
   for (const ScenarioActor& actor : scenario.actors()) bindings.push_back({actor.name, actor.id});
   auto instances = instantiate(scenario.asset(), bindings, store);
   if (!instances) return tl::unexpected(instances.error());
-  // Actors come first and will move: said now, or the first tick would rebuild what stands still.
+  // Actors come first. They are marked as moving now, or the first tick would rebuild the static scene.
   for (size_t i = 0; i < bindings.size(); ++i) (*instances)[i].moving = true;
   std::unique_ptr<ScenarioWorld> world(new ScenarioWorld(scenario, device));
   SceneDelta delta;

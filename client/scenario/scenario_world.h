@@ -1,6 +1,5 @@
-// A scenario as a scene that can be looked at: the reference that a run is judged against and its pictures
-// are made from. Embree only: it shares no code with the samplers' renders and none with the camera's own
-// collision sweep.
+// A scenario as a scene that rays can be traced through: runs are judged against it, and pictures are made from it. It uses only
+// Embree, and shares no code with the samplers or with the camera's own collision sweep.
 #pragma once
 
 #include <memory>
@@ -13,14 +12,13 @@
 
 namespace sightline {
 
-// Single-threaded; several worlds may share one device, one store and one scenario across threads. All three
-// must outlive it.
+// Not thread-safe, but worlds on several threads may share one device, one store and one scenario. All three must outlive it.
 class ScenarioWorld {
  public:
   static Result<std::unique_ptr<ScenarioWorld>> make(const Scenario& scenario, GeometryStore& store,
                                                      EmbreeDevice& device);
 
-  // Moves all actors to where they are at `time_s`.
+  // Moves all actors to their poses at `time_s`.
   void set_time(double time_s);
 
   const Scenario& scenario() const { return scenario_; }
@@ -29,7 +27,7 @@ class ScenarioWorld {
   const EmbreeScene& colliders() const { return colliders_; }
   // The scenario's targets with a weight above 0, as a session has them.
   const std::vector<Target>& targets() const { return targets_; }
-  // The weighted mean of the targets' aim points now, world, metres. There must be a target.
+  // The weighted mean of the targets' aim points at the present time; world, metres. There must be a target.
   glm::dvec3 targets_center_m() const;
 
  private:
@@ -41,7 +39,7 @@ class ScenarioWorld {
   std::vector<Target> targets_;
 };
 
-// Centre of the target's bounding box in the world: what it is aimed at by default.
+// The centre of the target's bounding box in the world, which is the default aim point.
 glm::dvec3 aim_point_m(const Instance& target);
 
 }  // namespace sightline

@@ -46,9 +46,9 @@ uint32_t count_masked(const uint32_t* visible, size_t count, uint32_t mask, uint
 constexpr size_t kCountedTogether = 4096;
 
 // The least number of seen points that is enough; more than there are when none is.
-uint8_t least_enough(uint32_t points, double needed_share) {
+uint8_t least_enough(uint32_t points, double visibility_threshold) {
   uint32_t seen = 0;
-  while (seen <= points && !is_enough(seen, points, needed_share)) ++seen;
+  while (seen <= points && !is_enough(seen, points, visibility_threshold)) ++seen;
   return static_cast<uint8_t>(seen);
 }
 
@@ -60,8 +60,8 @@ double sum_of(std::span<const double> weights) {
 
 }  // namespace
 
-bool is_enough(uint32_t seen, uint32_t points, double needed_share) {
-  return seen > 0 && seen >= needed_share * points - 1e-9;
+bool is_enough(uint32_t seen, uint32_t points, double visibility_threshold) {
+  return seen > 0 && seen >= visibility_threshold * points - 1e-9;
 }
 
 void Composer::visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible) {
@@ -110,7 +110,7 @@ void Composer::ask(const SampledPoints& sampled, const HiddenWeights& weights, b
     asked.hides = hidden && total > 0 && points > 0 && weights.of_target[target] > 0;
     if (points == 0 || (!asked.hides && !visible)) continue;
     if (asked.hides) asked.each = weights.weight * weights.of_target[target] / (total * points);
-    asked.least = least_enough(points, sampled.needed_share);
+    asked.least = least_enough(points, sampled.visibility_threshold);
     asked_.push_back(asked);
     for (const MapRange& maps : sampled.maps_of_point.subspan(asked.points.first, points))
       look_up_.add_maps(sampled.maps.subspan(maps.first, maps.count));
@@ -162,13 +162,6 @@ void count_sights(const CandidateSet& candidates, uint32_t steered, size_t targe
   // Without a target to steer for nothing is seen, rather than all.
   if (steered == 0) counts.all_visible = 0;
   counts.some_visible = counts.total - counts.all_visible - counts.none_visible;
-}
-
-Status validate(const AggregateSettings& s) {
-  if (auto ok = check_range("aggregate.candidates", s.candidates, 27, 32768); !ok) return ok;
-  if (auto ok = check_range("aggregate.needed_share", s.needed_share, 0.0, 1.0); !ok) return ok;
-  if (auto ok = validate(s.filter); !ok) return ok;
-  return check_range("aggregate.relative_bias", s.relative_bias, 0.0, 0.1);
 }
 
 }  // namespace sightline

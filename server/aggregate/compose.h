@@ -9,24 +9,9 @@
 #include "server/aggregate/candidates.h"
 #include "server/aggregate/filter.h"
 #include "server/aggregate/look_up.h"
-#include "server/base/error.h"
+#include "server/settings/aggregate_settings.h"
 
 namespace sightline {
-
-enum class Volume { kLattice, kPair };
-
-struct AggregateSettings {
-  Volume volume = Volume::kLattice;
-  int candidates = 343;  // [27, 32768]; about how many lattice points the bound holds
-  double needed_share =
-      0.75;  // [0, 1]; a place sees a target when it sees this share of its sampled points. Low: it is
-             // content with an arm; 1: one hidden point is as bad as all
-  FilterSettings filter{.mode = FilterMode::kNone};
-  double relative_bias =
-      0.001;  // [0, 0.1]; slack of the distance comparison: too small and surfaces hide themselves,
-              // too large and thin occluders next to the candidate are missed
-};
-Status validate(const AggregateSettings& settings);
 
 // A run of a list: [first, first + count).
 struct MapRange {
@@ -35,15 +20,15 @@ struct MapRange {
 };
 
 // What has been sampled of the targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of
-// target i. A target is seen from a place when at least `needed_share` of its points are, [0, 1]; more than none in any case.
+// target i. A target is seen from a place when at least `visibility_threshold` of its points are, [0, 1]; more than none in any case.
 struct SampledPoints {
   std::span<const DepthMap> maps;
   std::span<const MapRange> maps_of_point;
   std::span<const MapRange> points_of_target;
-  double needed_share = 1.0;
+  double visibility_threshold = 1.0;
 };
 
-bool is_enough(uint32_t seen, uint32_t points, double needed_share);
+bool is_enough(uint32_t seen, uint32_t points, double visibility_threshold);
 
 // What hides the targets, by position: shares in [0, 1].
 struct HiddenShares {

@@ -18,16 +18,6 @@ int steps_in(double steps, int least) {
 
 }  // namespace
 
-Status validate(const FilterSettings& s) {
-  if (auto ok = check_range("aggregate.filter.alpha", s.alpha, 0, 1); !ok) return ok;
-  if (auto ok = check_range("aggregate.filter.n", s.n, 1, kHistorySteps); !ok) return ok;
-  if (auto ok = check_above("aggregate.filter.window_s", s.window_s, 0, 1); !ok) return ok;
-  if (auto ok = check_range("aggregate.filter.on", s.on, 0, 1); !ok) return ok;
-  if (auto ok = check_range("aggregate.filter.off", s.off, 0, s.on); !ok) return ok;
-  if (auto ok = check_range("aggregate.filter.min_occlusion_s", s.min_occlusion_s, 0, 1); !ok) return ok;
-  return check_range("aggregate.filter.hold_s", s.hold_s, 0, 1);
-}
-
 int FilterSteps::memory() const {
   return std::max({window, min_occlusion, hold});
 }
@@ -86,12 +76,12 @@ void update(TargetSwitch& state, const VisibilityRecord& record, uint64_t step, 
   }
   const VisibleShare share = visible_share(record, steps.window);
   if (!state.visible) {
-    if (seen && share.visible >= settings.on * share.known - kRounding)
+    if (seen && share.visible >= settings.visible_threshold * share.known - kRounding)
       state = {step + static_cast<uint64_t>(steps.hold), true};
     return;
   }
   if (step < state.held_until_step || occluded_steps(record) < steps.min_occlusion) return;
-  if (share.visible <= settings.off * share.known + kRounding) state.visible = false;
+  if (share.visible <= settings.hidden_threshold * share.known + kRounding) state.visible = false;
 }
 
 }  // namespace sightline

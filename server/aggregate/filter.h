@@ -17,28 +17,9 @@
 #include <span>
 
 #include "server/aggregate/history.h"
-#include "server/base/error.h"
+#include "server/settings/aggregate_settings.h"
 
 namespace sightline {
-
-enum class FilterMode { kNone, kJoint, kPerTarget };
-
-struct FilterSettings {
-  FilterMode mode = FilterMode::kPerTarget;  // none: the newest step alone, the paper's 0/0
-
-  // Joint.
-  double alpha = 0.6;  // [0, 1]; 0: the most frequent state; 1: only what never changed, else nothing is seen
-  int n = 10;          // [1, 64] steps; more is calmer and slower to notice; 1 is no filter
-
-  // Per target. Times become steps by the length of the present one (see FilterSteps).
-  double window_s = 0.25;  // (0, 1]; too short and every flicker counts, too long and the camera reacts late
-  double on = 0.6;         // [0, 1]; a hidden target is seen again at this share of the window
-  double off = 0.4;        // [0, on]; a seen one is lost at this share; between the two it stays what it was
-  double min_occlusion_s = 0.15;  // [0, 1]; an occlusion shorter than this is overlooked
-  double hold_s = 0.25;           // [0, 1]; once seen again a target stays so for at least this long
-};
-// Names the first setting that is out of range, as "aggregate.filter.<field>".
-Status validate(const FilterSettings& settings);
 
 // The times of a per-target filter in steps. With steps of uneven length these are the steps that would fit
 // if all had been as long as the present one. A lasting occlusion is noticed after max((1 - off) window + 1,

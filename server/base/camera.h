@@ -1,4 +1,4 @@
-// The camera as every stage sees it: where it is, what it can do, what its lens shows.
+// The camera as every stage sees it: its pose and motion, its lens and its limits.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -18,16 +18,6 @@ struct Lens {
   double vertical_fov_rad = 0.6981317007977318;  // full angle, (0.01, 3.0); default 40 degrees
   double aspect = 16.0 / 9.0;                    // width / height, [0.1, 10]
   double near_m = 0.1;                           // (0, 10]
-};
-
-// Hard limits of the returned path. Checked by finite differences of consecutive replies: the path between two poses
-// is straight at constant velocity, so |p1 - p0| / dt <= max_speed and |v1 - v0| / dt <= max_acceleration.
-struct CameraLimits {
-  double max_speed_mps = 10.0;                    // (0, 1000]
-  double max_acceleration_mps2 = 10.0;            // (0, 10000]
-  double max_angular_speed_radps = 3.0;           // (0, 100]
-  double max_angular_acceleration_radps2 = 12.0;  // (0, 1000]
-  double body_radius_m = 0.3;  // [0, 10]; the sphere that never touches a collider; contains the near plane
 };
 
 // Half of the horizontal field of view, radians.

@@ -4,24 +4,14 @@
 #include <cstdio>
 
 namespace sightline {
-namespace {
 
-tl::unexpected<Error> out_of_range(const char* field, double value, char open, double low, double high) {
+Status check_interval(const char* field, double value, char opening, double low, double high, char closing) {
+  const bool high_enough = opening == '[' ? value >= low : value > low;
+  const bool low_enough = closing == ']' ? value <= high : value < high;
+  if (high_enough && low_enough) return {};
   char text[128];
-  std::snprintf(text, sizeof text, "must be in %c%g, %g], got %g", open, low, high, value);
+  std::snprintf(text, sizeof text, "must be in %c%g, %g%c, got %g", opening, low, high, closing, value);
   return invalid(field, text);
-}
-
-}  // namespace
-
-Status check_range(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
-  return out_of_range(field, value, '[', low, high);
-}
-
-Status check_above(const char* field, double value, double low, double high) {
-  if (value > low && value <= high) return {};
-  return out_of_range(field, value, '(', low, high);
 }
 
 Status check_some_weight(const char* field, const char* names, std::initializer_list<double> weights) {

@@ -1,4 +1,4 @@
-// Range checks for settings: one sentence for every setting, always with the range and the value that was got.
+// Range checks for settings. Every message has the same form and states the allowed range and the given value.
 #pragma once
 
 #include <initializer_list>
@@ -8,10 +8,17 @@
 
 namespace sightline {
 
-// Fails with "must be in [low, high], got value" unless low <= value <= high (NaN fails).
-Status check_range(const char* field, double value, double low, double high);
-// The same with an open lower end: low < value <= high.
-Status check_above(const char* field, double value, double low, double high);
+// Fails with "must be in [low, high], got value" unless the value lies in the interval (NaN fails). An end with '[' or ']' is
+// part of the interval, one with '(' or ')' is not.
+Status check_interval(const char* field, double value, char opening, double low, double high, char closing);
+// [low, high]
+inline Status check_range(const char* field, double value, double low, double high) {
+  return check_interval(field, value, '[', low, high, ']');
+}
+// (low, high]
+inline Status check_above(const char* field, double value, double low, double high) {
+  return check_interval(field, value, '(', low, high, ']');
+}
 // Weights that are all 0 prefer nothing. Fails with "at least one of <names> must be above 0" unless one is.
 Status check_some_weight(const char* field, const char* names, std::initializer_list<double> weights);
 

@@ -1,4 +1,4 @@
-// How many threads are worth starting: what a container or a service manager leaves of the machine's CPUs.
+// How many threads are worth starting: the share of the machine's CPUs that a container or a service manager grants.
 #pragma once
 
 #include <optional>

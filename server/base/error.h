@@ -1,7 +1,7 @@
-// Errors as values. Three kinds of trouble, three treatments:
-//   misuse by our own code     -> assert
-//   bad input from outside     -> an Error, returned to whoever sent it, naming the field
-//   work that had to be reduced -> done, flagged and counted (see StepFlags in server/step/step.h)
+// Errors as values. There are three kinds, each with its treatment:
+//   misuse by our own code      -> assert
+//   invalid input from outside  -> an Error that names the field, returned to the sender
+//   work that had to be reduced -> done, flagged and counted (StepFlags in server/step/step.h)
 #pragma once
 
 #include <string>
@@ -10,23 +10,23 @@
 
 namespace sightline {
 
-// The meaning follows the gRPC status of the same name; `receive` maps one to the other.
+// The meaning follows the gRPC status of the same name; kUnsupported is UNIMPLEMENTED. The `wire` stage maps one to the other.
 enum class ErrorCode {
-  kInvalidArgument,     // the value can never be right
+  kInvalidArgument,     // the value is invalid in any state
   kNotFound,            // a name or id that does not exist
   kAlreadyExists,       // an id that is taken
-  kFailedPrecondition,  // right in itself, wrong in this state (e.g. a delta against another revision)
+  kFailedPrecondition,  // valid, but not in this state (e.g. a delta against another revision)
   kResourceExhausted,   // over a stated limit
   kUnsupported,         // well formed, but outside what this build can do (e.g. a required glTF extension)
   kDataLoss,            // truncated or corrupt bytes
   kUnavailable,         // a device or file that cannot be reached now
-  kInternal,            // our own fault
+  kInternal,            // a defect of this program
 };
 
 std::string_view to_string(ErrorCode code);
 
-// `field` is a path in the vocabulary of whoever sent the data, e.g. "tick.transforms.rotation_xyzw[7]" or
-// "meshes[2].primitives[0].indices"; empty when no single field is at fault. `message` is a sentence for a person.
+// `field` is a path in the sender's data, e.g. "tick.transforms.rotation_xyzw[7]" or "meshes[2].primitives[0].indices"; empty when no
+// single field is at fault. `message` is for people.
 struct Error {
   ErrorCode code = ErrorCode::kInternal;
   std::string field;

@@ -1,4 +1,4 @@
-// Content hashes (XXH3, 128 bits: https://xxhash.com). Not a defence against forgery: they name content.
+// Hashes that identify data (XXH3, 128 bits: https://xxhash.com). They are no defence against forgery.
 #pragma once
 
 #include <compare>

@@ -1,4 +1,4 @@
-// A list of at most N values that live in the object itself: nothing is allocated, and a copy is a copy of the values.
+// A list of at most N values, stored in the object itself: it never allocates, and copying it copies the values.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ class InlineVector {
     assert(size_ < N);
     values_[size_++] = value;
   }
-  // Values that come back are what they were when they went: they keep their memory.
+  // Growing again brings back values that shrinking removed, unchanged, so that their memory is reused.
   void resize(size_t size) {
     assert(size <= N);
     size_ = size;

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// What the threads of one parallel_for share.
+// The state that the threads of one parallel_for share.
 class Pieces {
  public:
   Pieces(size_t count, const std::function<void(size_t)>& visit) : count_(count), visit_(visit) {}
@@ -54,7 +54,7 @@ void parallel_for(size_t count, const std::function<void(size_t)>& visit) {
   std::vector<std::thread> helpers;
   try {
     while (helpers.size() + 1 < std::min(cores, count)) helpers.emplace_back([&pieces] { pieces.work(); });
-  } catch (const std::system_error&) {  // no more threads: those that there are do it
+  } catch (const std::system_error&) {  // the system starts no more threads: go on with those that run
   }
   pieces.work();
   for (std::thread& helper : helpers) helper.join();

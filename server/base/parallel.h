@@ -1,4 +1,5 @@
-// Work over independent pieces on every core. For loading; what takes less than a millisecond is for a crew (crew.h).
+// Loops over independent pieces on every core, for work such as loading. Repeated work below a millisecond is for ThreadPool
+// (thread_pool.h).
 #pragma once
 
 #include <cstddef>
@@ -6,10 +7,9 @@
 
 namespace sightline {
 
-// Calls visit(i) once for every i in [0, count), on as many threads as there are cores, this one among them, and returns
-// when all are done. Which thread takes which i, and when, is open: results must not depend on it. Of what `visit`
-// throws, the exception of the least i is thrown again; the other calls are made all the same. Where no thread can be
-// had, this one does it all. May be called from within `visit`.
+// Calls visit(i) once for every i in [0, count), on as many threads as there are cores including this one, and returns when all calls
+// have. Threads take pieces in any order, so results must not depend on it. When calls throw, all others are still made; then the
+// exception of the lowest i is rethrown. When no thread can be started, this one makes all calls. May be called from within `visit`.
 void parallel_for(size_t count, const std::function<void(size_t)>& visit);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror & Shaw, "Parallel random numbers: as easy as
 // 1, 2, 3", SC 2011). A number is a pure function of (seed, tick, purpose, index), so a replay draws the same ones
-// whatever the thread count or order of calls.
+// with any number of threads and any order of calls.
 #pragma once
 
 #include <array>
@@ -8,8 +8,7 @@
 
 namespace sightline {
 
-// What a stream of numbers is for; two purposes never share numbers. Values are part of what a recording replays:
-// append, never renumber.
+// The purpose of a stream of numbers; two purposes never share numbers. Replays depend on the values: append, never renumber.
 enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,

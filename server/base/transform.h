@@ -1,4 +1,4 @@
-// Rigid poses and affine maps. The canonical frame everywhere below `receive` is glTF's: right-handed, +Y up, metres,
+// Rigid poses and affine maps. The canonical frame everywhere below `wire` is glTF's: right-handed, +Y up, metres,
 // a camera looks along its -Z with +Y up in the picture. Positions are relative to the session's world origin.
 //
 // A transform is named by both frames, target first: p_world = world_from_camera * p_camera, so that adjacent frames

@@ -1,17 +1,17 @@
-// A loop that gains from wider vectors than the baseline's is compiled once more for each width, and the widest that the machine
-// has is taken at load time: `SIGHTLINE_VECTOR_CLONES void f(...)`. All clones give the same bits: no contraction into fused
+// Compiles a function once for each vector width; at load time the widest that the machine has is chosen:
+// `SIGHTLINE_VECTOR_CLONES void f(...)`. All clones give the same bits: no contraction into fused
 // multiply-adds (-ffp-contract=off) and no reordering of sums. For free functions in a source file.
 //
-// A loop that the compiler makes nothing good of can be written by hand for the widest vectors, beside a plain one:
+// A loop that the compiler vectorises badly can be written by hand for the widest vectors, beside a plain one:
 //
 //   #ifdef SIGHTLINE_X86_V4
-//   SIGHTLINE_X86_V4 void f_v4(...);    // of AVX-512's intrinsics; called only where runs_x86_v4()
+//   SIGHTLINE_X86_V4 void f_v4(...);    // with AVX-512 intrinsics; called only where runs_x86_v4()
 //   #endif
 //
 // Both must give the same answers.
 #pragma once
 
-// Sanitizers instrument what chooses the clone, which runs before they are set up.
+// The clone is chosen before the sanitizers are set up, and they would instrument the choice.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define SIGHTLINE_VECTOR_CLONES __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else

@@ -35,10 +35,10 @@ Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const 
   return bound;
 }
 
-Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double towards_m, double nearest_m) {
+Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double target_reach_m, double nearest_m) {
   const glm::dvec3 out = bound.center_m - point_m;
   const double middle = glm::length(out),
-               near_side = std::max(nearest_m, middle - bound.radius_m - towards_m),
+               near_side = std::max(nearest_m, middle - bound.radius_m - target_reach_m),
                far_side = middle + bound.radius_m;
   if (near_side >= middle - bound.radius_m) return bound;
   Bound extended = bound;
@@ -46,13 +46,6 @@ Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double towar
   extended.radius_m = (far_side - near_side) / 2;
   if (bound.paper_n > 0) extended.paper_n *= extended.radius_m / bound.radius_m;
   return extended;
-}
-
-Status validate(const BoundSettings& s) {
-  if (auto ok = check_range("bound.horizon_s", s.horizon_s, 0.05, 2.0); !ok) return ok;
-  if (auto ok = check_range("bound.max_horizon_s", s.max_horizon_s, s.horizon_s, 2.0); !ok) return ok;
-  if (auto ok = check_range("bound.towards_m", s.towards_m, 0.0, 100.0); !ok) return ok;
-  return check_range("bound.paper_n", s.paper_n, 1.0, 1e6);
 }
 
 }  // namespace sightline

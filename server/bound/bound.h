@@ -8,21 +8,10 @@
 #include <glm/glm.hpp>
 
 #include "server/base/camera.h"
-#include "server/base/error.h"
+#include "server/settings/bound_settings.h"
+#include "server/settings/camera_limits.h"
 
 namespace sightline {
-
-enum class BoundMode { kHorizon, kPaper };
-
-struct BoundSettings {
-  BoundMode mode = BoundMode::kHorizon;
-  double horizon_s = 0.5;  // [0.05, 2]; short: the camera finds no way round a pillar; long: coarse lattice
-  double max_horizon_s = 2.0;  // [horizon_s, 2]; how far an escape may look
-  double towards_m =
-      0.0;  // [0, 100]; how far the ball also reaches towards the targets: nearer places are the way out of
-            // most occlusions
-  double paper_n = 300.0;  // [1, 1e6]; paper mode: the radius factor n
-};
 
 struct Bound {
   glm::dvec3 center_m{0.0};
@@ -41,11 +30,8 @@ struct Bound {
 Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const BoundSettings& settings,
                    double horizon_s, double dt_s);
 
-// The least ball that contains `bound` and reaches from it `towards_m` metres towards a point, but no nearer to it than
+// The least ball that contains `bound` and reaches from it `target_reach_m` metres towards a point, but no nearer to it than
 // `nearest_m`; the bound itself when it reaches there already.
-Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double towards_m, double nearest_m);
-
-// Names the first setting that is out of range, as "bound.<field>".
-Status validate(const BoundSettings& settings);
+Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double target_reach_m, double nearest_m);
 
 }  // namespace sightline

@@ -17,6 +17,9 @@ constexpr EGLint kMaxDevices = 64;
 // EGL_DRM_RENDER_NODE_FILE_EXT of EGL_EXT_device_drm_render_node, which epoxy 1.5.10 does not name.
 constexpr EGLint kDrmRenderNodeFile = 0x3377;
 
+// Lets the vertex shader choose the layer and the viewport. GPUs that have OpenGL 4.5 and lack it are from before 2014.
+constexpr const char* kLayersInVertexShader = "GL_ARB_shader_viewport_layer_array";
+
 std::vector<EGLDeviceEXT> devices() {
   if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_enumeration") &&
       !epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_base"))
@@ -28,7 +31,7 @@ std::vector<EGLDeviceEXT> devices() {
   return found;
 }
 
-// Whether the space-separated `words` hold `word`.
+// True when the space-separated `words` include `word`.
 bool has_word(const char* words, std::string_view word) {
   for (std::string_view rest = words ? words : ""; !rest.empty();) {
     const size_t length = std::min(rest.find(' '), rest.size());
@@ -121,6 +124,8 @@ Status EglContext::learn_info(int index) {
   info_.renderer = gl_text(GL_RENDERER);
   info_.gl_version = gl_text(GL_VERSION);
   info_.software = is_software_renderer(info_.renderer);
+  if (!epoxy_has_gl_extension(kLayersInVertexShader))
+    return unavailable(info_.renderer + " lacks " + kLayersInVertexShader);
   GLint strategy = 0;
   glGetIntegerv(GL_RESET_NOTIFICATION_STRATEGY, &strategy);
   info_.robust = strategy == GL_LOSE_CONTEXT_ON_RESET;

@@ -13,7 +13,7 @@ namespace sightline {
 // The index of the surfaceless platform, which is not a device: Mesa chooses what renders.
 inline constexpr int kSurfacelessIndex = -1;
 
-// What a context turned out to be.
+// Properties of a context.
 struct EglContextInfo {
   int index = kSurfacelessIndex;
   std::string platform;    // "device" or "surfaceless"
@@ -21,7 +21,7 @@ struct EglContextInfo {
   std::string renderer;    // GL_RENDERER
   std::string gl_version;  // GL_VERSION
   bool software = false;
-  bool robust = false;     // tells of resets: lose_context_on_reset is in force
+  bool robust = false;     // the driver reports resets (lose_context_on_reset)
 };
 
 // Number of EGL devices; 0 also where devices cannot be enumerated. Valid indices are below it.
@@ -29,9 +29,9 @@ int egl_device_count();
 // The DRM node of a device, empty when it has none or the index is not a device.
 std::string egl_drm_node(int index);
 
-// One OpenGL 4.5 core context that is never bound to a surface. It is current on at most one thread at a time: see
-// CurrentContext. Displays are shared and stay initialised for the life of the process, because EGL would end every
-// context of a display at eglTerminate.
+// One OpenGL 4.5 core context with GL_ARB_shader_viewport_layer_array that is never bound to a surface. It is current on at most one
+// thread at a time: see CurrentContext. Displays are shared and stay initialised for the life of the process, because eglTerminate
+// would end every context of a display.
 class EglContext {
  public:
   // `index` is a device or kSurfacelessIndex. kUnavailable, with the reason, when it has no such context.

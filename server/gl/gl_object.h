@@ -1,5 +1,5 @@
-// OpenGL names as owners. A name belongs to the context that was current when it was made; that context must be
-// current again when the owner dies (after a context loss too: deleting is then a no-op for the driver).
+// Owners of OpenGL names. The context in which an object was made must be current when its owner is destroyed, also after a context
+// loss, when deleting does nothing.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -81,7 +81,7 @@ using GlFramebuffer = GlObject<gl_kind::Framebuffer>;
 using GlProgram = GlObject<gl_kind::Program>;
 using GlShader = GlObject<gl_kind::Shader>;
 
-// A fence, as an owner under the same rules.
+// An owner of a fence, under the same rules.
 class GlSync {
  public:
   GlSync() = default;

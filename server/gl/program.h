@@ -1,4 +1,4 @@
-// Shader programs, with the compiler's complaints as values.
+// Shader programs; what the compiler reports comes back as an Error.
 #pragma once
 
 #include <string>
@@ -8,10 +8,8 @@
 
 namespace sightline {
 
-// Compiles and links GLSL sources in the current context; without a geometry shader when its source is empty. Fails with
-// kInternal, field "vertex shader", "fragment shader", "geometry shader" or "program", message = the driver's log (a lost
-// context also fails here).
-Result<GlProgram> make_program(const std::string& vertex_source, const std::string& fragment_source,
-                               const std::string& geometry_source = "");
+// Compiles and links GLSL sources in the current context. Fails with kInternal, field "vertex shader", "fragment shader" or "program",
+// and the driver's log as the message. A lost context also fails here.
+Result<GlProgram> make_program(const std::string& vertex_source, const std::string& fragment_source);
 
 }  // namespace sightline

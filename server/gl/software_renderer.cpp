@@ -1,10 +1,6 @@
 #include "server/gl/software_renderer.h"
 
-#include <algorithm>
 #include <cstdlib>
-#include <string>
-
-#include "server/base/cpu_budget.h"
 
 namespace sightline {
 
@@ -15,8 +11,7 @@ bool is_software_renderer(std::string_view gl_renderer) {
 }
 
 void prepare_software_rendering() {
-  const std::string threads = std::to_string(std::min(kMapRasterThreads, cpu_budget()));
-  setenv("LP_NUM_THREADS", threads.c_str(), 0);
+  setenv("LP_NUM_THREADS", "0", 0);
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 0);
 }
 

@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 
 #include "server/base/camera.h"
+#include "server/settings/camera_limits.h"
 #include "server/scene/clearance.h"
 
 namespace sightline {

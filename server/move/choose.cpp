@@ -251,21 +251,6 @@ Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<c
 
 }  // namespace
 
-Status validate(const MoveSettings& s) {
-  if (auto ok = check_range("move.prediction_s", s.prediction_s, 0, 2); !ok) return ok;
-  if (auto ok = check_range("move.predictive_power", s.predictive_power, 0, 1); !ok) return ok;
-  if (auto ok = validate(s.blend); !ok) return ok;
-  if (auto ok = validate(s.survey); !ok) return ok;
-  if (auto ok = validate(s.coherence); !ok) return ok;
-  if (auto ok = check_range("move.turn_share", s.turn_share, 0, 0.5); !ok) return ok;
-  if (auto ok = check_range("move.turn_rad", s.turn_rad, 0, kHalfPi); !ok) return ok;
-  if (auto ok = check_range("move.response_s", s.response_s, 0, 1); !ok) return ok;
-  if (auto ok = check_range("move.min_distance_m", s.min_distance_m, 0, 1000); !ok) return ok;
-  if (auto ok = check_above("move.max_distance_m", s.max_distance_m, s.min_distance_m, 10000); !ok) return ok;
-  if (auto ok = check_range("move.min_elevation_rad", s.min_elevation_rad, -kHalfPi, kHalfPi); !ok) return ok;
-  return check_above("move.max_elevation_rad", s.max_elevation_rad, s.min_elevation_rad, kHalfPi + 1e-9);
-}
-
 glm::dvec3 weighted_center_m(std::span<const TargetView> targets) {
   glm::dvec3 sum(0.0);
   double weight = 0;

@@ -14,50 +14,15 @@
 
 #include "server/aggregate/candidates.h"
 #include "server/base/camera.h"
-#include "server/base/error.h"
 #include "server/move/coherence.h"
 #include "server/move/cost.h"
 #include "server/move/decision.h"
 #include "server/move/shot.h"
 #include "server/move/target_view.h"
 #include "server/scene/target.h"
+#include "server/settings/move_settings.h"
 
 namespace sightline {
-
-enum class Follow {
-  kOffset,  // the camera wants the place relative to the targets that it had at the start or at the last observed cut
-  kStay,  // the camera wants to stay where it is
-};
-
-enum class Strategy {
-  kBasic,   // the nearest place (paper 3.4)
-  kRobust,  // the place of the largest group that is farthest from what is hidden (paper 6.1, RobustMove)
-  kBlend,   // what is hidden, now and ahead, the way there, nearness and shelter weighed against each other
-};
-
-struct MoveSettings {
-  Strategy strategy = Strategy::kBasic;
-  Follow follow = Follow::kOffset;
-  BlendSettings blend = {};          // kBlend only
-  SurveySettings survey = {};        // kBlend with kOffset only
-  CoherenceSettings coherence = {};  // of the survey's choice; its predictive_power is not read, see below
-  double prediction_s = 0.0;  // [0, 2]; how far ahead targets and occluders are predicted; 0: not at all
-  double predictive_power =
-      0.5;  // [0, 1]; what is predicted counts by this share against what is seen now. 0: the camera
-            // turns corners too late; 1: it leaves a good view for one that may not come
-  double turn_share =
-      0.0;  // [0, 0.5]; how likely targets are to turn to either side instead of going on as foretold
-            // (kBlend only). 0: every corner comes as a surprise; 0.5: what they do now tells nothing
-  double turn_rad = 1.0;  // [0, pi/2]; by how much they then turn
-  double response_s =
-      0.0;  // [0, 1]; time constant of the camera's velocity: 0: as quick as the limits allow, which is jerky;
-            // long: late at every turn
-  double min_distance_m = 1.0;      // [0, 1000]; to the nearest target: nearer candidates are not taken
-  double max_distance_m = 30.0;     // (min, 10000]; to the weighted centre
-  double min_elevation_rad = -0.3;  // [-pi/2, pi/2]; of the camera above the horizontal, seen from the centre
-  double max_elevation_rad = 1.4;   // (min, pi/2]
-};
-Status validate(const MoveSettings& settings);
 
 // Weighted centre of the steered targets; required and optional alike. Must have at least one.
 glm::dvec3 weighted_center_m(std::span<const TargetView> targets);

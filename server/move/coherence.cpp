@@ -46,22 +46,6 @@ double total_weight(const CoherenceSettings& s) {
 
 }  // namespace
 
-Status validate(const CoherenceSettings& s) {
-  const std::pair<const char*, double> weights[] = {{"move.coherence.visibility", s.visibility},
-                                                    {"move.coherence.view_angle", s.view_angle},
-                                                    {"move.coherence.height", s.height},
-                                                    {"move.coherence.distance", s.distance},
-                                                    {"move.coherence.screen", s.screen}};
-  for (const auto& [field, weight] : weights)
-    if (auto ok = check_range(field, weight, 0, kMaxWeight); !ok) return ok;
-  if (total_weight(s) <= 0)
-    return invalid("move.coherence.visibility",
-                   "must be above 0, or one of view_angle, height, distance and screen must, up to 100: all "
-                   "weights are 0");
-  if (auto ok = check_range("move.coherence.responsiveness", s.responsiveness, 0, 1); !ok) return ok;
-  return check_range("move.coherence.predictive_power", s.predictive_power, 0, 1);
-}
-
 void capture_shot(const Pose& world_from_camera, const Lens& lens, std::span<const TargetView> targets,
                   std::span<const float> seen_share, ShotState& shot) {
   assert(seen_share.size() == targets.size());

@@ -18,39 +18,11 @@
 #include <vector>
 
 #include "server/base/camera.h"
-#include "server/base/error.h"
 #include "server/base/transform.h"
 #include "server/move/target_view.h"
+#include "server/settings/move_settings.h"
 
 namespace sightline {
-
-// Weights in [0, 100], of which at least one of the first five is above 0.
-struct CoherenceSettings {
-  // Targets seen less than now. 0: a target is let go as readily as it is found. Large: the camera stays
-  // where it sees one target, though a place a little off sees both.
-  double visibility = 1.0;
-  // Side from which the targets are seen. 0: the camera jumps across the line of action. Large: it will not
-  // go round a pillar.
-  double view_angle = 1.0;
-  // Height over the targets' centre. 0: it bobs over every low wall. Large: it goes round what it could look
-  // over.
-  double height = 1.0;
-  // Shot size. 0: it pulls in at the first leaf. Large: it stays behind a wall that it could pass under.
-  double distance = 0.5;
-  // Place of the targets in the picture. 0: targets swap sides when their view angle is free. Large: it also
-  // pays for every parallax, so that a camera among several targets does not move at all.
-  double screen = 0.25;
-
-  // Share of seeing in the cost of a candidate, against keeping the shot. [0, 1]. 0: the camera keeps its
-  // shot of a wall. 1: it jumps to whichever place sees most now.
-  double responsiveness = 0.7;
-  // Share of what will be seen (sheltered places, predicted targets) in the seeing. [0, 1]. 0: it is
-  // surprised by every corner. 1: it leaves a target that is in full sight for one that may be.
-  double predictive_power = 0.5;
-};
-// Fields are named "move.coherence.view_angle" and so on; all weights 0 names "move.coherence.visibility"
-// (and the others).
-Status validate(const CoherenceSettings& settings);
 
 // The shot that is to be kept, and the memory of its targets. Directions and shares run parallel to the
 // targets.

@@ -39,29 +39,16 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
     if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
 }
 
-Status validate(const BlendSettings& s) {
-  if (auto ok = check_range("move.blend.hidden", s.hidden, 0, 1000); !ok) return ok;
-  if (auto ok = check_range("move.blend.tolerance", s.tolerance, 0, 1); !ok) return ok;
-  if (auto ok = check_range("move.blend.distance", s.distance, 0, 10); !ok) return ok;
-  if (auto ok = check_range("move.blend.shelter", s.shelter, 0, 10); !ok) return ok;
-  if (auto ok = check_above("move.blend.full_depth_m", s.full_depth_m, 0, 5); !ok) return ok;
-  if (auto ok = check_range("move.blend.route", s.route, 0, 10); !ok) return ok;
-  if (auto ok = check_range("move.blend.exposure", s.exposure, 0, 100); !ok) return ok;
-  if (auto ok = check_range("move.blend.steadiness", s.steadiness, 0, 10); !ok) return ok;
-  return check_some_weight("move.blend", "hidden, distance, shelter and route",
-                           {s.hidden, s.distance, s.shelter, s.route});
-}
-
-double BlendCosts::missed_and_far(size_t candidate) const {
+double CandidateCosts::missed_and_far(size_t candidate) const {
   const double missed = std::max(0.0, input_.hidden[candidate] - settings_.tolerance);
-  return settings_.hidden * missed +
+  return settings_.occlusion * missed +
          settings_.distance * glm::distance(input_.position_m[candidate], input_.desired_m);
 }
 
-double BlendCosts::of(size_t candidate, double route_m, uint32_t depth_squared) const {
+double CandidateCosts::of(size_t candidate, double route_m, uint32_t depth_squared) const {
   const double depth_m = std::sqrt(static_cast<double>(depth_squared)) * input_.spacing_m;
   const double bare = 1.0 - std::min(depth_m / settings_.full_depth_m, 1.0);
-  double cost = missed_and_far(candidate) + settings_.shelter * bare;
+  double cost = missed_and_far(candidate) + settings_.edge_penalty * bare;
   cost += settings_.route * route_m;
   if (input_.former_goal_m)
     cost += settings_.steadiness *
@@ -69,11 +56,11 @@ double BlendCosts::of(size_t candidate, double route_m, uint32_t depth_squared) 
   return cost;
 }
 
-double BlendCosts::least_of(size_t candidate, double route_m) const {
+double CandidateCosts::least_of(size_t candidate, double route_m) const {
   return missed_and_far(candidate) + settings_.route * route_m;
 }
 
-uint32_t BlendCosts::full_depth_steps() const {
+uint32_t CandidateCosts::full_depth_steps() const {
   constexpr uint32_t kMost =
       1 << 15;  // more than any group of candidates has, and its square is a number still
   auto steps = static_cast<uint32_t>(std::min(settings_.full_depth_m / input_.spacing_m, double{kMost}));

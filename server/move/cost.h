@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "server/aggregate/candidates.h"
-#include "server/base/error.h"
 #include "server/move/groups.h"
+#include "server/settings/move_settings.h"
 
 namespace sightline {
 
@@ -23,25 +23,8 @@ void basic_costs(const PlaceView& places, const glm::dvec3& desired_m,
 void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
                   std::span<const uint32_t> shelter_squared, std::vector<double>& cost);
 
-// How the blend weighs; all in metres of the camera's way, not all weights 0. What goes wrong at the ends: with little for what is
-// hidden the camera keeps its shot of a wall, with much it runs at every leaf; with no shelter it hovers at the edge of a view
-// and loses it at the targets' next step, with much it wanders into the middle of free space and lets the shot go.
-struct BlendSettings {
-  double hidden = 80.0;  // [0, 1000]; what seeing all targets instead of none is worth
-  double tolerance =
-      0.05;  // [0, 1]; a hidden share up to this does not count. 0: the camera is never at rest; 1: nothing counts
-  double distance = 1.0;  // [0, 10]; of a metre from the desired place
-  double shelter = 1.0;   // [0, 10]; of standing at the rim of a group instead of `full_depth_m` inside it
-  double full_depth_m = 0.6;  // (0, 5]; deeper is not better
-  double route = 0.3;         // [0, 10]; of a metre of the way there
-  double exposure = 5.0;      // [0, 100]; how much more a metre costs on which nothing is seen
-  double steadiness =
-      0.0;  // [0, 10]; of a goal a metre or more from the former one: 0: it flits between equals
-};
-Status validate(const BlendSettings& settings);
-
-// What a blend is made of; spans as long as the candidates. What it refers to must outlive what is made of it.
-struct BlendInput {
+// What the costs are computed from; spans as long as the candidates. What it refers to must outlive the CandidateCosts.
+struct CostInput {
   std::span<const glm::dvec3> position_m;
   std::span<const double> hidden;  // [0, 1]: expected hidden share of the targets
   double spacing_m = 1.0;          // of the grid of which depths are told
@@ -50,9 +33,9 @@ struct BlendInput {
 };
 
 // What one candidate costs, metres: the sum of the weighed terms.
-class BlendCosts {
+class CandidateCosts {
  public:
-  BlendCosts(const BlendInput& input, const BlendSettings& settings) : input_(input), settings_(settings) {}
+  CandidateCosts(const CostInput& input, const CostWeights& settings) : input_(input), settings_(settings) {}
 
   // `route_m`: of the way there, finite. `depth_squared`: grid steps squared, as Groups has them. With a longer way, or less depth,
   // it is never less, not in the last bit.
@@ -65,8 +48,8 @@ class BlendCosts {
  private:
   double missed_and_far(size_t candidate) const;
 
-  const BlendInput input_;
-  const BlendSettings settings_;
+  const CostInput input_;
+  const CostWeights settings_;
 };
 
 }  // namespace sightline

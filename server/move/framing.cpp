@@ -68,9 +68,9 @@ ViewAngles angles_towards(const glm::dvec3& direction, const ViewAngles& present
 }
 
 double zoom_for(const Extents& extents, const Lens& lens, const FramingSettings& settings) {
-  if (!settings.zooms()) return lens.vertical_fov_rad;
+  if (!zooms(settings)) return lens.vertical_fov_rad;
   const auto tan_within = [&](double reach) {
-    return std::tan(std::min(reach / (1 - settings.margin), 1.5));
+    return std::tan(std::min(reach / (1 - settings.framing_margin), 1.5));
   };
   const double half =
       std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
@@ -87,7 +87,7 @@ double beyond(double shift, double dead) {
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TargetView> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings) {
   const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
-  const double room = 1 - settings.margin;
+  const double room = 1 - settings.framing_margin;
   ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
   for (int i = 0; i < kAimIterations; ++i) {
     const Extents at = extents_at(eye_m, targets, angles);
@@ -109,15 +109,6 @@ bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec
   const glm::dvec3 p = inverse_transform_point(world_from_camera, point_m);
   const double top = std::tan(lens.vertical_fov_rad / 2);
   return p.z < 0 && std::abs(p.y) <= -p.z * top && std::abs(p.x) <= -p.z * top * lens.aspect;
-}
-
-Status validate(const FramingSettings& s) {
-  if (auto ok = check_range("framing.margin", s.margin, 0, 0.9); !ok) return ok;
-  if (auto ok = check_range("framing.dead_zone", s.dead_zone, 0, 0.9); !ok) return ok;
-  if (auto ok = check_range("framing.response_s", s.response_s, 0, 5); !ok) return ok;
-  if (s.min_vertical_fov_rad == 0 && s.max_vertical_fov_rad == 0) return {};
-  if (auto ok = check_above("framing.min_vertical_fov_rad", s.min_vertical_fov_rad, 0.01, 3); !ok) return ok;
-  return check_range("framing.max_vertical_fov_rad", s.max_vertical_fov_rad, s.min_vertical_fov_rad, 3);
 }
 
 }  // namespace sightline

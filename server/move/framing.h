@@ -4,21 +4,16 @@
 #include <span>
 
 #include "server/base/camera.h"
-#include "server/base/error.h"
 #include "server/move/choose.h"
 #include "server/move/motion.h"
+#include "server/settings/framing_settings.h"
 
 namespace sightline {
 
-struct FramingSettings {
-  double margin = 0.1;      // [0, 0.9]; share of the half picture kept free at each edge
-  double dead_zone = 0.05;  // [0, 0.9]; the view does not turn while its aim is off by less than this share
-  double response_s = 0.4;  // [0, 5]; time to close 99 % of an aiming error
-  double min_vertical_fov_rad = 0.0;  // zoom range; 0, 0 = the lens keeps its field of view
-  double max_vertical_fov_rad = 0.0;
-  bool zooms() const { return max_vertical_fov_rad > 0.0; }
-};
-Status validate(const FramingSettings& settings);
+// Whether there is a zoom range. Without one the lens keeps its field of view.
+inline bool zooms(const FramingSettings& settings) {
+  return settings.max_vertical_fov_rad > 0.0;
+}
 
 struct Aim {
   ViewAngles angles;

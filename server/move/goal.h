@@ -1,4 +1,4 @@
-// Goal: the candidate of least cost (strategy kBlend). What a candidate costs hangs on the way to it too, and ways are found one after
+// Goal: the candidate of least cost (strategy kMinCost). What a candidate costs hangs on the way to it too, and ways are found one after
 // the other, the nearest place first. Every other place costs at least what it would with a way no longer than the last: once none of
 // them could still be the goal, the rest need no way. At the default settings seven places of 430 are settled on average in the hall,
 // where all their ways took a fifth of a step.
@@ -17,7 +17,7 @@ namespace sightline {
 
 // Of one set of candidates.
 struct GoalInput {
-  const BlendCosts& costs;
+  const CandidateCosts& costs;
   const Depths& depths;
   const PlaceLimits& limits;  // places outside come after all inside
   std::span<const glm::dvec3> position_m;

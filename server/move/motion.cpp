@@ -47,15 +47,7 @@ double roll_after(double roll_rad, double most) {
 }  // namespace
 
 Status validate(const CameraLimits& limits, const Lens& lens) {
-  if (auto ok = check_above("max_speed_mps", limits.max_speed_mps, 0, 1000); !ok) return ok;
-  if (auto ok = check_above("max_acceleration_mps2", limits.max_acceleration_mps2, 0, 10000); !ok) return ok;
-  if (auto ok = check_above("max_angular_speed_radps", limits.max_angular_speed_radps, 0, 100); !ok)
-    return ok;
-  if (auto ok =
-          check_above("max_angular_acceleration_radps2", limits.max_angular_acceleration_radps2, 0, 1000);
-      !ok)
-    return ok;
-  if (auto ok = check_range("body_radius_m", limits.body_radius_m, 0, 10); !ok) return ok;
+  if (auto ok = validate(limits); !ok) return ok;
   if (const double corner = near_corner_distance_m(lens); corner > limits.body_radius_m) {
     char text[160];
     std::snprintf(text, sizeof text,

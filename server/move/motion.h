@@ -9,9 +9,11 @@
 
 #include "server/base/camera.h"
 #include "server/base/error.h"
+#include "server/settings/camera_limits.h"
 
 namespace sightline {
 
+// The ranges of the limits, and that the body contains the corners of the near plane.
 Status validate(const CameraLimits& limits, const Lens& lens);
 
 // Longest step that the camera moves for; a longer gap moves it for this long.

@@ -21,20 +21,13 @@ double cost_of(const ShotCandidate& candidate, const ShotState& asked, const Sho
 
 }  // namespace
 
-Status validate(const SurveySettings& s) {
-  if (auto ok = check_above("move.survey.memory_s", s.memory_s, 0, 10); !ok) return ok;
-  if (auto ok = check_range("move.survey.resolution", s.resolution, 2, 32); !ok) return ok;
-  if (auto ok = check_range("move.survey.content", s.content, 0, 1); !ok) return ok;
-  return check_range("move.survey.hold", s.hold, 0, 1);
-}
-
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
   return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
 }
 
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
-                                  size_t former, const SurveySettings& settings,
+                                  size_t former, const ViewpointSearchSettings& settings,
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
@@ -52,14 +45,14 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
   for (const size_t place : {asked_place, former}) {
     const ShotCandidate candidate = candidate_at(place);
     const double hidden = (hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead) / 2;
-    if (hidden <= settings.content && allowed(survey.offset_m(place))) return place;
+    if (hidden <= settings.keep_shot_below && allowed(survey.offset_m(place))) return place;
   }
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
   // Of equal ones the first is taken, in whatever order they are tried.
   const auto try_place = [&](size_t place) {
     ShotCandidate candidate = candidate_at(place);
-    const double hold = place == former ? settings.hold : 0.0;
+    const double hold = place == former ? settings.switch_margin : 0.0;
     if (unseen_cost(candidate, targets, coherence) - hold > least) return;
     candidate.world_from_camera = pose_of_shot(center_m, survey.offset_m(place));
     const double cost = cost_of(candidate, asked, present, targets, coherence) - hold;

@@ -11,31 +11,21 @@
 
 #include "server/aggregate/survey.h"
 #include "server/move/coherence.h"
+#include "server/settings/move_settings.h"
 
 namespace sightline {
-
-struct SurveySettings {
-  bool enabled = false;   // off: the camera wants the place that it was asked for, seen or not
-  double memory_s = 0.7;  // (0, 10]; time constant of what was seen. Short: it chases every gap; long: late
-  int resolution = 8;     // texels a side of each face, [2, 32]
-  double content =
-      0.15;  // [0, 1]; while the targets stand, a shot is kept from which and from beside which no more than
-  // this share of them is hidden, in the mean. 0: the camera is never at rest; 1: it never looks for another shot
-  double hold = 0.02;  // [0, 1]; else a new shot must be this much better, of the shot cost in [0, 1]
-};
-Status validate(const SurveySettings& settings);
 
 // The camera `offset_m` from the targets' centre, not zero, looking at it, without roll: enough to compare shots with each other.
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
 
-// The place of the shot that was asked for when it is good enough (SurveySettings::content), else the former one when that is,
+// The place of the shot that was asked for when it is good enough (ViewpointSearchSettings::keep_shot_below), else the former one when that is,
 // else the place of least cost; none when none is allowed. `allowed(offset_m)`: the limits of distance and elevation, and that the
 // targets fit the picture. `asked` and `present`: the shot that the client asked for and the one that is, of these targets, all
 // of them taken as seen; `asked_place` is most like the first. `former`: the place that was chosen before. The survey is of these
 // targets, in this order.
 std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetView> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
-                                  size_t former, const SurveySettings& settings,
+                                  size_t former, const ViewpointSearchSettings& settings,
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed);
 

@@ -41,6 +41,12 @@ void take(const google::protobuf::RepeatedField<Number>& packed, int i, std::arr
   std::copy_n(packed.data() + static_cast<size_t>(i) * N, N, out.begin());
 }
 
+template <typename Message>
+void merge(const Message& change, std::optional<Message>& into) {
+  if (!into) into.emplace();
+  into->MergeFrom(change);
+}
+
 }  // namespace
 
 void TickFold::take_open(const v1::OpenSession& open) {
@@ -167,16 +173,11 @@ void TickFold::fold_terms(const v1::Tick& tick) {
   if (tick.has_targets()) targets_ = tick.targets();
   if (tick.has_observed_camera()) camera_ = tick.observed_camera();
   if (tick.has_lens()) lens_ = tick.lens();
-  if (tick.has_limits()) {
-    if (!limits_) limits_.emplace();
-    limits_->MergeFrom(tick.limits());
-  }
-  if (!tick.has_settings()) return;
-  // Enums that are UNSPECIFIED and absent fields keep what there is, as merging does.
-  if (!settings_ || tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED)
-    settings_ = tick.settings();
-  else
-    settings_->MergeFrom(tick.settings());
+  if (tick.has_limits()) merge(tick.limits(), limits_);
+  // A preset starts anew. Enums that are UNSPECIFIED and absent fields keep what there is, as merging does.
+  if (tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED) settings_.reset(), tuning_.reset();
+  if (tick.has_settings()) merge(tick.settings(), settings_);
+  if (tick.has_tuning()) merge(tick.tuning(), tuning_);
 }
 
 std::vector<std::pair<uint64_t, const TickFold::Entry*>> TickFold::sorted() const {
@@ -223,6 +224,7 @@ v1::Tick TickFold::tick() const {
   tell_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;
   if (settings_) *out.mutable_settings() = *settings_;
+  if (tuning_) *out.mutable_tuning() = *tuning_;
   if (limits_) *out.mutable_limits() = *limits_;
   if (camera_) {
     *out.mutable_observed_camera() = *camera_;

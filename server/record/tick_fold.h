@@ -117,6 +117,7 @@ class TickFold {
   std::optional<v1::TargetList> targets_;
   std::optional<v1::Lens> lens_;
   std::optional<v1::Settings> settings_;
+  std::optional<tuning::v1alpha1::Tuning> tuning_;
   std::optional<v1::CameraLimits> limits_;
   std::optional<v1::ObservedCamera> camera_;
   uint64_t ticks_ = 0;

@@ -1,26 +1,29 @@
-// A streaming call of gRPC's asynchronous API as an object with reactions, like a reactor of its callback API, but on a thread
-// that is ours (event_loop.h says why).
+// A streaming call of gRPC's asynchronous API as an object with reactions. It resembles a reactor of gRPC's callback
+// API, but its reactions run on a thread of our own (event_loop.h says why).
 #pragma once
 
+#include <grpcpp/alarm.h>
 #include <grpcpp/impl/codegen/proto_utils.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/async_stream.h>
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "server/rpc/event_loop.h"
 
 namespace sightline {
 
-// What gRPC fills in when a client calls: the context of the call, and what it is answered by. `Request`: of an RPC that takes one
-// message, else nothing.
+// The parts of a call that gRPC fills in when a client calls: its context, the object that answers it and, for an RPC
+// with a single request, that request.
 struct NoRequest {};
 template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>
 struct IncomingCall {
-  // Told when the call has ended, however it did.
+  // Forwards the end of the call to the object that owns the call by then.
   struct End final : Event {
     Event* to = nullptr;
     void ready(bool ok) override { to->ready(ok); }
@@ -31,28 +34,28 @@ struct IncomingCall {
   End end;
 };
 
-// Waits for one call. Deletes itself when it came, or when the server has shut down; until then it counts as a call of its loop,
-// so that one which comes as the server shuts down is taken and ended like any other.
+// Waits for one call. It deletes itself when the call came or the server has shut down. Until then it counts as a call
+// of its loop, so a call that comes during the shutdown is taken and ended like any other.
 template <typename Incoming>
-class Door final : public Event {
+class CallAcceptor final : public Event {
  public:
-  // On the loop's thread; makes an AsyncCall of it.
+  // Makes an AsyncCall of the incoming call. Runs on the loop's thread.
   using Taker = std::function<void(std::unique_ptr<Incoming>)>;
 
-  // `ask(incoming, tag)` is to call Request... of the service.
+  // `ask(incoming, tag)` must call the service's Request... function.
   template <typename Ask>
-  static void open(EventLoop& loop, const Ask& ask, Taker taker) {
-    auto* door = new Door(loop, std::move(taker));
-    door->incoming_->context.AsyncNotifyWhenDone(&door->incoming_->end);
-    ask(*door->incoming_, static_cast<void*>(door));
+  static void start(EventLoop& loop, const Ask& ask, Taker taker) {
+    auto* acceptor = new CallAcceptor(loop, std::move(taker));
+    acceptor->incoming_->context.AsyncNotifyWhenDone(&acceptor->incoming_->end);
+    ask(*acceptor->incoming_, static_cast<void*>(acceptor));
   }
 
  private:
-  Door(EventLoop& loop, Taker taker)
+  CallAcceptor(EventLoop& loop, Taker taker)
       : loop_(loop), taker_(std::move(taker)), incoming_(std::make_unique<Incoming>()) {
     loop_.call_begins();
   }
-  ~Door() {
+  ~CallAcceptor() {
     incoming_.reset();
     loop_.call_ends();
   }
@@ -66,11 +69,13 @@ class Door final : public Event {
   std::unique_ptr<Incoming> incoming_;
 };
 
-// One call. Responder: grpc::ServerAsyncReaderWriter, or another of gRPC's. Context: another than usual for calls of any method.
+// One call. Responder is grpc::ServerAsyncReaderWriter or another of gRPC's responders; Context differs from the
+// default only for calls of any method.
 //
-// Reactions come on the loop's thread, one at a time, and never inside one of the start functions, which may be called from any
-// thread. At most one operation of a kind may be under way. `finish_call` must be called once, whatever becomes of the call; nothing
-// may be started after it. `on_done` is the last reaction, after which nothing refers to the call.
+// Reactions run on the loop's thread, one at a time, and never inside one of the start functions. The start functions
+// may be called from any thread. At most one operation of each kind may be under way. `finish_call` must be called
+// exactly once for every call, and nothing may be started after it. `on_done` is the last reaction; after it nothing
+// refers to the call any more.
 template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>
 class AsyncCall {
  public:
@@ -93,6 +98,7 @@ class AsyncCall {
   virtual void on_read(bool) {}
   virtual void on_write(bool) {}
   virtual void on_cancel() {}
+  virtual void on_alarm(bool) {}  // true: the time has passed; false: the alarm was cancelled
   virtual void on_done() = 0;
 
   template <typename Message>
@@ -105,17 +111,20 @@ class AsyncCall {
     begin();
     incoming_->responder.Write(message, &written_);
   }
+  // Once for each call. It must be cancelled before the call can end earlier than the alarm.
+  void start_alarm(std::chrono::milliseconds timeout) {
+    begin();
+    alarm_.emplace();
+    alarm_->Set(&loop_.queue(), std::chrono::system_clock::now() + timeout, &alarmed_);
+  }
+  void cancel_alarm() {
+    if (alarm_) alarm_->Cancel();
+  }
   void finish_call(const grpc::Status& status) { incoming_->responder.Finish(status, &finished_); }
-  // Of a call that is answered by one message.
+  // For RPCs that are answered by a single message.
   template <typename Message>
   void finish_call(const Message& message, const grpc::Status& status) {
     incoming_->responder.Finish(message, status, &finished_);
-  }
-
-  // An operation of another kind, which ends with `over`.
-  void begin() { under_way_.fetch_add(1, std::memory_order_relaxed); }
-  void over() {
-    if (under_way_.fetch_sub(1, std::memory_order_acq_rel) == 1) on_done();
   }
 
   EventLoop& loop() { return loop_; }
@@ -135,8 +144,13 @@ class AsyncCall {
     AsyncCall& call_;
   };
 
+  void begin() { under_way_.fetch_add(1, std::memory_order_relaxed); }
+  void over() {
+    if (under_way_.fetch_sub(1, std::memory_order_acq_rel) == 1) on_done();
+  }
   void react_to_read(bool ok) { on_read(ok); }
   void react_to_write(bool ok) { on_write(ok); }
+  void react_to_alarm(bool ok) { on_alarm(ok); }
   void react_to_finish(bool) {}
   void react_to_end(bool) {
     if (incoming_->context.IsCancelled()) on_cancel();
@@ -144,9 +158,11 @@ class AsyncCall {
 
   EventLoop& loop_;
   std::unique_ptr<Incoming> incoming_;
-  std::atomic<int> under_way_{2};  // the end and the finish come always
+  std::optional<grpc::Alarm> alarm_;
+  std::atomic<int> under_way_{2};  // every call has an end and a finish
   Reaction<&AsyncCall::react_to_read> read_{*this};
   Reaction<&AsyncCall::react_to_write> written_{*this};
+  Reaction<&AsyncCall::react_to_alarm> alarmed_{*this};
   Reaction<&AsyncCall::react_to_finish> finished_{*this};
   Reaction<&AsyncCall::react_to_end> ended_{*this};
 };

@@ -1,12 +1,12 @@
-// The thread that moves the messages of streams: one completion queue of gRPC's and one thread that waits at it.
+// The thread that moves the messages of streams: one thread that waits at one completion queue of gRPC's.
 //
-// One thread, since of several at one queue (as gRPC's callback API has them) each wakes the next one whenever something
-// happens: with a hundred streams of an echo that is a third of what a message costs. A machine with many cores has several loops,
-// each with calls of its own. `sightline bench` drives its load by one too.
+// There is one thread for each queue because several threads at one queue wake each other for every event; gRPC's
+// callback API works that way. With a hundred streams of an echo server that was a third of a message's cost. A machine
+// with many cores has several loops, each with calls of its own. `sightline bench` drives its load with one too.
 //
-// A short step is taken on this thread, once nothing is left to be read: to wake another one would take as long. While more
-// comes in, or when this thread has not rested for a while, they are passed on to threads that step, so that this one keeps reading.
-// What the first event after a long rest asks for is done at once: to see that nothing else is ready takes gRPC some 7 us then.
+// A short step can be taken on this thread (`defer`), because waking another thread would take as long as the step. The
+// loop takes deferred tasks when nothing is left to be read. It hands them over to the scheduler's threads when too
+// many wait, or when it has not rested for a while, so that it keeps reading.
 #pragma once
 
 #include <grpcpp/completion_queue.h>
@@ -21,41 +21,44 @@
 
 namespace sightline {
 
-// What an operation of gRPC's is tagged with: told once, when the operation is over.
+// The tag of an asynchronous operation of gRPC's. It is called once, when the operation is over.
 class Event {
  public:
-  // On the loop's thread. `ok`: as gRPC says for the operation.
+  // Runs on the loop's thread. gRPC defines `ok` for each kind of operation.
   virtual void ready(bool ok) = 0;
 
  protected:
   ~Event() = default;
 };
 
-// Work that can be done on the loop's thread or on another.
-class ShortWork {
+// A task that can run on the loop's thread or elsewhere. The loop calls one of the two functions, once for each
+// `defer`.
+class ShortTask {
  public:
-  virtual ~ShortWork() = default;
-  virtual void do_here() = 0;
-  virtual void pass_on() = 0;  // returns at once
+  virtual ~ShortTask() = default;
+  virtual void run_on_loop() = 0;
+  virtual void hand_over() = 0;  // passes the task to another thread and returns at once
 };
 
 class EventLoop {
  public:
-  // Starts its thread.
+  // Starts the thread.
   explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue);
-  // The server, if it is one's, must have shut down. Returns once every call has ended and every event was told.
+  // When the queue belongs to a server, that server must have shut down. Returns once every call has ended and every
+  // event was delivered.
   ~EventLoop();
   EventLoop(const EventLoop&) = delete;
   EventLoop& operator=(const EventLoop&) = delete;
 
   grpc::CompletionQueue& queue() { return *queue_; }
-  // Of a loop that was made with one of a server.
+  // Only for a loop that was constructed with a server's queue.
   grpc::ServerCompletionQueue& server_queue() { return static_cast<grpc::ServerCompletionQueue&>(*queue_); }
 
-  // For when nothing is left to be read, or the event is over that came first after a long rest. On the loop's thread only.
-  void soon(std::shared_ptr<ShortWork> work);
+  // Takes a task for later, on the loop's thread only. It runs when nothing is left to be read. When the current event is
+  // the first one after a long rest, it runs right after that event.
+  void defer(std::shared_ptr<ShortTask> task);
 
-  // A call that may still start operations, which the loop waits for at its end. From any thread.
+  // Brackets a call that may start operations; the loop waits for its end. From any thread.
   void call_begins();
   void call_ends();
 
@@ -63,13 +66,13 @@ class EventLoop {
   void run();
   bool next(Event*& event, bool& ok);
   bool lags() const;
-  void do_eldest();
+  void run_oldest();
 
   const std::unique_ptr<grpc::CompletionQueue> queue_;
-  // The loop's thread only.
-  std::deque<std::shared_ptr<ShortWork>> waiting_;
+  // Used by the loop's thread only.
+  std::deque<std::shared_ptr<ShortTask>> deferred_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
-  bool woke_ = false;                               // what came last came after a long rest
+  bool after_long_rest_ = false;                    // the current event is the first one after a long rest
 
   std::mutex mutex_;
   std::condition_variable none_left_;

@@ -83,7 +83,7 @@ BoxTest::BoxTest(const SampleGrid& grid, const Aabb& bounds)
       glm::inverse(glm::transpose(glm::dmat3(glm::dvec3(grid.x), glm::dvec3(grid.y), glm::dvec3(grid.w))));
   ray_x_ = from_samples[0], ray_y_ = from_samples[1], ray_ = from_samples[2];
   eye_ = -(from_samples * glm::dvec3(grid.x.w, grid.y.w, grid.w.w));
-  // What moves x, y and w by their slack moves a position by so much.
+  // The displacement of a position that changes x, y and w by their slack.
   eye_play_ = glm::abs(ray_x_) * slack_.x + glm::abs(ray_y_) * slack_.y + glm::abs(ray_) * slack_.w +
               1e-6f * (glm::abs(eye_) + glm::max(glm::abs(bounds.min), glm::abs(bounds.max)));
 }
@@ -158,7 +158,7 @@ float BoxTest::enters_at_m(const Aabb& box, int sample_x, int sample_y) const {
 }
 
 bool BoxTest::may_show_unhidden(const Aabb& box, const Footprint& where, const float* hidden_from_m) const {
-  // A box over many samples is met by some.
+  // A box over many samples is hit by one of their rays.
   constexpr int kFewSamples = 12;
   if ((where.x1 - where.x0 + 1) * (where.y1 - where.y0 + 1) > kFewSamples)
     return !is_hidden(where, hidden_from_m, grid_.width);

@@ -1,8 +1,7 @@
-// Depth maps: what a target sees when it looks towards the bound (paper 3.2, design 4).
+// Depth maps, taken from points on targets towards the bound (paper 3.2).
 //
-// A map is a picture taken from a point on a target. Each texel holds the distance along its ray to the first occluder
-// and which occluder that is. A candidate camera position sees the point exactly when it is nearer than the texel that
-// it projects to.
+// Each texel holds the distance along its ray to the first occluder, and which occluder that is. A candidate camera position sees the
+// point exactly when it is nearer than the texel to which it projects.
 #pragma once
 
 #include <cstdint>
@@ -17,13 +16,12 @@ namespace sightline {
 
 inline constexpr uint32_t kNoOccluder = UINT32_MAX;
 inline constexpr int kMaxMapSize = 64;     // texels a side
-inline constexpr double kMapNearM = 0.01;  // occluders nearer than this to the point are not seen (design 4)
+inline constexpr double kMapNearM = 0.01;  // occluders nearer than this to the point are ignored
 
-// An off-axis pinhole. View frame: the eye at the origin, looking along -Z, +Y up. The window is the rectangle
-// [left, right] x [bottom, top] on the plane z = -1 of the view frame. Texel (x, y), x from the left, y from the
-// bottom, shows the window point
-//   (left + (x + jitter.x) / width * (right - left), bottom + (y + jitter.y) / height * (top - bottom)),
-// jitter (0.5, 0.5) being the texel centre.
+// An off-axis pinhole. In the view frame the eye is at the origin, looks along -Z and has +Y up. The window is the rectangle
+// [left, right] x [bottom, top] on the plane z = -1. Texels (x, y) count from the left and the bottom. Texel (x, y) shows the point
+//   (left + (x + jitter.x) / width * (right - left), bottom + (y + jitter.y) / height * (top - bottom))
+// of the window; jitter (0.5, 0.5) is the texel's centre.
 struct MapView {
   glm::dvec3 eye_m{0.0};            // world
   glm::dmat3 world_from_view{1.0};  // rotation; columns are right, up, back
@@ -33,10 +31,10 @@ struct MapView {
   double near_m = kMapNearM;    // along the view axis, as a near plane
 };
 
-// World direction, not normalised, of the ray through texel (x, y) as jittered: one unit of depth along the view axis.
+// World direction of the ray through the jittered texel (x, y); its length is one unit of depth along the view axis.
 glm::dvec3 texel_direction(const MapView& view, int x, int y);
 
-// Where a world point falls in the map.
+// A world point projected into a map.
 struct MapPoint {
   double x = 0, y = 0;     // continuous texel coordinates: texel i covers [i, i + 1)
   double distance_m = 0;   // from the eye, Euclidean
@@ -48,14 +46,14 @@ MapPoint project(const MapView& view, const glm::dvec3& point_m);
 struct MapRequest {
   MapView view;
   uint32_t layer_mask = 0xFFFFFFFF;  // draws instances with (layers & layer_mask) != 0
-  // Moving occluders are drawn where their velocities take them in this time, seconds, [0, 2]. The requests of one call
-  // have at most one value besides 0.
+  // Moving occluders are placed where their velocities take them in this time, in seconds, [0, 2]. The requests of one call use 0 and at
+  // most one other value.
   double ahead_s = 0.0;
-  // What is farther than this from the eye need not be found: its texels may say that nothing occludes, or name something else that
-  // far. Nobody may then look up a place beyond it. A sampler that can end its search there saves most of it.
+  // The greatest distance from the eye, in metres, at which occluders must be found. Texels may miss or confuse occluders beyond it, so
+  // candidates beyond it must not be looked up. A sampler saves time by ending its search there.
   double far_m = std::numeric_limits<double>::infinity();
   std::span<const uint32_t> ignored_slots =
-      {};  // ascending mirror slots that are left out; must outlive the call
+      {};  // ascending mirror slots of instances to leave out; must outlive the call
 };
 
 // Row-major from the bottom row: texel (x, y) is at y * width + x.

@@ -1,24 +1,21 @@
 #include "server/sample/egl_sampler.h"
 
 #include <algorithm>
-#include <array>
-#include <chrono>
-#include <cstdio>
-#include <limits>
 #include <mutex>
 #include <utility>
 
 #include "server/gl/egl_context.h"
-#include "server/sample/egl_measure.h"
 #include "server/sample/map_renderer.h"
 #include "server/sample/map_taker.h"
 #include "server/sample/occluder_tree.h"
+#include "server/scene/primitives.h"
 
 namespace sightline {
 namespace {
 
-// Takes between two looks for dead geometry on a device to which nothing is added.
-constexpr uint64_t kSweepEveryTakes = 256;
+// Sessions that are worth taking together on a GPU, where every submission is a round trip: enough to fill the submissions that may be
+// in flight. Not measured on a GPU. On llvmpipe a session costs the same alone and in a round (tests/bench/sample_bench).
+constexpr size_t kHardwareBatch = 16;
 
 using ContextResult = Result<std::unique_ptr<EglContext>>;
 
@@ -45,17 +42,6 @@ ContextResult create_context(const EglOptions& options) {
   return context;
 }
 
-// ", the fastest of 8: 0.21 ms, next 0.22 ms".
-std::string explain(std::span<const EglTiming> timings, const EglTiming& best) {
-  double next_ms = std::numeric_limits<double>::infinity();
-  for (const EglTiming& timing : timings)
-    if (&timing != &best) next_ms = std::min(next_ms, timing.cost_ms());
-  std::array<char, 96> text;
-  std::snprintf(text.data(), text.size(), ", the fastest of %zu: %.2f ms, next %.2f ms", timings.size(),
-                best.cost_ms(), next_ms);
-  return text.data();
-}
-
 class EglSampler;
 
 class SharedEglDevice final : public EglSamplerDevice {
@@ -65,16 +51,12 @@ class SharedEglDevice final : public EglSamplerDevice {
 
   std::unique_ptr<Sampler> make_sampler() override;
   void take_all(std::span<TakeJob> jobs) override;
-  size_t best_batch() const override { return best_batch_; }
+  size_t best_batch() const override { return software_ ? 1 : kHardwareBatch; }
   std::string kind() const override { return "egl"; }
   std::string renderer() const override;
-  std::string description() const override;
-  std::string variant_reason() const override { return variant_reason_; }
-  size_t geometry_bytes() const override;
+  size_t geometry_bytes() const override { return 0; }
   void simulate_context_loss() override;
   uint64_t context_rebuilds() const override;
-
-  const EglVariant& variant() const { return variant_; }
 
   // Takes what `taker` has prepared; any thread, the renderer is used by one at a time. When the context is lost, makes another
   // and takes once more.
@@ -83,22 +65,19 @@ class SharedEglDevice final : public EglSamplerDevice {
  private:
   explicit SharedEglDevice(const EglOptions& options) : options_(options) {}
   Status build();
-  Status choose_variant();
+  Status warm_up();
   void drop_renderer();
   Status take_once(MapTaker& taker);
 
   const EglOptions options_;
-  // Constant after create().
-  EglVariant variant_;
-  std::string variant_reason_;
-  size_t best_batch_ = 1;
+  bool software_ = false;  // constant after create()
 
   mutable std::mutex mutex_;
   std::unique_ptr<EglContext> context_;     // guarded by mutex_; null after a rebuild failed
   std::unique_ptr<MapRenderer> renderer_;   // guarded by mutex_; dies before context_, with it current
   std::string description_ = "no context";  // guarded by mutex_
   bool loss_simulated_ = false;             // guarded by mutex_
-  uint64_t rebuilds_ = 0, takes_ = 0;       // guarded by mutex_
+  uint64_t rebuilds_ = 0;                   // guarded by mutex_
 };
 
 class EglSampler final : public Sampler {
@@ -121,15 +100,31 @@ class EglSampler final : public Sampler {
   MapTaker taker_;
 };
 
-int64_t monotonic_ns() {
-  return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
-}
-
 Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptions& options) {
   std::unique_ptr<SharedEglDevice> device(new SharedEglDevice(options));
   if (Status built = device->build(); !built) return tl::unexpected(built.error());
-  if (Status chosen = device->choose_variant(); !chosen) return tl::unexpected(chosen.error());
+  device->software_ = device->context_->info().software;
+  if (Status warm = device->warm_up(); !warm) return tl::unexpected(warm.error());
   return device;
+}
+
+// Takes maps of a box, so that the first session does not wait for the driver to compile: llvmpipe spends 38 ms of CPU time in the first
+// take and 24 ms in the fifth.
+Status SharedEglDevice::warm_up() {
+  constexpr int kTakes = 6;
+  SceneMirror mirror;
+  SceneDelta delta;
+  delta.add.push_back({.id = 1,
+                       .geometry = build_geometry(tessellate(BoxShape{}).value()).value(),
+                       .pose = {{0.0, 0.0, -5.0}},
+                       .attributes = {}});
+  (void)mirror.apply(delta, {});
+  const std::vector<MapRequest> requests(1);
+  std::vector<DepthMap> maps;
+  const auto sampler = make_sampler();
+  for (int i = 0; i < kTakes; ++i)
+    if (Status taken = sampler->take(mirror, requests, maps); !taken) return taken;
+  return {};
 }
 
 Status SharedEglDevice::build() {
@@ -142,27 +137,9 @@ Status SharedEglDevice::build() {
   const CurrentContext current(*context_);
   if (!current)
     return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
-  Result<std::unique_ptr<MapRenderer>> renderer =
-      MapRenderer::create(options_.layers_by_geometry_shader ? MapRenderer::LayersBy::kGeometryShader
-                                                             : MapRenderer::LayersBy::kAnyStage);
+  Result<std::unique_ptr<MapRenderer>> renderer = MapRenderer::create();
   if (!renderer) return fail(ErrorCode::kUnavailable, "--egl-device", to_string(renderer.error()));
   renderer_ = std::move(*renderer);
-  return {};
-}
-
-Status SharedEglDevice::choose_variant() {
-  const CurrentContext current(*context_);
-  if (!current)
-    return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
-  const std::vector<EglVariant> tried =
-      options_.variant ? std::vector{*options_.variant} : all_egl_variants();
-  const auto timings = measure_egl_variants(*renderer_, tried, monotonic_ns);
-  if (!timings) return fail(ErrorCode::kUnavailable, "--egl-device", to_string(timings.error()));
-  const EglTiming& best = fastest(*timings);
-  variant_ = best.variant;
-  best_batch_ = ::sightline::best_batch(best);
-  variant_reason_ = to_string(variant_).append(options_.variant ? ", as asked for" : explain(*timings, best));
-  renderer_->sweep();
   return {};
 }
 
@@ -194,15 +171,6 @@ std::string SharedEglDevice::renderer() const {
   return description_;
 }
 
-std::string SharedEglDevice::description() const {
-  return renderer() + "; maps by " + variant_reason_;
-}
-
-size_t SharedEglDevice::geometry_bytes() const {
-  const std::lock_guard lock(mutex_);
-  return renderer_ ? renderer_->geometry_bytes() : 0;
-}
-
 void SharedEglDevice::simulate_context_loss() {
   const std::lock_guard lock(mutex_);
   loss_simulated_ = true;
@@ -217,7 +185,6 @@ Status SharedEglDevice::take(MapTaker& taker) {
   const std::lock_guard lock(mutex_);
   Status done = take_once(taker);
   if (done || done.error().code != ErrorCode::kUnavailable) return done;
-  // Geometry is uploaded again as it is drawn: the mirrors still hold it.
   drop_renderer();
   context_.reset();
   ++rebuilds_;
@@ -229,7 +196,6 @@ Status SharedEglDevice::take_once(MapTaker& taker) {
   if (!renderer_) return fail(ErrorCode::kUnavailable, "", "there is no OpenGL context");
   const CurrentContext current(*context_);
   if (!current) return fail(ErrorCode::kUnavailable, "", "EGL refuses to make the context current");
-  if (++takes_ % kSweepEveryTakes == 0) renderer_->sweep();
   Status done = taker.take(*renderer_);
   if (context_->was_reset() || std::exchange(loss_simulated_, false))
     return fail(ErrorCode::kUnavailable, "", "the OpenGL context was lost");
@@ -254,7 +220,7 @@ Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> r
 }
 
 Status EglSampler::take(std::span<const MapJob> jobs) {
-  taker_.prepare(jobs, device_.variant());
+  taker_.prepare(jobs);
   return device_.take(taker_);
 }
 

@@ -2,12 +2,10 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "server/base/error.h"
-#include "server/sample/egl_variant.h"
 #include "server/sample/sampler.h"
 
 namespace sightline {
@@ -16,10 +14,6 @@ struct EglOptions {
   int device_index =
       -1;  // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
   bool require_gpu = false;  // fail instead of rendering in software
-  // How maps are taken; nothing: measured when the device is made, and the fastest taken. Changes no bit of a map.
-  std::optional<EglVariant> variant = {};
-  // As on devices that cannot choose layers in the vertex shader: for tests.
-  bool layers_by_geometry_shader = false;
 };
 
 // One line of the `devices` report.
@@ -38,13 +32,11 @@ std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
 // The one of them that the options pick; fails as make_egl_sampler_device does.
 Result<EglDeviceInfo> choose_egl_device(const EglOptions& options);
 
-// Samplers of many sessions share one context and one copy of each geometry; threads take turns. A lost context is made
-// anew, with everything in it, and the take that met the loss is repeated once.
+// The samplers of all sessions share one context; threads take turns. A lost context is rebuilt, and the take that met the loss is
+// repeated once. The device keeps no geometry: the few triangles that a map shows are sent with each take.
 class EglSamplerDevice : public SamplerDevice {
  public:
-  // How maps are taken, and why: "triangles+at-once+direct, the fastest of 8: 0.21 ms, next 0.22 ms" or "..., as asked for".
-  virtual std::string variant_reason() const = 0;
-  // The next take finds its context lost. For tests and drills.
+  // Makes the next take find its context lost. For tests and drills.
   virtual void simulate_context_loss() = 0;
   // How often a context was lost since the start.
   virtual uint64_t context_rebuilds() const = 0;

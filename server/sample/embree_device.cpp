@@ -1,4 +1,4 @@
-// Bottom scenes by geometry and static top scenes by content, each built once for all who use it.
+// Bottom scenes by geometry and static top scenes by content, each built once and shared.
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -12,7 +12,7 @@ namespace {
 
 using Content = EmbreeScene::Content;
 
-// Above this the better hierarchy of spatial splits is not worth the time that it takes to build.
+// Above this size a hierarchy with spatial splits is not worth the time that it takes to build.
 constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
 
 const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
@@ -31,10 +31,10 @@ std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry
   std::copy_n(geometry.indices.data(), index_count, indices);
   bottom->vertices = vertices;
   bottom->indices = indices;
-  // Not the compact layout: a quarter of the bytes less on small meshes, but up to half as slow again on large ones.
+  // Embree's compact layout would save a quarter of the bytes on small meshes, but be up to 50 % slower on large ones.
   const RTCBuildQuality quality =
       index_count / 3 <= kMaxTrianglesOfHighQuality ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
-  // Layers are a matter of the instance: here every bit is set.
+  // Layers belong to the instances; here every bit is set.
   rtcSetGeometryMask(mesh.get(), 0xFFFFFFFF);
   rtcSetGeometryBuildQuality(mesh.get(), quality);
   rtcCommitGeometry(mesh.get());
@@ -47,7 +47,7 @@ std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry
   return bottom;
 }
 
-// The middle of what the scene will hold, so that single precision serves the whole of it equally.
+// The middle of the instances that the scene will hold, so that single precision serves all of them equally.
 glm::dvec3 middle(const SceneMirror& mirror, std::span<const Placement> placements) {
   glm::dvec3 low(std::numeric_limits<double>::infinity()), high(-low);
   for (const Placement& placement : placements) {
@@ -55,6 +55,49 @@ glm::dvec3 middle(const SceneMirror& mirror, std::span<const Placement> placemen
     high = glm::max(high, mirror.instances()[placement.slot].center_m);
   }
   return 0.5 * (low + high);
+}
+
+// The instances of one top scene: static ones, or moving ones where they will be in `ahead_s`.
+struct Placed {
+  std::vector<Placement> placements;
+  std::vector<std::shared_ptr<const BottomScene>> bottoms;  // of the placements
+};
+Placed place(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content content, bool moving, double ahead_s) {
+  Placed placed;
+  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
+    const Instance& instance = mirror.instances()[slot];
+    const size_t index_count = instance.moving == moving ? counted_indices(instance, content) : 0;
+    if (index_count == 0) continue;
+    placed.bottoms.push_back(device.bottom_of(instance.geometry, index_count));
+    placed.placements.push_back({slot, instance.attributes.layers, placed.bottoms.back().get(),
+                                 world_from_instance_ahead(instance, ahead_s)});
+  }
+  return placed;
+}
+
+TopScene build_top(RTCDevice device, const SceneMirror& mirror, const Placed& placed, RTCBuildQuality quality) {
+  TopScene top;
+  if (placed.placements.empty()) return top;
+  top.anchor_m = middle(mirror, placed.placements);
+  top.scene.reset(rtcNewScene(device));
+  rtcSetSceneFlags(top.scene.get(), kSceneFlags);
+  rtcSetSceneBuildQuality(top.scene.get(), quality);
+  top.entries.reserve(placed.placements.size());
+  for (size_t i = 0; i < placed.placements.size(); ++i) {
+    const Placement& placement = placed.placements[i];
+    Affine from_instance = placement.world_from_instance;
+    from_instance[3] -= top.anchor_m;
+    const glm::mat4x3 columns(from_instance);
+    const GeometryHandle handle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE));
+    rtcSetGeometryInstancedScene(handle.get(), placement.bottom->scene.get());
+    rtcSetGeometryMask(handle.get(), placement.layers);
+    rtcSetGeometryTransform(handle.get(), 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &columns[0].x);
+    rtcCommitGeometry(handle.get());
+    rtcAttachGeometryByID(top.scene.get(), handle.get(), static_cast<unsigned>(i));
+    top.entries.push_back({placement.slot, placed.bottoms[i], glm::mat3(columns)});
+  }
+  rtcCommitScene(top.scene.get());
+  return top;
 }
 
 bool add_bytes(void* total, ssize_t bytes, bool) {
@@ -92,16 +135,6 @@ bool TopScene::holds(uint32_t slot) const {
   return at != entries.end() && at->slot == slot;
 }
 
-void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle,
-                 const Affine& world_from_instance) {
-  Affine from_instance = world_from_instance;
-  from_instance[3] -= top.anchor_m;
-  const glm::mat4x3 columns(from_instance);
-  entry.linear = glm::mat3(columns);
-  rtcSetGeometryTransform(handle, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &columns[0].x);
-  rtcCommitGeometry(handle);
-}
-
 FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_filter)
     : top(&filtered_top), filter(&ray_filter) {
   rtcInitIntersectContext(&embree);
@@ -119,13 +152,13 @@ EmbreeDevice::Impl::Impl() : device(rtcNewDevice(nullptr)) {
 std::shared_ptr<const BottomScene> EmbreeDevice::Impl::find(const BottomKey& key) {
   const std::lock_guard lock(mutex);
   const auto found = bottoms.find(key);
-  // An address may be used again by another geometry after the first one died.
+  // Another geometry may have the address of one that has died.
   if (found == bottoms.end() || found->second.geometry.expired()) return nullptr;
   return found->second.scene;
 }
 
 void EmbreeDevice::Impl::forget_dead() {
-  // What dies is released after the lock is.
+  // Releases dead scenes after the lock.
   std::vector<std::shared_ptr<const BottomScene>> dead;
   const std::lock_guard lock(mutex);
   std::erase_if(bottoms, [&](const auto& item) {
@@ -152,7 +185,7 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
   const std::lock_guard lock(mutex);
   const auto [first, last] = statics.equal_range(hash);
   for (auto it = first; it != last; ++it)
-    // Compared in full: sharing never rests on a hash.
+    // Equal hashes are not enough: all placements are compared.
     if (auto alive = it->second.lock();
         alive && alive->placements.size() == placements.size() &&
         std::memcmp(alive->placements.data(), placements.data(), placements.size_bytes()) == 0)
@@ -162,42 +195,20 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
 
 std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror,
                                                                    Content content) {
-  auto made = std::make_shared<StaticTop>();
-  std::vector<std::shared_ptr<const BottomScene>> held;  // in the order of the placements
-  for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
-    const Instance& instance = mirror.instances()[slot];
-    const size_t index_count = instance.moving ? 0 : counted_indices(instance, content);
-    if (index_count == 0) continue;
-    held.push_back(bottom_of(instance.geometry, index_count));
-    made->placements.push_back(
-        {slot, instance.attributes.layers, held.back().get(), instance.world_from_instance});
-  }
-  if (held.empty()) return made;
-  const uint64_t hash = hash64_bytes(std::as_bytes(std::span(made->placements)));
-  if (auto found = find(hash, made->placements)) return found;
-
-  TopScene& top = made->top;
-  top.anchor_m = middle(mirror, made->placements);
-  top.scene.reset(rtcNewScene(device.get()));
-  rtcSetSceneFlags(top.scene.get(), kSceneFlags);
-  rtcSetSceneBuildQuality(top.scene.get(), RTC_BUILD_QUALITY_HIGH);
-  top.entries.reserve(held.size());
-  for (size_t i = 0; i < held.size(); ++i) {
-    const Placement& placement = made->placements[i];
-    const GeometryHandle handle(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
-    rtcSetGeometryInstancedScene(handle.get(), placement.bottom->scene.get());
-    rtcSetGeometryMask(handle.get(), placement.layers);
-    top.entries.push_back({placement.slot, std::move(held[i]), glm::mat3(1.0f)});
-    place_entry(top, top.entries.back(), handle.get(), placement.world_from_instance);
-    rtcAttachGeometryByID(top.scene.get(), handle.get(), static_cast<unsigned>(i));
-  }
-  rtcCommitScene(top.scene.get());
-
+  const Placed placed = place(*this, mirror, content, false, 0.0);
+  const uint64_t hash = hash64_bytes(std::as_bytes(std::span(placed.placements)));
+  if (auto found = find(hash, placed.placements)) return found;
+  auto made = std::make_shared<StaticTop>(
+      StaticTop{build_top(device.get(), mirror, placed, RTC_BUILD_QUALITY_HIGH), placed.placements});
   forget_dead();
-  if (auto found = find(hash, made->placements)) return found;  // another thread was faster
+  if (auto found = find(hash, placed.placements)) return found;  // another thread was faster
   const std::lock_guard lock(mutex);
   statics.emplace(hash, made);
   return made;
+}
+
+TopScene EmbreeDevice::Impl::moving_top_of(const SceneMirror& mirror, Content content, double ahead_s) {
+  return build_top(device.get(), mirror, place(*this, mirror, content, true, ahead_s), RTC_BUILD_QUALITY_LOW);
 }
 
 EmbreeDevice::EmbreeDevice() : impl_(std::make_shared<Impl>()) {}

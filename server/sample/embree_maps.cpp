@@ -12,8 +12,8 @@ namespace {
 constexpr int kRays = 16;  // a packet; devices without vectors as wide take it in parts
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// Packets that are wider than this, on the plane one unit before the eye, are faster as single rays that share what they can.
-// Measured on maps of 7 and 16 texels a side over a city: even at 0.25 to 0.35.
+// Wider packets, on the plane one unit before the eye, are faster without Embree's flag for coherent rays. On maps of 7 and 16 texels a
+// side over a city both were equally fast at widths of 0.25 to 0.35.
 constexpr double kCoherentWidth = 0.25;
 
 // World directions of a map's texels, one unit of depth along the view axis: `first` + x `right` + y `up`.
@@ -30,7 +30,7 @@ struct TexelRays {
   }
 };
 
-// The one ray of a map of one texel, which a packet would only slow down. Distances are in lengths of the world direction.
+// The ray of a map of one texel, for which a packet would be slower. Distances are in lengths of the world direction.
 class SingleRay {
  public:
   SingleRay(const MapRequest& request, float far) {
@@ -38,7 +38,7 @@ class SingleRay {
     query_.ray.tfar = far;
   }
 
-  // Whether anything nearer than what was met before is met.
+  // True when the ray hits something nearer than all its hits before.
   bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin,
              const glm::vec3& direction, uint32_t mask) {
     query_.ray.org_x = origin.x, query_.ray.org_y = origin.y, query_.ray.org_z = origin.z;
@@ -94,7 +94,7 @@ PacketShape packet_shape(int map_width, int map_height) {
   return best;
 }
 
-// The rays of one rectangle of texels, and what is common to those of one map.
+// The rays of one rectangle of texels, and the data that all packets of a map share.
 struct EmbreeMaps::Packet {
   alignas(64) RTCRayHit16 rays;   // world directions, origins from the static top's anchor
   alignas(64) RTCRayHit16 local;  // the same in one mover's frame
@@ -184,7 +184,7 @@ void EmbreeMaps::Packet::meet(const NearMover& mover) {
   }
 }
 
-// No ray of the packet looks farther.
+// The farthest end of a ray of the packet.
 float EmbreeMaps::Packet::farthest_m() const {
   float farthest = 0.0f;
   for (int i = 0; i < kRays; ++i)
@@ -213,7 +213,7 @@ void EmbreeMaps::take_in(const SceneMirror& mirror, double ahead_s) {
   movers_.take_in(*device_, mirror, ahead_s);
 }
 
-// Asking about every hit costs a third of the time: only where an ignored one can be hit at all.
+// A filter that Embree calls for every hit costs a third of the time, so it is set only when a ray can hit an ignored instance.
 bool EmbreeMaps::static_filter_needed(const SceneMirror& mirror, const MapRequest& request,
                                       const RayCone& cone) const {
   return std::any_of(request.ignored_slots.begin(), request.ignored_slots.end(), [&](uint32_t slot) {
@@ -288,7 +288,7 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
     for (int x = 0; x < view.width; x += packet.shape.width) {
       packet.aim(request, texels, x, y);
       if (top.scene) packet.meet_static(top, context);
-      // They ascend: beyond one that is too far all are.
+      // Sorted by distance: beyond the first that is too far, all are.
       if (!near_.empty() && near_.front().nearest_m <= packet.farthest_m()) {
         const RayCone part = texels.cone(x, y, packet.shape.width, packet.shape.height);
         for (const NearMover& mover : near_)

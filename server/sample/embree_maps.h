@@ -1,10 +1,10 @@
-// Depth maps of one mirror by Embree's rays, in packets of 16 that share an eye.
+// Takes the depth maps of one mirror with Embree's rays, in packets of 16 from one eye.
 //
-// Packets never hold rays of two requests, and what is set up for a map depends on the mirror and the request alone: the same
-// request gives the same bits, whatever is taken beside it, before it or by whom. (A packet's hits may depend on its company
-// where a ray passes through an edge.) A packet is a rectangle of texels, nearly square, so that its rays stay together.
+// A packet is a nearly square rectangle of texels, so that its rays are close together. It never mixes rays of two requests, and its
+// setup depends only on the mirror and the request, because where a ray passes through an edge its hit may depend on the other rays of
+// the packet. So the same request gives the same bits, on any thread and with any other requests.
 //
-// Static instances are met through the device's shared top scene, moving ones each by itself (EmbreeMovers).
+// Static instances are traced through the device's shared top scene, moving instances one by one (EmbreeMovers).
 #pragma once
 
 #include <memory>
@@ -14,28 +14,28 @@
 
 namespace sightline {
 
-// A rectangle of texels that one packet takes, [1, 16] in all.
+// The rectangle of texels of one packet; width * height is in [1, 16].
 struct PacketShape {
   int width = 1, height = 1;
 };
-// Of all shapes the one that covers the map with the fewest packets; of those the one of the least circumference.
+// The shape that covers the map with the fewest packets, and among those has the smallest circumference.
 PacketShape packet_shape(int map_width, int map_height);
 
-// Takes the maps of one mirror. Not thread-safe; any number may be used at once.
+// Not thread-safe, but threads may use one each at the same time.
 class EmbreeMaps {
  public:
   explicit EmbreeMaps(EmbreeDevice& device);
   ~EmbreeMaps();
 
-  // After every change of the mirror; `ahead_s` is the one value besides 0 that the requests may have, or 0.
+  // To be called after every change of the mirror. `ahead_s` is the value that requests use besides 0, or 0.
   void take_in(const SceneMirror& mirror, double ahead_s);
-  // As Sampler::take for one request on the mirror as taken in. Allocates only while `map` grows.
+  // Like Sampler::take for one request, on the mirror as of the last take_in. Allocates only while `map` grows.
   void take(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
 
  private:
   struct Packet;
   void take_packets(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
-  // Of a map of one texel.
+  // Takes a map of one texel.
   void take_sight(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
   bool static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const;
 

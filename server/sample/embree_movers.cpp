@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// What a difference of two single-precision numbers may err by, relative to the larger, with room for the products of a test.
+// The greatest relative error of a difference of two single-precision numbers, with room for the products of a test.
 constexpr float kRounding = 1e-6f;
 
 }  // namespace

@@ -1,9 +1,9 @@
-// The moving instances of a mirror as the map taker meets them. Internal to sample/embree_*.
+// The moving instances of a mirror, for embree_maps. Internal to sample/embree_*.
 //
-// No hierarchy stands above them: a tick only writes their centres, and a map finds those that its rays may meet by one
-// pass over all bounding spheres. That costs about a nanosecond a sphere and map, where Embree takes one microsecond an
-// instance and tick to commit a scene of them, once more for the time ahead. Instances that a request leaves out are left
-// out here, so that Embree asks nobody about hits.
+// There is no hierarchy above them. A tick only writes their centres, and each map tests all bounding spheres for those that its rays
+// may hit. That costs about one nanosecond for each sphere and map. To commit a scene of the instances, Embree would take one
+// microsecond for each instance and tick, and again for the time ahead. Instances that a request ignores are left out here, so that
+// Embree needs no filter.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,14 @@
 
 namespace sightline {
 
-// Holds all rays from one eye that lie within an angle below 90 degrees of the axis.
+// A cone of rays from one eye, with a half angle below 90 degrees.
 struct RayCone {
   glm::vec3 axis;  // unit
   float sine = 0, cosine = 1;
 
-  // The cone about four rays, of any length, and all between them. They lie within 90 degrees of their sum.
+  // The cone around four rays of any length, which must lie within 90 degrees of their sum, and all rays between them.
   static RayCone around(std::span<const glm::vec3, 4> corners);
-  // False only when no ray of the cone meets the ball.
+  // False only when no ray of the cone hits the ball.
   bool may_meet(const glm::vec3& center_from_eye_m, float radius_m) const;
 };
 
@@ -33,20 +33,20 @@ struct NearMover {
   uint32_t slot = 0;
   const BottomScene* bottom = nullptr;
   glm::vec3 center_from_eye_m{0.0f};
-  float radius_m = 0.0f;   // rounded up by what single precision may err
+  float radius_m = 0.0f;   // rounded up by the greatest error of single precision
   float nearest_m = 0.0f;  // no point of it is nearer to the eye
-  // The eye, and what turns a direction, in the instance's frame.
+  // The eye in the instance's frame, and the map of directions into it.
   glm::vec3 eye_in_instance{0.0f};
   glm::mat3 instance_from_world{1.0f};
 };
 
 class EmbreeMovers {
  public:
-  // After every change of the mirror; `ahead_s` as in EmbreeScene::take_in.
+  // To be called after every change of the mirror; `ahead_s` is as in EmbreeScene::take_in.
   void take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror, double ahead_s);
 
-  // Sets `near` to those that the request shows and a ray of the cone may meet, nearest first. Only for the `ahead_s` of take_in,
-  // or none.
+  // Sets `near` to the instances that the request includes and a ray of the cone may hit, nearest first. The request's ahead_s must be 0
+  // or that of take_in.
   void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone,
             std::vector<NearMover>& near);
 
@@ -69,7 +69,7 @@ class EmbreeMovers {
   std::vector<std::shared_ptr<const BottomScene>> bottoms_;
   std::vector<float> radius_m_;
   Centers now_, ahead_;
-  std::vector<int32_t> marks_;  // scratch: whether the cone may meet it
+  std::vector<int32_t> marks_;  // scratch: whether the cone may hit the instance
 };
 
 }  // namespace sightline

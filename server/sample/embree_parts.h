@@ -1,4 +1,4 @@
-// What the Embree device, scenes and maps share. Internal to sample/embree_*, and the one header that includes Embree.
+// The data that the Embree device, scenes and maps share. Internal to sample/embree_*, and the only header that includes Embree.
 #pragma once
 
 #include <embree3/rtcore.h>
@@ -31,7 +31,7 @@ struct BottomScene {
   const uint32_t* indices = nullptr;
 };
 
-// One instance as a top scene holds it. Without padding: it is hashed and compared as bytes.
+// One instance of a top scene. It has no padding, because it is hashed and compared as bytes.
 struct Placement {
   uint32_t slot = 0;
   uint32_t layers = 0;
@@ -54,20 +54,16 @@ struct TopScene {
   bool holds(uint32_t slot) const;
 };
 
-// A top scene of instances that stay, immutable: sessions whose static instances are equal share it.
+// A top scene of static instances. Immutable: sessions whose static instances are equal share it.
 struct StaticTop {
   TopScene top;
-  std::vector<Placement> placements;  // what it was made from; by them it is found again
+  std::vector<Placement> placements;  // what it was made from, compared to find it again
 };
 
-// How many of an instance's indices a content counts; 0: the instance is not part of it.
+// How many of an instance's indices belong to the content; 0 when the instance does not.
 size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
 
-// Sets an entry's transform, relative to the anchor, and commits its geometry (not the scene).
-void place_entry(TopScene& top, TopScene::Entry& entry, RTCGeometry handle,
-                 const Affine& world_from_instance);
-
-// Passed to Embree as its own context with our tail. Without `filter` nothing is rejected and Embree calls nobody.
+// Passed to Embree as its context, with our members behind. Without `filter` nothing is rejected and Embree makes no calls.
 struct FilterContext {
   RTCIntersectContext embree;  // must stay first
   const TopScene* top = nullptr;
@@ -80,15 +76,17 @@ struct FilterContext {
 struct EmbreeDevice::Impl {
   Impl();
 
-  // Finds or builds. Building is outside the lock: when two threads meet over one thing, the later result is dropped.
+  // Finds or builds. Building happens outside the lock: when two threads build the same thing, the later result is dropped.
   std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry,
                                                size_t index_count);
-  // Of the mirror's instances that are not moving and count.
+  // Holds the mirror's static instances that belong to the content.
   std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
+  // Holds its moving instances that belong to the content, where their velocities take them in `ahead_s`.
+  TopScene moving_top_of(const SceneMirror& mirror, EmbreeScene::Content content, double ahead_s);
   void forget_dead();
 
-  // A geometry and how many of its indices count: all of them, or the occluding ones. The two are one bottom scene
-  // where nothing is see-through.
+  // A geometry and how many of its indices belong: all of them, or the occluding ones. Both are one bottom scene when nothing is
+  // see-through.
   struct BottomKey {
     const Geometry* geometry;
     size_t index_count;
@@ -108,7 +106,7 @@ struct EmbreeDevice::Impl {
   DeviceHandle device;
   std::mutex mutex;
   std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;               // guarded by mutex
-  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by content
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by hash of the placements
 
  private:
   std::shared_ptr<const BottomScene> find(const BottomKey& key);

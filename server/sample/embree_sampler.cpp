@@ -5,44 +5,44 @@
 #include <functional>
 #include <iterator>
 
-#include "server/base/crew.h"
+#include "server/base/thread_pool.h"
 #include "server/sample/embree_maps.h"
 
 namespace sightline {
 namespace {
 
-// The one value besides 0 that the requests have; 0 when there is none.
+// The largest ahead_s: the requests have at most one value besides 0.
 double common_ahead_s(std::span<const MapRequest> requests) {
   double ahead_s = 0.0;
   for (const MapRequest& request : requests) ahead_s = std::max(ahead_s, request.ahead_s);
   return ahead_s;
 }
 
-// For so many maps no helper is called: preset `paper` takes less than 0.03 ms for all of a step's.
-constexpr size_t kNotWorthTheCall = 16;
+// So few maps are taken on one thread: all those of a step with preset `paper` take less than 0.03 ms.
+constexpr size_t kTooFewForPool = 16;
 
 class EmbreeSampler final : public Sampler {
  public:
-  EmbreeSampler(EmbreeDevice& device, size_t hands) : crew_(hands) {
-    for (size_t hand = 0; hand < crew_.hands(); ++hand)
+  EmbreeSampler(EmbreeDevice& device, size_t threads) : pool_(threads) {
+    for (size_t thread = 0; thread < pool_.size(); ++thread)
       takers_.push_back(std::make_unique<EmbreeMaps>(device));
   }
 
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     const double ahead_s = common_ahead_s(requests);
     maps.resize(requests.size());
-    // What is new to the device is built here, once; the others find it.
+    // Builds what is new to the device once; the other threads find it.
     takers_[0]->take_in(mirror, ahead_s);
-    // A map depends on the mirror and its request alone (embree_maps.h): whoever takes it. The last first: a step's last are those of
-    // the survey, of which each costs as much as three others, so that the hands end together.
+    // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last go first: a step's last
+    // maps are those of the viewpoint search, which cost three times as much, so that the threads end at about the same time.
     std::atomic<ptrdiff_t> left{std::ssize(requests)};
-    const auto work = [&](size_t hand) {
-      if (hand > 0) takers_[hand]->take_in(mirror, ahead_s);
+    const auto work = [&](size_t thread) {
+      if (thread > 0) takers_[thread]->take_in(mirror, ahead_s);
       for (ptrdiff_t i = --left; i >= 0; i = --left)
-        takers_[hand]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
+        takers_[thread]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
     };
-    if (crew_.hands() > 1 && requests.size() > kNotWorthTheCall)
-      crew_.run(std::cref(work));
+    if (pool_.size() > 1 && requests.size() > kTooFewForPool)
+      pool_.run(std::cref(work));
     else
       work(0);
     maps_taken_ += requests.size();
@@ -50,15 +50,15 @@ class EmbreeSampler final : public Sampler {
   }
 
  private:
-  std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by hand
-  Crew crew_;                                        // last: its helpers end first
+  std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by thread
+  ThreadPool pool_;                                        // last, so that its threads end first
 };
 
 class EmbreeSamplerDevice final : public SamplerDevice {
  public:
-  explicit EmbreeSamplerDevice(size_t hands) : hands_(hands) {}
+  explicit EmbreeSamplerDevice(size_t threads) : threads_(threads) {}
   std::unique_ptr<Sampler> make_sampler() override {
-    return std::make_unique<EmbreeSampler>(device_, hands_);
+    return std::make_unique<EmbreeSampler>(device_, threads_);
   }
   std::string kind() const override { return "embree"; }
   std::string renderer() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
@@ -66,13 +66,13 @@ class EmbreeSamplerDevice final : public SamplerDevice {
 
  private:
   EmbreeDevice device_;
-  const size_t hands_;
+  const size_t threads_;
 };
 
 }  // namespace
 
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t hands) {
-  return std::make_unique<EmbreeSamplerDevice>(hands);
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads) {
+  return std::make_unique<EmbreeSamplerDevice>(threads);
 }
 
 }  // namespace sightline

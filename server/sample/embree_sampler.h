@@ -1,5 +1,5 @@
-// Depth maps by Embree rays: one ray a texel, through the same point as the EGL sampler's fragment. The cheap path on
-// a node without a GPU, and the independent reference of the tests.
+// Depth maps by Embree: one ray for each texel, through the point that the EGL sampler's fragment shows. It is the fast sampler on
+// machines without a GPU, and the tests compare the EGL sampler with it.
 #pragma once
 
 #include <memory>
@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// `hands`: threads that each of its samplers takes the maps of a step on, at least 1, its caller's among them. The maps are the same
-// bits for any. More than one is for who steps one session alone: those of many sessions fill the cores by themselves.
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t hands = 1);
+// `threads`: the number of threads, at least 1 and including the caller's, on which each sampler takes the maps of a step. The maps are
+// the same bits for any number. More than one is for replaying one session alone; the sessions of a daemon fill the cores by themselves.
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads = 1);
 
 }  // namespace sightline

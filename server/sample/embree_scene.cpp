@@ -100,94 +100,31 @@ float nearest_in_top(const TopScene& top, const glm::dvec3& point_m, float reach
   return query.radius;
 }
 
-// The moving instances at one time. Embree's handles are kept, so that a tick only sets what moved.
-struct MovingTop {
-  TopScene top;
-  std::vector<GeometryHandle> handles;  // of top.entries
-
-  void build(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content content, double after_s);
-  void move(const SceneMirror& mirror, double after_s);
-};
-
-void MovingTop::build(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content content,
-                      double after_s) {
-  *this = MovingTop{};
-  glm::dvec3 low(std::numeric_limits<double>::infinity()), high(-low);
-  for (const uint32_t slot : mirror.moving_slots()) {
-    const Instance& instance = mirror.instances()[slot];
-    const size_t index_count = counted_indices(instance, content);
-    if (index_count == 0) continue;
-    top.entries.push_back({slot, device.bottom_of(instance.geometry, index_count), glm::mat3(1.0f)});
-    low = glm::min(low, instance.center_m);
-    high = glm::max(high, instance.center_m);
-  }
-  if (top.entries.empty()) return;
-  top.anchor_m = 0.5 * (low + high);
-  top.scene.reset(rtcNewScene(device.device.get()));
-  rtcSetSceneFlags(top.scene.get(),
-                   RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
-  rtcSetSceneBuildQuality(top.scene.get(), RTC_BUILD_QUALITY_LOW);
-  for (TopScene::Entry& entry : top.entries) {
-    handles.emplace_back(rtcNewGeometry(device.device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
-    rtcSetGeometryInstancedScene(handles.back().get(), entry.bottom->scene.get());
-    rtcSetGeometryMask(handles.back().get(), mirror.instances()[entry.slot].attributes.layers);
-    rtcAttachGeometryByID(top.scene.get(), handles.back().get(), static_cast<unsigned>(handles.size() - 1));
-  }
-  move(mirror, after_s);
-}
-
-// Only transforms have changed. The anchor stays: movers seldom go far within one set.
-void MovingTop::move(const SceneMirror& mirror, double after_s) {
-  if (top.entries.empty()) return;
-  for (size_t i = 0; i < handles.size(); ++i)
-    place_entry(top, top.entries[i], handles[i].get(),
-                world_from_instance_ahead(mirror.instances()[top.entries[i].slot], after_s));
-  rtcCommitScene(top.scene.get());
-}
-
 }  // namespace
 
 struct EmbreeScene::Impl {
   const std::shared_ptr<EmbreeDevice::Impl> device;  // outlives the scenes below
   const Content content;
-  bool taken_in = false;
-  uint64_t identity = 0, version = 0, static_version = 0,
-           moving_version = 0;  // of the mirror, as last taken in
-  double ahead_s = 0.0;         // of `ahead`
+  uint64_t identity = 0, version = 0, static_version = 0;  // of the mirror, as last taken in; identity 0: never
+  double ahead_s = 0.0;                                    // of `ahead`
   std::shared_ptr<const StaticTop> fixed = std::make_shared<StaticTop>();
-  MovingTop moving, ahead;  // `ahead`: the moving ones in ahead_s; empty while nobody asks
-
-  void look_ahead(const SceneMirror& mirror, double after_s, bool same_set) {
-    if (after_s <= 0)
-      ahead = MovingTop{};
-    else if (same_set && ahead_s > 0)
-      ahead.move(mirror, after_s);
-    else
-      ahead.build(*device, mirror, content, after_s);
-    ahead_s = after_s;
-  }
+  TopScene moving = {}, ahead = {};  // `ahead`: the moving instances in ahead_s
 
   void take_in(const SceneMirror& mirror, double after_s) {
-    const bool fresh = !taken_in || identity != mirror.identity();
+    const bool fresh = identity != mirror.identity();
     if (!fresh && version == mirror.version() && ahead_s == after_s) return;
     if (fresh || static_version != mirror.static_version()) fixed = device->static_top_of(mirror, content);
-    const bool same_set = !fresh && moving_version == mirror.moving_version();
-    if (!same_set)
-      moving.build(*device, mirror, content, 0.0);
-    else if (version != mirror.version())
-      moving.move(mirror, 0.0);
-    look_ahead(mirror, after_s, same_set);
-    taken_in = true;
+    moving = device->moving_top_of(mirror, content, 0.0);
+    ahead = after_s > 0 ? device->moving_top_of(mirror, content, after_s) : TopScene{};
     identity = mirror.identity();
     version = mirror.version();
     static_version = mirror.static_version();
-    moving_version = mirror.moving_version();
+    ahead_s = after_s;
   }
 };
 
 EmbreeScene::EmbreeScene(EmbreeDevice& device, Content content)
-    : impl_(std::make_unique<Impl>(
-          Impl{.device = device.impl(), .content = content, .moving = {}, .ahead = {}})) {}
+    : impl_(std::make_unique<Impl>(Impl{.device = device.impl(), .content = content})) {}
 EmbreeScene::~EmbreeScene() = default;
 EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
 EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
@@ -201,14 +138,14 @@ RayHit EmbreeScene::trace(const glm::dvec3& origin_m, const glm::vec3& direction
   RayHit hit;
   if (!is_traceable(origin_m, direction)) return hit;
   trace_top(impl_->fixed->top, origin_m, direction, near, far, filter, hit);
-  trace_top(filter.ahead ? impl_->ahead.top : impl_->moving.top, origin_m, direction, near, far, filter, hit);
+  trace_top(filter.ahead ? impl_->ahead : impl_->moving, origin_m, direction, near, far, filter, hit);
   return hit;
 }
 
 float EmbreeScene::nearest_surface_m(const glm::dvec3& point_m, float reach_m,
                                      std::span<const uint32_t> ignored_slots) const {
   const float reach = nearest_in_top(impl_->fixed->top, point_m, reach_m, ignored_slots);
-  return nearest_in_top(impl_->moving.top, point_m, reach, ignored_slots);
+  return nearest_in_top(impl_->moving, point_m, reach, ignored_slots);
 }
 
 }  // namespace sightline

@@ -1,14 +1,13 @@
-// An Embree scene of a mirror: the one place that talks to Embree. The Embree sampler takes depth maps with it; the
-// truth renderer of the client and the tests use it as an independent reference.
+// Embree's device, shared with the sampler, and single rays through a mirror. The sampler takes its maps without EmbreeScene
+// (embree_maps.h); the client's truth renderer, its judge and the tests use EmbreeScene as an independent reference.
 //
-// Two levels: a bottom scene per geometry, shared by all mirrors of a device; above them static and moving instances in
-// two top scenes, so that a tick rebuilds only the moving one. Mirrors whose static instances are equal (slots, geometry,
-// transforms, layers) share one static top scene; a mirror that changes one of them gets another.
+// Scenes have two levels. Each geometry has a bottom scene, shared by all mirrors of a device. Above are two top scenes, one of static
+// and one of moving instances, so that a tick rebuilds only the second. Mirrors whose static instances are equal (slots, geometry,
+// transforms, layers) share one static top scene; a mirror that changes an instance gets another one.
 //
-// Embree computes in single precision. Each top scene is therefore anchored at the middle of its instances, and origins
-// are given in double: what counts for rounding is the extent of the scene, not its distance from the world's origin.
-// A hit distance errs by about 1e-7 of the distance plus 1e-7 of the larger of the distances anchor to eye and anchor
-// to instance.
+// Embree computes in single precision. So each top scene is anchored at the middle of its instances, and origins are given in double:
+// rounding depends on the extent of the scene, not on its distance from the world's origin. A hit distance errs by about 1e-7 of the
+// distance plus 1e-7 of the distance from the anchor to the eye or to the instance, whichever is larger.
 #pragma once
 
 #include <cstddef>
@@ -23,9 +22,9 @@
 
 namespace sightline {
 
-// Owns the RTCDevice, the bottom-level scenes and the static top scenes. Thread-safe. A
-// bottom scene is kept while its Geometry lives (looked at whenever a top scene is added) or a scene uses it, a static top
-// scene while an EmbreeScene or a map taker uses it. Nothing is built under a lock.
+// Owns the RTCDevice, the bottom scenes and the static top scenes. Thread-safe. A bottom scene is kept while its Geometry lives
+// (checked whenever a top scene is added) or a scene uses it; a static top scene, while an EmbreeScene or a map taker uses it. Nothing
+// is built under a lock.
 class EmbreeDevice {
  public:
   struct Impl;  // server/sample/embree_parts.h
@@ -40,7 +39,7 @@ class EmbreeDevice {
   // "3.13.5"
   static std::string version();
 
-  // Kept alive by what was made with it.
+  // Everything made with the device keeps this alive.
   const std::shared_ptr<Impl>& impl() const { return impl_; }
 
  private:
@@ -53,18 +52,18 @@ struct RayHit {
   glm::vec3 normal{0.0f};                                     // geometric, world frame, not normalised
 };
 
-// What a ray may hit.
+// Restricts the instances that a ray may hit.
 struct RayFilter {
   uint32_t layer_mask = 0xFFFFFFFF;
   std::span<const uint32_t> ignored_slots = {};  // ascending
   uint32_t only_slot = UINT32_MAX;          // when set, everything else is transparent
-  bool ahead = false;                       // moving instances are where they will be (take_in's ahead_s)
+  bool ahead = false;                       // place moving instances where they will be in take_in's ahead_s
 };
 
 // One mirror's scene. `take_in` after every change of the mirror; then any number of threads may trace at once.
 class EmbreeScene {
  public:
-  // Which instances and triangles: those that occlude, or those that collide (all triangles, see-through ones too).
+  // Either the occluding triangles of instances that occlude, or all triangles of instances that collide.
   enum class Content { kOccluders, kColliders };
 
   EmbreeScene(EmbreeDevice& device, Content content);
@@ -72,8 +71,8 @@ class EmbreeScene {
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
 
-  // With `ahead_s` > 0 moving instances are also placed where their velocities take them in that time, for rays that ask
-  // for it.
+  // With `ahead_s` > 0 moving instances are also placed where their velocities take them in that time, for rays with
+  // RayFilter::ahead.
   void take_in(const SceneMirror& mirror, double ahead_s = 0.0);
 
   // First hit in (near, far], distances in multiples of |direction|. Both sides of a triangle count.

@@ -11,15 +11,13 @@
 namespace sightline {
 namespace {
 
-// Rays of one view before it makes do with what it has: from 1 part in 100 of the frame on, all points are
-// found.
+// The most rays of one view. Shapes that cover at least 1 % of the frame get all their points.
 constexpr size_t kMaxRays = 128 * kExtentPoints;
 
 // Steps of the R2 sequence: 1 / g and 1 / g^2, where g^3 = g + 1.
 constexpr glm::dvec2 kStep(0.7548776662466927, 0.5698402909980532);
 
-// A little over 1, for rounding: squared distance from the centre, in radii, of what lies in the bounding
-// sphere.
+// The greatest squared distance from the centre, in radii, of points in the bounding sphere; above 1 for rounding.
 constexpr double kInSphere = 1.0 + 1e-6;
 
 glm::dvec2 wrapped(const glm::dvec2& p) {
@@ -31,8 +29,8 @@ struct Frame {
   glm::dvec2 high{-std::numeric_limits<double>::infinity()};
 };
 
-// A picture of the geometry. Image coordinates are those of a plane across the view direction: at unit
-// distance from the viewer, or in bounding radii when the projection is parallel.
+// An image of the geometry. Its coordinates lie on a plane across the view direction, at unit distance from the viewer; for a parallel
+// projection they are in bounding radii.
 class Picture {
  public:
   Picture(const Geometry& geometry, const ExtentView& view)
@@ -55,7 +53,7 @@ class Picture {
   }
 
  private:
-  // The shape's longest side stands upright in the picture, so that the frame of a long shape is narrow.
+  // The longest side of the shape is upright in the image, so that the frame of a long shape is narrow.
   static glm::dmat3 upright(const Aabb& bounds, const glm::dvec3& direction) {
     const glm::vec3 size = bounds.half_extent();
     const int longest = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
@@ -79,11 +77,11 @@ class Picture {
   const double radius_;
   const bool parallel_;
   const double distance_;      // of the viewer from the centre, in radii
-  const glm::dmat3 rotation_;  // mesh_from_picture
+  const glm::dmat3 rotation_;  // mesh_from_image
   Frame frame_;
 };
 
-// Random points of the frame until one hits.
+// Tries random points of the frame until one hits.
 std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& picture,
                                       CounterRandom& random) {
   for (size_t ray = 0; ray < kMaxRays; ++ray) {
@@ -93,7 +91,7 @@ std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& pi
   return std::nullopt;
 }
 
-// Hits along the sequence from `start` on; fewer than asked for when the rays run out.
+// Finds hits along the sequence from `start`; fewer than requested when the rays run out.
 size_t follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
               std::span<glm::vec3> points) {
   size_t found = 0;
@@ -179,7 +177,7 @@ std::span<const glm::vec3> ExtentTable::points(const glm::dvec3& viewer_mesh_m) 
 
 std::span<const glm::vec3> ExtentTable::points_blended(const glm::dvec3& viewer_mesh_m,
                                                        const glm::dvec2& unit) const {
-  // The cone that is one direction's part of the sphere: 4 pi / kExtentDirections = 2 pi (1 - cosine).
+  // The cone that has one direction's share of the sphere: 4 pi / kExtentDirections = 2 pi (1 - cosine).
   constexpr double kCosine = 1.0 - 2.0 / kExtentDirections;
   const double tangent = std::sqrt(1.0 - kCosine * kCosine) / kCosine;
   const glm::dvec3 along = viewer_mesh_m - center_m_;

@@ -1,19 +1,18 @@
-// The spatial extent of a target (paper section 4): a view-indexed table of points on a shape's surface,
-// spread evenly over its picture as it is seen from one of many places around it. The share of a view's
-// points with a free line of sight to a place estimates the visible share of the target's picture from there.
+// The spatial extent of a target (paper section 4): a table of points on a shape's surface, indexed by view. The points of a view are
+// spread evenly over the shape's image from there. The share of them with a free line of sight to a viewer estimates which share of the
+// target's image the viewer sees.
 //
-// A table is taken off-line, once a shape: from viewpoints spread evenly around the shape, image points where
-// a ray hits it are un-projected to its surface. All triangles count, see-through ones too: they are part of
-// the target. What the shape hides of itself from a viewpoint has no points there.
+// A table is built once for each shape: for viewpoints spread evenly around it, image points whose rays hit the shape are projected back
+// to its surface. All triangles belong to the target, including see-through ones. Parts that the shape itself hides from a viewpoint
+// have no points in that view.
 //
-// The paper keeps the density in the image the same from every distance, so that a larger picture has more
-// points. Here every view has the same number, because what is asked is a share of the picture: each point
-// stands for an equal part of it, and the estimate is as good from far as from near.
+// The paper keeps the density in the image constant over distance, so that a larger image has more points. Here every view has the same
+// number, because the estimate is a share of the image: each point represents an equal part, and the estimate is as good from far as
+// from near.
 //
-// Everything is in the mesh frame, metres. An instance's scale, uneven or not, is the caller's: bring the
-// viewer into the mesh frame by the inverse of world_from_instance, look up, and bring the points out by
-// world_from_instance. Under uneven scale the distance is measured in the mesh frame; the density stays even
-// for a distant viewer, because an affine map keeps even densities of a parallel projection even.
+// Everything is in the mesh frame, in metres. The caller handles the instance's transform: it takes the viewer into the mesh frame with
+// the inverse of world_from_instance, and the points out with world_from_instance. Under uneven scale distances are measured in the mesh
+// frame; the density stays even for a distant viewer, because an affine map preserves even densities of a parallel projection.
 #pragma once
 
 #include <array>
@@ -35,10 +34,10 @@
 
 namespace sightline {
 
-// Directions are a Fibonacci lattice on the sphere: no direction is further than 15 degrees from one of them.
+// Directions form a Fibonacci lattice on the sphere: every direction is within 15 degrees of one of them.
 inline constexpr size_t kExtentDirections = 96;
-// In bounding radii from the centre of the bounding sphere; infinity is parallel projection. A viewer takes
-// the one nearest in 1 / distance, which is what perspective goes with.
+// Distances from the centre of the bounding sphere, in bounding radii; infinity is parallel projection. A viewer takes the nearest in
+// 1 / distance, to which perspective is proportional.
 inline constexpr std::array<float, 4> kExtentDistances = {1.5f, 3.0f, 8.0f,
                                                           std::numeric_limits<float>::infinity()};
 inline constexpr size_t kExtentViews = kExtentDirections * kExtentDistances.size();
@@ -49,37 +48,34 @@ struct ExtentView {
   double distance = 1.5;                // over 1, in bounding radii; infinity: parallel projection
 };
 
-// Fills `points` with surface points of the caster's geometry, in an order that is well spread: any
-// consecutive run is. Each by itself is distributed uniformly over the picture from `view` (on a plane across
-// its direction). When less than about 1 part in 100 of the picture's frame is covered there may be too few
-// hits: those there are repeat, and without any the centre of the bounding sphere stands for all (also for a
-// geometry without triangles).
+// Fills `points` with surface points of the caster's geometry. Any consecutive run of them is well spread, and each point by itself is
+// distributed uniformly over the image from `view` (on a plane across its direction). When the shape covers less than about 1 % of the
+// image there may be too few hits: then points repeat. Without any hit, and for a geometry without triangles, all points are the centre
+// of the bounding sphere.
 //
-// The first is drawn at random; the others follow it on the R2 sequence (Roberts, "The unreasonable
-// effectiveness of quasirandom sequences", 2018) around a torus, those that miss left out. A translation of a
-// torus keeps areas, and so does its first-return map on the part that is hit: a uniform start makes every
-// later point uniform too.
+// The first point is random; the others follow it on the R2 sequence (Roberts, "The unreasonable effectiveness of quasirandom
+// sequences", 2018) around a torus, without those that miss. A translation of a torus preserves areas, and so does its first-return map
+// on the part that is hit: a uniform start makes every later point uniform too.
 void sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
                    std::span<glm::vec3> points);
 
 // Immutable: any number of threads may read one.
 class ExtentTable {
  public:
-  // A pure function of the geometry's content and the seed. Takes about 10 ms for a capsule, 30 ms for 10,000
-  // triangles, 1.7 s for a million: before a session's steps rather than in one.
+  // A pure function of the geometry's content and the seed. Takes about 10 ms for a capsule, 30 ms for 10,000 triangles and 1.7 s for a
+  // million, so build it before a session's first step.
   static std::shared_ptr<const ExtentTable> build(const Geometry& geometry, uint64_t seed = 0);
 
-  // The points of the view nearest to a viewer here (mesh frame, finite): always kExtentPoints, of equal
-  // weight. From inside the bounding sphere, the nearest viewpoint outside it in the same direction serves;
-  // from its very centre, any direction. The span lives as long as the table.
+  // The points of the view nearest to the viewer (mesh frame, finite): always kExtentPoints, of equal weight. A viewer inside the
+  // bounding sphere gets the nearest viewpoint in its direction; at the centre, in any direction. The span lives as long as the table.
   std::span<const glm::vec3> points(const glm::dvec3& viewer_mesh_m) const;
 
-  // The same with the viewer moved at random, `unit` in [0, 1)^2, by as much as a view stands for: over many draws, the views around
-  // it in the shares in which it lies between them. One view alone shows a body that is up to 15 degrees turned, so that of a body
-  // half of which is hidden by a wall it may well say 39 %, for as long as nothing moves.
+  // The same, with the viewer displaced at random (`unit` in [0, 1)^2) by about the spacing of views: over many draws the neighbouring
+  // views are chosen in proportion to their nearness. A single view may be turned by 15 degrees, so that it estimates 39 % for a target
+  // half of which is hidden by a wall, and does so for as long as nothing moves.
   std::span<const glm::vec3> points_blended(const glm::dvec3& viewer_mesh_m, const glm::dvec2& unit) const;
 
-  // The same by number, 0 to kExtentViews - 1.
+  // Views by index, 0 to kExtentViews - 1.
   size_t view_index(const glm::dvec3& viewer_mesh_m) const;
   std::span<const glm::vec3> points_of_view(size_t index) const;
   static ExtentView view(size_t index);
@@ -94,27 +90,25 @@ class ExtentTable {
   std::vector<glm::vec3> points_m_;  // kExtentPoints a view
 };
 
-// The points to use at one tick, in round robin: `count` consecutive ones (the paper takes 1), so that all
-// have had their turn after ceil(points.size() / count) ticks. All of them when count is as large. `out` is
-// overwritten.
+// The points of one tick, in round robin: `count` consecutive ones (the paper takes 1), so that every point is used once in
+// ceil(points.size() / count) ticks; all points when there are no more than `count`. Overwrites `out`.
 void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count, std::vector<glm::vec3>& out);
 
-// The tables of a process, one a shape, shared by all sessions. Thread-safe. A table is kept while the
-// geometry that it was last asked for lives (looked at whenever another is built) or somebody holds the
-// table. Hold what you got instead of asking every tick.
+// The tables of a process, one for each shape, shared by all sessions. Thread-safe. A table is kept while a caller holds it, or while
+// the geometry for which it was last requested lives (checked whenever another table is built). Keep the pointer instead of calling
+// `get` every tick.
 class ExtentCache {
  public:
   // All tables are built with this seed.
   explicit ExtentCache(uint64_t seed = 0) : seed_(seed) {}
 
-  // Builds on the first call for a content, outside the lock; who asks for the same content meanwhile waits
-  // for it.
+  // Builds on the first call for a content, outside the lock; other callers for the same content wait for it.
   std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry);
 
-  // Whether `get` would answer at once.
+  // True when `get` would return at once.
   bool has(const Geometry& geometry) const;
 
-  // Tables kept now, those of dead geometries that nobody has looked for yet included.
+  // Tables kept now, including those of dead geometries that have not been removed yet.
   size_t count() const;
 
  private:

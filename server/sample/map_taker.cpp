@@ -8,13 +8,6 @@
 namespace sightline {
 namespace {
 
-// Few enough that the device has something to do while the next ones are searched.
-constexpr size_t kRingMaps = 32;
-
-size_t maps_in_chunk(const EglVariant& variant) {
-  return variant.ring ? kRingMaps : MapRenderer::kMaxMaps;
-}
-
 void start_map(const MapRequest& request, DepthMap& map) {
   const size_t count = static_cast<size_t>(request.view.width) * request.view.height;
   map.view = request.view;
@@ -23,10 +16,9 @@ void start_map(const MapRequest& request, DepthMap& map) {
   map.occluder.assign(count, kNoOccluder);
 }
 
-// Of one map.
 void resolve_map(const DrawList& list, const uint32_t* texels, int stride, DepthMap& map) {
   SeenTriangle seen;
-  DrawnTriangle drawn{};
+  const InstanceDraw* instance = nullptr;
   uint32_t last = 0;
   size_t texel = 0;
   for (int y = 0; y < map.view.height; ++y)
@@ -35,25 +27,24 @@ void resolve_map(const DrawList& list, const uint32_t* texels, int stride, Depth
       if (triangle == 0) continue;
       // Neighbours often show the same triangle.
       if (triangle != last) {
-        drawn = find_triangle(list, triangle - 1);
-        seen = SeenTriangle(map.view, *drawn.instance->instance, map.ahead_s, drawn.first_index);
+        const TriangleDraw& drawn = list.triangles[triangle - 1];
+        instance = &list.instances[drawn.instance];
+        seen = SeenTriangle(map.view, *instance->instance, map.ahead_s, drawn.first_index);
       }
       last = triangle;
       const glm::dvec3 direction = texel_direction(map.view, x, y);
-      map.occluder[texel] = drawn.instance->slot;
+      map.occluder[texel] = instance->slot;
       map.distance_m[texel] = static_cast<float>(seen.depth_along(direction) * glm::length(direction));
     }
 }
 
 }  // namespace
 
-void MapTaker::prepare(std::span<const MapJob> jobs, const EglVariant& variant) {
-  variant_ = variant;
+void MapTaker::prepare(std::span<const MapJob> jobs) {
   items_.clear();
   for (const MapJob& job : jobs)
     for (size_t map = 0; map < job.requests.size(); ++map) items_.push_back({&job, map});
-  const size_t most = maps_in_chunk(variant);
-  chunk_count_ = (items_.size() + most - 1) / most;
+  chunk_count_ = (items_.size() + MapRenderer::kMaxMaps - 1) / MapRenderer::kMaxMaps;
   searched_ = 0;
   if (chunk_count_ > 0) search(0);
 }
@@ -66,14 +57,13 @@ Status MapTaker::take(MapRenderer& renderer) {
 
 Status MapTaker::take_chunks(MapRenderer& renderer) {
   if (searched_ > 1) search(0);  // again, after a failure
-  const size_t in_flight_at_most = variant_.ring ? MapRenderer::kMaxInFlight - 1 : 0;
   size_t collected = 0;
   for (size_t k = 0; k < chunk_count_; ++k) {
     if (k >= searched_) search(k);
     const Chunk& chunk = chunks_[k % chunks_.size()];
-    if (chunk.list.triangle_count > 0)
-      if (Status submitted = renderer.submit(chunk.list, chunk.sizes, variant_); !submitted) return submitted;
-    for (; collected + in_flight_at_most <= k; ++collected)
+    if (!chunk.list.triangles.empty())
+      if (Status submitted = renderer.submit(chunk.list, chunk.sizes); !submitted) return submitted;
+    for (; collected + MapRenderer::kMaxInFlight - 1 <= k; ++collected)
       if (Status done = collect(renderer, chunks_[collected % chunks_.size()]); !done) return done;
   }
   for (; collected < chunk_count_; ++collected)
@@ -83,13 +73,13 @@ Status MapTaker::take_chunks(MapRenderer& renderer) {
 
 void MapTaker::search(size_t k) {
   Chunk& chunk = chunks_[k % chunks_.size()];
-  chunk.first = k * maps_in_chunk(variant_);
-  chunk.count = std::min(maps_in_chunk(variant_), items_.size() - chunk.first);
+  chunk.first = k * MapRenderer::kMaxMaps;
+  chunk.count = std::min(MapRenderer::kMaxMaps, items_.size() - chunk.first);
   chunk.list.clear();
   chunk.sizes.clear();
   for (const Item& item : std::span(items_).subspan(chunk.first, chunk.count)) {
     const MapRequest& request = item.job->requests[item.map];
-    search_.append_map(*item.job->table, *item.job->mirror, request, variant_.detail, chunk.list);
+    search_.append_map(*item.job->table, *item.job->mirror, request, chunk.list);
     chunk.sizes.push_back({request.view.width, request.view.height});
   }
   searched_ = k + 1;
@@ -98,7 +88,7 @@ void MapTaker::search(size_t k) {
 Status MapTaker::collect(MapRenderer& renderer, const Chunk& chunk) const {
   for (const Item& item : std::span(items_).subspan(chunk.first, chunk.count))
     start_map(item.job->requests[item.map], item.job->maps[item.map]);
-  if (chunk.list.triangle_count == 0) return {};
+  if (chunk.list.triangles.empty()) return {};
   const Result<TexelLayers> layers = renderer.collect();
   if (!layers) return tl::unexpected(layers.error());
   for (size_t i = 0; i < chunk.count; ++i) {

@@ -1,4 +1,4 @@
-// Takes maps with a renderer: searches, draws, reads back, and turns triangles into distances.
+// Takes maps with a renderer: searches for the triangles, draws them, reads back, and computes distances.
 #pragma once
 
 #include <array>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/sample/depth_map.h"
 #include "server/sample/map_renderer.h"
 #include "server/sample/sample_search.h"
 
@@ -20,13 +21,13 @@ struct MapJob {
   std::span<DepthMap> maps;  // as many
 };
 
-// Scratch of takes, of any number of mirrors. Single-threaded; what the jobs point at must outlive the calls.
+// Scratch of takes, for any number of mirrors. Single-threaded; what the jobs point at must outlive the calls.
 class MapTaker {
  public:
-  // Looks for what the first maps show: the part of a take that needs no renderer.
-  void prepare(std::span<const MapJob> jobs, const EglVariant& variant);
-  // Takes the maps of the jobs that were prepared. May be called again after a failure, with the same renderer or another. Needs
-  // the renderer's context current.
+  // Searches for what the first maps show: the part of a take that needs no renderer.
+  void prepare(std::span<const MapJob> jobs);
+  // Takes the maps of the prepared jobs. May be called again after a failure, with the same renderer or another one. The renderer's
+  // context must be current.
   Status take(MapRenderer& renderer);
 
  private:
@@ -44,7 +45,6 @@ class MapTaker {
   void search(size_t chunk);
   Status collect(MapRenderer& renderer, const Chunk& chunk) const;
 
-  EglVariant variant_;
   std::vector<Item> items_;
   size_t chunk_count_ = 0;
   std::array<Chunk, MapRenderer::kMaxInFlight> chunks_;  // chunk k is at k % kMaxInFlight

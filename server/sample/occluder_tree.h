@@ -1,5 +1,5 @@
-// The occluding instances of a mirror under trees of boxes, so that a map finds what lies in its window at a cost that grows with
-// their logarithm.
+// Trees of boxes over the occluding instances of a mirror, so that the cost of finding those in a map's window grows with the logarithm
+// of their number.
 #pragma once
 
 #include <cstdint>
@@ -22,13 +22,13 @@ struct OccluderTree {
   std::vector<Occluder> occluders;
 };
 
-// Orders tree.occluders and builds tree.nodes over them, by medians. No allocation once the memory of `tree` suffices.
+// Sorts tree.occluders and builds tree.nodes over them, splitting at medians. Allocates only while `tree` grows.
 void build_occluder_tree(OccluderTree& tree);
 
-// Static instances and moving ones apart: a tick rebuilds what it moved. Single-threaded.
+// One tree for static and one for moving instances, so that a tick rebuilds only the second. Not thread-safe.
 class OccluderTable {
  public:
-  // Makes ready for requests up to `ahead_s`. Does nothing when neither the mirror nor `ahead_s` has changed.
+  // Updates both for requests up to `ahead_s`. Does nothing when neither the mirror nor `ahead_s` has changed.
   void take_in(const SceneMirror& mirror, double ahead_s);
 
   const OccluderTree& fixed() const { return fixed_; }

@@ -13,8 +13,8 @@ glm::dmat3 frame_along(const glm::dvec3& forward) {
   return glm::mat3_cast(look_rotation(forward, {0, 1, 0}, {1, 0, 0}));
 }
 
-// Whether the ball reaches into the 90-degree pyramid of a cube face: against its four side planes, each through the
-// eye. Conservative near the edges of the pyramid, which costs a map at worst.
+// True when the ball reaches into the 90-degree pyramid of a cube face, tested against the four side planes through the eye.
+// Conservative near the edges of the pyramid, which costs one map at worst.
 bool face_sees_ball(const glm::dmat3& world_from_view, const glm::dvec3& center_from_eye_m, double radius_m) {
   const glm::dvec3 c = center_from_eye_m * world_from_view;
   const double depth = -c.z, reach = radius_m * std::sqrt(2.0);
@@ -76,16 +76,11 @@ void plan_round(const glm::dvec3& eye_m, int resolution, const glm::dvec2& jitte
 }
 
 MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m) {
-  // The window's size does not matter to its one centred sample, but it has to be one that a rasteriser can draw.
+  // The size of the window does not affect its one centred sample, but a rasteriser must be able to draw it.
   constexpr double kHalfWidth = 1e-3;
   const glm::dvec3 to_place = place_m - eye_m;
   const glm::dvec3 forward = glm::length(to_place) > 1e-9 ? to_place : glm::dvec3(0, 0, -1);
   return square_view(eye_m, frame_along(forward), kHalfWidth, 1, {0.5, 0.5});
-}
-
-Status validate(const SampleSettings& s) {
-  if (auto ok = check_range("sample.points", s.points, 0, 16); !ok) return ok;
-  return check_range("sample.resolution", s.resolution, kLeastResolution, kMaxMapSize);
 }
 
 }  // namespace sightline

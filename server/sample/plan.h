@@ -1,4 +1,4 @@
-// Which maps one step takes: how a target's frustum is laid around the bound (paper 3.2, design 4).
+// Plans the maps of a step: the frusta from a target's points around the bound (paper 3.2).
 #pragma once
 
 #include <array>
@@ -8,41 +8,30 @@
 
 #include "server/bound/bound.h"
 #include "server/sample/depth_map.h"
+#include "server/settings/sample_settings.h"
 
 namespace sightline {
 
-inline constexpr int kLeastResolution = 2;  // texels a side, of any map but a sight
-
-struct SampleSettings {
-  int resolution = 7;  // texels a side, [2, 64]; more finds thinner gaps and costs time
-  int points =
-      0;  // [0, 16]; surface points of each target that are sampled in a step, in round robin (paper 4);
-          // 0: its aim point alone. More see partial occlusion at once and cost a map each
-  bool jitter_texels =
-      true;  // move the sample point inside every texel each tick, so that thin things are found
-};
-
-// Names the first setting that is out of range, as "sample.<field>".
-Status validate(const SampleSettings& settings);
+inline constexpr int kLeastResolution = 2;  // texels a side, for maps of more than one texel
 
 // Beyond this half angle one frustum distorts too much: several maps are taken instead.
 inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
 
-// Of a cube face in place of one frustum: its texels are about as wide as those of the widest frustum that is still taken alone, so
-// that six faces are two maps' work and not six.
+// The resolution of a cube face that replaces one frustum. Its texels are about as wide as those of the widest single frustum, so that
+// six faces cost as much as two maps.
 int face_resolution(int resolution);
 
-// Appends to `views` the views from `eye_m` that together show every point of the bound: one symmetric frustum that
-// just contains it, or up to six 90-degree cube faces (only those that the bound reaches, of face_resolution) when the eye is inside or
-// so near that the half angle exceeds kMaxHalfAngleRad. Returns how many were appended (at least 1).
+// Appends to `views` the views from `eye_m` that together show every point of the bound, and returns their number (at least 1). That is
+// one symmetric frustum that just contains the bound. When the eye is inside the bound, or so near that the half angle exceeds
+// kMaxHalfAngleRad, it is up to six 90-degree cube faces of face_resolution: those that the bound reaches.
 int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings,
                const glm::dvec2& jitter, std::vector<MapView>& views);
 
 // Appends the six cube faces around `eye_m`, each of `resolution` texels a side.
 void plan_round(const glm::dvec3& eye_m, int resolution, const glm::dvec2& jitter, std::vector<MapView>& views);
 
-// A single-texel view from `eye_m` straight to `place_m`: the exact line of sight to one place, which a map over the whole
-// bound knows only to a texel. `place_m` differs from `eye_m`, or the view looks along -Z.
+// A single-texel view from `eye_m` to `place_m`: the exact line of sight to one candidate, which a map over the whole bound shows only to
+// within a texel. When both points are equal the view looks along -Z.
 MapView plan_sight(const glm::dvec3& eye_m, const glm::dvec3& place_m);
 
 }  // namespace sightline

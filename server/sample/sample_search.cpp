@@ -6,9 +6,9 @@
 
 namespace sightline {
 
-void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mirror,
-                              const MapRequest& request, Detail detail, DrawList& list) {
-  mirror_ = &mirror, request_ = &request, detail_ = detail;
+void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request,
+                              DrawList& list) {
+  mirror_ = &mirror, request_ = &request;
   clip_ = clip_map(request.view);
   candidates_.clear(), waiting_.clear(), hits_.clear(), shown_.clear();
   hide_beyond_far();
@@ -29,7 +29,7 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
       open_geometry_node(next);
   }
   collect_unhidden();
-  draw_shown(static_cast<uint32_t>(list.end_part_of_map.size()), list);
+  draw_shown(list);
 }
 
 // Depths are along the view axis, the far end is a distance from the eye.
@@ -109,11 +109,8 @@ void SampleSearch::open_geometry_node(const Waiting& waiting) {
   if (!node.is_leaf()) {
     push(candidate.test, tree, waiting.owner, waiting.node + 1);
     push(candidate.test, tree, waiting.owner, node.right);
-  } else if (detail_ == Detail::kTriangles) {
-    if (!candidate.test.may_show_unhidden(node.bounds, waiting.where, hidden_from_m_.data())) return;
+  } else if (candidate.test.may_show_unhidden(node.bounds, waiting.where, hidden_from_m_.data())) {
     test_cluster(waiting.owner, node);
-  } else {
-    shown_.push_back({candidate.slot, waiting.owner, node.first_index, node.index_count});
   }
 }
 
@@ -162,39 +159,32 @@ void SampleSearch::hide_behind_neighbours() {
   }
 }
 
-// What a later find hides goes.
+// Drops hits that were hidden after they were found.
 void SampleSearch::collect_unhidden() {
   for (const Hit& hit : hits_) {
     if (hidden_from_m_[hit.sample] < hit.nearest_m) continue;
     if (!shown_.empty() && shown_.back().candidate == hit.candidate &&
         shown_.back().first_index == hit.first_index)
       continue;
-    shown_.push_back({candidates_[hit.candidate].slot, hit.candidate, hit.first_index, 3});
+    shown_.push_back({candidates_[hit.candidate].slot, hit.candidate, hit.first_index});
   }
 }
 
-void SampleSearch::draw_shown(uint32_t map, DrawList& list) {
+void SampleSearch::draw_shown(DrawList& list) {
   std::sort(shown_.begin(), shown_.end(), [](const Shown& a, const Shown& b) {
     return a.slot != b.slot ? a.slot < b.slot : a.first_index < b.first_index;
   });
-  const size_t first_part = list.parts.size();
   for (const Shown& shown : shown_) {
     Candidate& candidate = candidates_[shown.candidate];
     if (candidate.drawn_as == UINT32_MAX) {
       candidate.drawn_as = static_cast<uint32_t>(list.instances.size());
       list.instances.push_back({glm::vec4(candidate.rows.x), glm::vec4(candidate.rows.y),
-                                glm::vec4(candidate.rows.w), static_cast<float>(request_->view.near_m), map,
-                                candidate.instance, candidate.slot});
+                                glm::vec4(candidate.rows.w), static_cast<float>(request_->view.near_m),
+                                list.map_count, candidate.instance, candidate.slot});
     }
-    const bool joins = list.parts.size() > first_part && list.parts.back().instance == candidate.drawn_as &&
-                       list.parts.back().first_index + list.parts.back().index_count == shown.first_index;
-    if (joins)
-      list.parts.back().index_count += shown.index_count;
-    else
-      list.parts.push_back({candidate.drawn_as, shown.first_index, shown.index_count, list.triangle_count});
-    list.triangle_count += shown.index_count / 3;
+    list.triangles.push_back({candidate.drawn_as, shown.first_index});
   }
-  list.end_part_of_map.push_back(static_cast<uint32_t>(list.parts.size()));
+  ++list.map_count;
 }
 
 }  // namespace sightline

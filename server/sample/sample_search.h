@@ -1,6 +1,6 @@
-// Finds what the sample points of a map may show, front to back: the nearest box of all trees comes first, and what lies behind
-// surfaces that are already known to cover its samples is never opened. So the cost follows what is seen, and grows with the
-// logarithm of what is not.
+// Finds the triangles that the sample points of a map may show, front to back: the nearest box of all trees is opened first, and a box
+// behind surfaces that are known to cover all its samples is never opened. The cost is proportional to what is seen and grows with the
+// logarithm of the rest.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,7 @@ class SampleSearch {
  public:
   // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels and
   // kHidingMargin, of those that are no farther than request.far_m. `table` has taken in `mirror` as it is, up to request.ahead_s.
-  void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request,
-                  Detail detail, DrawList& list);
+  void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request, DrawList& list);
 
  private:
   // An instance that may show in the map.
@@ -43,9 +42,9 @@ class SampleSearch {
     uint32_t sample;
     float nearest_m;
   };
-  // Triangles to draw.
+  // A triangle to draw.
   struct Shown {
-    uint32_t slot, candidate, first_index, index_count;
+    uint32_t slot, candidate, first_index;
   };
   static constexpr uint32_t kFixedTree = UINT32_MAX, kMovingTree = UINT32_MAX - 1;
   void hide_beyond_far();
@@ -60,16 +59,15 @@ class SampleSearch {
   void test_samples(uint32_t candidate, uint32_t first_index, int triangle);
   void hide_behind_neighbours();
   void collect_unhidden();
-  void draw_shown(uint32_t map, DrawList& list);
+  void draw_shown(DrawList& list);
 
-  // Of the map at hand.
+  // State of the map that is being searched.
   const SceneMirror* mirror_ = nullptr;
   const MapRequest* request_ = nullptr;
-  Detail detail_ = Detail::kTriangles;
   ClipMap clip_{};
   std::vector<Candidate> candidates_;
   std::vector<Waiting> waiting_;      // a heap, the nearest first
-  std::optional<Waiting> ready_;      // often the nearest of all: kept out of the heap until that is known
+  std::optional<Waiting> ready_;      // often the nearest node of all, so it enters the heap only when another is nearer
   std::vector<float> hidden_from_m_;  // by sample
   std::vector<Hit> hits_;
   std::vector<Shown> shown_;

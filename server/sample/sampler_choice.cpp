@@ -17,19 +17,14 @@ Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& op
   return SamplerDecision{SamplerChoice::kEgl, "OpenGL renders in hardware: " + egl->renderer};
 }
 
-std::string reason_with_variant(const SamplerDecision& decision, const EglSamplerDevice& device) {
-  return decision.reason + "; maps by " + device.variant_reason();
-}
-
-Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t hands) {
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads) {
   auto decision = decide_sampler(asked, options, [&] { return choose_egl_device(options); });
   if (!decision) return tl::unexpected(std::move(decision.error()));
   if (decision->sampler == SamplerChoice::kEmbree)
-    return ChosenSampler{make_embree_sampler_device(hands), std::move(decision->reason)};
+    return ChosenSampler{make_embree_sampler_device(threads), std::move(decision->reason)};
   auto device = make_egl_sampler_device(options);
   if (!device) return tl::unexpected(std::move(device.error()));
-  std::string reason = reason_with_variant(*decision, **device);
-  return ChosenSampler{std::move(*device), std::move(reason)};
+  return ChosenSampler{std::move(*device), std::move(decision->reason)};
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
-// Which sampler a daemon takes depth maps with. EGL on a GPU is the fast one; where OpenGL renders in software, Embree's rays
-// are (tests/bench/sample_bench), and they need no OpenGL at all.
+// Chooses the sampler. On a GPU that is EGL. Where OpenGL renders in software Embree is faster (tests/bench/sample_bench), and it needs
+// no OpenGL at all.
 #pragma once
 
 #include <functional>
@@ -18,22 +18,18 @@ struct SamplerDecision {
   std::string reason;                              // for people: a clause, without a full stop
 };
 
-// What EGL would use: choose_egl_device with the options at hand. Asked only for kAuto.
+// Returns the device that EGL would use, as choose_egl_device does. Called only for kAuto.
 using FindEgl = std::function<Result<EglDeviceInfo>()>;
 
-// kEgl and kEmbree are taken as asked. kAuto: EGL where its device is hardware, Embree where it is a software renderer or where
-// there is none; but with `require_gpu`, or a device that was named and cannot be used, the error of `find`: an explicit wish is
-// never passed over.
+// kEgl and kEmbree are taken as asked. kAuto takes EGL when its device is hardware, and Embree when it is a software renderer or missing.
+// With `require_gpu`, or when the named device cannot be used, kAuto returns the error of `find`: an explicit wish is never ignored.
 Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find);
-
-// The reason, and how the device takes maps.
-std::string reason_with_variant(const SamplerDecision& decision, const EglSamplerDevice& device);
 
 struct ChosenSampler {
   std::unique_ptr<SamplerDevice> device;
   std::string reason;
 };
-// Decides and makes it. Fails as make_egl_sampler_device does. `hands`: see make_embree_sampler_device; EGL's device has but one.
-Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t hands = 1);
+// Decides and makes it. Fails as make_egl_sampler_device does. `threads` is for make_embree_sampler_device.
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads = 1);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
-// From "this texel shows that triangle" to a distance, in double. The rasteriser decides what is seen; how far it is
-// follows from the geometry itself.
+// Computes in double how far a triangle is along a texel's ray. The rasteriser decides which triangle is seen; its distance follows from
+// the geometry.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace sightline {
 
-// One triangle of one instance as one map sees it. Cheap to make; valid until the mirror changes.
+// One triangle of an instance, seen from one map. Cheap to make; valid until the mirror changes.
 class SeenTriangle {
  public:
   SeenTriangle() = default;
-  // `vertex` is any of the triangle's three, counted in Geometry::indices; the instance is where it is in `ahead_s`.
+  // `vertex` is the position of any of its vertices in Geometry::indices. The instance is placed where it is in `ahead_s` seconds.
   SeenTriangle(const MapView& view, const Instance& instance, double ahead_s, uint32_t vertex);
 
-  // Depth along the view axis (multiples of `direction`, whose depth is one) of what the ray meets here. Rasterisers
-  // round vertices (llvmpipe to 1/256 pixel), so the ray may pass a hair beside the triangle: then the instance's
-  // other triangles at about that depth are asked, and when none is met, the edge of this one answers.
+  // Depth along the view axis at which the ray hits the triangle, in multiples of `direction`, whose depth is one. Rasterisers round
+  // vertices (llvmpipe to 1/256 pixel), so the ray may pass just beside the triangle. Then the instance's other triangles at about that
+  // depth are tested; when none is hit, the depth of this triangle's edge is returned.
   double depth_along(const glm::dvec3& direction) const;
 
  private:
@@ -28,7 +28,7 @@ class SeenTriangle {
   const Instance* instance_ = nullptr;
   double ahead_s_ = 0.0;
   std::array<glm::dvec3, 3> corner_{};     // world, relative to the eye
-  double nearest_ = 0.0, farthest_ = 0.0;  // depths of the corners, not before the near plane
+  double nearest_ = 0.0, farthest_ = 0.0;  // depths of the corners, at least that of the near plane
 };
 
 }  // namespace sightline

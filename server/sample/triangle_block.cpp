@@ -37,7 +37,7 @@ bool same_position(const TriangleBlock& block, int triangle_a, int corner_a, int
   return true;
 }
 
-// Whether edge k of one triangle, which runs from corner k + 1 to k + 2, runs the other way in another.
+// True when edge k of one triangle, from corner k + 1 to k + 2, runs the other way in another triangle.
 bool share_edge(const TriangleBlock& block, int triangle, int k, int other) {
   if (triangle == other) return false;
   const int from = (k + 1) % 3, to = (k + 2) % 3;
@@ -75,7 +75,7 @@ SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const Gri
     }
   const float end_x = static_cast<float>(grid.width - 1), end_y = static_cast<float>(grid.height - 1);
   const float near_m = grid.near_m, slack_x = slack.x, slack_y = slack.y, slack_w = slack.w;
-  // Wholly outside one side of the samples' pyramid: also said of what reaches behind the eye.
+  // Outside one side of the samples' pyramid; also valid for a triangle that reaches behind the eye.
   const float wide_x = end_x + kMargin, wide_y = end_y + kMargin;
   const float play_x = slack_x + wide_x * slack_w, play_y = slack_y + wide_y * slack_w;
   alignas(32) int32_t beside[TriangleBlock::kSize];
@@ -93,7 +93,7 @@ SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const Gri
     const float w0 = block.w[0][i], w1 = block.w[1][i], w2 = block.w[2][i];
     const float nearest = least(w0, w1, w2) - slack_w, farthest = greatest(w0, w1, w2) + slack_w;
     const bool bounded = nearest >= 0.5f * near_m;
-    // 1 keeps the arithmetic of unbounded ones finite; they do not use it.
+    // 1 keeps the arithmetic finite for unbounded triangles, which do not use it.
     const float v0 = 1.0f / (bounded ? w0 : 1.0f), v1 = 1.0f / (bounded ? w1 : 1.0f),
                 v2 = 1.0f / (bounded ? w2 : 1.0f);
     const float per_depth = 1.0f / (bounded ? nearest : 1.0f);
@@ -127,8 +127,8 @@ Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sampl
     y[k] = block.y[k][triangle] - w[k] * sy;
   }
   Cover out;
-  bool inside = true, outside = true;                // surely, with the edges running one way round
-  bool inside_turned = true, outside_turned = true;  // the other way round
+  bool inside = true, outside = true;                // certainly, for one orientation of the edges
+  bool inside_turned = true, outside_turned = true;  // for the other one
   for (int k = 0; k < 3; ++k) {
     const int a = (k + 1) % 3, b = (k + 2) % 3;
     edge[k] = x[a] * y[b] - y[a] * x[b];

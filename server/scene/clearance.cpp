@@ -10,12 +10,11 @@
 namespace sightline {
 namespace {
 
-// A sphere that overlaps by less than this is taken to touch: one that a sweep brought into contact can slide
-// away.
+// A sphere that overlaps by less than this counts as touching, so that a sphere that a sweep brought into contact can slide away.
 constexpr double kTouchM = 1e-9;
-// A sweep ends when it can advance no further than this; what it may then fall short by is far below 1 mm.
+// A sweep ends when a step is shorter than this; the error is then far below 1 mm.
 constexpr double kLeastAdvanceM = 1e-7;
-// A camera goes this far before what stands is gathered anew.
+// The distance that a camera can move before static colliders are gathered again.
 constexpr double kGatheredFartherM = 4.0;
 
 glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
@@ -114,11 +113,10 @@ void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Lim
 
 using WorldTriangle = std::array<glm::dvec3, 3>;
 
-// How far a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle, at
-// most `length_m`. The distance of a moving point from a convex set is convex in time, so Newton's method
-// from the left never oversteps the first contact, and a distance that grows will never shrink again:
-// conservative advancement with the directional bound (van den Bergen, "Ray casting against general convex
-// objects", 2004).
+// The distance, at most `length_m`, that a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle.
+// The distance of a moving point from a convex set is convex in time. So Newton's method from the left never passes the first contact,
+// and a distance that grows never shrinks again: conservative advancement with the directional bound (van den Bergen, "Ray casting
+// against general convex objects", 2004).
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
                const WorldTriangle& triangle) {
   double moved = 0.0;
@@ -137,7 +135,7 @@ double advance(const glm::dvec3& from, const glm::dvec3& direction, double lengt
   return std::min(moved, length_m);
 }
 
-// The same for a sphere, which may graze: what it does not press into by kTouchM does not stop it.
+// The same for a sphere, which may graze: an overlap of less than kTouchM does not stop it.
 double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
                       const WorldTriangle& triangle) {
   const double pressed = std::max(radius_m - kTouchM, 0.0);
@@ -150,7 +148,7 @@ struct Spheres {
   const double *x_m, *y_m, *z_m, *radius_m;
   size_t count;
 };
-// So many are asked at once.
+// The number of spheres that are tested at once.
 constexpr size_t kSpheresAtOnce = 128;
 
 // 1 for those that a sphere touches on its way along unit `direction`, or comes within rounding of touching; else 0.
@@ -207,7 +205,7 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
 
 void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                                      std::span<const uint32_t> ignored_slots) {
-  // Ignored slots that move change nothing about what stands.
+  // Ignored slots of moving instances do not affect the static colliders.
   const bool all = std::all_of(ignored_slots.begin(), ignored_slots.end(),
                                [&](uint32_t slot) { return mirror.instances()[slot].moving; });
   const bool holds = all && gathered_.all && gathered_.identity == mirror.identity() &&
@@ -246,7 +244,7 @@ void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& 
 void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
   center_m_ = center_m, reach_m_ = reach_m;
   const size_t count = standing_.size() + moving_.size();
-  // Those that stand are mostly listed already.
+  // Static colliders are mostly in the lists already.
   const size_t first = stands_listed_ ? standing_.size() : 0;
   for (std::vector<double>* each : {&x_m_, &y_m_, &z_m_, &radius_m_}) each->resize(count);
   for (size_t index = first; index < count; ++index) {
@@ -315,7 +313,7 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
   return found;
 }
 
-// Calls visit(triangle, world) for those of one collider that the sphere may touch before `limit()`, which may fall meanwhile.
+// Calls visit(triangle, world) for the triangles of one collider that the sphere may touch before `limit()`, which may fall meanwhile.
 template <typename Limit, typename Visit>
 void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const {
   const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, way.from_m, way.to_m);
@@ -335,7 +333,7 @@ void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit
 double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m,
                                      double radius_m) const {
   const Way way(from_m, to_m, radius_m);
-  // A path too short to have a direction is free or not as its start is.
+  // A path too short to have a direction is free when its start is.
   if (!(way.length_m > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
   double free = way.length_m;
   for_each_beside(way, [&](size_t index) {

@@ -1,4 +1,4 @@
-// How far a point is from what the camera body may not touch. `move` sweeps the camera with it.
+// Distances to the surfaces that the camera body must not touch. `move` sweeps the camera with it.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,10 @@
 
 namespace sightline {
 
-// The colliders near one place, gathered once a step, then asked many times. Those that stand are gathered somewhat farther, and
-// again only once the place has left that or the mirror's static version has changed. Exact: distances are to
-// triangles, both sides alike, see-through ones too; a point inside a solid is as far from it as from its
-// surface. Not thread-safe; keep one per session and call gather again, it reuses its memory. The mirror must
-// outlive the queries and not change between gather and them.
+// The colliders near one point, gathered once in a step and queried many times. Static colliders are gathered with a margin and kept
+// until the point leaves it or the mirror's static version changes. Distances are exact, to both sides of all triangles, including
+// see-through ones; inside a solid they are to its surface. Not thread-safe: keep one per session and call gather again, which reuses
+// its memory. The mirror must outlive the queries and must not change between gather and a query.
 class ClearanceField {
  public:
   // Collects colliding instances whose bounding sphere comes within `reach_m` of `center_m`, except those in
@@ -32,18 +31,17 @@ class ClearanceField {
   // The same with the nearest surface point; false when nothing is within reach.
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
-  // How far a sphere of `radius_m` (>= 0) can move from `from_m` straight towards `to_m` before it touches
-  // anything: a fraction in [0, 1], never too large; too small by at most 1 mm of path. 0 when it already
-  // overlaps. Pressing in by less than 1e-9 m counts as touching: a sphere that touches may slide along and
-  // leave. The path plus `radius_m` must lie inside the gathered ball. Conservative advancement per triangle
-  // (Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996), which does not stall on a path
-  // that grazes a wall as advancement by the bare distance would.
+  // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (>= 0) can move before it touches a
+  // collider. Never too large, and too small by at most 1 mm of path. 0 when the sphere overlaps a collider already. An overlap of less
+  // than 1e-9 m counts as touching: such a sphere may slide along the surface or leave it. The path plus `radius_m` must lie inside the
+  // gathered ball. Uses conservative advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems",
+  // 1996), which does not stall on a path along a wall, as advancement by plain distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
-  // Whether that is 1, for less. `blocker`: what is tested first, and then what is in the way, if anything; of ways from one place mostly
-  // the same is. Any number will do at first.
+  // True when free_fraction is 1, at lower cost. `blocker` is the index of the collider that is tested first; on return, of the collider
+  // in the way, if any. Paths from one point are mostly blocked by the same collider. Any number is valid at first.
   bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
-  // How many come within the reach that was asked for.
+  // The number of colliders within the requested reach.
   size_t collider_count() const;
 
  private:
@@ -54,7 +52,7 @@ class ClearanceField {
     double radius_m;
     double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
   };
-  // What standing_ holds: all of this mirror's colliders that stand and come within reach_m of center_m, but those ignored.
+  // Describes standing_: the mirror's static colliders within reach_m of center_m, without ignored ones.
   struct Gathered {
     uint64_t identity = 0, static_version = 0;
     glm::dvec3 center_m{0.0};
@@ -66,7 +64,7 @@ class ClearanceField {
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
   void list_spheres(const glm::dvec3& center_m, double reach_m);
-  // A sphere's, or of no length and any direction.
+  // The straight path of a sphere; its length may be 0, with any direction.
   struct Way {
     Way(const glm::dvec3& from, const glm::dvec3& to, double radius);
     glm::dvec3 from_m, to_m;
@@ -74,7 +72,7 @@ class ClearanceField {
     glm::dvec3 direction;
     double radius_m;
   };
-  // Calls take(index) for those that the sphere may touch, and maybe for some that it does not, until it says false; and says it then.
+  // Calls take(index) for at least the colliders that the sphere may touch, until take returns false; then returns false.
   template <typename Take>
   bool for_each_beside(const Way& way, Take take) const;
   template <typename Limit, typename Visit>
@@ -86,10 +84,10 @@ class ClearanceField {
 
   Gathered gathered_;
   std::vector<Collider> standing_, moving_;
-  // The bounding spheres of standing_, then of moving_, by coordinate: most are passed by, and many at once can be asked for that.
+  // The bounding spheres of standing_, then of moving_, by coordinate, so that many are tested at once; most are missed.
   std::vector<double> x_m_, y_m_, z_m_, radius_m_;
-  bool stands_listed_ = false;  // those of standing_ are there
-  glm::dvec3 center_m_{0.0};  // what was asked for
+  bool stands_listed_ = false;  // the spheres of standing_ are in the lists
+  glm::dvec3 center_m_{0.0};  // of the last gather
   double reach_m_ = 0.0;
 };
 

@@ -1,9 +1,8 @@
-// Triangle geometry: immutable once made, named by its content, shared by every session of the process.
+// Triangle geometry: immutable, identified by its content, shared by all sessions of the process.
 //
-// Triangles stand in clusters of at most kMaxClusterTriangles, each a contiguous range of `indices`, under a
-// binary bounding-volume hierarchy. The EGL sampler culls with it, the clearance query of `move` searches it.
-// See-through triangles (material opacity below kOccludingOpacity) have a tree of their own: they collide but
-// do not occlude.
+// Triangles are grouped in clusters of at most kMaxClusterTriangles. Each cluster is a contiguous range of `indices` and a leaf of a
+// binary bounding-volume hierarchy, which the EGL sampler and the clearance query of `move` search. See-through triangles (material
+// opacity below kOccludingOpacity) have a tree of their own: they collide but do not occlude.
 #pragma once
 
 #include <array>
@@ -21,13 +20,12 @@
 
 namespace sightline {
 
-// Opacity from here up occludes (design 4; Roblox's camera uses the same figure).
+// Surfaces of this opacity or more occlude. Roblox's camera uses the same figure.
 inline constexpr float kOccludingOpacity = 0.75f;
 inline constexpr uint32_t kMaxClusterTriangles = 64;
-// No leaf lies deeper below its root: a traversal's stack may have this fixed size.
+// The greatest depth of a leaf below its root, so that a traversal's stack can have this fixed size.
 inline constexpr int kMaxTreeDepth = 64;
-// Largest magnitude of any coordinate of a mesh, and of any instance's position: beyond it float bounds
-// overflow.
+// The largest magnitude of any coordinate of a mesh or of an instance's position. Beyond it bounds in single precision overflow.
 inline constexpr float kMaxCoordinateM = 1e9f;
 
 struct Aabb {
@@ -40,8 +38,8 @@ struct Aabb {
   glm::vec3 half_extent() const { return 0.5f * (max - min); }
 };
 
-// A node covers the index range [first_index, first_index + index_count). The left child of an inner node is
-// the next node in the array, the right child is `right`; a leaf has right == 0 and is one cluster.
+// A node covers the indices [first_index, first_index + index_count). The left child of an inner node is the next node in the array;
+// the right child is at `right`. A leaf has right == 0 and is one cluster.
 struct TreeNode {
   Aabb bounds;
   uint32_t first_index = 0;
@@ -53,18 +51,18 @@ struct TreeNode {
 // Depth-first order, root first; empty when there are no triangles.
 using TriangleTree = std::vector<TreeNode>;
 
-// What a geometry is made from. `indices` are triples into `positions`. Triangles from
-// `see_through_first_index` (a multiple of 3, or beyond the end) on are see-through; by default none is.
+// The input of build_geometry. `indices` are triples into `positions`. Triangles from `see_through_first_index` on (a multiple of 3, or
+// beyond the end) are see-through; by default none is.
 struct MeshData {
   std::vector<glm::vec3> positions;  // metres, in the mesh's own frame
   std::vector<uint32_t> indices;
   uint32_t see_through_first_index = UINT32_MAX;
 };
 
-// What a geometry holds, by what it is for.
+// The memory of a geometry by purpose, in bytes.
 struct GeometryBytes {
   size_t source = 0;    // positions and indices
-  size_t clusters = 0;  // both trees, and the rest of the object
+  size_t clusters = 0;  // both trees and the object itself
   size_t total() const { return source + clusters; }
 };
 
@@ -85,23 +83,22 @@ class Geometry {
   size_t bytes() const { return bytes_by_part().total(); }
 };
 
-// The name of a mesh's content: equal for equal positions, indices and see-through split.
+// Identifies a mesh's content: equal for equal positions, indices and see_through_first_index.
 ContentHash hash_mesh(const MeshData& mesh);
 
-// Builds clusters and trees (tree_builder.h), on every core when there is much to do. Triangles of zero area
-// are dropped; equal positions become one (weld.h), unused ones are kept. A mesh without triangles gives empty
-// trees and an empty `bounds`. Fails with kInvalidArgument (field "indices", "positions" or
-// "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
+// Builds clusters and trees (tree_builder.h), for large meshes on every core. Drops triangles of zero area and merges equal positions
+// (weld.h); unused positions are kept. A mesh without triangles gives empty trees and empty `bounds`. Fails with kInvalidArgument (field
+// "indices", "positions" or "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
 // position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input gives equal output.
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
-// Keeps one copy of each geometry as long as somebody holds it. Thread-safe; building happens outside the
-// lock. Need not outlive what it handed out.
+// Keeps one copy of each geometry while it is in use. Thread-safe; building happens outside the lock. The store may be destroyed before
+// the geometries that it returned.
 class GeometryStore {
  public:
-  // The geometry of this content: the living copy, or a new one. Fails as build_geometry does.
+  // The geometry of this content: the existing copy, or a new one. Fails as build_geometry does.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
-  // Bytes of all geometries alive now, each counted once.
+  // Bytes of all geometries in use, each counted once.
   GeometryBytes live_bytes_by_part() const;
   size_t live_bytes() const { return live_bytes_by_part().total(); }
   size_t live_count() const;

@@ -1,4 +1,4 @@
-// Reading a glTF file, step by step. Each step trusts what the one before it checked.
+// Reads a glTF file in four steps. Each step relies on the checks of the one before.
 #include "server/scene/gltf.h"
 
 #include <filesystem>
@@ -7,14 +7,12 @@
 #include "server/scene/gltf_buffers.h"
 #include "server/scene/gltf_container.h"
 #include "server/scene/gltf_document.h"
-#include "server/scene/gltf_extras.h"
 #include "server/scene/gltf_json.h"
-#include "server/scene/gltf_meshopt.h"
 
 namespace sightline {
 namespace {
 
-// The copy that tinygltf gets names no file and no image; should it ask all the same, it gets nothing.
+// The copy for tinygltf names no file and no image. If tinygltf asks for one nevertheless, it gets nothing.
 void forbid_io(tinygltf::TinyGLTF& reader) {
   tinygltf::FsCallbacks none{};
   none.FileExists = [](const std::string&, void*) { return false; };
@@ -32,7 +30,7 @@ void forbid_io(tinygltf::TinyGLTF& reader) {
 }
 
 Status parse_model(const nlohmann::json& json, tinygltf::Model& model) {
-  const std::string text = reduce_gltf_json(json).dump();
+  const std::string text = json.dump();
   tinygltf::TinyGLTF reader;
   forbid_io(reader);
   std::string errors, warnings;
@@ -43,19 +41,7 @@ Status parse_model(const nlohmann::json& json, tinygltf::Model& model) {
   return {};
 }
 
-Status read_node_extras(const nlohmann::json& json, GltfDocument& document) {
-  if (!json.contains("nodes")) return {};
-  const nlohmann::json& nodes = json["nodes"];
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    const auto attributes = read_instance_attributes(nodes[i], gltf_path("nodes", i));
-    if (!attributes) return tl::unexpected(attributes.error());
-    document.node_attributes.push_back(*attributes);
-    document.node_extras.push_back(nodes[i].contains("extras") ? nodes[i]["extras"].dump() : std::string());
-  }
-  return {};
-}
-
-// One hash for the file and whatever it refers to.
+// One hash for the file and all files that it refers to.
 ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentHash>& external) {
   const ContentHash own = hash_bytes(bytes);
   if (external.empty()) return own;
@@ -83,15 +69,14 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   // 2. The JSON: bounded, then every type and reference.
   const auto json = parse_gltf_json(container->json, limits);
   if (!json) return tl::unexpected(json.error());
-  if (const Status s = check_gltf_json(*json, limits); !s) return tl::unexpected(s.error());
+  const auto checked = check_gltf_json(*json, limits);
+  if (!checked) return tl::unexpected(checked.error());
   // 3. The buffers, and the structure through tinygltf.
-  GltfDocument document;
+  GltfDocument document{*json};
   document.budget = budget_of(limits);
-  if (const Status s = load_gltf_buffers(*json, *container, external, limits, document); !s)
+  if (const Status s = load_gltf_buffers(*container, external, limits, document); !s)
     return tl::unexpected(s.error());
-  if (const Status s = unpack_meshopt_views(*json, document); !s) return tl::unexpected(s.error());
-  if (const Status s = parse_model(*json, document.model); !s) return tl::unexpected(s.error());
-  if (const Status s = read_node_extras(*json, document); !s) return tl::unexpected(s.error());
+  if (const Status s = parse_model(*checked, document.model); !s) return tl::unexpected(s.error());
   // 4. The asset.
   auto asset = std::make_shared<SceneAsset>();
   asset->hash = hash_of(bytes, document.external_hashes);

@@ -5,6 +5,8 @@
 #include <limits>
 #include <optional>
 
+#include "server/scene/gltf_meshopt.h"
+
 namespace sightline {
 namespace {
 
@@ -19,7 +21,7 @@ size_t component_bytes(int component_type) {
   return static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(component_type)));
 }
 
-Result<StridedBytes> strided(const GltfDocument& document, int view_index, size_t offset, size_t count,
+Result<StridedBytes> strided(GltfDocument& document, int view_index, size_t offset, size_t count,
                              size_t element_bytes, const std::string& field) {
   const tinygltf::BufferView& view = document.model.bufferViews[static_cast<size_t>(view_index)];
   const auto bytes = gltf_view_bytes(document, static_cast<size_t>(view_index));
@@ -102,7 +104,7 @@ struct Sources {
   int sparse_index_type = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
 };
 
-Status locate_sparse(const GltfDocument& document, const tinygltf::Accessor& accessor, size_t element_bytes,
+Status locate_sparse(GltfDocument& document, const tinygltf::Accessor& accessor, size_t element_bytes,
                      const std::string& field, Sources& sources) {
   const auto& sparse = accessor.sparse;
   const auto count = static_cast<size_t>(sparse.count);
@@ -123,7 +125,7 @@ Status locate_sparse(const GltfDocument& document, const tinygltf::Accessor& acc
   return {};
 }
 
-Result<Sources> locate(const GltfDocument& document, int index, size_t element_bytes) {
+Result<Sources> locate(GltfDocument& document, int index, size_t element_bytes) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   const std::string field = gltf_path("accessors", static_cast<size_t>(index));
   Sources sources;
@@ -185,7 +187,7 @@ struct FloatFormat {
   }
 };
 
-Result<FloatFormat> float_format(const GltfDocument& document, int index, int components,
+Result<FloatFormat> float_format(GltfDocument& document, int index, int components,
                                  GltfComponents allowed, const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (tinygltf::GetNumComponentsInType(static_cast<uint32_t>(accessor.type)) != components ||
@@ -207,7 +209,7 @@ struct FloatSource : FloatFormat {
   }
 };
 
-Result<FloatSource> float_source(const GltfDocument& document, int index, int components,
+Result<FloatSource> float_source(GltfDocument& document, int index, int components,
                                  GltfComponents allowed, const std::string& field) {
   const auto format = float_format(document, index, components, allowed, field);
   if (!format) return tl::unexpected(format.error());
@@ -218,9 +220,9 @@ Result<FloatSource> float_source(const GltfDocument& document, int index, int co
 
 }  // namespace
 
-Result<std::span<const std::byte>> gltf_view_bytes(const GltfDocument& document, size_t index) {
-  if (!document.unpacked_views.empty() && !document.unpacked_views[index].empty())
-    return document.unpacked_views[index];
+Result<std::span<const std::byte>> gltf_view_bytes(GltfDocument& document, size_t index) {
+  if (const auto* packing = meshopt_packing(document.json["bufferViews"][index]))
+    return unpack_meshopt_view(document, index, *packing);
   const tinygltf::BufferView& view = document.model.bufferViews[index];
   const std::span<const std::byte> buffer = document.buffers[static_cast<size_t>(view.buffer)];
   if (view.byteOffset > buffer.size() || view.byteLength > buffer.size() - view.byteOffset)
@@ -228,7 +230,7 @@ Result<std::span<const std::byte>> gltf_view_bytes(const GltfDocument& document,
   return buffer.subspan(view.byteOffset, view.byteLength);
 }
 
-Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int index, int components,
+Result<std::vector<float>> read_gltf_floats(GltfDocument& document, int index, int components,
                                             GltfComponents allowed, const std::string& field) {
   const auto source = float_source(document, index, components, allowed, field);
   if (!source) return tl::unexpected(source.error());
@@ -237,7 +239,7 @@ Result<std::vector<float>> read_gltf_floats(const GltfDocument& document, int in
   return values;
 }
 
-Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document, int index,
+Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int index,
                                                    const std::string& field) {
   const auto source = float_source(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
   if (!source) return tl::unexpected(source.error());
@@ -246,7 +248,7 @@ Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document,
   return values;
 }
 
-Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document, int index,
+Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int index,
                                                    std::span<const std::byte> elements,
                                                    const std::string& field) {
   const auto format = float_format(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
@@ -259,7 +261,7 @@ Result<std::vector<glm::vec3>> read_gltf_positions(const GltfDocument& document,
   return values;
 }
 
-Result<std::vector<uint32_t>> read_gltf_indices(const GltfDocument& document, int index,
+Result<std::vector<uint32_t>> read_gltf_indices(GltfDocument& document, int index,
                                                 const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (accessor.type != TINYGLTF_TYPE_SCALAR || !is_index_type(accessor.componentType) || accessor.normalized)

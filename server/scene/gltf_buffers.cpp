@@ -123,8 +123,9 @@ Result<std::string> relative_path_of_uri(const std::string& uri, const std::stri
   return path;
 }
 
-Status load_gltf_buffers(const nlohmann::json& json, const GltfContainer& container,
-                         const ExternalFile& external, const GltfLimits& limits, GltfDocument& document) {
+Status load_gltf_buffers(const GltfContainer& container, const ExternalFile& external, const GltfLimits& limits,
+                         GltfDocument& document) {
+  const nlohmann::json& json = document.json;
   if (!json.contains("buffers")) return {};
   BufferLoader loader(container, external, limits, document);
   const std::vector<bool> is_fallback = meshopt_fallback_buffers(json);

@@ -1,11 +1,12 @@
-// Every key that the reader uses, checked for type, length and reference (glTF 2.0 section 5 and the two
-// geometry extensions). The order of the functions is the order of the document's arrays.
+// A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and three geometry
+// extensions). Rules that do not fit the table are functions beside it.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "server/scene/gltf_draco.h"
@@ -18,10 +19,214 @@ namespace {
 using nlohmann::json;
 
 constexpr uint64_t kMaxInt = std::numeric_limits<int>::max();
-constexpr size_t kMaxArrayItems = 1'000'000;  // of any one array of the document
-constexpr size_t kMaxMaterials = 65'536;      // "{}" is a valid one, and tinygltf spends 1.5 KB on it
+constexpr uint64_t kMaxOffset = uint64_t{1} << 40;
+constexpr uint64_t kMaxItems = 1'000'000;  // of any one array of the document
+constexpr uint64_t kMaxMaterials = 65'536;  // "{}" is a valid one, and tinygltf spends 1.5 KB on it
 
-// Extensions that may be required: four that we read, and those that leave every triangle where it is.
+std::string at(const std::string& path, size_t index) {
+  return path + "[" + std::to_string(index) + "]";
+}
+std::string in(const std::string& path, const std::string& key) {
+  return path.empty() ? key : path + "." + key;
+}
+
+class JsonCheck;
+// Checks an object whose members have passed; may change the copy.
+using Finish = void (*)(JsonCheck& check, const json& from, const std::string& path, json& copy);
+
+enum class Kind {
+  kString,
+  kBoolean,
+  kNumber,
+  kPositive,     // a number above 0
+  kWhole,        // a whole number in [low, high]
+  kWord,         // one of `words`
+  kIndex,        // into the document's array `collection`
+  kIndexByName,  // an object of them: {"POSITION": 3, ...}
+  kWholeByName,
+  kObject,
+  kNumbers,  // an array of `high` finite numbers
+  kIndices,
+  kStrings,
+  kObjects,  // an array of at most `high`
+  kArray,    // of anything
+};
+
+struct Member {
+  const char* key;
+  Kind kind;
+  uint64_t low = 0, high = 0;
+  const char* collection = nullptr;
+  std::span<const std::string_view> words = {};
+  std::span<const Member> members = {};
+  Finish finish = nullptr;
+  bool required = false;
+  bool copied = true;
+};
+
+constexpr Member plain(const char* key, Kind kind) {
+  return {.key = key, .kind = kind};
+}
+constexpr Member text(const char* key) {
+  return plain(key, Kind::kString);
+}
+constexpr Member whole(const char* key, uint64_t low, uint64_t high) {
+  return {.key = key, .kind = Kind::kWhole, .low = low, .high = high};
+}
+constexpr Member numbers(const char* key, uint64_t count) {
+  return {.key = key, .kind = Kind::kNumbers, .high = count};
+}
+constexpr Member word(const char* key, std::span<const std::string_view> words) {
+  return {.key = key, .kind = Kind::kWord, .words = words};
+}
+constexpr Member index(const char* key, const char* collection) {
+  return {.key = key, .kind = Kind::kIndex, .collection = collection};
+}
+constexpr Member indices(const char* key, const char* collection) {
+  return {.key = key, .kind = Kind::kIndices, .collection = collection};
+}
+constexpr Member accessors_by_name(const char* key) {
+  return {.key = key, .kind = Kind::kIndexByName, .collection = "accessors"};
+}
+constexpr Member object(const char* key, std::span<const Member> members, Finish finish = nullptr) {
+  return {.key = key, .kind = Kind::kObject, .members = members, .finish = finish};
+}
+constexpr Member objects(const char* key, std::span<const Member> members, Finish finish = nullptr,
+                         uint64_t most = kMaxItems) {
+  return {.key = key, .kind = Kind::kObjects, .high = most, .members = members, .finish = finish};
+}
+constexpr Member required(Member member) {
+  member.required = true;
+  return member;
+}
+// Checked, but kept from tinygltf.
+constexpr Member withheld(Member member) {
+  member.copied = false;
+  return member;
+}
+
+// Walks a document along the table. Notes the first thing that is wrong.
+class JsonCheck {
+ public:
+  explicit JsonCheck(const json& document) : document_(document) {}
+
+  void complain(std::string field, std::string message, ErrorCode code = ErrorCode::kInvalidArgument) {
+    if (!error_) error_ = Error{code, std::move(field), std::move(message)};
+  }
+  bool failed() const { return error_.has_value(); }
+  const std::optional<Error>& error() const { return error_; }
+
+  // Returns the copy of an object.
+  json walk(const json& from, const std::string& path, std::span<const Member> members, Finish finish) {
+    json copy = json::object();
+    for (const Member& member : members) {
+      if (failed()) return copy;
+      const auto value = from.find(member.key);
+      if (value == from.end()) {
+        if (member.required) complain(in(path, member.key), "is missing");
+        continue;
+      }
+      json checked = check(*value, in(path, member.key), member);
+      if (member.copied) copy[member.key] = std::move(checked);
+    }
+    if (finish && !failed()) finish(*this, from, path, copy);
+    return copy;
+  }
+
+  void check_index(const json& value, const std::string& path, const char* collection, size_t size) {
+    if (!value.is_number_unsigned() || value.get<uint64_t>() >= size)
+      complain(path,
+               "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
+  }
+
+ private:
+  json check(const json& value, const std::string& path, const Member& member) {
+    switch (member.kind) {
+      case Kind::kString:
+        return expect(value.is_string(), value, path, "must be a string");
+      case Kind::kBoolean:
+        return expect(value.is_boolean(), value, path, "must be true or false");
+      case Kind::kNumber:
+        return expect(value.is_number(), value, path, "must be a number");
+      case Kind::kPositive:
+        return expect(value.is_number() && value.get<double>() > 0.0, value, path, "must be a number above 0");
+      case Kind::kWhole:
+        return check_whole(value, path, member), value;
+      case Kind::kWord:
+        return expect(value.is_string() && std::ranges::find(member.words, value.get_ref<const std::string&>()) !=
+                                               member.words.end(),
+                      value, path, "is not one of the words that glTF allows here");
+      case Kind::kIndex:
+        return check_index(value, path, member), value;
+      case Kind::kIndexByName:
+      case Kind::kWholeByName:
+        return check_by_name(value, path, member);
+      case Kind::kObject:
+        if (!value.is_object()) return expect(false, value, path, "must be an object");
+        return walk(value, path, member.members, member.finish);
+      default:
+        return check_array(value, path, member);
+    }
+  }
+
+  json check_by_name(const json& value, const std::string& path, const Member& member) {
+    if (!value.is_object()) return expect(false, value, path, "must be an object");
+    for (const auto& [name, item] : value.items())
+      if (member.kind == Kind::kIndexByName)
+        check_index(item, in(path, name), member);
+      else
+        check_whole(item, in(path, name), member);
+    return value;
+  }
+
+  json check_array(const json& value, const std::string& path, const Member& member) {
+    if (!value.is_array()) return expect(false, value, path, "must be an array");
+    const uint64_t most = member.kind == Kind::kObjects ? member.high : kMaxItems;
+    if (value.size() > most)
+      complain(path, "has more than " + std::to_string(most) + " items", ErrorCode::kResourceExhausted);
+    if (member.kind == Kind::kNumbers && value.size() != member.high)
+      complain(path, "must have " + std::to_string(member.high) + " numbers");
+    if (member.kind == Kind::kArray) return value;
+    json copy = json::array();
+    for (size_t i = 0; i < value.size() && !failed(); ++i) copy.push_back(check_item(value[i], at(path, i), member));
+    return copy;
+  }
+
+  json check_item(const json& value, const std::string& path, const Member& member) {
+    switch (member.kind) {
+      case Kind::kNumbers:
+        return expect(value.is_number() && std::isfinite(value.get<double>()), value, path, "must be a finite number");
+      case Kind::kIndices:
+        return check_index(value, path, member), value;
+      case Kind::kStrings:
+        return expect(value.is_string(), value, path, "must be a string");
+      default:
+        if (!value.is_object()) return expect(false, value, path, "must be an object");
+        return walk(value, path, member.members, member.finish);
+    }
+  }
+
+  void check_whole(const json& value, const std::string& path, const Member& member) {
+    if (!value.is_number_unsigned() || value.get<uint64_t>() < member.low || value.get<uint64_t>() > member.high)
+      complain(path, "must be a whole number in [" + std::to_string(member.low) + ", " +
+                         std::to_string(member.high) + "]");
+  }
+  void check_index(const json& value, const std::string& path, const Member& member) {
+    const auto items = document_.find(member.collection);
+    check_index(value, path, member.collection, items != document_.end() && items->is_array() ? items->size() : 0);
+  }
+  const json& expect(bool holds, const json& value, const std::string& path, const char* message) {
+    if (!holds) complain(path, message);
+    return value;
+  }
+
+  const json& document_;
+  std::optional<Error> error_;
+};
+
+// --- asset and extensions ----------------------------------------------------------------------------------------------
+
+// Extensions that may be required: four that the reader knows, and those that leave every triangle where it is.
 constexpr std::array<std::string_view, 14> kSupported = {
     "KHR_mesh_quantization",   "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression", "KHR_draco_mesh_compression",
@@ -31,172 +236,35 @@ constexpr std::array<std::string_view, 14> kSupported = {
     "MSFT_texture_dds",        "EXT_lights_image_based",
     "EXT_lights_ies",          "KHR_xmp"};
 
-bool supported(std::string_view extension) {
-  return extension.starts_with("KHR_materials_") ||
-         std::find(kSupported.begin(), kSupported.end(), extension) != kSupported.end();
-}
-
-constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4",
-                                                            "MAT2",   "MAT3", "MAT4"};
-
-std::string at(const std::string& path, size_t index) {
-  return path + "[" + std::to_string(index) + "]";
-}
-std::string in(const std::string& path, const char* key) {
-  return path.empty() ? key : path + "." + key;
-}
-
-// Notes the first thing wrong and lets the rest pass. Absent keys are right unless `required` is called
-// first.
-class JsonCheck {
- public:
-  explicit JsonCheck(const json& document) : document_(document) {}
-
-  void complain(std::string field, std::string message, ErrorCode code = ErrorCode::kInvalidArgument) {
-    if (!error_) error_ = Error{code, std::move(field), std::move(message)};
-  }
-  bool failed() const { return error_.has_value(); }
-  Status status() const { return error_ ? Status(tl::unexpected(*error_)) : Status(); }
-
-  void required(const json& object, const std::string& path, std::initializer_list<const char*> keys) {
-    for (const char* key : keys)
-      if (!object.contains(key)) complain(in(path, key), "is missing");
-  }
-
-  const json* find(const json& object, const char* key) const {
-    const auto it = object.find(key);
-    return it == object.end() ? nullptr : &*it;
-  }
-
-  // The member as an object, or null (and a complaint when it is something else).
-  const json* object(const json& parent, const std::string& path, const char* key) {
-    const json* value = find(parent, key);
-    if (value && !value->is_object()) return complain(in(path, key), "must be an object"), nullptr;
-    return value;
-  }
-  const json* array(const json& parent, const std::string& path, const char* key) {
-    const json* value = find(parent, key);
-    if (value && !value->is_array()) return complain(in(path, key), "must be an array"), nullptr;
-    if (value && value->size() > kMaxArrayItems)
-      return complain(in(path, key), "has more than 1000000 items", ErrorCode::kResourceExhausted), nullptr;
-    return value;
-  }
-  // Calls visit(item, path) for each item of an array of objects.
-  template <typename Visit>
-  void each(const json& parent, const std::string& path, const char* key, Visit visit) {
-    const json* items = array(parent, path, key);
-    if (!items) return;
-    for (size_t i = 0; i < items->size() && !failed(); ++i) {
-      const std::string item_path = at(in(path, key), i);
-      if (!(*items)[i].is_object()) return complain(item_path, "must be an object");
-      visit((*items)[i], item_path);
-    }
-  }
-
-  void string(const json& parent, const std::string& path, const char* key) {
-    if (const json* value = find(parent, key); value && !value->is_string())
-      complain(in(path, key), "must be a string");
-  }
-  void one_of(const json& parent, const std::string& path, const char* key,
-              std::span<const std::string_view> words) {
-    const json* value = find(parent, key);
-    if (!value) return;
-    if (!value->is_string() ||
-        std::find(words.begin(), words.end(), value->get_ref<const std::string&>()) == words.end())
-      complain(in(path, key), "is not a word that glTF knows here");
-  }
-  void boolean(const json& parent, const std::string& path, const char* key) {
-    if (const json* value = find(parent, key); value && !value->is_boolean())
-      complain(in(path, key), "must be true or false");
-  }
-  void whole(const json& parent, const std::string& path, const char* key, uint64_t low, uint64_t high) {
-    if (const json* value = find(parent, key)) whole_value(*value, in(path, key), low, high);
-  }
-  void whole_value(const json& value, const std::string& path, uint64_t low, uint64_t high) {
-    if (!value.is_number_unsigned() || value.get<uint64_t>() < low || value.get<uint64_t>() > high)
-      complain(path, "must be a whole number in [" + std::to_string(low) + ", " + std::to_string(high) + "]");
-  }
-  void numbers(const json& parent, const std::string& path, const char* key, size_t count) {
-    const json* values = array(parent, path, key);
-    if (!values) return;
-    if (values->size() != count)
-      return complain(in(path, key), "must have " + std::to_string(count) + " numbers");
-    for (size_t i = 0; i < count; ++i)
-      if (!(*values)[i].is_number() || !std::isfinite((*values)[i].get<double>()))
-        complain(at(in(path, key), i), "must be a finite number");
-  }
-  // A number above 0.
-  void positive(const json& parent, const std::string& path, const char* key) {
-    const json* value = find(parent, key);
-    if (value && (!value->is_number() || !(value->get<double>() > 0.0)))
-      complain(in(path, key), "must be a number above 0");
-  }
-
-  // An index into the document's own array `collection`, or into `items`.
-  void index(const json& parent, const std::string& path, const char* key, const char* collection) {
-    if (const json* value = find(parent, key))
-      index_value(*value, in(path, key), collection, size_of(collection));
-  }
-  void index_value(const json& value, const std::string& path, const char* collection, size_t size) {
-    if (!value.is_number_unsigned() || value.get<uint64_t>() >= size)
-      complain(path,
-               "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
-  }
-  void indices(const json& parent, const std::string& path, const char* key, const char* collection) {
-    const json* values = array(parent, path, key);
-    for (size_t i = 0; values && i < values->size() && !failed(); ++i)
-      index_value((*values)[i], at(in(path, key), i), collection, size_of(collection));
-  }
-  // {"POSITION": 3, ...}
-  void attributes(const json& parent, const std::string& path, const char* key) {
-    const json* values = object(parent, path, key);
-    if (!values) return;
-    for (const auto& [name, value] : values->items())
-      index_value(value, in(in(path, key), name.c_str()), "accessors", size_of("accessors"));
-  }
-
- private:
-  size_t size_of(const char* collection) const {
-    const json* items = find(document_, collection);
-    return items && items->is_array() ? items->size() : 0;
-  }
-
-  const json& document_;
-  std::optional<Error> error_;
-};
-
-void check_version(JsonCheck& check, const json& document) {
-  const json* asset = check.object(document, "", "asset");
-  if (!asset) return check.complain("asset", "is missing");
-  check.required(*asset, "asset", {"version"});
-  check.string(*asset, "asset", "version");
-  check.string(*asset, "asset", "minVersion");
-  if (check.failed()) return;
-  if (!(*asset)["version"].get<std::string>().starts_with("2."))
+void check_version(JsonCheck& check, const json& asset, const std::string&, json&) {
+  if (!asset["version"].get<std::string>().starts_with("2."))
     check.complain("asset.version", "must be 2.x", ErrorCode::kUnsupported);
-  if (asset->contains("minVersion") && (*asset)["minVersion"] != "2.0")
+  if (asset.contains("minVersion") && asset["minVersion"] != "2.0")
     check.complain("asset.minVersion", "must be 2.0", ErrorCode::kUnsupported);
 }
 
-void check_extensions(JsonCheck& check, const json& document) {
-  for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
-    const json* names = check.array(document, "", key);
-    for (size_t i = 0; names && i < names->size(); ++i)
-      if (!(*names)[i].is_string()) return check.complain(at(key, i), "must be a string");
-  }
-  if (check.failed() || !document.contains("extensionsRequired")) return;
-  const json& required = document["extensionsRequired"];
-  for (size_t i = 0; i < required.size(); ++i)
-    if (const auto name = required[i].get<std::string>(); !supported(name))
+void check_required_extensions(JsonCheck& check, const json& document, const std::string&, json&) {
+  if (!document.contains("extensionsRequired")) return;
+  const json& names = document["extensionsRequired"];
+  for (size_t i = 0; i < names.size(); ++i) {
+    const auto name = names[i].get<std::string>();
+    if (!name.starts_with("KHR_materials_") && std::ranges::find(kSupported, name) == kSupported.end())
       check.complain(at("extensionsRequired", i), "the file needs " + name + ", which is not supported",
                      ErrorCode::kUnsupported);
+  }
 }
 
-constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
-constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION",
-                                                             "EXPONENTIAL"};
+constexpr Member kAsset[] = {required(text("version")), withheld(text("minVersion"))};
+constexpr Member kHead[] = {required(object("asset", kAsset, check_version)), plain("extensionsUsed", Kind::kStrings),
+                            plain("extensionsRequired", Kind::kStrings)};
 
-// What the extension says of its own layout; the values themselves are known to be there and of the right type.
+// --- buffers and accessors ---------------------------------------------------------------------------------------------
+
+constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
+constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
+constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
+
+// The rules of the extension for the layout of its stream.
 void check_meshopt_layout(JsonCheck& check, const json& view, const json& packing, const std::string& path) {
   const auto stride = packing["byteStride"].get<uint64_t>(), count = packing["count"].get<uint64_t>();
   const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");
@@ -214,217 +282,142 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
     check.complain(path, "byteStride times count is not the view's byteLength");
 }
 
-void check_meshopt(JsonCheck& check, const json& view, const std::string& view_path) {
-  const json* extensions = check.object(view, view_path, "extensions");
-  if (!extensions) return;
-  const json* packing = check.object(*extensions, view_path + ".extensions", kMeshoptExtension);
-  if (!packing) return;
-  const std::string path = view_path + ".extensions." + kMeshoptExtension;
-  check.required(*packing, path, {"buffer", "byteLength", "byteStride", "count", "mode"});
-  check.index(*packing, path, "buffer", "buffers");
-  check.whole(*packing, path, "byteOffset", 0, uint64_t{1} << 40);
-  check.whole(*packing, path, "byteLength", 1, uint64_t{1} << 40);
-  check.whole(*packing, path, "byteStride", 2, 256);
-  check.whole(*packing, path, "count", 1, kMaxInt);
-  check.one_of(*packing, path, "mode", kMeshoptModes);
-  check.one_of(*packing, path, "filter", kMeshoptFilters);
-  if (!check.failed()) check_meshopt_layout(check, view, *packing, path);
+void check_view(JsonCheck& check, const json& view, const std::string& path, json&) {
+  if (view.value("byteStride", 4u) % 4 != 0) check.complain(path + ".byteStride", "must be a multiple of 4");
+  if (const json* packing = meshopt_packing(view))
+    check_meshopt_layout(check, view, *packing, path + ".extensions." + kMeshoptExtension);
 }
 
-void check_buffers(JsonCheck& check, const json& document) {
-  check.each(document, "", "buffers", [&](const json& buffer, const std::string& path) {
-    check.required(buffer, path, {"byteLength"});
-    check.whole(buffer, path, "byteLength", 1, uint64_t{1} << 40);
-    check.string(buffer, path, "uri");
-  });
-  check.each(document, "", "bufferViews", [&](const json& view, const std::string& path) {
-    check.required(view, path, {"buffer", "byteLength"});
-    check.index(view, path, "buffer", "buffers");
-    check.whole(view, path, "byteOffset", 0, uint64_t{1} << 40);
-    check.whole(view, path, "byteLength", 1, uint64_t{1} << 40);
-    check.whole(view, path, "byteStride", 4, 252);
-    if (!check.failed() && view.value("byteStride", 4u) % 4 != 0)
-      check.complain(path + ".byteStride", "must be a multiple of 4");
-    check_meshopt(check, view, path);
-  });
-}
-
-void check_component_type(JsonCheck& check, const json& object, const std::string& path) {
-  check.required(object, path, {"componentType"});
-  check.whole(object, path, "componentType", 5120, 5126);
-  if (!check.failed() && object["componentType"] == 5124)
+void check_component_type(JsonCheck& check, const json& object, const std::string& path, json&) {
+  if (object["componentType"] == 5124)
     check.complain(path + ".componentType", "5124 is not a component type of glTF");
 }
 
-void check_sparse(JsonCheck& check, const json& accessor, const std::string& accessor_path) {
-  const json* sparse = check.object(accessor, accessor_path, "sparse");
-  if (!sparse) return;
-  const std::string path = accessor_path + ".sparse";
-  check.required(*sparse, path, {"count", "indices", "values"});
-  check.whole(*sparse, path, "count", 1, kMaxInt);
-  for (const char* key : {"indices", "values"}) {
-    const json* part = check.object(*sparse, path, key);
-    if (!part) return;
-    check.required(*part, in(path, key), {"bufferView"});
-    check.index(*part, in(path, key), "bufferView", "bufferViews");
-    check.whole(*part, in(path, key), "byteOffset", 0, kMaxInt);
+constexpr Member kBuffer[] = {required(whole("byteLength", 1, kMaxOffset)), text("uri")};
+constexpr Member kMeshoptPacking[] = {required(index("buffer", "buffers")),
+                                      whole("byteOffset", 0, kMaxOffset),
+                                      required(whole("byteLength", 1, kMaxOffset)),
+                                      required(whole("byteStride", 2, 256)),
+                                      required(whole("count", 1, kMaxInt)),
+                                      required(word("mode", kMeshoptModes)),
+                                      word("filter", kMeshoptFilters)};
+constexpr Member kViewExtensions[] = {object(kMeshoptExtension, kMeshoptPacking)};
+constexpr Member kView[] = {required(index("buffer", "buffers")), whole("byteOffset", 0, kMaxOffset),
+                            required(whole("byteLength", 1, kMaxOffset)), whole("byteStride", 4, 252),
+                            withheld(object("extensions", kViewExtensions))};
+constexpr Member kComponentType = required(whole("componentType", 5120, 5126));
+constexpr Member kSparseIndices[] = {required(index("bufferView", "bufferViews")), whole("byteOffset", 0, kMaxInt),
+                                     kComponentType};
+constexpr Member kSparseValues[] = {required(index("bufferView", "bufferViews")), whole("byteOffset", 0, kMaxInt)};
+constexpr Member kSparse[] = {required(whole("count", 1, kMaxInt)),
+                              required(object("indices", kSparseIndices, check_component_type)),
+                              required(object("values", kSparseValues))};
+constexpr Member kAccessor[] = {index("bufferView", "bufferViews"), whole("byteOffset", 0, kMaxOffset),
+                                kComponentType,                     plain("normalized", Kind::kBoolean),
+                                required(whole("count", 1, kMaxInt)), required(word("type", kAccessorTypes)),
+                                object("sparse", kSparse)};
+
+// --- meshes ------------------------------------------------------------------------------------------------------------
+
+void check_primitive(JsonCheck& check, const json& primitive, const std::string& path, json& copy) {
+  copy["attributes"].erase(kIndicesAttribute);
+  if (primitive.contains("indices")) copy["attributes"][kIndicesAttribute] = primitive["indices"];
+  if (!primitive.contains("extensions") || !primitive["extensions"].contains(kDracoExtension)) return;
+  if (!primitive["extensions"][kDracoExtension]["attributes"].contains("POSITION"))
+    check.complain(path + ".extensions." + kDracoExtension + ".attributes.POSITION", "is missing");
+  if (const int mode = primitive.value("mode", 4); mode != 4 && mode != 5)
+    check.complain(path + ".mode", "must be triangles or a triangle strip where Draco packs them");
+}
+
+constexpr Member kDracoPacking[] = {
+    required(index("bufferView", "bufferViews")),
+    required({.key = "attributes", .kind = Kind::kWholeByName, .low = 0, .high = kMaxInt})};
+constexpr Member kPrimitiveExtensions[] = {object(kDracoExtension, kDracoPacking)};
+constexpr Member kPrimitive[] = {required(accessors_by_name("attributes")), withheld(index("indices", "accessors")),
+                                 index("material", "materials"),            whole("mode", 0, 6),
+                                 plain("targets", Kind::kArray), object("extensions", kPrimitiveExtensions)};
+constexpr Member kMesh[] = {text("name"), required(objects("primitives", kPrimitive, check_primitive))};
+
+constexpr Member kColour[] = {numbers("baseColorFactor", 4)};
+constexpr Member kMaterial[] = {text("name"), text("alphaMode"), object("pbrMetallicRoughness", kColour)};
+
+// --- nodes and cameras -------------------------------------------------------------------------------------------------
+
+void check_camera(JsonCheck& check, const json& camera, const std::string& path, json&) {
+  const std::string type = camera["type"];
+  if (type != "perspective" && type != "orthographic")
+    check.complain(path + ".type", "must be perspective or orthographic");
+  else if (!camera.contains(type))
+    check.complain(in(path, type), "is missing");
+}
+
+constexpr Member kInstancing[] = {required(accessors_by_name("attributes"))};
+constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing)};
+constexpr Member kNode[] = {text("name"),
+                            indices("children", "nodes"),
+                            index("mesh", "meshes"),
+                            index("camera", "cameras"),
+                            index("skin", "skins"),
+                            numbers("matrix", 16),
+                            numbers("translation", 3),
+                            numbers("rotation", 4),
+                            numbers("scale", 3),
+                            object("extensions", kNodeExtensions)};
+constexpr Member kScene[] = {text("name"), indices("nodes", "nodes")};
+
+constexpr Member kPerspective[] = {required(plain("yfov", Kind::kPositive)), plain("aspectRatio", Kind::kPositive),
+                                   required(plain("znear", Kind::kPositive)), plain("zfar", Kind::kPositive)};
+constexpr Member kOrthographic[] = {
+    required(plain("xmag", Kind::kNumber)), required(plain("ymag", Kind::kNumber)),
+    required(plain("znear", Kind::kNumber)), required(plain("zfar", Kind::kNumber))};
+constexpr Member kCamera[] = {text("name"), required(text("type")), object("perspective", kPerspective),
+                              object("orthographic", kOrthographic)};
+
+// --- animations --------------------------------------------------------------------------------------------------------
+
+// A channel without a target node belongs to an extension and is to be ignored (glTF 2.0 section 3.11).
+void check_animation(JsonCheck& check, const json& animation, const std::string& path, json& copy) {
+  const json& channels = animation["channels"];
+  json played = json::array();
+  for (size_t i = 0; i < channels.size(); ++i) {
+    check.check_index(channels[i]["sampler"], at(in(path, "channels"), i) + ".sampler", "samplers",
+                      animation["samplers"].size());
+    if (channels[i]["target"].contains("node")) played.push_back(copy["channels"][i]);
   }
-  check_component_type(check, (*sparse)["indices"], path + ".indices");
+  copy["channels"] = std::move(played);
 }
 
-void check_accessors(JsonCheck& check, const json& document) {
-  check.each(document, "", "accessors", [&](const json& accessor, const std::string& path) {
-    check.required(accessor, path, {"count", "type"});
-    check.index(accessor, path, "bufferView", "bufferViews");
-    check.whole(accessor, path, "byteOffset", 0, uint64_t{1} << 40);
-    check_component_type(check, accessor, path);
-    check.boolean(accessor, path, "normalized");
-    check.whole(accessor, path, "count", 1, kMaxInt);
-    check.one_of(accessor, path, "type", kAccessorTypes);
-    if (!check.failed()) check_sparse(check, accessor, path);
-  });
-}
+constexpr Member kSampler[] = {required(index("input", "accessors")), required(index("output", "accessors")),
+                               text("interpolation")};
+constexpr Member kTarget[] = {index("node", "nodes"), required(text("path"))};
+constexpr Member kChannel[] = {required(whole("sampler", 0, kMaxInt)), required(object("target", kTarget))};
+constexpr Member kAnimation[] = {text("name"), required(objects("samplers", kSampler)),
+                                 required(objects("channels", kChannel))};
 
-void check_draco(JsonCheck& check, const json& primitive, const std::string& primitive_path) {
-  const json* extensions = check.object(primitive, primitive_path, "extensions");
-  if (!extensions) return;
-  const json* packing = check.object(*extensions, primitive_path + ".extensions", kDracoExtension);
-  if (!packing) return;
-  const std::string path = primitive_path + ".extensions." + kDracoExtension;
-  check.required(*packing, path, {"bufferView", "attributes"});
-  check.index(*packing, path, "bufferView", "bufferViews");
-  const json* attributes = check.object(*packing, path, "attributes");
-  if (!attributes) return;
-  check.required(*attributes, path + ".attributes", {"POSITION"});
-  for (const auto& [name, id] : attributes->items())
-    check.whole_value(id, in(path + ".attributes", name.c_str()), 0, kMaxInt);
-  if (const int mode = check.failed() ? 4 : primitive.value("mode", 4); mode != 4 && mode != 5)
-    check.complain(primitive_path + ".mode", "must be triangles or a triangle strip where Draco packs them");
-}
-
-void check_meshes(JsonCheck& check, const json& document) {
-  check.each(document, "", "meshes", [&](const json& mesh, const std::string& mesh_path) {
-    check.string(mesh, mesh_path, "name");
-    check.required(mesh, mesh_path, {"primitives"});
-    check.each(mesh, mesh_path, "primitives", [&](const json& primitive, const std::string& path) {
-      check.required(primitive, path, {"attributes"});
-      check.attributes(primitive, path, "attributes");
-      check.index(primitive, path, "indices", "accessors");
-      check.index(primitive, path, "material", "materials");
-      check.whole(primitive, path, "mode", 0, 6);
-      check.array(primitive, path, "targets");
-      check_draco(check, primitive, path);
-    });
-  });
-}
-
-void check_instancing(JsonCheck& check, const json& node, const std::string& node_path) {
-  const json* extensions = check.object(node, node_path, "extensions");
-  if (!extensions) return;
-  const std::string path = node_path + ".extensions";
-  const json* instancing = check.object(*extensions, path, "EXT_mesh_gpu_instancing");
-  if (!instancing) return;
-  check.required(*instancing, path + ".EXT_mesh_gpu_instancing", {"attributes"});
-  check.attributes(*instancing, path + ".EXT_mesh_gpu_instancing", "attributes");
-}
-
-void check_nodes(JsonCheck& check, const json& document, const GltfLimits& limits) {
-  if (const json* nodes = check.array(document, "", "nodes"); nodes && nodes->size() > limits.max_nodes)
-    check.complain("nodes", "more than " + std::to_string(limits.max_nodes), ErrorCode::kResourceExhausted);
-  check.each(document, "", "nodes", [&](const json& node, const std::string& path) {
-    check.string(node, path, "name");
-    check.indices(node, path, "children", "nodes");
-    check.index(node, path, "mesh", "meshes");
-    check.index(node, path, "camera", "cameras");
-    check.index(node, path, "skin", "skins");
-    check.numbers(node, path, "matrix", 16);
-    check.numbers(node, path, "translation", 3);
-    check.numbers(node, path, "rotation", 4);
-    check.numbers(node, path, "scale", 3);
-    check_instancing(check, node, path);
-  });
-  check.index(document, "", "scene", "scenes");
-  check.each(document, "", "scenes", [&](const json& scene, const std::string& path) {
-    check.string(scene, path, "name");
-    check.indices(scene, path, "nodes", "nodes");
-  });
-}
-
-void check_cameras(JsonCheck& check, const json& document) {
-  check.each(document, "", "cameras", [&](const json& camera, const std::string& path) {
-    check.required(camera, path, {"type"});
-    check.string(camera, path, "type");
-    if (check.failed()) return;
-    const bool perspective = camera["type"] == "perspective";
-    if (!perspective && camera["type"] != "orthographic")
-      return check.complain(path + ".type", "must be perspective or orthographic");
-    const char* key = perspective ? "perspective" : "orthographic";
-    check.required(camera, path, {key});
-    const json* lens = check.object(camera, path, key);
-    if (!lens) return;
-    for (const char* name : {"yfov", "aspectRatio", "znear", "zfar"})
-      if (perspective) check.positive(*lens, in(path, key), name);
-    if (perspective)
-      check.required(*lens, in(path, key), {"yfov", "znear"});
-    else
-      check.required(*lens, in(path, key), {"xmag", "ymag", "znear", "zfar"});
-  });
-}
-
-void check_materials(JsonCheck& check, const json& document) {
-  if (const json* materials = check.array(document, "", "materials");
-      materials && materials->size() > kMaxMaterials)
-    return check.complain("materials", "more than " + std::to_string(kMaxMaterials),
-                          ErrorCode::kResourceExhausted);
-  check.each(document, "", "materials", [&](const json& material, const std::string& path) {
-    check.string(material, path, "name");
-    check.string(material, path, "alphaMode");
-    if (const json* pbr = check.object(material, path, "pbrMetallicRoughness"))
-      check.numbers(*pbr, path + ".pbrMetallicRoughness", "baseColorFactor", 4);
-  });
-}
-
-void check_channel(JsonCheck& check, const json& channel, const std::string& path, const json& samplers) {
-  check.required(channel, path, {"sampler", "target"});
-  const json* target = check.object(channel, path, "target");
-  if (!target || check.failed()) return;
-  check.index_value(channel["sampler"], path + ".sampler", "samplers", samplers.size());
-  check.index(*target, path + ".target", "node", "nodes");
-  check.required(*target, path + ".target", {"path"});
-  check.string(*target, path + ".target", "path");
-}
-
-void check_animations(JsonCheck& check, const json& document) {
-  check.each(document, "", "animations", [&](const json& animation, const std::string& path) {
-    check.string(animation, path, "name");
-    check.required(animation, path, {"samplers", "channels"});
-    check.each(animation, path, "samplers", [&](const json& sampler, const std::string& sampler_path) {
-      check.required(sampler, sampler_path, {"input", "output"});
-      check.index(sampler, sampler_path, "input", "accessors");
-      check.index(sampler, sampler_path, "output", "accessors");
-      check.string(sampler, sampler_path, "interpolation");
-    });
-    check.each(animation, path, "channels", [&](const json& channel, const std::string& channel_path) {
-      check_channel(check, channel, channel_path, animation["samplers"]);
-    });
-  });
-}
+constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
+                            objects("bufferViews", kView, check_view),
+                            objects("accessors", kAccessor, check_component_type),
+                            objects("meshes", kMesh),
+                            objects("nodes", kNode),
+                            index("scene", "scenes"),
+                            objects("scenes", kScene),
+                            objects("cameras", kCamera, check_camera),
+                            objects("materials", kMaterial, nullptr, kMaxMaterials),
+                            objects("animations", kAnimation, check_animation),
+                            withheld(plain("skins", Kind::kArray))};
 
 }  // namespace
 
-Status check_gltf_json(const json& document, const GltfLimits& limits) {
+Result<json> check_gltf_json(const json& document, const GltfLimits& limits) {
   JsonCheck check(document);
-  check_version(check, document);
-  check_extensions(check, document);
-  check_buffers(check, document);
-  check_accessors(check, document);
-  check_meshes(check, document);
-  check_nodes(check, document, limits);
-  check_cameras(check, document);
-  check_materials(check, document);
-  check_animations(check, document);
-  check.array(document, "", "skins");
-  return check.status();
+  json head = check.walk(document, "", kHead, check_required_extensions);
+  if (const auto nodes = document.find("nodes"); nodes != document.end() && nodes->size() > limits.max_nodes)
+    check.complain("nodes", "has more than " + std::to_string(limits.max_nodes) + " items",
+                   ErrorCode::kResourceExhausted);
+  json copy = check.walk(document, "", kBody, nullptr);
+  if (check.failed()) return tl::unexpected(*check.error());
+  copy["asset"] = std::move(head["asset"]);
+  return copy;
 }
 
 }  // namespace sightline

@@ -1,5 +1,4 @@
-// The outermost layer of a glTF file: which bytes are JSON and which are the binary chunk (glTF 2.0
-// section 4.4).
+// Splits a glTF file into its JSON and its binary chunk (glTF 2.0 section 4.4).
 #pragma once
 
 #include <cstddef>
@@ -17,9 +16,8 @@ struct GltfContainer {
   std::optional<std::span<const std::byte>> binary_chunk;  // absent in a .gltf and in a .glb without BIN
 };
 
-// Told apart by the magic "glTF". A .glb whose header or chunks promise more than `bytes` holds is kDataLoss
-// (fields "glb.header", "glb.chunks[i]"). Chunks of unknown type are skipped, bytes after the stated length
-// ignored.
+// Bytes that begin with "glTF" are a .glb, others a .gltf. A .glb whose header or chunks are longer than `bytes` is kDataLoss (fields
+// "glb.header", "glb.chunks[i]"). Chunks of unknown type and bytes after the stated length are ignored.
 Result<GltfContainer> split_gltf_container(std::span<const std::byte> bytes);
 
 }  // namespace sightline

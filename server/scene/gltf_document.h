@@ -1,9 +1,12 @@
-// A glTF document between reading and conversion, and the parts of the conversion. Private to the reader.
+// A glTF document between parsing and conversion, and the parts of the conversion. Private to the reader.
 #pragma once
 
 #include <tiny_gltf.h>
 
 #include <cstddef>
+#include <deque>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,8 +15,7 @@
 
 namespace sightline {
 
-// Collects what a person should know about a file that was read all the same; bounded, so that a hostile file
-// cannot fill the log.
+// Warnings about a file that can be read nevertheless. Bounded, so that a hostile file cannot fill the log.
 class GltfWarnings {
  public:
   void add(std::string text);
@@ -24,7 +26,7 @@ class GltfWarnings {
   std::vector<std::string> texts_;
 };
 
-// What is left of the limits while a document is converted.
+// The remaining part of each limit while a document is converted.
 struct GltfBudget {
   size_t triangles = 0;
   size_t vertices = 0;  // of accessors read, used or not: bounds the work as well as the memory
@@ -36,19 +38,16 @@ struct GltfBudget {
   static Status take(size_t& left, size_t amount, const std::string& field, const char* what);
 };
 
-// References inside `model` are known to exist (gltf_check.cpp); the ranges of accessors are not yet checked.
+// Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they are read.
 struct GltfDocument {
-  tinygltf::Model model;
-  std::vector<std::span<const std::byte>> buffers;  // one per buffer, exactly byteLength long
-  // One per buffer view: what stands in place of its range of the buffer. Empty for a view that is not packed.
-  std::vector<std::span<const std::byte>> unpacked_views;
-  std::vector<std::vector<std::byte>>
-      owned;  // what buffers and views that are not in the file itself point into
-  std::vector<ContentHash> external_hashes;         // of each file read, in order
-  std::vector<std::string> node_extras;             // one per node; empty when absent
-  std::vector<InstanceAttributes> node_attributes;  // one per node
-  GltfBudget budget;
-  GltfWarnings warnings;
+  const nlohmann::json& json;  // the whole document
+  tinygltf::Model model = {};  // of the checked members only
+  std::vector<std::span<const std::byte>> buffers = {};  // one per buffer, exactly byteLength long
+  std::map<size_t, std::span<const std::byte>> unpacked_views = {};  // by buffer view: those that were packed and have been read
+  std::deque<std::vector<std::byte>> owned = {};  // bytes of buffers and views that are not in the file itself
+  std::vector<ContentHash> external_hashes = {};  // of each file read, in order
+  GltfBudget budget = {};
+  GltfWarnings warnings = {};
 };
 
 // "nodes[3]", "meshes[0].primitives[1]"

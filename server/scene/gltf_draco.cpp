@@ -12,8 +12,8 @@
 namespace sightline {
 namespace {
 
-// What Draco keeps for a face while it decodes: its corners, their opposites and vertices, and as much again for each
-// set of attributes that has seams of its own; rounded up.
+// Memory that Draco needs for a face while it decodes, rounded up: its corners, their opposites and vertices, and the same again for each
+// set of attributes with seams of its own.
 constexpr size_t kWorkBytesPerFace = 128;
 constexpr size_t kWorkBytesPerFaceAndAttributeSet = 32;
 
@@ -22,13 +22,12 @@ struct Bounds {
   size_t max_bytes = 0;  // all that may be allocated
 };
 
-// One of Draco's decoders, stopped before it allocates more than the bounds: the library itself believes what a stream
-// of a few bytes says of its size.
+// One of Draco's decoders, stopped before it allocates more than the bounds. Draco itself trusts the sizes that a stream states.
 template <typename Base>
 class BoundedDecoder : public Base {
  public:
   explicit BoundedDecoder(const Bounds& bounds) : bounds_(bounds) {}
-  // Whether a bound was the reason for a failure.
+  // True when a failure was caused by a bound.
   bool exceeded() const { return exceeded_; }
   size_t bytes() const { return bytes_; }
 

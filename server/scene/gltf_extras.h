@@ -1,5 +1,5 @@
-// Our own part of a node's extras: {"sightline": {"layers": 1, "opacity": 1, "occludes": true, "collides":
-// true, "visible": true}}. Other members of the object belong to whoever plays the scene and are left alone.
+// The part of a node's extras that Sightline reads: {"sightline": {"layers": 1, "opacity": 1, "occludes": true, "collides": true,
+// "visible": true}}. Other members are for the players of the scene and are not read.
 #pragma once
 
 #include <nlohmann/json.hpp>

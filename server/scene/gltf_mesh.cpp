@@ -1,4 +1,4 @@
-// Primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the
+// Converts primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the
 // occluding ones first; only vertices that a triangle uses are kept.
 #include <array>
 #include <cmath>
@@ -42,8 +42,7 @@ Result<size_t> triangles_of(int mode, size_t count, const std::string& field) {
   return count - 2;
 }
 
-// Corners of triangle `t` as places in the vertex sequence, counter-clockwise as the specification orders
-// them.
+// Positions of the corners of triangle `t` in the vertex sequence, in the counter-clockwise order of the specification.
 std::array<size_t, 3> corners(int mode, size_t t) {
   if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) return {t, t + 1 + t % 2, t + 2 - t % 2};
   if (mode == TINYGLTF_MODE_TRIANGLE_FAN) return {t + 1, t + 2, 0};
@@ -67,7 +66,7 @@ Status check_sequence(const std::vector<uint32_t>& sequence, size_t vertex_count
 }
 
 // The vertex sequence that the mode runs over: the index accessor, or 0, 1, 2 ...
-Result<std::vector<uint32_t>> read_sequence(const GltfDocument& document, int accessor, size_t vertex_count,
+Result<std::vector<uint32_t>> read_sequence(GltfDocument& document, int accessor, size_t vertex_count,
                                             const std::string& field) {
   if (accessor >= 0) return read_gltf_indices(document, accessor, field);
   std::vector<uint32_t> sequence(vertex_count);
@@ -98,7 +97,7 @@ void append(Corners from, Triangles& out) {
     for (const size_t corner : corners(mode, t)) out.indices.push_back(place[sequence[corner]]);
 }
 
-// What the limits say before any of the primitive's data is read: the number of its triangles.
+// Applies the limits before any of the primitive's data is read. Returns the number of its triangles.
 Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, int indices,
                               const std::string& field) {
   const auto& accessors = document.model.accessors;
@@ -114,7 +113,7 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   return triangles;
 }
 
-Status read_accessors(const GltfDocument& document, int position, int indices, const std::string& field,
+Status read_accessors(GltfDocument& document, int position, int indices, const std::string& field,
                       Corners& out) {
   auto positions = read_gltf_positions(document, position, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
@@ -181,7 +180,7 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
   return mesh;
 }
 
-// Of every primitive; without indices when none of them has triangles.
+// Joins all primitives; the result has no indices when none of them has triangles.
 Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {

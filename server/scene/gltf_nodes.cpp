@@ -4,6 +4,7 @@
 
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
+#include "server/scene/gltf_extras.h"
 
 namespace sightline {
 namespace {
@@ -121,8 +122,11 @@ Result<AssetNode> read_node(GltfDocument& document, size_t index, const std::vec
   node.name = source.name;
   node.mesh = source.mesh;
   node.camera = source.camera < 0 ? -1 : asset_camera_of[static_cast<size_t>(source.camera)];
-  node.extras_json = document.node_extras[index];
-  node.attributes = document.node_attributes[index];
+  const nlohmann::json& json = document.json["nodes"][index];
+  if (json.contains("extras")) node.extras_json = json["extras"].dump();
+  const auto attributes = read_instance_attributes(json, field);
+  if (!attributes) return tl::unexpected(attributes.error());
+  node.attributes = *attributes;
   if (const Status s = read_local_transform(source, field, document.warnings, node); !s)
     return tl::unexpected(s.error());
   if (const Status s = read_instances(document, source, field, node); !s) return tl::unexpected(s.error());
@@ -144,9 +148,8 @@ Result<std::vector<int>> find_parents(const tinygltf::Model& model) {
   return parent;
 }
 
-// With one parent each, the nodes that no root reaches are exactly those on or below a cycle. The walk visits
-// each node once because `parent` is a function; depth is bounded because a daemon's stack and a hostile file
-// meet here.
+// As each node has at most one parent, the walk visits each node at most once, and a node that no root reaches is on or below a cycle.
+// The depth is bounded, because later code may recurse over the hierarchy of a hostile file.
 Status check_hierarchy(const tinygltf::Model& model, const std::vector<int>& parent, int max_depth) {
   std::vector<int> depth(parent.size(), 0);
   std::vector<size_t> open;

@@ -26,13 +26,12 @@ double greatest_difference(const Affine& a, const Affine& b) {
   return greatest;
 }
 
-// Less than a float can tell at 100 m.
+// Less than the resolution of a float at 100 m.
 bool is_identity(const Affine& a) {
   return greatest_difference(a, identity_affine()) < 1e-9;
 }
 
-// The rotation nearest in spirit to a linear map: its x axis kept, its y axis made square to it
-// (Gram-Schmidt).
+// A rotation near to a linear map: keeps its x axis and makes the y axis perpendicular to it (Gram-Schmidt).
 glm::dquat rotation_of(const Affine& a) {
   if (!is_valid_linear(linear_of(a))) return {1, 0, 0, 0};
   const glm::dvec3 x = glm::normalize(a[0]);
@@ -40,8 +39,7 @@ glm::dquat rotation_of(const Affine& a) {
   return glm::normalize(glm::quat_cast(glm::dmat3(x, y, glm::cross(x, y))));
 }
 
-// A node given by a sheared matrix has no rotation of its own; all others keep the one that their author
-// wrote.
+// A node with a sheared matrix has no rotation; all others keep the rotation in the file.
 glm::dquat local_rotation(const AssetNode& node) {
   const Affine trs = make_affine(node.translation_m, node.rotation, node.scale);
   const double size = 1.0 + max_stretch(node.parent_from_node);
@@ -60,7 +58,7 @@ std::vector<Pose> rest_poses(const SceneAsset& asset, const std::vector<Affine>&
   return poses;
 }
 
-// One thing that the file draws.
+// One drawable object of the file.
 struct Drawable {
   size_t node;
   Affine world_from_mesh;
@@ -87,7 +85,7 @@ void for_each_drawable(const SceneAsset& asset, const std::vector<Affine>& world
   }
 }
 
-// Several meshes on their way to one, in one frame.
+// Merges meshes in one frame.
 class Merged {
  public:
   void append(const Geometry& geometry, const Affine& to_frame, bool occludes) {

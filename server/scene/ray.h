@@ -1,5 +1,4 @@
-// First hits of rays with one geometry, in its own frame. For work done once a shape, where neither Embree
-// nor a scene is at hand.
+// First hits of rays with one geometry, in its own frame. For work done once for each shape, without Embree and without a scene.
 #pragma once
 
 #include <array>
@@ -19,9 +18,8 @@ struct SurfaceHit {
   bool hit() const { return distance < std::numeric_limits<double>::infinity(); }
 };
 
-// Casts rays at all triangles of a geometry, see-through ones too. Holds a copy of the triangles, laid out
-// for four to be tested at once, and refers to the geometry, which must outlive it. Immutable: any number of
-// threads may cast.
+// Traces rays against all triangles of a geometry, including see-through ones. Holds a copy of the triangles in a layout that tests four
+// at once, and refers to the geometry, which must outlive it. Immutable: any number of threads may use it.
 //
 // Triangles are tested in single precision relative to the centre of the geometry's bounding sphere (Moeller
 // & Trumbore, "Fast, minimum storage ray/triangle intersection", 1997): good to about 1e-6 of the larger of

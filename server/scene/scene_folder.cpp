@@ -68,7 +68,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::st
   return shared;
 }
 
-// The lock is not held while the disk is asked.
+// The lock is not held while the disk is read.
 SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
   if (!opened_) return nullptr;
   Asset asset;
@@ -122,7 +122,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
   return shared;
 }
 
-// Two loads of the same content end up with one asset: the one that is still alive.
+// Two loads of the same bytes share one asset: the one that is still in use.
 SceneLibrary::Asset SceneLibrary::remember(Asset asset) {
   std::erase_if(by_hash_, [](const auto& entry) { return entry.second.expired(); });
   std::erase_if(named_, [](const auto& entry) { return entry.second.asset.expired(); });
@@ -175,7 +175,7 @@ std::string SceneLibrary::name_of(const ContentHash& hash) {
   return {};
 }
 
-// The lock is not held while the disk is asked.
+// The lock is not held while the disk is read.
 Result<SceneFile> SceneLibrary::read_again(const Source& source) {
   {
     const std::lock_guard lock(mutex_);

@@ -1,6 +1,5 @@
-// Scenes by name from one folder (--scene-dir). Nothing outside that folder can be reached: names are
-// relative paths without "..", and after symbolic links are resolved the file must still lie inside (checked
-// on the opened file).
+// Loads scenes by name from one folder (--scene-dir), and scenes that clients upload. Nothing outside the folder can be reached: names
+// are relative paths without "..", and the opened file must lie inside after symbolic links are resolved.
 #pragma once
 
 #include <map>
@@ -17,35 +16,34 @@
 
 namespace sightline {
 
-// A file that a scene was read from, as it was then.
+// A file that a scene was read from.
 struct SceneFile {
-  std::string name;  // relative to the folder; empty: uploaded
+  std::string name;  // relative to the folder; empty for an upload
   std::shared_ptr<const std::string> bytes;
 };
 
-// Keeps loaded assets as long as some session uses them. Thread-safe.
+// Keeps loaded assets while a session uses them. Thread-safe.
 class SceneLibrary {
  public:
-  // `folder` may be empty: then nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not
-  // set"). One that cannot be opened says so at every load_named. `store` must outlive the library. With
-  // `keep_uploaded_bytes` an upload's bytes stay as long as its asset does, for files_of.
+  // With an empty `folder` nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). When the folder cannot be
+  // opened, every call of load_named says so. `store` must outlive the library. With `keep_uploaded_bytes` the bytes of an upload are
+  // kept as long as its asset, for files_of.
   SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes = false);
 
-  // "hall.glb" or "levels/one.gltf". Errors carry field "scene.name": kInvalidArgument for a name that leaves
-  // the folder, kNotFound, or what read_gltf says with its own field. A file that changed on disk, or one of
-  // the files that it refers to, is read anew (told by modification time and size).
+  // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
+  // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
-  // Whether load_named would answer without reading the file.
+  // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
-  // Reads uploaded bytes (no external files) and keeps the asset under its hash while it is used, and the
-  // newest `kKeptUploads` ones even when unused, so that an upload is still there when the session opens.
+  // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. The newest
+  // kKeptUploads are kept even when unused, so that an upload is still available when its session opens.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes);
-  // kNotFound (field "scene.hash") when no such asset is alive.
+  // Finds a loaded asset. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
-  // The bytes of a scene that is loaded, so that it can be loaded elsewhere: the scene file first, then what it refers
-  // to. Named files are read again, which may take seconds; whoever asks while others hold the bytes shares them.
-  // kNotFound: not loaded, or an upload whose bytes are not kept; kFailedPrecondition: a file has changed since it was
-  // loaded; or as reading fails. By hash: an upload, or a named scene of that content.
+  // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
+  // are read again, which may take seconds; callers share bytes that are still held. A hash finds an upload, or a named scene with that
+  // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept, with kFailedPrecondition when a file
+  // has changed since it was loaded, or as reading fails.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
   Result<std::vector<SceneFile>> files_of(const ContentHash& hash);
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
@@ -55,7 +53,7 @@ class SceneLibrary {
   const GltfLimits& limits() const { return limits_; }
 
  private:
-  // What an asset was read from: the scene file and every file that it refers to.
+  // One file that an asset was read from: the scene file, or a file that it refers to.
   struct Source {
     std::string path;  // relative to the folder
     FileStamp stamp;
@@ -64,7 +62,7 @@ class SceneLibrary {
     std::vector<Source> sources;
     std::weak_ptr<const SceneAsset> asset;
   };
-  // A file's bytes that somebody holds, and of when they are.
+  // Bytes of a file that a caller holds, and the file's stamp when they were read.
   struct KeptFile {
     FileStamp stamp;
     std::weak_ptr<const std::string> bytes;
@@ -72,7 +70,7 @@ class SceneLibrary {
   using Asset = std::shared_ptr<const SceneAsset>;
 
   Result<SceneFile> read_again(const Source& source);
-  std::string name_of(const ContentHash& hash);  // of a named scene that is alive; empty: none
+  std::string name_of(const ContentHash& hash);  // of a loaded named scene; empty when there is none
   Asset find_unchanged(const std::string& name);
   Result<Asset> read_named(const std::string& name, std::vector<Source>& sources) const;
   Asset remember(Asset asset);  // needs mutex_

@@ -18,7 +18,7 @@ struct Target {
   std::optional<glm::dvec3> aim_offset_m;
   uint32_t layer_mask = 0xFFFFFFFF;     // only instances with a layer in this mask occlude the target
   std::vector<uint64_t> attached_ids;   // instances that are part of it (shield, vehicle): never occlude it
-  std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, whoever they belong to
+  std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, including other targets' own
 };
 
 }  // namespace sightline

@@ -12,9 +12,9 @@ namespace sightline {
 namespace {
 
 constexpr int kBins = 16;
-// Below this depth the heuristic is given up for medians, which bounds the depth of hostile input.
+// Below this depth nodes are split at medians, which bounds the depth for hostile input.
 constexpr int kHeuristicDepth = 32;
-// Ranges from here up are worth a thread.
+// The least number of triangles that is worth a thread.
 constexpr size_t kParallelTriangles = size_t{1} << 15;
 
 // x, y, z and a lane that is 0: boxes grow by one instruction a corner. Plain vectors of the compiler, on any machine.
@@ -71,7 +71,7 @@ struct Bin {
 };
 using Bins = std::array<std::array<Bin, kBins>, 3>;
 
-// Which of kBins equal slabs of the centroids' box a centroid falls in, on each axis.
+// The slab, of kBins equal ones across the centroids' box, that contains a centroid, on each axis.
 struct Binning {
   Lanes low, scale;
   explicit Binning(const Box& centroids) : low(centroids.min), scale(lanes(glm::vec3(0.0f))) {
@@ -188,8 +188,7 @@ class TreeBuilder {
     return best;
   }
 
-  // Halves by count, the left half in whole clusters. Always parts the range, even when all centroids are
-  // equal.
+  // Splits by count, the left half in whole clusters. Always splits, even when all centroids are equal.
   size_t split_at_median(size_t begin, size_t end, const Box& centroids) const {
     const glm::vec3 extent = vec3(centroids.max - centroids.min);
     const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;

@@ -16,7 +16,7 @@ std::span<const std::byte> bytes_of(const glm::vec3& position) {
   return std::as_bytes(std::span(&position, 1));
 }
 
-// The welded positions found so far, by content.
+// A hash table of the merged positions so far.
 class Known {
  public:
   explicit Known(size_t positions) : slots_(std::bit_ceil(positions + positions / 3 + 1), kFree) {}
@@ -41,7 +41,7 @@ class Known {
 void weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices) {
   Known known(positions.size());
   std::vector<uint32_t> place(positions.size());
-  // In place: what is welded so far never reaches beyond what is read.
+  // Merges in place: the write position never passes the read position.
   uint32_t count = 0;
   for (size_t i = 0; i < positions.size(); ++i) {
     place[i] = known.find_or_add(positions[i], positions, count);

@@ -6,7 +6,7 @@
 
 namespace sightline {
 
-bool DeadlineQueue::Sooner::operator()(const Flow* a, const Flow* b) const {
+bool DeadlineQueue::EarlierDeadline::operator()(const Flow* a, const Flow* b) const {
   return std::tie(a->deadline_ns_, a->number_) < std::tie(b->deadline_ns_, b->number_);
 }
 
@@ -20,7 +20,7 @@ void DeadlineQueue::insert(Flow& flow) {
   by_service_.insert(&flow);
 }
 
-void DeadlineQueue::take_out(Flow& flow) {
+void DeadlineQueue::remove(Flow& flow) {
   by_deadline_.erase(&flow);
   by_service_.erase(&flow);
 }
@@ -34,15 +34,15 @@ void DeadlineQueue::push(Flow& flow, int64_t deadline_ns) {
   insert(flow);
 }
 
-void DeadlineQueue::look_at(int64_t deadline_ns, int64_t now_ns) {
+void DeadlineQueue::check_deadline(int64_t deadline_ns, int64_t now_ns) {
   if (deadline_ns < now_ns && !overloaded(now_ns)) fair_until_ns_ = now_ns + kFairForNs;
 }
 
 DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
   if (empty()) return nullptr;
-  look_at((*by_deadline_.begin())->deadline_ns_, now_ns);
+  check_deadline((*by_deadline_.begin())->deadline_ns_, now_ns);
   Flow& flow = overloaded(now_ns) ? **by_service_.begin() : **by_deadline_.begin();
-  take_out(flow);
+  remove(flow);
   flow.waits_ = false;
   flow.popped_deadline_ns_ = flow.deadline_ns_;
   flow.served_ns_ = flow.start_ns_;
@@ -51,11 +51,11 @@ DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
 }
 
 void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
-  look_at(flow.popped_deadline_ns_, now_ns);
+  check_deadline(flow.popped_deadline_ns_, now_ns);
   if (cost_ns <= 0) return;
   flow.served_ns_ += cost_ns;
   if (!flow.waits_) return;
-  take_out(flow);
+  remove(flow);
   flow.start_ns_ = std::max(flow.start_ns_, flow.served_ns_);
   insert(flow);
 }

@@ -33,29 +33,29 @@ void FairShares::leave(Slot slot) {
   free_.push_back(slot);
 }
 
-double FairShares::tell(Slot slot, double demand, bool late, int64_t now_ns) {
+double FairShares::report(Slot slot, double demand, bool late, int64_t now_ns) {
   const std::lock_guard lock(mutex_);
   ++steps_;
   late_ += late;
   demands_[slot].threads = demand;
-  demands_[slot].told_ns = now_ns;
+  demands_[slot].reported_ns = now_ns;
   if (now_ns - renewed_ns_ >= kRenewedEveryNs) renew(now_ns);
   return share_;
 }
 
-void FairShares::find_out() {
+void FairShares::renew_estimate() {
   const bool many = late_ >= kLeastLate && late_ > kLateShare * steps_;
-  there_ = many ? std::max(kLess * there_, kLeastThere) : std::min(there_ + kMore, 1.0);
+  estimate_ = many ? kDecrease * estimate_ : std::min(estimate_ + kIncrease, 1.0);
   steps_ = late_ = 0;
 }
 
 void FairShares::renew(int64_t now_ns) {
-  find_out();
+  renew_estimate();
   scratch_.clear();
   for (const Demand& demand : demands_)
-    if (demand.taken && demand.threads > 0 && now_ns - demand.told_ns < kForgottenAfterNs)
+    if (demand.taken && demand.threads > 0 && now_ns - demand.reported_ns < kForgottenAfterNs)
       scratch_.push_back(demand.threads);
-  share_ = fair_share(scratch_, there_ * capacity_);
+  share_ = fair_share(scratch_, estimate_ * capacity_);
   renewed_ns_ = now_ns;
 }
 

@@ -1,10 +1,12 @@
-// How much of the threads' time each session may use: all that it asks for while everybody's fits, else an equal share,
-// of which whoever asks for less leaves the rest to the others (max-min fairness; Bertsekas & Gallager, "Data
-// Networks", 1992, 6.5.2).
+// How much of the threads' time each session may use.
 //
-// How much there is to share is found out: what moves messages and whatever else runs on the machine takes its part of the CPUs too.
-// While steps come late there is less than was thought; once none does, a little more is tried (additive increase, multiplicative
-// decrease; Chiu & Jain, "Analysis of the increase and decrease algorithms for congestion avoidance in computer networks", 1989).
+// While all demands fit, there is no limit. Otherwise every session gets an equal share, and what a session with a
+// smaller demand leaves over goes to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2).
+//
+// The time that can be shared out is not known in advance, because the transport and other processes use the same CPUs.
+// It is estimated: while steps are late the estimate shrinks by a factor, otherwise it grows by a constant (additive
+// increase, multiplicative decrease; Chiu & Jain, "Analysis of the increase and decrease algorithms for congestion
+// avoidance in computer networks", 1989).
 #pragma once
 
 #include <cstddef>
@@ -16,44 +18,47 @@
 
 namespace sightline {
 
-// The level s at which the sum of min(demand, s) is `capacity`; infinity when the demands, none negative, fit. Reorders
-// them.
+// The limit s at which the sum of min(demand, s) equals `capacity`; infinity when the demands fit. No demand may be
+// negative. Sorts the demands.
 double fair_share(std::span<double> demands, double capacity);
 
 // Demands and shares are in threads: 0.25 is a quarter of one thread's time. Thread-safe.
 class FairShares {
  public:
   using Slot = size_t;
-  static constexpr int64_t kRenewedEveryNs = 100'000'000;      // the share
-  static constexpr int64_t kForgottenAfterNs = 1'000'000'000;  // a demand that is not told again
-  // Each renewal, with this share of the steps late since the last one (and no fewer than kLeastLate), what there is counts for so
-  // much less; with fewer, for so much of the capacity more. It is never less than kLeastThere of the capacity.
-  static constexpr double kLateShare = 0.01, kLess = 0.9, kMore = 0.004, kLeastThere = 0.2;
+  static constexpr int64_t kRenewedEveryNs = 100'000'000;      // period of the estimate and of the share
+  static constexpr int64_t kForgottenAfterNs = 1'000'000'000;  // a demand that is not reported again counts for so long
+  // A renewal shrinks the estimate to kDecrease of itself when more than kLateShare of the steps since the last one were
+  // late, and at least kLeastLate of them. Otherwise the estimate grows by kIncrease of the capacity, up to all of it.
+  // Without an estimate, a hundred sessions whose steps alone fit the threads are late in one tick of ten
+  // (tests/schedule/overload_model_test.cpp). With kLeastLate = 1, a stall of the machine each second degrades a sixth of
+  // the steps of twenty sessions. kLateShare makes no difference on two CPUs. With many CPUs there are thousands of steps
+  // in a renewal, and three late ones must not shrink the estimate.
+  static constexpr double kLateShare = 0.01, kDecrease = 0.9, kIncrease = 0.004;
   static constexpr int kLeastLate = 3;
 
-  // `capacity`, in threads: what there is when nothing else runs.
+  // `capacity`, in threads, is the time to share out when nothing else runs.
   explicit FairShares(double capacity) : capacity_(capacity) {}
 
   Slot join();
   void leave(Slot slot);
-  // After a step: what the one at `slot` would use with nothing left out, whether the step came late, and in return the share. Times
-  // never go back by much.
-  double tell(Slot slot, double demand, bool late, int64_t now_ns);
+  // Called after each step with the demand of the session at `slot` (what it would use at quality level 0), and
+  // whether the step was late. Returns the session's share. `now_ns` never goes back by much.
+  double report(Slot slot, double demand, bool late, int64_t now_ns);
 
  private:
   struct Demand {
     double threads = 0.0;
-    int64_t told_ns = 0;
+    int64_t reported_ns = 0;
     bool taken = false;
   };
   void renew(int64_t now_ns);
-
-  void find_out();
+  void renew_estimate();
 
   const double capacity_;
   std::mutex mutex_;
   // Guarded by mutex_.
-  double there_ = 1.0;      // of capacity_
+  double estimate_ = 1.0;     // of the time to share out, as a share of capacity_
   int steps_ = 0, late_ = 0;  // since the last renewal
   std::vector<Demand> demands_;
   std::vector<Slot> free_;

@@ -20,7 +20,7 @@ Scheduler::~Scheduler() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-// A thread that is under way looks at the queue before it rests, so none is woken but one that rests.
+// A busy thread looks at the queue before it waits, so only a waiting thread needs to be woken.
 void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
   bool wakes = false;
   {
@@ -33,18 +33,21 @@ void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
   if (wakes) wake_.notify_one();
 }
 
-void Scheduler::run_here(Scheduled& task) {
+void Scheduler::run_now(Scheduled& task) {
   Round round;
   round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
   run(round);
 }
 
-bool Scheduler::try_here(Scheduled& task) {
+bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   Round round;
   {
     const std::lock_guard lock(mutex_);
     if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
     ++running_;
+    // Through the empty queue, so that the round is charged against its own deadline.
+    queue_.push(task, deadline_ns);
+    queue_.pop(clock_());
     if (!spare_rounds_.empty()) {
       round = std::move(spare_rounds_.back());
       spare_rounds_.pop_back();
@@ -76,7 +79,7 @@ void Scheduler::work() {
     charge(round);
     if (!round.tasks.empty()) {
       --running_;
-      // The last hold on a task may be this one, and its end is no business of those who wait for the lock.
+      // These may be the last references. The tasks are destroyed without the lock, which others wait for.
       lock.unlock();
       round.tasks.clear();
       lock.lock();
@@ -92,7 +95,7 @@ void Scheduler::work() {
   }
 }
 
-// No more than its part, so that the other threads plan and finish theirs meanwhile.
+// A thread takes no more than its part of the queue, so that the other threads work at the same time.
 void Scheduler::choose(Round& round) {
   const int64_t now_ns = clock_();
   const size_t part = (queue_.size() + threads() - 1) / std::max(threads(), 1u);
@@ -100,7 +103,7 @@ void Scheduler::choose(Round& round) {
     round.tasks.push_back(std::move(static_cast<Scheduled*>(queue_.pop(now_ns))->self_));
 }
 
-// What the maps cost is shared by those who asked for any, in the ratio of how many.
+// The cost of the maps is divided among the tasks in proportion to the number of maps that they asked for.
 void Scheduler::run(Round& round) {
   round.jobs.clear();
   round.costs_ns.clear();

@@ -1,9 +1,9 @@
-// Threads that take the steps of sessions, in the order that DeadlineQueue says.
+// The threads that take the steps of sessions, in the order of DeadlineQueue.
 //
-// A round is: plan the steps of those whose turn it is, take their maps, finish each. On a device that gains nothing
-// from taking the maps of several sessions together (SamplerDevice::best_batch is 1) a round is one session's, from its
-// inputs to its reply on one thread without a break. On one that does, a free thread takes its part of all that wait,
-// up to the best batch.
+// The threads work in rounds: plan the steps of the next sessions, take their depth maps, finish each step. On a device
+// that gains nothing from taking the maps of several sessions together (SamplerDevice::best_batch is 1), a round is the
+// step of one session, from its inputs to its reply on one thread. On other devices a free thread takes its part of all
+// waiting sessions, up to the best batch.
 #pragma once
 
 #include <condition_variable>
@@ -21,21 +21,21 @@
 
 namespace sightline {
 
-// What became of a planned step's maps.
+// The result of taking a planned step's maps.
 struct TakenMaps {
   Status status;               // of the sampler
-  std::exception_ptr trouble;  // what the sampler threw; else null
-  int64_t cost_ns = 0;         // of the plan, and this step's part of the take
+  std::exception_ptr trouble;  // the exception that the sampler threw, or null
+  int64_t cost_ns = 0;         // time of the plan, and this step's part of the time for the maps
 };
 
-// One whose steps are scheduled. The calls come from the scheduler's threads, one at a time, `plan` and `finish` in
-// turn.
+// Something that is scheduled: one session. The calls come from several threads, but never overlap; `plan` and `finish`
+// alternate.
 class Scheduled : public DeadlineQueue::Flow {
  public:
   virtual ~Scheduled() = default;
-  // Which maps are to be taken; maybe none. What the job refers to must stay until `finish`. Must not throw.
+  // Returns the maps to be taken, which may be none. The job's references must stay valid until `finish`. Must not throw.
   virtual TakeJob plan() = 0;
-  // Always follows; may post this again. Must not throw.
+  // Follows every `plan`, and may post the session again. Must not throw.
   virtual void finish(const TakenMaps& taken) = 0;
 
  private:
@@ -48,27 +48,27 @@ class Scheduler {
  public:
   // `device` and `clock` (nanoseconds, monotonic, from any thread) must outlive it.
   Scheduler(unsigned threads, SamplerDevice& device, StageClock clock);
-  // Runs what waits, then joins. Nothing may be posted from then on.
+  // Runs everything that waits, then joins the threads. Nothing may be posted from then on.
   ~Scheduler();
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  // A round of `task`, wanted by `deadline_ns`. It must not wait already; it is kept alive until it has run. The queue
-  // has no bound of its own: it is as long as there are tasks, and sessions are limited.
+  // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is kept
+  // alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are limited.
   void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);
-  // The same at once, on this thread, beside what is scheduled.
-  void run_here(Scheduled& task);
-
-  // A round of `task` at once, on this thread, if nobody waits and fewer rounds run than there are threads; else nothing, and false.
-  // It counts as one of those rounds, and is charged like them. It saves the way to another thread and back, which on an idle machine takes
-  // as long as a short step; the caller does nothing else meanwhile. Never on a device that gains by taking several together.
-  bool try_here(Scheduled& task);
+  // Runs a round of `task` at once on this thread, beside the scheduled ones.
+  void run_now(Scheduled& task);
+  // Runs a round of `task` at once on this thread when no task waits and fewer rounds run than there are threads.
+  // Otherwise it does nothing and returns false. The round counts as one of the threads' rounds. This saves the way to
+  // another thread and back, which on an idle machine takes as long as a short step. It always returns false on a
+  // device that gains from taking several maps together.
+  bool try_run_now(Scheduled& task, int64_t deadline_ns);
 
   unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
   int64_t now_ns() const { return clock_(); }
 
  private:
-  // Of one thread; memory is reused from round to round.
+  // The state of one round. Its memory is used again by the thread's next one.
   struct Round {
     std::vector<std::shared_ptr<Scheduled>> tasks;
     std::vector<TakeJob> jobs, asked;
@@ -89,9 +89,9 @@ class Scheduler {
   std::mutex mutex_;
   std::condition_variable wake_;
   DeadlineQueue queue_;               // guarded by mutex_
-  unsigned idle_ = 0;                 // threads that wait; guarded by mutex_
-  size_t running_ = 0;                // rounds, those of try_here too; guarded by mutex_
-  std::vector<Round> spare_rounds_;   // memory for try_here; guarded by mutex_
+  unsigned idle_ = 0;                 // waiting threads; guarded by mutex_
+  size_t running_ = 0;                // rounds, including those of try_run_now; guarded by mutex_
+  std::vector<Round> spare_rounds_;   // memory for try_run_now; guarded by mutex_
   bool stopping_ = false;             // guarded by mutex_
   std::vector<std::thread> threads_;  // constant after construction
 };

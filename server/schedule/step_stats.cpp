@@ -5,7 +5,7 @@
 
 namespace sightline {
 
-// Everything up to 1 us is of the first class; class i > 0 ends at 2^(i / 8) us.
+// The first class holds everything up to 1 us; class i > 0 ends at 2^(i / 8) us.
 size_t DurationCounts::class_of(int64_t duration_ns) {
   if (duration_ns <= 1'000) return 0;
   const double octaves = std::log2(static_cast<double>(duration_ns) * 1e-3);
@@ -37,6 +37,19 @@ double DurationCounts::quantile_us(double quantile) const {
     if (static_cast<double>(below) >= wanted) return end_us(i);
   }
   return end_us(counts_.size() - 1);
+}
+
+void SessionCounters::step(bool degraded, int64_t queue_ns) {
+  ++steps_;
+  degraded_ += degraded;
+  service_.steps.fetch_add(1, std::memory_order_relaxed);
+  service_.degraded.fetch_add(degraded, std::memory_order_relaxed);
+  service_.queue.add(queue_ns);
+}
+
+void SessionCounters::deadline(bool missed) {
+  late_ += missed;
+  service_.late.fetch_add(missed, std::memory_order_relaxed);
 }
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// How far apart a session's ticks are: until when a reply is of use.
+// The interval between a session's ticks, and the deadline of the reply to the newest one.
 #pragma once
 
 #include <algorithm>
@@ -7,18 +7,26 @@
 
 namespace sightline {
 
-// The interval is the longer of what the client says and of what is seen. A client that pauses says 0, and one that
-// plays a recording as fast as it is answered shows next to none: neither makes its deadlines closer than a game's.
+// The interval is the longer of the time that passes in the game (as the ticks say) and of the observed spacing of
+// the ticks. A paused game says 0, and a recording that is replayed as fast as possible shows almost no spacing:
+// neither makes the deadlines closer than a running game's.
 class TickPace {
  public:
-  static constexpr int64_t kShortestNs = 1'000'000;  // 1 ms
-  static constexpr int64_t kLongestNs =
-      250'000'000;  // 0.25 s; whoever ticks more rarely does not want to wait longer
-  static constexpr int64_t kUnknownNs = 16'666'667;  // before the second tick, of one that says nothing
+  static constexpr int64_t kShortestNs = 1'000'000;   // 1 ms
+  static constexpr int64_t kLongestNs = 250'000'000;  // 0.25 s: a client that ticks more rarely still wants a prompt reply
+  static constexpr int64_t kUnknownNs = 16'666'667;   // before the second tick of a client that sends no dt_s
 
-  // A tick came; `dt_s` as it says, if it does. `arrival_ns` never goes back.
-  void observe(int64_t arrival_ns, std::optional<double> dt_s) {
-    if (dt_s && *dt_s > 0) told_ns_ = static_cast<int64_t>(std::min(*dt_s, 1.0) * 1e9);
+  struct Tick {
+    double time_s = 0.0;         // game time
+    std::optional<double> dt_s;  // game time since the tick before, when the client sends it
+    bool wants_reply = true;     // a tick that is merged into the next one sets no deadline
+  };
+  // A tick came at `arrival_ns`, which never goes back.
+  void observe(int64_t arrival_ns, const Tick& tick) {
+    const std::optional<double> dt_s = tick.dt_s ? tick.dt_s : since_last(tick.time_s);
+    time_s_ = tick.time_s;
+    if (!tick.wants_reply) return;
+    if (dt_s && *dt_s > 0) game_ns_ = static_cast<int64_t>(std::min(*dt_s * 1e9, double{kLongestNs}));
     if (arrival_ns_) {
       const int64_t spacing_ns = std::clamp<int64_t>(arrival_ns - *arrival_ns_, 0, kLongestNs);
       seen_ns_ = seen_ns_ ? *seen_ns_ + (spacing_ns - *seen_ns_) / kSmoothing : spacing_ns;
@@ -27,16 +35,21 @@ class TickPace {
   }
 
   int64_t interval_ns() const {
-    if (!told_ns_ && !seen_ns_) return kUnknownNs;
-    return std::clamp(std::max(told_ns_.value_or(0), seen_ns_.value_or(0)), kShortestNs, kLongestNs);
+    if (!game_ns_ && !seen_ns_) return kUnknownNs;
+    return std::clamp(std::max(game_ns_.value_or(0), seen_ns_.value_or(0)), kShortestNs, kLongestNs);
   }
-  // When the answer to the newest tick is due; 0 before any.
+  // When the reply to the newest tick is due; 0 before any.
   int64_t deadline_ns() const { return arrival_ns_ ? *arrival_ns_ + interval_ns() : 0; }
 
  private:
-  static constexpr int64_t kSmoothing = 16;  // ticks, of the mean spacing
+  static constexpr int64_t kSmoothing = 16;  // ticks over which the spacing is averaged
 
-  std::optional<int64_t> arrival_ns_, told_ns_, seen_ns_;
+  std::optional<double> since_last(double time_s) const {
+    return time_s_ ? std::optional(time_s - *time_s_) : std::nullopt;
+  }
+
+  std::optional<double> time_s_;                           // of the newest tick
+  std::optional<int64_t> arrival_ns_, game_ns_, seen_ns_;  // of the newest tick that wants a reply; intervals
 };
 
 }  // namespace sightline

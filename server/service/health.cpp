@@ -13,13 +13,13 @@ using grpc::health::v1::HealthCheckResponse;
 using CheckCall = AsyncCall<grpc::ServerAsyncResponseWriter<HealthCheckResponse>, HealthCheckRequest>;
 using WatchCall = AsyncCall<grpc::ServerAsyncWriter<HealthCheckResponse>, HealthCheckRequest>;
 
-HealthCheckResponse::ServingStatus told(bool serving) {
+HealthCheckResponse::ServingStatus to_status(bool serving) {
   return serving ? HealthCheckResponse::SERVING : HealthCheckResponse::NOT_SERVING;
 }
 
 }  // namespace
 
-// One call of Check: answered at once.
+// One call of Check. It is answered at once.
 class HealthService::Checker final : public CheckCall {
  public:
   Checker(EventLoop& loop, std::unique_ptr<Incoming> call, const HealthService& service)
@@ -28,7 +28,7 @@ class HealthService::Checker final : public CheckCall {
     response.set_status(service.status_of(incoming().request.service()));
     const bool known = response.status() != HealthCheckResponse::SERVICE_UNKNOWN;
     finish_call(response, known ? grpc::Status::OK
-                                : grpc::Status(grpc::StatusCode::NOT_FOUND, "no service of that name"));
+                                : grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no service of that name"));
   }
 
  private:
@@ -41,15 +41,15 @@ class HealthService::Watcher final : public WatchCall {
   Watcher(EventLoop& loop, std::unique_ptr<Incoming> incoming, HealthService& service)
       : WatchCall(loop, std::move(incoming)), service_(service) {}
 
-  // Says what is so now, if that is news. From any thread.
+  // Writes the current state if it has changed. From any thread.
   void update() {
     const std::lock_guard lock(mutex_);
-    go_on();
+    advance();
   }
   void end() {
     const std::lock_guard lock(mutex_);
     ending_ = true;
-    go_on();
+    advance();
   }
 
  private:
@@ -57,21 +57,21 @@ class HealthService::Watcher final : public WatchCall {
     const std::lock_guard lock(mutex_);
     writing_ = false;
     ending_ = ending_ || !ok;
-    go_on();
+    advance();
   }
   void on_cancel() override { end(); }
   void on_done() override { service_.remove(this); }
 
-  void go_on() {
+  void advance() {
     if (writing_ || finished_) return;
     if (ending_) {
       finished_ = true;
       return finish_call(grpc::Status::CANCELLED);
     }
     const Serving now = service_.status_of(incoming().request.service());
-    if (said_anything_ && message_.status() == now) return;
+    if (has_written_ && message_.status() == now) return;
     message_.set_status(now);
-    said_anything_ = writing_ = true;
+    has_written_ = writing_ = true;
     start_write(message_);
   }
 
@@ -79,7 +79,7 @@ class HealthService::Watcher final : public WatchCall {
   std::mutex mutex_;  // taken before the service's
   // Guarded by mutex_.
   HealthCheckResponse message_;
-  bool said_anything_ = false, writing_ = false, ending_ = false, finished_ = false;
+  bool has_written_ = false, writing_ = false, ending_ = false, finished_ = false;
 };
 
 void HealthService::take_calls(EventLoop& loop) {
@@ -92,7 +92,7 @@ void HealthService::take_checks(EventLoop& loop) {
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestCheck(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_checks(loop);
     new Checker(loop, std::move(incoming), *this);
   });
@@ -103,7 +103,7 @@ void HealthService::take_watches(EventLoop& loop) {
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestWatch(&incoming.context, &incoming.request, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_watches(loop);
     admit(std::make_shared<Watcher>(loop, std::move(incoming), *this));
   });
@@ -139,7 +139,7 @@ void HealthService::end_watches() {
   for (const auto& watcher : watchers) watcher->end();
 }
 
-// The last hold on the watcher may be the one taken from the list, and it must not end under the lock.
+// The list may hold the last reference to the watcher, which must not be destroyed under the lock.
 void HealthService::remove(const Watcher* watcher) {
   std::shared_ptr<Watcher> removed;
   const std::lock_guard lock(mutex_);
@@ -153,7 +153,7 @@ void HealthService::remove(const Watcher* watcher) {
 HealthService::Serving HealthService::status_of(const std::string& service) const {
   const std::lock_guard lock(mutex_);
   const auto found = serving_.find(service);
-  return found == serving_.end() ? HealthCheckResponse::SERVICE_UNKNOWN : told(found->second);
+  return found == serving_.end() ? HealthCheckResponse::SERVICE_UNKNOWN : to_status(found->second);
 }
 
 }  // namespace sightline

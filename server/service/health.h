@@ -1,8 +1,8 @@
 // The health service of gRPC's health checking protocol.
 //
-// gRPC brings one, which runs on its callback API: its mere presence starts threads that wait beside the event loops, and each
-// message then wakes one of them too. This one is answered by a loop: clients that hold all threads of the synchronous RPCs do not
-// make a platform take the daemon for dead.
+// gRPC's own health service is not used, because it runs on the callback API. That API starts threads that wait beside
+// the event loops, and every message then wakes one of them too. This service is answered by an event loop, so it also
+// answers when clients occupy all threads of the synchronous RPCs.
 #pragma once
 
 #include <map>
@@ -21,12 +21,12 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
  public:
   using Serving = grpc::health::v1::HealthCheckResponse::ServingStatus;
 
-  // All calls are taken by one loop, from now until the server shuts down.
+  // `loop` takes all calls from now until the server shuts down.
   void take_calls(EventLoop& loop);
 
-  // Of a service by its full name; "" is the server. Those that watch are told.
+  // Sets the state of a service, by its full name; "" stands for the server. Watchers are notified.
   void set(const std::string& service, bool serving);
-  // Nobody watches any longer: a server that shuts down would wait for those calls.
+  // Ends all Watch calls, now and later. A server that shuts down would wait for them.
   void end_watches();
 
  private:
@@ -34,7 +34,7 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
   class Watcher;
   void take_checks(EventLoop& loop);
   void take_watches(EventLoop& loop);
-  // SERVICE_UNKNOWN of one that was never set.
+  // SERVICE_UNKNOWN when the service was never set.
   Serving status_of(const std::string& service) const;
   void admit(const std::shared_ptr<Watcher>& watcher);
   void remove(const Watcher* watcher);

@@ -1,4 +1,4 @@
-// What a client has sent and no worker has taken yet.
+// The messages of one client that wait to be worked through.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,17 @@
 
 namespace sightline {
 
-// A bound on messages and one on their bytes. A full inbox refuses nothing: its owner stops reading, and the
-// transport's flow control stops the client. So it holds at most `max_messages`, and at most `max_bytes` plus
-// one message. Bytes are those in memory: two bytes on the wire can be an empty message of a hundred. To add them up takes a walk
-// by reflection, 15 us after a rest, so a tick that is small on the wire counts for the most that one of its size can take.
+// The number of messages and their bytes are bounded. A full inbox refuses nothing: its owner stops reading, and gRPC's
+// flow control stops the client. It holds at most `max_messages`, and at most `max_bytes` plus one message.
+//
+// Bytes are counted in memory, because two bytes on the wire can become an empty message of a hundred. The exact size
+// needs a walk by reflection, which takes 15 us when the caches are cold. A tick that is small on the wire therefore
+// counts as the largest size that it can have in memory.
 class Inbox {
  public:
-  static constexpr size_t kSmallTick = 1024;                         // bytes on the wire
-  static constexpr size_t kMostOfEmptyTick = 512, kMostByByte = 72;  // bytes in memory, and more for each byte on the wire
+  static constexpr size_t kSmallTick = 1024;       // bytes on the wire
+  static constexpr size_t kMostOfEmptyTick = 512;  // bytes in memory of an empty tick, at most
+  static constexpr size_t kMostByByte = 72;        // further bytes in memory for each byte on the wire, at most
 
   struct Message {
     v1::ControlRequest request;
@@ -36,7 +39,7 @@ class Inbox {
     messages_.push_back({std::move(request), arrival_ns, bytes});
   }
 
-  // What a message counts for.
+  // The size that a message counts as.
   static size_t bytes_of(const v1::ControlRequest& request) {
     if (request.has_tick())
       if (const size_t wire = request.ByteSizeLong(); wire <= kSmallTick) return kMostOfEmptyTick + kMostByByte * wire;
@@ -51,8 +54,8 @@ class Inbox {
     return message;
   }
 
-  // Gives back what was taken and could not be worked through yet; it is the oldest again. The bounds may be
-  // passed by it once: they say when reading stops. None is left in `messages`.
+  // Puts messages back that could not be worked through yet, before all others, and empties `messages`. This may exceed
+  // the bounds, which only say when reading stops.
   void put_back(std::deque<Message>& messages) {
     while (!messages.empty()) {
       bytes_ += messages.back().bytes;
@@ -61,7 +64,8 @@ class Inbox {
     }
   }
 
-  // Everything, oldest first, into `messages`, which must be empty. The two change their memory, so that none is asked for.
+  // Moves everything, oldest first, into `messages`, which must be empty. The two swap their memory, so nothing is
+  // allocated.
   void take_all(std::deque<Message>& messages) {
     bytes_ = 0;
     messages_.swap(messages);

@@ -16,9 +16,9 @@
 namespace sightline {
 namespace {
 
-// How far one client can fill the server's queues.
+// Bounds how far one client can fill the server's queues.
 constexpr int kMaxCallsPerConnection = 1024;
-// For the RPCs that take one each while they are under way.
+// Synchronous RPCs occupy one thread each.
 constexpr int kMaxThreads = 64;
 
 Result<sockaddr_un> socket_address(const std::string& path) {
@@ -32,7 +32,7 @@ Result<sockaddr_un> socket_address(const std::string& path) {
   return address;
 }
 
-// The error of connecting: 0 when somebody answers.
+// The errno of connecting; 0 when a process serves the socket.
 int try_to_connect(const sockaddr_un& address) {
   const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return errno;
@@ -42,7 +42,7 @@ int try_to_connect(const sockaddr_un& address) {
   return error;
 }
 
-// gRPC would take the path whatever is there.
+// Removes a stale socket file. gRPC itself would replace any file at the path.
 Status make_way_for_socket(const std::string& path) {
   const auto address = socket_address(path);
   if (!address) return tl::unexpected(address.error());
@@ -63,7 +63,7 @@ Status make_way_for_socket(const std::string& path) {
 void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(options.max_message_bytes));
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  // With the probe gRPC would let a client run 4 MB, seconds of ticks, ahead of us; without it 64 KB.
+  // No bandwidth probe: with it a client could send 4 MB ahead, which is seconds of ticks; without it 64 KB.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, static_cast<int>(options.keepalive_time.count()));
@@ -71,9 +71,9 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
                              static_cast<int>(options.keepalive_timeout.count()));
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  // Clients may ping as often as we do.
+  // Clients may ping once a second.
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1'000);
-  // Synchronous RPCs: they are rare.
+  // The synchronous RPCs are rare, so one queue is enough for them.
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
   builder.SetResourceQuota(grpc::ResourceQuota("listener").SetMaxThreads(kMaxThreads));
 }
@@ -82,7 +82,7 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
 
 Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
                                                   CameraControlService& service) {
-  if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "no address to listen at");
+  if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
   std::unique_ptr<Listener> listener(new Listener);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -99,7 +99,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   }
   std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
   for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
-  // The socket must at no moment be open to more than its mode says.
+  // The umask makes sure that the socket never has wider permissions than its mode.
   const mode_t former_umask = ::umask(0777 & ~options.unix_mode);
   listener->server_ = builder.BuildAndStart();
   ::umask(former_umask);

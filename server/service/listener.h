@@ -1,4 +1,4 @@
-// Where the service listens, and the gRPC server behind it, with the standard health service and reflection.
+// The gRPC server with its addresses, the standard health service and reflection.
 #pragma once
 
 #include <grpcpp/server.h>
@@ -20,31 +20,30 @@ struct ListenOptions {
   std::string unix_path;                // empty: no unix socket
   unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;
-  unsigned loops = 1;  // event loops; one moves the messages of hundreds of sessions
-  // A peer that has been silent for `keepalive_time` is pinged; without an answer its calls end after the
-  // timeout.
+  unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
+  // A connection without traffic for `keepalive_time` is pinged. Its calls end when no answer comes in the timeout.
   std::chrono::milliseconds keepalive_time{10'000};
   std::chrono::milliseconds keepalive_timeout{5'000};
 };
 
-// Neither address may be in use by another daemon: TCP ports are not shared, and a unix socket at which
-// somebody answers is left alone. A socket file that nobody serves any more is replaced.
+// Neither address may be in use by another daemon. TCP ports are not shared, and a unix socket that a process serves is
+// left alone. A socket file that no process serves any more is replaced.
 class Listener {
  public:
-  // Serves from now on. `service` must outlive it. Fails (fields "--listen", "--listen-unix") with
-  // kUnavailable or kInvalidArgument.
+  // Starts to serve. `service` must outlive the listener. Fails with kUnavailable or kInvalidArgument (fields "--listen"
+  // and "--listen-unix").
   static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, CameraControlService& service);
-  // As stop with no grace.
+  // Stops without grace.
   ~Listener();
 
-  // What to connect to: "127.0.0.1:50151", "unix:/run/sightline.sock".
+  // The addresses for clients, such as "127.0.0.1:50151" and "unix:/run/sightline.sock".
   const std::vector<std::string>& addresses() const { return addresses_; }
   // The TCP port; 0 without TCP.
   int port() const { return port_; }
 
-  // The health service says NOT_SERVING from now on; everything else goes on.
+  // From now on the health service says NOT_SERVING; everything else goes on.
   void set_not_serving();
-  // Takes no new calls, waits for the open ones, cancels them after `grace`. Blocks. May be called again.
+  // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks. May be called again.
   void stop(std::chrono::milliseconds grace);
 
  private:
@@ -53,7 +52,7 @@ class Listener {
 
   HealthService health_;
   std::unique_ptr<grpc::Server> server_;
-  std::vector<std::unique_ptr<EventLoop>> loops_;  // go before the server, which must have shut down
+  std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;
   int port_ = 0;
 };

@@ -1,4 +1,4 @@
-// What happened, for the people who run the service: one line an event, as text or as one JSON object.
+// The log of the daemon, for its operators. Each event is one line, as text or as one JSON object.
 //
 //   log.info("session opened", {{"session", "1f3-7"}, {"label", "arena"}});
 //   text: 2026-03-01T12:00:00.123Z info session opened session=1f3-7 label=arena
@@ -24,16 +24,16 @@ namespace sightline {
 enum class LogFormat { kText, kJson };
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
-// Thread-safe. Values may hold any bytes: what is not UTF-8 is replaced in JSON, control characters in both
-// formats are escaped, so that one event is always one line.
+// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced in JSON, and control characters are escaped in both
+// formats, so an event is always one line.
 class Log {
  public:
   using Field = std::pair<std::string_view, std::string>;
   using Fields = std::initializer_list<Field>;
 
-  // To the standard error output.
+  // Writes to the standard error output.
   Log(LogFormat format, LogLevel level);
-  // To `sink`: tests listen here.
+  // Writes to `sink`; for tests.
   Log(LogFormat format, LogLevel level, std::shared_ptr<spdlog::sinks::sink> sink);
 
   void debug(std::string_view message, Fields fields = {}) const { write(LogLevel::kDebug, message, fields); }

@@ -1,4 +1,4 @@
-// What the RPC handlers share: built and owned by main, handed over by reference.
+// The parts of the daemon that all RPC handlers share. main builds and owns them.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 #include "server/schedule/fair_shares.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
-#include "server/service/session_tape.h"
+#include "server/service/session_recording.h"
 #include "server/schedule/step_budget.h"
 #include "server/schedule/step_stats.h"
 #include "server/service/stream_registry.h"
@@ -26,28 +26,28 @@ struct ServiceParts {
   GeometryStore& geometry;
   ExtentCache& extents;
   SamplerDevice& sampler;
-  Scheduler& steppers;   // apply ticks and take steps
-  WorkerPool& loaders;   // read scenes and open sessions, which may take seconds: never ahead of a step
+  Scheduler& scheduler;  // applies ticks and takes steps
+  WorkerPool& loaders;   // read scenes and open sessions, which can take seconds, so that no step waits for that
   StreamRegistry& streams;
-  FairShares& shares;  // of the steppers' time
+  FairShares& shares;  // of the scheduler's threads
   StepStats& stats;
   Log& log;
-  StageClock clock;  // nanoseconds, monotonic; for stage and queue times only: the scheduler has its own
+  StageClock clock;  // monotonic, in nanoseconds; for stage and queue times only, since the scheduler has its own
   std::string id_prefix;            // of session ids; differs between daemons
-  std::string sampler_reason = {};  // why it is this sampler, for people
+  std::string sampler_reason = {};  // why this sampler was chosen, in words
   BudgetRules budget = {};
   RecordingRules recording = {};
 };
 
 struct ServiceLimits {
-  size_t inbox_messages = 256;                  // a stream stops reading when so many wait
-  size_t inbox_bytes = size_t{4} << 20;         // or so many bytes
+  size_t inbox_messages = 256;                  // a stream stops reading when this many messages wait,
+  size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
   size_t max_uploads = 4;                       // at the same time
   size_t max_upload_bytes = size_t{256} << 20;  // of one file
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
-  // A Control call that has sent no message for so long ends: it holds the place of a session.
+  // A Control call whose first message does not come in this time is ended, because it uses up one of the sessions.
   std::chrono::milliseconds open_timeout{10'000};
-  // An upload that has sent nothing for so long ends: it holds a place and a thread.
+  // An upload that sends nothing for this time is ended, because it uses up one of the uploads and a thread.
   std::chrono::milliseconds upload_timeout{60'000};
 };
 

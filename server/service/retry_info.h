@@ -1,4 +1,4 @@
-// "Full; try again later", in the form that gRPC clients know.
+// The refusal "full, try again later", in gRPC's standard form.
 #pragma once
 
 #include <grpcpp/support/status.h>

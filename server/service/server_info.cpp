@@ -22,7 +22,7 @@ void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info)
   info.set_version(kVersion);
   info.set_sampler(parts.sampler.kind());
   info.set_sampler_reason(parts.sampler_reason);
-  info.set_renderer(parts.sampler.description());
+  info.set_renderer(parts.sampler.renderer());
   info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
 }
 

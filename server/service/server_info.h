@@ -1,4 +1,4 @@
-// RPCs GetServerInfo and GetServerStats: what runs here; what it has done and what it holds.
+// RPCs GetServerInfo (version and sampler) and GetServerStats (counters of the daemon, and what it holds).
 #pragma once
 
 #include "server/service/parts.h"
@@ -7,7 +7,7 @@
 namespace sightline {
 
 inline constexpr const char* kVersion = SIGHTLINE_VERSION;
-// Compiler and options, as far as they can change a reply.
+// The compiler and those options that can change a reply.
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info);

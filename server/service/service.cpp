@@ -12,7 +12,7 @@ void CameraControlService::take_calls(EventLoop& loop) {
   const auto ask = [&](Incoming& incoming, void* tag) {
     RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  Door<Incoming>::open(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
     ControlStream::start(parts_, limits_, loop, std::move(incoming),
                          parts_.id_prefix + "-" + std::to_string(++calls_));

@@ -1,7 +1,7 @@
-// The service: which handler takes which RPC.
+// The gRPC service: it assigns every RPC to its handler.
 //
-// Control, which sessions live on, is asynchronous: its messages are moved by event loops. The others are rare, and each has a
-// thread of gRPC's for as long as it takes.
+// Control carries the sessions and is asynchronous: event loops move its messages. The other RPCs are rare, and each
+// occupies one of gRPC's threads while it runs.
 #pragma once
 
 #include <atomic>
@@ -12,15 +12,15 @@
 
 namespace sightline {
 
-// Thread-safe, as gRPC asks. `parts` must outlive it, and it must outlive the gRPC server and the loops.
+// Thread-safe, as gRPC requires. `parts` must outlive it, and it must outlive the gRPC server and the loops.
 class CameraControlService final
     : public v1::CameraControlService::WithAsyncMethod_Control<v1::CameraControlService::Service> {
  public:
   CameraControlService(ServiceParts parts, const ServiceLimits& limits)
       : parts_(std::move(parts)), limits_(limits) {}
 
-  // The calls of Control that this loop takes: one after the other, from now until the server shuts down. Call it again for
-  // each loop, once the server runs.
+  // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
+  // has started.
   void take_calls(EventLoop& loop);
 
   grpc::Status UploadScene(grpc::ServerContext* context, grpc::ServerReader<v1::UploadSceneRequest>* reader,
@@ -35,7 +35,7 @@ class CameraControlService final
  private:
   const ServiceParts parts_;
   const ServiceLimits limits_;
-  std::atomic<uint64_t> calls_{0};  // Control calls so far: numbers the sessions
+  std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   std::atomic<size_t> open_uploads_{0};
 };
 

@@ -15,7 +15,7 @@ void StreamRegistry::remove(const Drainable* stream) {
   streams_.erase(stream);
 }
 
-// A copy, so that no stream is called, nor destroyed, under the registry's lock.
+// Returns a copy, so that no stream is called or destroyed under the registry's lock.
 std::vector<std::shared_ptr<Drainable>> StreamRegistry::alive() const {
   const std::lock_guard lock(mutex_);
   std::vector<std::shared_ptr<Drainable>> streams;

@@ -1,4 +1,4 @@
-// The streams that are open now: how many there may be, and whom to tell when the server goes away.
+// The open streams: it limits their number, and notifies them when the server shuts down.
 #pragma once
 
 #include <grpcpp/support/status.h>
@@ -12,13 +12,13 @@
 
 namespace sightline {
 
-// What the registry asks of a stream. Both are called from any thread and return at once.
+// The registry's view of a stream. Both functions are called from any thread and return at once.
 class Drainable {
  public:
   virtual ~Drainable() = default;
-  // Tell the client that the server goes away, and go on answering what it has sent until it closes its side.
+  // Notifies the client that the server is shutting down, and answers its messages until it closes its side.
   virtual void drain(const std::string& reason) = 0;
-  // Close as soon as no step and no write is under way.
+  // Closes as soon as no step and no write is under way.
   virtual void end(const grpc::Status& status) = 0;
 };
 
@@ -29,11 +29,11 @@ class StreamRegistry {
  public:
   explicit StreamRegistry(size_t max_streams) : max_streams_(max_streams) {}
 
-  // Counts the stream until it is removed. Streams are named by their address.
+  // Counts the stream until it is removed. Streams are identified by their address.
   Admission add(const std::shared_ptr<Drainable>& stream);
   void remove(const Drainable* stream);
 
-  // From now on no stream is admitted, and every open one is told.
+  // From now on no stream is admitted; every open stream is notified.
   void drain(const std::string& reason);
   void end_all(const grpc::Status& status);
 

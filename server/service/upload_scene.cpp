@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "server/service/patience.h"
+#include "server/service/read_timeout.h"
 #include "server/service/retry_info.h"
 #include "server/wire/error_to_proto.h"
 
@@ -22,12 +22,12 @@ grpc::Status too_large(const std::string& what, size_t limit_bytes) {
                             what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
 }
 
-class Place {
+class UploadSlot {
  public:
-  explicit Place(std::atomic<size_t>& taken) : taken_(taken), number_(++taken) {}
-  ~Place() { --taken_; }
-  Place(const Place&) = delete;
-  Place& operator=(const Place&) = delete;
+  explicit UploadSlot(std::atomic<size_t>& taken) : taken_(taken), number_(++taken) {}
+  ~UploadSlot() { --taken_; }
+  UploadSlot(const UploadSlot&) = delete;
+  UploadSlot& operator=(const UploadSlot&) = delete;
   size_t number() const { return number_; }
 
  private:
@@ -35,13 +35,13 @@ class Place {
   const size_t number_;
 };
 
-grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, Patience& patience,
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, ReadTimeout& timeout,
                      std::vector<std::byte>& bytes) {
   v1::UploadSceneRequest request;
   const auto next = [&] {
-    patience.begin();
+    timeout.begin();
     const bool more = reader.Read(&request);
-    patience.end();
+    timeout.end();
     return more;
   };
   while (next()) {
@@ -77,16 +77,16 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
                           const ServiceParts& parts, const ServiceLimits& limits,
                           std::atomic<size_t>& open_uploads, v1::UploadSceneResponse& reply) {
-  const Place place(open_uploads);
-  if (place.number() > limits.max_uploads) return exhausted_status("too many uploads at the same time", kRetryDelay);
+  const UploadSlot slot(open_uploads);
+  if (slot.number() > limits.max_uploads) return exhausted_status("too many uploads are in progress", kRetryDelay);
   std::vector<std::byte> bytes;
-  Patience patience(context, limits.upload_timeout);
-  if (grpc::Status status = collect(reader, limits, patience, bytes); !status.ok()) return status;
-  if (patience.ran_out())
-    parts.log.info("upload ended", {{"reason", "the client went silent (--upload-timeout-s)"},
+  ReadTimeout timeout(context, limits.upload_timeout);
+  if (grpc::Status status = collect(reader, limits, timeout, bytes); !status.ok()) return status;
+  if (timeout.ran_out())
+    parts.log.info("upload ended", {{"reason", "the client sent nothing for --upload-timeout-s"},
                                     {"bytes", std::to_string(bytes.size())}});
-  // Half of a file may be a whole one.
-  if (patience.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
+  // The first part of a file can be a valid file by itself, so an upload that was cut short is not read.
+  if (timeout.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
   grpc::Status status;
   std::binary_semaphore loaded(0);
   parts.loaders.post([&] {

@@ -1,4 +1,4 @@
-// Threads that do the work of sessions, so that gRPC's own threads never wait.
+// Threads for work that can take seconds: reading scenes, opening sessions. No step waits for it.
 #pragma once
 
 #include <condition_variable>
@@ -10,13 +10,12 @@
 
 namespace sightline {
 
-// Runs tasks in the order in which they were posted, on `threads` threads. The queue has no bound of its own:
-// every poster keeps at most one task in it (a stream is posted again only after its task ran), so it is as
-// long as there are streams, uploads and calls, which are limited. Thread-safe.
+// Runs tasks on `threads` threads, in the order in which they were posted. The queue has no bound of its own. Every
+// stream and upload keeps at most one task in it, and their number is limited. Thread-safe.
 class WorkerPool {
  public:
   explicit WorkerPool(unsigned threads);
-  // Runs what is queued, then joins. Nothing may be posted from then on.
+  // Runs the queued tasks, then joins the threads. Nothing may be posted from then on.
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;

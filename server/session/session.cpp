@@ -23,7 +23,7 @@ tl::unexpected<Error> below(const std::string& prefix, Error error) {
 // The lens at its widest: what the body must contain.
 Lens widest(const Lens& lens, const FramingSettings& framing) {
   Lens wide = lens;
-  if (framing.zooms()) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
+  if (zooms(framing)) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
   return wide;
 }
 
@@ -31,7 +31,7 @@ Status check_options(const SessionOptions& options) {
   if (Status ok = validate(options.convention); !ok) return below("open.", ok.error());
   if (Status ok = check_pose(options.camera, "open.camera"); !ok) return ok;
   if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
-  if (Status ok = validate(options.settings); !ok) return below("open.settings.", ok.error());
+  if (Status ok = validate(options.settings); !ok) return below("open.", ok.error());
   if (Status ok = validate(options.limits, widest(options.lens, options.settings.framing)); !ok)
     return below("open.limits.", ok.error());
   if (options.label.size() > kMaxLabelBytes)
@@ -176,11 +176,11 @@ Status Session::check_terms(const TickInput& tick) const {
   const Lens& lens = tick.lens ? *tick.lens : options_.lens;
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
-  if (Status ok = validate(settings); !ok) return below("tick.settings.", ok.error());
+  if (Status ok = validate(settings); !ok) return below("tick.", ok.error());
   const Status ok = validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
-  return invalid(tick.lens ? "tick.lens" : "tick.settings.framing.max_vertical_fov_rad",
+  return invalid(tick.lens ? "tick.lens" : "tick.settings.max_vertical_fov_rad",
                  "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
 }
 

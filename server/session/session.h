@@ -114,7 +114,7 @@ class Session {
   // Checks everything: settings and limits in their ranges, ids, targets, the camera's pose, and that the
   // body contains the near plane's corners at the widest zoom. Fields are paths in the open request:
   // "open.instances[2].id", "open.targets[0].weight", "open.limits.max_speed_mps",
-  // "open.settings.bound.horizon_s".
+  // "open.tuning.bound.horizon_s".
   static Result<std::unique_ptr<Session>> open(SessionOptions options, std::unique_ptr<Sampler> sampler,
                                                StageClock clock);
 

@@ -56,17 +56,17 @@ StepSettings economise(const StepSettings& settings, int level) {
   StepSettings less = settings;
   less.sample.points = cut(settings.sample.points, c.points, 1);
   less.sample.resolution = cut(settings.sample.resolution, c.resolution, kLeastResolution);
-  less.move.survey.resolution = cut(settings.move.survey.resolution, c.survey, kLeastResolution);
+  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.survey, kLeastResolution);
   less.aggregate.candidates = cut(settings.aggregate.candidates, c.candidates, kLeastCandidates);
-  if (!c.turns) less.move.turn_share = 0.0;
+  if (!c.turns) less.move.turn_probability = 0.0;
   if (!c.predicts) less.move.prediction_s = 0.0;
   return less;
 }
 
 bool economises(const StepSettings& settings, int level) {
   const auto parts = [](const StepSettings& s) {
-    return std::tie(s.sample.points, s.sample.resolution, s.move.survey.resolution, s.aggregate.candidates,
-                    s.move.turn_share, s.move.prediction_s);
+    return std::tie(s.sample.points, s.sample.resolution, s.move.viewpoint_search.resolution, s.aggregate.candidates,
+                    s.move.turn_probability, s.move.prediction_s);
   };
   const StepSettings less = economise(settings, level);
   return parts(less) != parts(settings);
@@ -75,9 +75,9 @@ bool economises(const StepSettings& settings, int level) {
 std::string describe_economy(const StepSettings& settings, int level) {
   const StepSettings less = economise(settings, level);
   std::string text;
-  note("turns", settings.move.turn_share, less.move.turn_share, text);
+  note("turns", settings.move.turn_probability, less.move.turn_probability, text);
   note("points", settings.sample.points, less.sample.points, text);
-  note("survey resolution", settings.move.survey.resolution, less.move.survey.resolution, text);
+  note("survey resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
   note("candidates", settings.aggregate.candidates, less.aggregate.candidates, text);
   note("resolution", settings.sample.resolution, less.sample.resolution, text);
   note("prediction", settings.move.prediction_s, less.move.prediction_s, text);

@@ -10,7 +10,7 @@
 namespace sightline {
 
 // Level 0 leaves nothing out; each further one leaves out what the one before does, and more:
-//   1  the turns that targets may take (MoveSettings::turn_share): a guess, and a third of the guesses' maps each
+//   1  the turns that targets may take (MoveSettings::turn_probability): a guess, and a third of the guesses' maps each
 //   2  half of the points of each target; the survey at half its resolution
 //   3  three quarters of the points; half of the candidates
 //   4  three quarters of the candidates; the survey at a quarter of its resolution, maps at three quarters of theirs

@@ -92,7 +92,7 @@ void keep_offset(StepWork& w) {
 void take_lens(StepWork& w) {
   const double told_rad = w.input.lens.vertical_fov_rad;
   const bool told_anew = w.memory.told_fov_rad != told_rad;
-  if (w.memory.vertical_fov_rad == 0.0 || (told_anew && !w.input.settings.framing.zooms()))
+  if (w.memory.vertical_fov_rad == 0.0 || (told_anew && !zooms(w.input.settings.framing)))
     w.memory.vertical_fov_rad = told_rad;
   w.memory.told_fov_rad = told_rad;
   w.lens.vertical_fov_rad = w.memory.vertical_fov_rad;
@@ -158,16 +158,16 @@ void look_at_targets(StepWork& w) {
 glm::dvec3 desired_place(const StepWork& w) {
   if (w.input.settings.move.follow == Follow::kStay) return w.memory.camera.pose.position_m;
   return desired_place_m(w.memory.target_views, w.memory.desired_offset_m, w.lens,
-                         w.input.settings.framing.margin, w.input.settings.move);
+                         w.input.settings.framing.framing_margin, w.input.settings.move);
 }
 
 void bound(StepWork& w) {
   const BoundSettings& settings = w.input.settings.bound;
   w.memory.horizon_s = std::clamp(w.memory.horizon_s, settings.horizon_s, settings.max_horizon_s);
   w.memory.bound = bound_camera(w.memory.camera, w.input.limits, settings, w.memory.horizon_s, w.move_s);
-  if (w.steered == 0 || settings.towards_m == 0) return;
+  if (w.steered == 0 || settings.target_reach_m == 0) return;
   w.memory.bound =
-      extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.towards_m,
+      extend_towards(w.memory.bound, weighted_center_m(w.memory.target_views), settings.target_reach_m,
                      w.input.settings.move.min_distance_m + kBoundFromTargetsM);
 }
 
@@ -188,14 +188,6 @@ void report_targets(StepWork& w) {
     if (sight.occluder != kNoOccluder) report.occluder_id = w.input.scene.instances()[sight.occluder].id;
     w.result.targets.push_back(report);
   }
-}
-
-Status validate(const StepSettings& s) {
-  if (auto ok = validate(s.bound); !ok) return ok;
-  if (auto ok = validate(s.sample); !ok) return ok;
-  if (auto ok = validate(s.aggregate); !ok) return ok;
-  if (auto ok = validate(s.move); !ok) return ok;
-  return validate(s.framing);
 }
 
 void place_camera(StepMemory& memory, const Pose& pose, const glm::dvec3& velocity_mps) {

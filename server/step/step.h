@@ -42,18 +42,9 @@
 #include "server/sample/sampler.h"
 #include "server/scene/mirror.h"
 #include "server/scene/target.h"
+#include "server/settings/step_settings.h"
 
 namespace sightline {
-
-struct StepSettings {
-  BoundSettings bound;
-  SampleSettings sample;
-  AggregateSettings aggregate;
-  MoveSettings move;
-  FramingSettings framing;
-};
-// The first setting out of range, e.g. field "bound.horizon_s".
-Status validate(const StepSettings& settings);
 
 // Everything that a step reads besides the memory. References must outlive the call.
 struct StepInput {
@@ -118,7 +109,7 @@ struct ShotSearch {
   ShotState asked, present;
 };
 
-// How a goal is found and gone to (strategy kBlend).
+// How a goal is found and gone to (strategy kMinCost).
 struct GoalSearch {
   std::vector<double> target_weights;
   HiddenShares hidden_by;       // by candidate: what is expected to be hidden, by what

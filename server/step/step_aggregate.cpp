@@ -39,7 +39,7 @@ uint32_t seen_from_own_place(const StepWork& w) {
   uint32_t visible = 0;
   for (size_t i = 0; i < w.input.targets.size(); ++i) {
     const OwnSight sight = own_sight(w, i, w.memory.camera.pose.position_m);
-    if (is_enough(sight.seen, sight.points, w.input.settings.aggregate.needed_share)) visible |= 1u << i;
+    if (is_enough(sight.seen, sight.points, w.input.settings.aggregate.visibility_threshold)) visible |= 1u << i;
   }
   return visible;
 }
@@ -112,7 +112,7 @@ void look_ahead(StepWork& w) {
 
 SampledPoints as_input(const StepWork& w, const Sampled& sampled) {
   return {w.memory.maps, sampled.maps_of_point, sampled.points_of_target,
-          w.input.settings.aggregate.needed_share};
+          w.input.settings.aggregate.visibility_threshold};
 }
 
 double falls_short_m(const StepWork& w, uint32_t sight, const glm::dvec3& place_m) {

@@ -1,4 +1,4 @@
-// Strategy kBlend: the goal by what is hidden, now and in every future, and by the way there; and the velocity to it.
+// Strategy kMinCost: the goal by what is hidden, now and in every future, and by the way there; and the velocity to it.
 #include <algorithm>
 #include <cmath>
 
@@ -85,7 +85,7 @@ Leg first_leg(StepWork& w, uint32_t goal) {
 // Towards the leg's end, as fast as lets the camera stop at the goal; the velocity changes with the time constant response_s.
 glm::dvec3 velocity_along(const StepWork& w, const Leg& leg, const glm::dvec3& with_mps) {
   const CameraState& camera = w.memory.camera;
-  const double response_s = w.input.settings.move.response_s;
+  const double response_s = w.input.settings.move.move_response_s;
   const glm::dvec3 way = leg.to_m - camera.pose.position_m;
   const double distance = glm::length(way);
   glm::dvec3 wanted = with_mps;
@@ -120,11 +120,11 @@ bool targets_stand(const StepWork& w) {
 }
 
 bool expects_hidden(const StepWork& w) {
-  return w.input.settings.move.strategy == Strategy::kBlend;
+  return w.input.settings.move.strategy == Strategy::kMinCost;
 }
 
 double weight_ahead(const StepWork& w) {
-  return w.memory.ahead_s > 0 ? w.input.settings.move.predictive_power : 0.0;
+  return w.memory.ahead_s > 0 ? w.input.settings.move.coherence.predictive_power : 0.0;
 }
 
 double weight_foretold(const StepWork& w) {
@@ -173,15 +173,15 @@ Choice choose_goal(StepWork& w, const glm::dvec3& desired_m) {
                          .first_leg_is_free = [&](uint32_t node) { return ways.is_free(m.place_m[node]); },
                          .spacing_m = m.lattice.spacing_m()};
   goal.routes.begin(nodes, static_cast<uint32_t>(w.own_candidate),
-                    {.body_radius_m = body_radius_m, .exposure = settings.blend.exposure});
-  BlendSettings blend = settings.blend;
-  if (targets_stand(w)) blend.tolerance = std::max(blend.tolerance, settings.survey.content);
-  const BlendCosts costs({.position_m = m.place_m,
+                    {.body_radius_m = body_radius_m, .exposure = settings.cost.exposure});
+  CostWeights weights = settings.cost;
+  if (targets_stand(w)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
+  const CandidateCosts costs({.position_m = m.place_m,
                           .hidden = goal.hidden,
                           .spacing_m = m.lattice.spacing_m(),
                           .desired_m = desired_m,
                           .former_goal_m = goal.goal_m},
-                         blend);
+                         weights);
   const PlaceLimits limits(m.target_views, settings);
   const uint32_t found = find_goal({costs, goal.depths, limits, m.place_m}, goal.routes);
   goal.lost = is_lost(w);

@@ -49,11 +49,11 @@ void set_robust_costs(StepWork& w, const glm::dvec3& desired) {
 Choice choose(StepWork& w) {
   if (w.steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
   const glm::dvec3 from = w.memory.camera.pose.position_m, desired = desired_place(w);
-  if (w.input.settings.move.strategy == Strategy::kBlend) return choose_goal(w, desired);
+  if (w.input.settings.move.strategy == Strategy::kMinCost) return choose_goal(w, desired);
   StraightWays ways(w.memory.colliders, from, swept_radius_m(w.input.limits, w.lens));
   const auto is_free = [&](const glm::dvec3& place) { return ways.is_free(place); };
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
-  const double ahead_weight = w.input.settings.move.predictive_power * w.memory.ahead_confidence;
+  const double ahead_weight = w.input.settings.move.coherence.predictive_power * w.memory.ahead_confidence;
   if (w.input.settings.move.strategy == Strategy::kBasic)
     return choose_basic(w.memory.candidates, w.memory.target_views, desired, ahead_weight,
                         w.input.settings.move, reachable, w.memory.choice_scratch);
@@ -72,7 +72,7 @@ void adapt_horizon(StepWork& w) {
 void travel(StepWork& w, Choice& choice) {
   CameraState& camera = w.memory.camera;
   glm::dvec3 wanted = clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), w.input.limits, w.move_s);
-  if (w.input.settings.move.strategy == Strategy::kBlend) {
+  if (w.input.settings.move.strategy == Strategy::kMinCost) {
     wanted = velocity_to_goal(w, choice);
   } else if (choice.candidate >= 0) {
     // At the desired place the camera travels with the targets; elsewhere the goal is a fixed place in the world.
@@ -96,14 +96,14 @@ void turn(StepWork& w) {
   if (w.steered != 0)
     aim = aim_at(w.memory.camera.pose.position_m, w.memory.target_views, turn.angles, w.lens, framing);
   const glm::dquat before = w.memory.camera.pose.rotation;
-  turn = turn_towards(turn, aim.angles, w.input.limits, framing.response_s, w.move_s);
+  turn = turn_towards(turn, aim.angles, w.input.limits, framing.aim_response_s, w.move_s);
   w.memory.camera.pose.rotation = rotation_from_angles(turn.angles);
   const glm::dquat delta = w.memory.camera.pose.rotation * glm::conjugate(before);
   w.memory.camera.angular_velocity_radps =
       glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / w.move_s);
   // Zoom closes at the same pace as the aim.
-  const double share = framing.response_s > 0 ? 1 - std::pow(0.01, w.move_s / framing.response_s) : 1.0;
-  const double fov_rad = framing.zooms() ? aim.vertical_fov_rad : w.input.lens.vertical_fov_rad;
+  const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, w.move_s / framing.aim_response_s) : 1.0;
+  const double fov_rad = zooms(framing) ? aim.vertical_fov_rad : w.input.lens.vertical_fov_rad;
   w.memory.vertical_fov_rad += share * (fov_rad - w.memory.vertical_fov_rad);
 }
 

@@ -16,7 +16,7 @@ constexpr size_t kPointsAhead = 3;
 constexpr double kLeastAheadS = 0.05;
 
 glm::dvec2 texel_jitter(const StepInput& input) {
-  if (!input.settings.sample.jitter_texels) return {0.5, 0.5};
+  if (!input.settings.sample.jitter) return {0.5, 0.5};
   CounterRandom random(input.seed, input.tick, RandomPurpose::kTexelJitter);
   const double x = random.next_unit(), y = random.next_unit();
   return {x, y};
@@ -118,9 +118,9 @@ glm::dvec3 turned(const glm::dvec3& way, double rad) {
 // What is foretold is one future; people also turn. Each future is of aim points alone.
 void pick_futures(StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  if (w.memory.ahead_s <= 0 || settings.strategy != Strategy::kBlend || settings.turn_share <= 0)
+  if (w.memory.ahead_s <= 0 || settings.strategy != Strategy::kMinCost || settings.turn_probability <= 0)
     return w.memory.futures.clear();
-  const double shares[] = {1 - settings.turn_share, settings.turn_share / 2, settings.turn_share / 2};
+  const double shares[] = {1 - settings.turn_probability, settings.turn_probability / 2, settings.turn_probability / 2};
   const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
   static_assert(std::size(shares) == kMaxFutures);
   w.memory.futures.resize(kMaxFutures);

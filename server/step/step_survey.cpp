@@ -21,7 +21,7 @@ constexpr double kFitSlack = 1.05;
 
 bool surveys(const StepWork& w) {
   const MoveSettings& settings = w.input.settings.move;
-  return settings.strategy == Strategy::kBlend && settings.survey.enabled &&
+  return settings.strategy == Strategy::kMinCost && settings.search_viewpoints &&
          settings.follow == Follow::kOffset && w.steered != 0;
 }
 
@@ -34,7 +34,7 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
 }
 
 glm::dvec3 shot_offset_m(const StepWork& w, const glm::dvec3& offset_m) {
-  return desired_place_m(w.memory.target_views, offset_m, w.lens, w.input.settings.framing.margin,
+  return desired_place_m(w.memory.target_views, offset_m, w.lens, w.input.settings.framing.framing_margin,
                          w.input.settings.move) -
          weighted_center_m(w.memory.target_views);
 }
@@ -56,17 +56,15 @@ void choose(StepWork& w) {
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
   capture(w, shot_offset_m(w, shot.asked_offset_m), shot.asked);
   capture(w, present_m, shot.present);
-  SurveySettings survey = settings.survey;
-  if (!targets_stand(w)) survey.content = 0;
-  CoherenceSettings coherence = settings.coherence;
-  coherence.predictive_power = settings.predictive_power;
+  ViewpointSearchSettings survey = settings.viewpoint_search;
+  if (!targets_stand(w)) survey.keep_shot_below = 0;
   const auto allowed = [&](const glm::dvec3& offset_m) {
     return within_limits(center_m + offset_m, w.memory.target_views, settings) &&
            glm::length(shot_offset_m(w, offset_m)) <= kFitSlack * glm::length(offset_m);
   };
   shot.asked_place = shot.survey.nearest_place(shot.asked.from_center_m);
   shot.place = choose_shot(shot.survey, w.memory.target_views, shot.asked, shot.asked_place, shot.present,
-                           shot.place.value_or(shot.asked_place), survey, coherence, std::cref(allowed));
+                           shot.place.value_or(shot.asked_place), survey, settings.coherence, std::cref(allowed));
 }
 
 // What the survey's third of four distances is.
@@ -94,7 +92,7 @@ void plan_survey(StepWork& w) {
   const glm::dvec3 eye_m = looking_point_m(instance, random);
   const double x = random.next_unit(), y = random.next_unit();
   shot.maps.first = static_cast<uint32_t>(w.memory.views.size());
-  plan_round(eye_m, w.input.settings.move.survey.resolution, {x, y}, w.memory.views);
+  plan_round(eye_m, w.input.settings.move.viewpoint_search.resolution, {x, y}, w.memory.views);
   shot.maps.count = static_cast<uint32_t>(w.memory.views.size()) - shot.maps.first;
 }
 
@@ -117,8 +115,8 @@ void learn_survey(StepWork& w) {
   shot.survey.learn(shot.looking, std::span(w.memory.maps).subspan(shot.maps.first, shot.maps.count),
                     weighted_center_m(w.memory.target_views), settings.relative_bias,
                     w.move_s * static_cast<double>(w.input.targets.size()),
-                    w.input.settings.move.survey.memory_s);
-  const bool knows = shot.survey.known_s() >= kKnownShare * w.input.settings.move.survey.memory_s;
+                    w.input.settings.move.viewpoint_search.memory_s);
+  const bool knows = shot.survey.known_s() >= kKnownShare * w.input.settings.move.viewpoint_search.memory_s;
   if (knows && w.input.tick % kStepsPerChoice == 0) choose(w);
   if (!shot.place) return;
   // The survey's places are coarse: the one that is most like the shot that was asked for is taken for that shot itself.

@@ -20,7 +20,7 @@ void plan_survey(StepWork& work);
 void request_survey(StepWork& work);
 void learn_survey(StepWork& work);
 
-// Strategy kBlend (step_goal.cpp): the goal by what is hidden, now and ahead, and by the way there; and the velocity to it.
+// Strategy kMinCost (step_goal.cpp): the goal by what is hidden, now and ahead, and by the way there; and the velocity to it.
 bool expects_hidden(const StepWork& work);
 HiddenWeights hidden_weights(const StepWork& work, double weight);
 void begin_hidden(StepWork& work);   // before the maps are looked at

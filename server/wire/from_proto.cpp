@@ -5,7 +5,6 @@
 #include <string_view>
 
 #include "server/step/economy.h"
-#include "server/step/presets.h"
 #include "server/wire/from_proto_scene.h"
 #include "server/wire/from_proto_values.h"
 
@@ -65,8 +64,7 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(open.label().size()));
   if (Status ok = read_frame(open, out.convention); !ok) return ok;
   if (Status ok = read_camera(open, out); !ok) return ok;
-  out.settings = preset_settings(Preset::kSightline);
-  if (Status ok = read_settings(open.settings(), "open.settings", out.settings); !ok) return ok;
+  if (Status ok = read_settings(open.settings(), open.tuning(), "open.", out.settings); !ok) return ok;
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
@@ -99,8 +97,8 @@ Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) 
     if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
       return ok;
   if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
-  if (!tick.has_settings()) return {};
-  return read_settings(tick.settings(), "tick.settings", out.settings.emplace(session.settings()));
+  if (!tick.has_settings() && !tick.has_tuning()) return {};
+  return read_settings(tick.settings(), tick.tuning(), "tick.", out.settings.emplace(session.settings()));
 }
 
 Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
@@ -149,9 +147,9 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
 
 // Only a tick that changes the settings or the targets can need a table that the session has not.
 bool builds_tables(const v1::Tick& tick, const Session& session) {
-  if (!tick.has_settings() && !tick.has_targets()) return false;
+  if (!tick.has_settings() && !tick.has_tuning() && !tick.has_targets()) return false;
   StepSettings settings = session.settings();
-  if (!read_settings(tick.settings(), "tick.settings", settings) || settings.sample.points == 0) return false;
+  if (!read_settings(tick.settings(), tick.tuning(), "tick.", settings) || settings.sample.points == 0) return false;
   if (tick.has_targets()) {
     const auto& targets = tick.targets().targets();
     return std::any_of(targets.begin(), targets.end(),

@@ -17,9 +17,18 @@ Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out);
 // Preset or custom; fields below "<prefix>convention".
 Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out);
 Status read_lens(const v1::Lens& wire, const Convention& convention, const std::string& field, Lens& out);
-// Starts from the preset that is named, if one is, and puts what is sent over it. Ranges are checked by the session; here only
-// enums and the zoom's two ends.
-Status read_settings(const v1::Settings& wire, const std::string& field, StepSettings& out);
+// Starts from the preset that `settings` names, if it names one, and puts what is sent over it. Fields are
+// "<prefix>settings.follow", "<prefix>tuning.bound.mode". Checks enums and the zoom range; the session checks all ranges.
+Status read_settings(const v1::Settings& settings, const tuning::v1alpha1::Tuning& tuning, const std::string& prefix,
+                     StepSettings& out);
+
+// Generated (server/settings/generate.py): one message each, `path` being its own.
+Status read_settings(const v1::Settings& wire, const std::string& path, StepSettings& out);
+Status read_tuning(const tuning::v1alpha1::Tuning& wire, const std::string& path, StepSettings& out);
 void read_limits(const v1::CameraLimits& wire, CameraLimits& out);
+
+// Both are shared by the readers. proto3 lets unknown enum numbers through.
+tl::unexpected<Error> unknown_enum(const std::string& field, int value);
+int saturate(uint32_t value);
 
 }  // namespace sightline

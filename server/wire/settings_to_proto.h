@@ -1,5 +1,5 @@
-// Settings, limits and lenses as the wire has them, every field sent: what a session really uses, presets resolved. The
-// readers in server/wire/from_proto_values.h give back what was put in.
+// Settings, tuning, limits and lenses as messages with every field set: what a session really uses, presets resolved. The
+// readers in server/wire/from_proto_values.h give back what was put in. All but the lens is generated (server/settings/generate.py).
 #pragma once
 
 #include "server/session/session.h"
@@ -7,8 +7,9 @@
 
 namespace sightline {
 
-// The preset stays unnamed: it is in the values. A lens that does not zoom sends no zoom range.
+// The preset stays unset: its values are set. A session without a zoom range sends none.
 v1::Settings settings_to_proto(const StepSettings& settings);
+tuning::v1alpha1::Tuning tuning_to_proto(const StepSettings& settings);
 v1::CameraLimits limits_to_proto(const CameraLimits& limits);
 // The field of view in the client's axis and unit.
 v1::Lens lens_to_proto(const Lens& lens, const Convention& convention);

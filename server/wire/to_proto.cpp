@@ -113,8 +113,8 @@ void set(int level, const StepSettings& used, v1::Degradation& out) {
   out.set_map_resolution(static_cast<uint32_t>(used.sample.resolution));
   out.set_sample_points(static_cast<uint32_t>(used.sample.points));
   out.set_candidates(static_cast<uint32_t>(used.aggregate.candidates));
-  out.set_search_resolution(static_cast<uint32_t>(used.move.survey.resolution));
-  out.set_predicted_turns(used.move.turn_share > 0);
+  out.set_search_resolution(static_cast<uint32_t>(used.move.viewpoint_search.resolution));
+  out.set_predicted_turns(used.move.turn_probability > 0);
   out.set_predicted_motion(used.move.prediction_s > 0);
 }
 

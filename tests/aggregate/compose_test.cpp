@@ -153,11 +153,5 @@ TEST(Compose, CountsAreThePapersSetsForTheSteeredTargets) {
   EXPECT_EQ(counts.visible_by_target, (std::vector<uint32_t>{3, 3, 1}));
 }
 
-TEST(Compose, SettingsOutOfRangeAreNamed) {
-  EXPECT_EQ(validate(AggregateSettings{.candidates = 26}).error().field, "aggregate.candidates");
-  EXPECT_EQ(validate(AggregateSettings{.relative_bias = -0.1}).error().field, "aggregate.relative_bias");
-  EXPECT_TRUE(validate(AggregateSettings{}));
-}
-
 }  // namespace
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// What the process may use of the machine's CPUs.
+// The share of the machine's CPUs that the process may use.
 #include "server/base/cpu_budget.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What the temporal volume costs a step (paper 5): pushing every cell of a lattice and filtering it, by mode,
+// Measures the cost of the temporal volume in a step (paper 5): pushing every cell of a lattice and filtering it, by mode,
 // number of candidates, window and targets. The time must follow the candidates and not the window: O(g^3),
 // not O(n g^3). `plain` is the paper's sum over n steps as one would write it first. It does less (no gaps,
 // no shares, no switches; two targets), so compare how the two grow with n.
@@ -81,7 +81,7 @@ void per_target(benchmark::State& state) {
   run(state, settings);
 }
 
-// Two targets: the last n states of a cell in a ring, counted anew in every step.
+// Two targets: the last n states of a cell in a ring, counted again in every step.
 void plain(benchmark::State& state) {
   const Lattice lattice = covered(static_cast<int>(state.range(0)));
   const size_t cells = lattice.addresses().size();

@@ -1,7 +1,5 @@
-// What it takes to load a scene, and what it then holds: seconds and bytes a triangle for each part, by scene size.
+// Loads scenes of several sizes and prints for each part the seconds to load it and the bytes for each triangle.
 //   load_bench [--csv FILE] [TRIANGLES ...]      by default 280000 2800000 10000000
-// The EGL row is of the way that keeps geometry on the device, as a GPU has it; on a software renderer the other way, which keeps none,
-// is the fast one.
 // Seconds are the least of three loads, on the wall clock with every core there is, and of processor time over all of
 // them, which says more on a machine that does other work too. The file comes from the page cache.
 // Bytes are what the parts report of themselves; "resident" is what the process holds more than before, as the system
@@ -220,7 +218,7 @@ void measure_size(size_t triangles, std::FILE* csv) {
   in_child([&] {
     measure(path, nullptr, [&](const SceneMirror& mirror, size_t count) {
       prepare_software_rendering();
-      auto device = make_egl_sampler_device({.variant = EglVariant{.detail = Detail::kClusters}});
+      auto device = make_egl_sampler_device({});
       if (!device) return void(std::printf("  EGL: not measured, no context\n"));
       measure_sampler("EGL, first map", **device, mirror, count, csv);
     });

@@ -1,4 +1,4 @@
-// What a recording costs the session that is recorded, the disk, and whoever opens it:
+// Measures the cost of a recording for the recorded session, for the disk, and for its reader:
 //
 //   record_bench [FOLDER]     an hour at 60 Hz goes into new files there (default: the system's temporary folder)
 //
@@ -178,7 +178,7 @@ void open_and_seek(const std::string& path) {
               static_cast<unsigned long long>(of_chunks));
 }
 
-// What it costs the writer to know how a next part would begin, and to begin one in a session with many movers.
+// Measures the writer's cost of knowing how a next part would begin, and of beginning one, in a session with many movers.
 void measure_fold() {
   constexpr uint64_t kTicks = 60 * 600;
   constexpr int kMovers = 10'000;

@@ -1,10 +1,10 @@
-// What a long recording costs who reads and replays it: opening, the first pose, a seek to the middle, all steps again as
-// fast as possible, and what of that is not the step itself.
+// Measures reading and replaying a long recording: opening it, the first pose, a seek to the middle, and all steps again as fast as
+// possible, with the part of that time that is not the step itself.
 //
 //   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
-// Makes a recording of a scene over and over, at 60 Hz (kept where --file names a new file; one that is
-// there is taken as it is), and prints the figures. --points: of Sample.points; -1 leaves the preset's.
+// Makes a recording of a scene that repeats, at 60 Hz, and prints the figures. --file keeps the recording; a file that exists is used
+// as it is. --points sets Sample.points; -1 keeps the preset's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -44,7 +44,7 @@ struct Options {
   size_t threads = replay_threads();
 };
 
-// Of this thread alone: what the machine does for others meanwhile does not count.
+// Processor time of this thread alone, so that other work on the machine does not count.
 double processor_seconds() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -77,7 +77,7 @@ Status make_recording(const Options& options, const std::string& path) {
   v1::OpenSession open = open_request(*scenario, hash, 1);
   open.mutable_settings()->set_preset(preset_named(options.preset).value());
   if (options.points >= 0)
-    open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
+    open.mutable_tuning()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
   const auto session = LocalSession::open(open, world);
   if (!session) return tl::unexpected(session.error());
   v1::RecordingInfo info;
@@ -121,7 +121,7 @@ struct Spread {
   }
 };
 
-// Of the file alone: from its name to a pose at `at_s`.
+// Reads the file alone: from its name to a pose at `at_s`.
 void time_first_pose(const std::string& path, const char* what, double at_s) {
   constexpr int kTimes = 9;
   Spread open_s, pose_s;

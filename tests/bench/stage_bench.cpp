@@ -1,6 +1,6 @@
-// What the stages of a step cost as candidates, maps and targets grow: on the city, with its two walkers, and
-// more of them abreast and behind as further targets. Processor time of this thread, medians. "In turn" are a hundred cameras that
-// step one after the other, as in a daemon with as many sessions: each finds the caches as the others left them.
+// Measures the stages of a step on the city as candidates, maps and targets grow. Further targets walk beside and behind the city's own
+// two. Figures are medians of this thread's processor time. In rows "in turn" a hundred cameras step one after the other, as in a daemon
+// with a hundred sessions, so each finds the caches as the others left them.
 //
 //   stage_bench [steps] [settings]        steps per row, 300 without; only the rows of that name
 #include <time.h>
@@ -10,10 +10,10 @@
 #include <cstdlib>
 #include <string>
 
-#include "client/evaluate/metrics.h"
 #include "client/scenario/scenario_world.h"
-#include "client/evaluate/step_timing.h"
-#include "server/step/presets.h"
+#include "client/truth/metrics.h"
+#include "server/step/paper_settings.h"
+#include "tests/bench/step_timing.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {
@@ -64,8 +64,8 @@ std::vector<Row> rows() {
   return all;
 }
 
-// The city with as many walkers as asked for, at least its own two: the others keep to a grid beyond the first, seen
-// from where the camera starts.
+// The city with the given number of walkers, at least its own two. Further ones walk in a grid behind the first, as seen from the
+// camera's start.
 class Walkers {
  public:
   static Result<std::unique_ptr<Walkers>> make(TimedCity& city, size_t count) {

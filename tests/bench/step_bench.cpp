@@ -1,54 +1,79 @@
-// What a step costs, stage by stage, on the city (280 K triangles), printed as Table 1 of the paper: see client/evaluate/step_timing.h.
+// Times a step on the city (280 K triangles), stage by stage: Table 1 of the paper. tests/bench/step_timing.h says what is timed. One row for each sampler, settings and resolution.
 //
-//   step_bench [--benchmark_filter=...] [--benchmark_repetitions=N]
-#include <benchmark/benchmark.h>
+//   step_bench [--frames N] [--csv FILE]     N steps a row (default: 1200)
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <iostream>
 
-#include <cstdio>
-#include <map>
-#include <tuple>
-
-#include "client/evaluate/step_timing.h"
+#include "client/base/text_table.h"
 #include "server/gl/software_renderer.h"
+#include "tests/bench/step_timing.h"
 
 namespace sightline {
 namespace {
 
-using Table = std::map<std::tuple<std::string, std::string, int>, StepTiming>;  // by sampler, settings, r
-
-void run_steps(benchmark::State& state, TimedCity& city, SamplerDevice& device, const TimedSettings& timed,
-               Table& table) {
-  const int r = static_cast<int>(state.range(0));
-  const auto timer = StepTimer::make(city, device, timed.settings, r);
-  if (!timer) return state.SkipWithError(to_string(timer.error()).c_str());
-  for (int i = 0; i < StepTimer::kWarmUpSteps; ++i)
-    if (const auto took_ms = (*timer)->step(); !took_ms)
-      return state.SkipWithError(to_string(took_ms.error()).c_str());
-  for (auto _ : state) {
-    const auto took_ms = (*timer)->step();
-    if (!took_ms) return state.SkipWithError(to_string(took_ms.error()).c_str());
-    state.SetIterationTime(1e-3 * *took_ms);
-  }
-  const StepTiming timing = (*timer)->timing();
-  state.counters["p50_ms"] = timing.total.p50_ms;
-  state.counters["p95_ms"] = timing.total.p95_ms;
-  table[{device.kind(), std::string(timed.name), r}] = timing;
+Result<StepTiming> time_steps(TimedCity& city, SamplerDevice& device, const StepSettings& settings, int r,
+                              int frames) {
+  const auto timer = StepTimer::make(city, device, settings, r);
+  if (!timer) return tl::unexpected(timer.error());
+  for (int i = 0; i < StepTimer::kWarmUpSteps + frames; ++i)
+    if (const auto took_ms = (*timer)->step(); !took_ms) return tl::unexpected(took_ms.error());
+  return (*timer)->timing();
 }
 
-void print_table(const Table& table, const std::vector<std::unique_ptr<SamplerDevice>>& devices) {
-  std::printf("\nTable 1 (ms, medians; p95 of the total in brackets; two targets, 280 K triangles)\n");
-  for (const auto& device : devices) {
-    std::printf("\n%s: %s\n%-10s %4s %8s %8s %10s %8s %8s\n", device->kind().c_str(),
-                device->description().c_str(), "settings", "r", "samples", "render", "intersect", "select",
-                "total");
-    for (const auto& [key, row] : table) {
-      const auto& [kind, settings, r] = key;
-      if (kind != device->kind()) continue;
-      std::printf("%-10s %4d %8zu %8.3f %10.3f %8.3f %8.3f  (%.3f)\n", settings.c_str(), r, row.samples,
-                  row.sample.p50_ms, row.aggregate.p50_ms, row.move.p50_ms, row.total.p50_ms,
-                  row.total.p95_ms);
-    }
+class Tables {
+ public:
+  explicit Tables(const std::string& csv_path) {
+    if (!csv_path.empty()) csv_.open(csv_path);
+    csv_ << "sampler,renderer,settings,r,frames,samples,sample_p50_ms,sample_p95_ms,aggregate_p50_ms,"
+            "aggregate_p95_ms,"
+            "move_p50_ms,move_p95_ms,total_p50_ms,total_p95_ms\n";
   }
-  std::printf("\nThe paper (2012, NVidia FX 3500): r = 5: 1.77 ms, 7: 3.62, 10: 7.83, 15: 24.63\n");
+  void add(const SamplerDevice& device, const TimedSettings& timed, int r, const StepTiming& timing) {
+    csv_ << device.kind() << ",\"" << device.renderer() << "\"," << timed.name << ',' << r << ','
+         << timing.frames << ',' << timing.samples;
+    for (const Percentiles& p : {timing.sample, timing.aggregate, timing.move, timing.total})
+      csv_ << formatted(",%.4f,%.4f", p.p50_ms, p.p95_ms);
+    csv_ << '\n';
+    const auto ms = [](double value) { return formatted("%.3f", value); };
+    table_.row({device.kind(), std::string(timed.name), std::to_string(r), std::to_string(timing.samples),
+                ms(timing.sample.p50_ms), ms(timing.aggregate.p50_ms), ms(timing.move.p50_ms),
+                ms(timing.total.p50_ms), ms(timing.total.p95_ms)});
+  }
+  bool finish() {
+    table_.print(std::cout);
+    std::cout
+        << "\nmilliseconds. The paper (2012, NVidia FX 3500): r = 5: 1.77 ms, 7: 3.62, 10: 7.83, 15: 24.63\n";
+    return !csv_.is_open() || csv_.flush();
+  }
+
+ private:
+  std::ofstream csv_;
+  Table table_{{{"sampler"},
+                {"settings"},
+                {"r", true},
+                {"samples", true},
+                {"render", true},
+                {"intersect", true},
+                {"select", true},
+                {"total", true},
+                {"p95", true}}};
+};
+
+Status run(int frames, Tables& tables) {
+  const auto city = TimedCity::load();
+  if (!city) return tl::unexpected(city.error());
+  std::string no_egl;
+  const auto devices = timed_samplers(&no_egl);
+  if (!no_egl.empty()) std::cerr << "no rows for EGL: " << no_egl << '\n';
+  for (const auto& device : devices)
+    for (const TimedSettings& timed : timed_settings())
+      for (const int r : kTimedResolutions) {
+        const auto timing = time_steps(**city, *device, timed.settings, r, frames);
+        if (!timing) return tl::unexpected(timing.error());
+        tables.add(*device, timed, r, *timing);
+      }
+  return {};
 }
 
 }  // namespace
@@ -57,21 +82,16 @@ void print_table(const Table& table, const std::vector<std::unique_ptr<SamplerDe
 int main(int argc, char** argv) {
   using namespace sightline;
   prepare_software_rendering();
-  benchmark::Initialize(&argc, argv);
-  const auto city = TimedCity::load();
-  if (!city) return std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), 1;
-  std::string no_egl;
-  const auto devices = timed_samplers(&no_egl);
-  if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
-  Table table;
-  for (const auto& device : devices)
-    for (const TimedSettings& timed : timed_settings()) {
-      auto* const row = benchmark::RegisterBenchmark(
-          ("step/" + device->kind()).append("/").append(timed.name).c_str(),
-          [&, timed](benchmark::State& state) { run_steps(state, **city, *device, timed, table); });
-      for (const int r : kTimedResolutions) row->Arg(r);
-      row->ArgName("r")->Unit(benchmark::kMillisecond)->UseManualTime()->Iterations(1200);
-    }
-  benchmark::RunSpecifiedBenchmarks();
-  print_table(table, devices);
+  CLI::App app("Times steps on the city: Table 1 of the paper");
+  int frames = 1200;
+  std::string csv;
+  app.add_option("--frames", frames, "Steps in each row")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  app.add_option("--csv", csv, "File for the table, with every figure");
+  CLI11_PARSE(app, argc, argv);
+  Tables tables(csv);
+  if (const Status done = run(frames, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
+  if (!tables.finish()) return std::cerr << csv << " cannot be written\n", 1;
+  return 0;
 }

@@ -1,5 +1,5 @@
 // One line a scene and set of settings: a hash over every step's answer and what led to it. Two builds whose lines are equal give
-// the same bits; `diff` tells which scene to look at. Embree's maps; the first seconds of every scene.
+// the same bits; `diff` shows which scene changed. Embree's maps; the first seconds of every scene.
 //
 //   step_digest [scene ...]        all scenes of the catalogue but the city without
 #include <cstdio>
@@ -8,10 +8,12 @@
 #include "client/scenario/scenario_world.h"
 #include "scenes/catalog.h"
 #include "server/base/hash.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/extent.h"
 #include "server/scene/gltf.h"
+#include "server/step/step.h"
+#include "tests/support/plain_settings.h"
 
 namespace sightline {
 namespace {
@@ -33,12 +35,12 @@ std::vector<Case> cases() {
   s.sample.resolution = 16, s.aggregate.candidates = 4096;
   all.push_back({"sightline-wide", s});
   s = preset_settings(Preset::kSightline);
-  s.aggregate.filter.mode = FilterMode::kJoint, s.aggregate.needed_share = 1.0, s.sample.jitter_texels = false;
+  s.aggregate.filter.mode = FilterMode::kJoint, s.aggregate.visibility_threshold = 1.0, s.sample.jitter = false;
   all.push_back({"sightline-joint", s});
   s = preset_settings(Preset::kSightline);
   s.aggregate.volume = Volume::kPair, s.aggregate.filter.mode = FilterMode::kNone, s.sample.points = 2;
   all.push_back({"sightline-pair", s});
-  s = StepSettings{};
+  s = test::plain_settings();
   s.sample.points = 8, s.bound.horizon_s = 1.0;
   all.push_back({"basic-8", s});
   s.move.strategy = Strategy::kRobust, s.move.prediction_s = 0.3, s.aggregate.filter.mode = FilterMode::kPerTarget;

@@ -113,24 +113,5 @@ TEST(ExtendTowards, ReachesAsFarAsToldAndKeepsAway) {
   EXPECT_GT(left, 300);
 }
 
-TEST(Bound, SettingsOutOfRangeAreNamed) {
-  const auto field_of = [](auto change) {
-    BoundSettings settings;
-    change(settings);
-    const Status status = validate(settings);
-    return status ? std::string() : status.error().field;
-  };
-  EXPECT_EQ(field_of([](auto&) {}), "");
-  EXPECT_EQ(field_of([](auto& s) { s.horizon_s = 0.01; }), "bound.horizon_s");
-  EXPECT_EQ(field_of([](auto& s) { s.horizon_s = std::nan(""); }), "bound.horizon_s");
-  EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 0.4; }), "bound.max_horizon_s");
-  EXPECT_EQ(field_of([](auto& s) { s.max_horizon_s = 2.1; }), "bound.max_horizon_s");
-  EXPECT_EQ(field_of([](auto& s) { s.towards_m = 100; }), "");
-  EXPECT_EQ(field_of([](auto& s) { s.towards_m = -0.1; }), "bound.towards_m");
-  EXPECT_EQ(field_of([](auto& s) { s.towards_m = 100.1; }), "bound.towards_m");
-  EXPECT_EQ(field_of([](auto& s) { s.towards_m = std::nan(""); }), "bound.towards_m");
-  EXPECT_EQ(field_of([](auto& s) { s.paper_n = std::numeric_limits<double>::infinity(); }), "bound.paper_n");
-}
-
 }  // namespace
 }  // namespace sightline

@@ -1,5 +1,4 @@
-// What a load generator must be trusted with: its percentiles, when it calls figures stable, when ticks are due, and what it
-// says became of them.
+// The load generator: its percentiles, the rule for stable figures, when ticks are due, and what became of them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,10 +10,9 @@
 #include <map>
 #include <set>
 
-#include "client/bench/ledger.h"
+#include "client/bench/request_log.h"
 #include "client/bench/result.h"
 #include "client/bench/schedule.h"
-#include "client/bench/statistics.h"
 #include "client/bench/world.h"
 #include "scenes/hall.h"
 #include "server/base/random.h"
@@ -71,9 +69,9 @@ std::vector<Quantiles> series(const std::vector<std::pair<double, double>>& p50_
 }
 
 // The first length at which the series is stable; 0: never.
-size_t stable_after(const std::vector<Quantiles>& windows, const StableRule& rule = {}) {
+size_t stable_after(const std::vector<Quantiles>& windows) {
   for (size_t n = 0; n <= windows.size(); ++n)
-    if (agree(std::span(windows).first(n), rule)) return n;
+    if (are_stable(std::span(windows).first(n))) return n;
   return 0;
 }
 
@@ -87,8 +85,6 @@ TEST(BenchStableRule, EachFigureHasItsOwnMeasure) {
   EXPECT_EQ(stable_after(series({{100, 200}, {110, 259}, {105, 230}})), 3u) << "10 % and 29.5 %";
   EXPECT_EQ(stable_after(series({{100, 200}, {111, 200}, {100, 200}})), 0u) << "p50 11 % apart";
   EXPECT_EQ(stable_after(series({{100, 200}, {100, 262}, {100, 200}})), 0u) << "p99 31 % apart";
-  const StableRule wide{.windows = 2, .p50_share = 0.5, .p99_share = 1.0};
-  EXPECT_EQ(stable_after(series({{100, 200}, {149, 399}}), wide), 2u);
 }
 
 TEST(BenchStableRule, ASlowDriftIsNotStable) {
@@ -156,65 +152,64 @@ TEST(BenchSchedule, WithoutAnEchoWindowsFollowEachOtherAfterTheWarmUp) {
     EXPECT_EQ(schedule.end_ns(BenchPeer::kDaemon, window), schedule.begin_ns(BenchPeer::kDaemon, window + 1));
 }
 
-// --- the ledger
+// --- the request log
 
-class BenchLedgerTest : public testing::Test {
+class RequestLogTest : public testing::Test {
  protected:
   void send(uint64_t first, uint64_t last) {
-    for (uint64_t s = first; s <= last; ++s)
-      ledger_.sent(s, static_cast<int64_t>(s) * 10, static_cast<int>(s));
+    for (uint64_t s = first; s <= last; ++s) log_.sent(s, static_cast<int64_t>(s) * 10, static_cast<int>(s));
   }
   std::vector<int64_t> answer(uint64_t sequence, uint32_t merged) {
     settled_.clear();
-    ledger_.answered(sequence, merged, settled_);
+    log_.answered(sequence, merged, settled_);
     std::vector<int64_t> due;
     for (const SettledTick& tick : settled_) due.push_back(tick.due_ns);
     return due;
   }
   void expect_counts(uint64_t answered, uint64_t merged, uint64_t rejected, uint64_t lost) {
-    const TickCounts& counts = ledger_.counts();
+    const TickCounts& counts = log_.counts();
     EXPECT_EQ(counts.answered, answered);
     EXPECT_EQ(counts.merged, merged);
     EXPECT_EQ(counts.rejected, rejected);
     EXPECT_EQ(counts.lost, lost);
   }
-  TickLedger ledger_;
+  RequestLog log_;
   std::vector<SettledTick> settled_;
 };
 
-TEST_F(BenchLedgerTest, AReplySettlesTheTicksThatItCovers) {
+TEST_F(RequestLogTest, AReplySettlesTheTicksThatItCovers) {
   send(1, 5);
   EXPECT_THAT(answer(1, 0), ElementsAre(10));
-  EXPECT_EQ(ledger_.oldest_pending_ns(), 20);
+  EXPECT_EQ(log_.oldest_pending_ns(), 20);
   EXPECT_THAT(answer(4, 2), ElementsAre(20, 30, 40)) << "merged ones waited as long";
   EXPECT_EQ(settled_.back().window, 4);
   expect_counts(2, 2, 0, 0);
-  EXPECT_EQ(ledger_.oldest_pending_ns(), 50);
+  EXPECT_EQ(log_.oldest_pending_ns(), 50);
 }
 
-TEST_F(BenchLedgerTest, WhatAReplyLeavesOutIsLost) {
+TEST_F(RequestLogTest, WhatAReplyLeavesOutIsLost) {
   send(1, 5);
   EXPECT_EQ(answer(5, 3).size(), 5u) << "they waited, lost or not";
   expect_counts(1, 3, 0, 1);
 }
 
-TEST_F(BenchLedgerTest, RejectedTicksAreNotMergedOnes) {
+TEST_F(RequestLogTest, RejectedTicksAreNotMergedOnes) {
   send(1, 3);
-  ledger_.tick_error(2);
+  log_.tick_error(2);
   EXPECT_THAT(answer(3, 1), ElementsAre(10, 30));
   expect_counts(1, 1, 1, 0);
 }
 
-TEST_F(BenchLedgerTest, AnAnswerToNothingThatWaitsCountsNothing) {
+TEST_F(RequestLogTest, AnAnswerToNothingThatWaitsCountsNothing) {
   send(1, 2);
   EXPECT_TRUE(answer(7, 0).empty());
   EXPECT_THAT(answer(2, 1), ElementsAre(10, 20));
   EXPECT_TRUE(answer(2, 0).empty()) << "a second time";
-  ledger_.tick_error(1);
+  log_.tick_error(1);
   expect_counts(1, 1, 0, 0);
 }
 
-TEST_F(BenchLedgerTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
+TEST_F(RequestLogTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
   CounterRandom random(3, 0, RandomPurpose::kTest);
   uint64_t sent = 0, answered = 0;
   for (int round = 0; round < 500; ++round) {
@@ -222,15 +217,15 @@ TEST_F(BenchLedgerTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
     send(sent + 1, sent + more);
     sent += more;
     if (random.next_below(3) == 0 && sent > answered)
-      ledger_.tick_error(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
+      log_.tick_error(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
     if (random.next_below(2) == 0) continue;
     answered =
         std::max(answered, sent - random.next_below(static_cast<uint32_t>(std::min<uint64_t>(sent, 3) + 1)));
     answer(answered, random.next_below(5));
   }
-  ledger_.give_up();
-  const TickCounts& counts = ledger_.counts();
-  EXPECT_EQ(ledger_.oldest_pending_ns(), std::numeric_limits<int64_t>::max());
+  log_.give_up();
+  const TickCounts& counts = log_.counts();
+  EXPECT_EQ(log_.oldest_pending_ns(), std::numeric_limits<int64_t>::max());
   EXPECT_EQ(counts.sent, sent);
   EXPECT_EQ(counts.sent, counts.answered + counts.merged + counts.rejected + counts.lost);
   EXPECT_GT(std::min({counts.answered, counts.merged, counts.rejected, counts.lost}), 0u);
@@ -248,23 +243,26 @@ MeasuredWindow window_of(std::vector<double> round_trips_us, std::vector<double>
   return window;
 }
 
+BenchJson figures_of(const std::vector<MeasuredWindow>& windows, double window_s) {
+  return summarize(windows,
+                   {{"sessions", windows.front().replies_by_session.size()}, {"window_s", window_s}});
+}
+
 TEST(BenchResult, FiguresAreMediansOverTheWindowsWithTheirSpread) {
-  BenchResult result;
-  result.sessions = 2;
-  result.window_s = 2.0;
-  summarize({window_of({10, 20, 30}, {1}, {2, 4}), window_of({40, 50, 60}, {1}, {4, 4}),
-             window_of({10, 22, 30}, {1}, {3, 3})},
-            result);
-  const MetricFigures& round_trip = result.of(BenchMetric::kRoundTrip);
-  EXPECT_EQ(round_trip.count, 9u);
-  EXPECT_EQ(round_trip.p50.median, 22);
-  EXPECT_EQ(round_trip.p50.least, 20);
-  EXPECT_EQ(round_trip.p50.most, 50);
-  EXPECT_EQ(result.p50_range, 1.5);
-  EXPECT_EQ(result.achieved_hz, 20 / 12.0);
-  EXPECT_EQ(result.least_served_hz, 9 / 6.0);
-  EXPECT_EQ(result.most_served_hz, 11 / 6.0);
-  EXPECT_FALSE(result.echo) << "none was asked";
+  const BenchJson result =
+      figures_of({window_of({10, 20, 30}, {1}, {2, 4}), window_of({40, 50, 60}, {1}, {4, 4}),
+                  window_of({10, 22, 30}, {1}, {3, 3})},
+                 2.0);
+  const BenchJson& round_trip = result.at("latency_us").at("round_trip");
+  EXPECT_EQ(round_trip.at("count"), 9);
+  EXPECT_EQ(round_trip.at("p50").at("median"), 22);
+  EXPECT_EQ(round_trip.at("p50").at("min"), 20);
+  EXPECT_EQ(round_trip.at("p50").at("max"), 50);
+  EXPECT_EQ(result.at("windows").at("p50_range"), 1.5);
+  EXPECT_DOUBLE_EQ(result.at("service").at("achieved_hz"), 20 / 12.0);
+  EXPECT_EQ(result.at("service").at("least_served_hz"), 9 / 6.0);
+  EXPECT_EQ(result.at("service").at("most_served_hz"), 11 / 6.0);
+  EXPECT_TRUE(result.at("echo").is_null()) << "none was asked";
 }
 
 TEST(BenchResult, TheFloorIsEchoPlusStepOfTheSameWindow) {
@@ -272,34 +270,27 @@ TEST(BenchResult, TheFloorIsEchoPlusStepOfTheSameWindow) {
                                       window_of({500}, {300}, {1})};
   const std::vector<double> echoes{100, 400, 100};
   for (size_t i = 0; i < 3; ++i) windows[i].echo.emplace().add(BenchMetric::kRoundTrip, echoes[i]);
-  BenchResult result;
-  result.sessions = 1;
-  result.window_s = 1.0;
-  summarize(windows, result);
-  ASSERT_TRUE(result.echo);
-  EXPECT_EQ(result.echo->floor_us.median, 400);
-  EXPECT_DOUBLE_EQ(result.echo->share.least, 1.1);
-  EXPECT_DOUBLE_EQ(result.echo->share.median, 1.25);
-  EXPECT_DOUBLE_EQ(result.echo->share.most, 1.5);
+  const BenchJson echo = figures_of(windows, 1.0).at("echo");
+  EXPECT_EQ(echo.at("floor_us").at("median"), 400);
+  EXPECT_DOUBLE_EQ(echo.at("share").at("min"), 1.1);
+  EXPECT_DOUBLE_EQ(echo.at("share").at("median"), 1.25);
+  EXPECT_DOUBLE_EQ(echo.at("share").at("max"), 1.5);
 }
 
-TEST(BenchResult, TheCourseOfTheLoadIsTold) {
-  std::vector<MeasuredWindow> windows{window_of({10, 20, 30}, {1, 5, 9}, {4}), window_of({40}, {2}, {2})};
-  windows[0].daemon.late = 1, windows[0].daemon.degraded = 3, windows[0].daemon_cpu_us = 77;
-  BenchResult result;
-  result.sessions = 1;
-  result.window_s = 2.0;
-  summarize(windows, result);
-  const auto course = nlohmann::json::parse(bench_json(result)).at("windows").at("course");
-  ASSERT_EQ(course.size(), 2u);
-  EXPECT_EQ(course[0].at("round_trip_p50_us"), 20);
-  EXPECT_EQ(course[0].at("step_p50_us"), 5);
-  EXPECT_DOUBLE_EQ(course[0].at("late_share"), 1.0 / 3);
-  EXPECT_EQ(course[0].at("degraded_share"), 0.75);
-  EXPECT_EQ(course[0].at("daemon_cpu_us_per_tick"), 77);
-  EXPECT_EQ(course[1].at("round_trip_p99_us"), 40);
-  EXPECT_EQ(course[1].at("late_share"), 0);
-  EXPECT_TRUE(course[1].at("daemon_cpu_us_per_tick").is_null());
+TEST(BenchResult, SharesAreOfAllReportedWindows) {
+  std::vector<MeasuredWindow> windows{window_of({10, 20, 30}, {1, 5, 9}, {4}), window_of({40}, {2}, {4})};
+  windows[0].daemon.late = 1, windows[0].daemon.degraded = 6;
+  const BenchJson service = figures_of(windows, 2.0).at("service");
+  EXPECT_DOUBLE_EQ(service.at("late_share"), 1.0 / 4);
+  EXPECT_DOUBLE_EQ(service.at("degraded_share"), 6.0 / 8);
+}
+
+TEST(BenchResult, TheDaemonsCpuTimeIsKnownOnlyWhenItIsKnownInEveryWindow) {
+  std::vector<MeasuredWindow> windows{window_of({10}, {1}, {1}), window_of({10}, {1}, {1})};
+  windows[0].daemon_cpu_us = 77;
+  EXPECT_TRUE(figures_of(windows, 1.0).at("cpu_us_per_tick").at("daemon").is_null());
+  windows[1].daemon_cpu_us = 79;
+  EXPECT_EQ(figures_of(windows, 1.0).at("cpu_us_per_tick").at("daemon").at("max"), 79);
 }
 
 // --- the world

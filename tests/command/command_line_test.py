@@ -13,7 +13,6 @@ COMMANDS = {
     "drive": ("FILE",),
     "evaluate": (),
     "bench": (),
-    "echo": ("--listen", "unix:NEW"),
     "scene": ("FILE",),
     "info": ("FILE",),
     "verify": ("FILE",),
@@ -73,7 +72,7 @@ class CommandLineTest(unittest.TestCase):
                               ("replay", file.name, "--sampler", "eyes"), ("report", file.name, "--cells", "some"),
                               ("compare", file.name), ("recover", file.name),
                               ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "1"),
-                              ("bench", "--address", "unix:/nowhere", "--tcp"), ("echo",)):
+                              ("bench", "--address", "unix:/nowhere", "--tcp")):
                 result = run(*arguments)
                 self.assertEqual(result.returncode, WRONG_FLAGS, arguments)
                 self.assertTrue(result.stderr, arguments)

@@ -139,10 +139,10 @@ TEST_F(ClientTest, ARefusedTickIsAnEventAndTheSessionLivesOn) {
   EXPECT_EQ(next_reply(*session).sequence(), 2u);
 }
 
-v1::Settings with_resolution(uint32_t texels) {
-  v1::Settings settings;
-  settings.mutable_sample()->set_resolution(texels);
-  return settings;
+tuning::v1alpha1::Tuning with_resolution(uint32_t texels) {
+  tuning::v1alpha1::Tuning tuning;
+  tuning.mutable_sample()->set_resolution(texels);
+  return tuning;
 }
 
 TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
@@ -151,13 +151,13 @@ TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
   request.mutable_diagnostics()->set_depth_maps(true);
   const auto session = open(client, request);
   v1::Settings paper, zoom;
-  paper.set_preset(v1::Settings::PAPER);
-  zoom.mutable_framing()->set_min_vertical_fov_rad(1.0),
-      zoom.mutable_framing()->set_max_vertical_fov_rad(1.0);
+  paper.set_preset(v1::Settings::PRESET_PAPER);
+  zoom.set_min_vertical_fov_rad(1.0),
+      zoom.set_max_vertical_fov_rad(1.0);
   session->change(with_resolution(9)), session->change(zoom);  // lost: the preset starts anew
   session->change(paper), session->change(with_resolution(12)), session->change(with_resolution(13));
   v1::Tick first = tick(1);
-  first.mutable_settings()->mutable_sample()->set_resolution(14);
+  first.mutable_tuning()->mutable_sample()->set_resolution(14);
   for (uint64_t sequence = 1; sequence <= 2; ++sequence) {
     ASSERT_TRUE(session->send(sequence == 1 ? first : tick(sequence)));
     const v1::CameraReply reply = next_reply(*session);
@@ -203,7 +203,7 @@ TEST_F(ClientTest, ARefusedChangeIsNamedAndGoneAndTheSessionLivesOn) {
   ASSERT_TRUE(session->send(tick(1)));
   const auto event = session->receive(10s);
   ASSERT_TRUE(event && *event && std::holds_alternative<v1::TickError>(**event));
-  EXPECT_EQ(to_error(std::get<v1::TickError>(**event)).field, "tick.settings.sample.resolution");
+  EXPECT_EQ(to_error(std::get<v1::TickError>(**event)).field, "tick.tuning.sample.resolution");
   ASSERT_TRUE(session->send(tick(2)));
   EXPECT_EQ(next_reply(*session).depth_maps(0).width(), 7u);
 }

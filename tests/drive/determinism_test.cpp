@@ -61,8 +61,8 @@ TEST_P(Determinism, ThreadsNeighboursAndRunsChangeNoBitOfTheReplies) {
   std::vector<uint64_t> hashes;
   for (const char* threads : {"1", "2"}) {
     const test::DaemonProcess daemon({"--sampler", "embree", "--threads", threads});
-    Neighbour rooms(daemon.address(), scenes::make_rooms({.seed = 2}), v1::Settings::SIGHTLINE);
-    Neighbour other_hall(daemon.address(), scenes::make_hall({.seed = 3}), v1::Settings::PAPER);
+    Neighbour rooms(daemon.address(), scenes::make_rooms({.seed = 2}), v1::Settings::PRESET_SIGHTLINE);
+    Neighbour other_hall(daemon.address(), scenes::make_hall({.seed = 3}), v1::Settings::PRESET_PAPER);
     for (int run = 0; run < 2; ++run) {
       const auto frames = test::play_only(daemon.address(), hall, five_seconds);
       ASSERT_EQ(frames.size(), 301u);
@@ -77,7 +77,7 @@ TEST_P(Determinism, ThreadsNeighboursAndRunsChangeNoBitOfTheReplies) {
 std::string name_of_preset(const testing::TestParamInfo<v1::Settings::Preset>& info) {
   return v1::Settings::Preset_Name(info.param);
 }
-INSTANTIATE_TEST_SUITE_P(Presets, Determinism, testing::Values(v1::Settings::SIGHTLINE, v1::Settings::PAPER),
+INSTANTIATE_TEST_SUITE_P(Presets, Determinism, testing::Values(v1::Settings::PRESET_SIGHTLINE, v1::Settings::PRESET_PAPER),
                          name_of_preset);
 
 // The hash must be able to tell two runs apart.
@@ -87,7 +87,7 @@ TEST(Determinism, AnotherPresetIsAnotherTrace) {
   const auto trace = [&](v1::Settings::Preset name) {
     return hash_of(test::play_only(daemon.address(), hall, {.duration_s = 1.0, .settings = preset(name)}));
   };
-  EXPECT_NE(trace(v1::Settings::SIGHTLINE), trace(v1::Settings::PAPER));
+  EXPECT_NE(trace(v1::Settings::PRESET_SIGHTLINE), trace(v1::Settings::PRESET_PAPER));
 }
 
 }  // namespace

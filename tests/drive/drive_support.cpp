@@ -5,7 +5,7 @@
 #include <cstdlib>
 
 #include "client/page/contact_sheet.h"
-#include "client/evaluate/follow.h"
+#include "client/truth/follow.h"
 #include "client/scenario/scenario_session.h"
 #include "server/scene/gltf.h"
 

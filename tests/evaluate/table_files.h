@@ -1,4 +1,4 @@
-// What an evaluation wrote, read back.
+// Reads back what an evaluation wrote.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// Every file below a folder, by its path in it.
+// The contents of every file below a folder, by its path in the folder.
 inline std::map<std::string, std::string> files_in(const std::filesystem::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
@@ -22,7 +22,7 @@ inline std::map<std::string, std::string> files_in(const std::filesystem::path& 
   return files;
 }
 
-// The cells of a line, with the quotes that they have.
+// The cells of a line, including their quotes.
 inline std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> cells(1);
   bool quoted = false;

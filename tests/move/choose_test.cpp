@@ -320,14 +320,5 @@ TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
   EXPECT_GT(outside, 5000);
 }
 
-TEST(Choose, SettingsOutOfRangeAreNamed) {
-  EXPECT_EQ(validate(MoveSettings{.min_distance_m = -1}).error().field, "move.min_distance_m");
-  EXPECT_EQ(validate(MoveSettings{.min_distance_m = 5, .max_distance_m = 5}).error().field,
-            "move.max_distance_m");
-  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = -2}).error().field, "move.min_elevation_rad");
-  EXPECT_EQ(validate(MoveSettings{.min_elevation_rad = 1, .max_elevation_rad = 0.5}).error().field,
-            "move.max_elevation_rad");
-}
-
 }  // namespace
 }  // namespace sightline

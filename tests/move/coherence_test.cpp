@@ -347,32 +347,5 @@ TEST(ShotCost, SharesOfAMaskAreItsBits) {
   EXPECT_EQ(share, (std::vector<float>{1, 0, 1}));
 }
 
-TEST(Coherence, SettingsOutsideTheirRangeAreNamed) {
-  const auto field_of = [](auto change) {
-    CoherenceSettings s;
-    change(s);
-    const Status status = validate(s);
-    return status ? std::string("accepted") : status.error().field;
-  };
-  EXPECT_EQ(field_of([](auto&) {}), "accepted");
-  EXPECT_EQ(field_of([](auto& s) { s.visibility = -1; }), "move.coherence.visibility");
-  EXPECT_EQ(field_of([](auto& s) { s.view_angle = 101; }), "move.coherence.view_angle");
-  EXPECT_EQ(field_of([](auto& s) { s.height = NAN; }), "move.coherence.height");
-  EXPECT_EQ(field_of([](auto& s) { s.distance = -0.1; }), "move.coherence.distance");
-  EXPECT_EQ(field_of([](auto& s) { s.screen = INFINITY; }), "move.coherence.screen");
-  EXPECT_EQ(field_of([](auto& s) { s.responsiveness = 1.1; }), "move.coherence.responsiveness");
-  EXPECT_EQ(field_of([](auto& s) { s.predictive_power = -0.1; }), "move.coherence.predictive_power");
-}
-
-TEST(Coherence, WeightsThatAreAllZeroAreAnErrorThatSaysSo) {
-  CoherenceSettings s{.visibility = 0, .view_angle = 0, .height = 0, .distance = 0, .screen = 0};
-  const Status status = validate(s);
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().field, "move.coherence.visibility");
-  EXPECT_NE(status.error().message.find("all weights are 0"), std::string::npos);
-  s.screen = 0.1;
-  EXPECT_TRUE(validate(s));
-}
-
 }  // namespace
 }  // namespace sightline

@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// Candidates with everything that a blend reads.
-struct Blend {
+// Candidates with everything that a given reads.
+struct CostCase {
   std::vector<glm::dvec3> position_m;
   std::vector<double> hidden, route_m, cost;
   std::vector<uint32_t> depth_squared;
@@ -24,7 +24,7 @@ struct Blend {
     position_m.push_back(at), hidden.push_back(share), route_m.push_back(way_m);
     depth_squared.push_back(deep_squared);
   }
-  BlendCosts costs(const BlendSettings& settings) const {
+  CandidateCosts costs(const CostWeights& settings) const {
     return {{.position_m = position_m,
              .hidden = hidden,
              .spacing_m = spacing_m,
@@ -32,7 +32,7 @@ struct Blend {
              .former_goal_m = former_goal_m},
             settings};
   }
-  const std::vector<double>& of(const BlendSettings& settings) {
+  const std::vector<double>& of(const CostWeights& settings) {
     cost.clear();
     for (size_t i = 0; i < position_m.size(); ++i)
       cost.push_back(costs(settings).of(i, route_m[i], depth_squared[i]));
@@ -40,118 +40,118 @@ struct Blend {
   }
 };
 
-BlendSettings nothing() {
-  return {.hidden = 0,
+CostWeights nothing() {
+  return {.occlusion = 0,
           .tolerance = 0,
           .distance = 0,
-          .shelter = 0,
+          .edge_penalty = 0,
           .full_depth_m = 1,
           .route = 0,
           .exposure = 0,
           .steadiness = 0};
 }
 
-TEST(BlendCosts, HiddenCountsByItsShare) {
-  Blend blend;
-  blend.add({1, 2, 3}, 0.0, 0, 0), blend.add({1, 2, 3}, 0.25, 0, 0), blend.add({1, 2, 3}, 1.0, 0, 0);
-  BlendSettings settings = nothing();
-  settings.hidden = 80;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 20, 80}));
+TEST(CandidateCosts, HiddenCountsByItsShare) {
+  CostCase given;
+  given.add({1, 2, 3}, 0.0, 0, 0), given.add({1, 2, 3}, 0.25, 0, 0), given.add({1, 2, 3}, 1.0, 0, 0);
+  CostWeights settings = nothing();
+  settings.occlusion = 80;
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 20, 80}));
 }
 
-TEST(BlendCosts, HiddenCountsByWhatItIsOverTheTolerance) {
-  Blend blend;
-  for (const double share : {0.0, 0.2, 0.25, 0.75, 1.0}) blend.add({}, share, 0, 0);
-  BlendSettings settings = nothing();
-  settings.hidden = 80, settings.tolerance = 0.25;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 0, 0, 40, 60}));
+TEST(CandidateCosts, HiddenCountsByWhatItIsOverTheTolerance) {
+  CostCase given;
+  for (const double share : {0.0, 0.2, 0.25, 0.75, 1.0}) given.add({}, share, 0, 0);
+  CostWeights settings = nothing();
+  settings.occlusion = 80, settings.tolerance = 0.25;
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 0, 0, 40, 60}));
 }
 
-TEST(BlendCosts, DistanceCountsFromTheDesiredPlace) {
-  Blend blend;
-  blend.desired_m = {1, 2, 3};
-  blend.add({1, 2, 3}, 0, 0, 0), blend.add({1, 5, 7}, 0, 0, 0);
-  BlendSettings settings = nothing();
+TEST(CandidateCosts, DistanceCountsFromTheDesiredPlace) {
+  CostCase given;
+  given.desired_m = {1, 2, 3};
+  given.add({1, 2, 3}, 0, 0, 0), given.add({1, 5, 7}, 0, 0, 0);
+  CostWeights settings = nothing();
   settings.distance = 2;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 10}));
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 10}));
 }
 
-TEST(BlendCosts, ShelterCountsUpToTheFullDepth) {
-  Blend blend;
-  for (const uint32_t depth_squared : {0u, 1u, 4u, 100u}) blend.add({}, 0, 0, depth_squared);
-  BlendSettings settings = nothing();
-  settings.shelter = 3, settings.full_depth_m = 2;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{3, 3 * 0.75, 3 * 0.5, 0})) << "steps of half a metre";
+TEST(CandidateCosts, ShelterCountsUpToTheFullDepth) {
+  CostCase given;
+  for (const uint32_t depth_squared : {0u, 1u, 4u, 100u}) given.add({}, 0, 0, depth_squared);
+  CostWeights settings = nothing();
+  settings.edge_penalty = 3, settings.full_depth_m = 2;
+  EXPECT_EQ(given.of(settings), (std::vector<double>{3, 3 * 0.75, 3 * 0.5, 0})) << "steps of half a metre";
 }
 
-TEST(BlendCosts, TheWayCounts) {
-  Blend blend;
-  blend.add({}, 0, 0, 0), blend.add({}, 0, 7, 0);
-  BlendSettings settings = nothing();
+TEST(CandidateCosts, TheWayCounts) {
+  CostCase given;
+  given.add({}, 0, 0, 0), given.add({}, 0, 7, 0);
+  CostWeights settings = nothing();
   settings.route = 0.5;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 3.5}));
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 3.5}));
 }
 
-TEST(BlendCosts, SteadinessCountsUpToAMetreFromTheFormerGoalIfThereIsOne) {
-  Blend blend;
-  blend.add({0, 0, 0}, 0, 0, 0), blend.add({0, 0.5, 0}, 0, 0, 0), blend.add({9, 0, 0}, 0, 0, 0);
-  BlendSettings settings = nothing();
+TEST(CandidateCosts, SteadinessCountsUpToAMetreFromTheFormerGoalIfThereIsOne) {
+  CostCase given;
+  given.add({0, 0, 0}, 0, 0, 0), given.add({0, 0.5, 0}, 0, 0, 0), given.add({9, 0, 0}, 0, 0, 0);
+  CostWeights settings = nothing();
   settings.steadiness = 4;
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 0, 0}));
-  blend.former_goal_m = glm::dvec3(0.0);
-  EXPECT_EQ(blend.of(settings), (std::vector<double>{0, 2, 4}));
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 0, 0}));
+  given.former_goal_m = glm::dvec3(0.0);
+  EXPECT_EQ(given.of(settings), (std::vector<double>{0, 2, 4}));
 }
 
-Blend random_blend(uint64_t seed) {
+CostCase random_case(uint64_t seed) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
-  Blend blend;
-  blend.desired_m = {1, 1, 1}, blend.former_goal_m = glm::dvec3(0.5, 0, 0);
+  CostCase given;
+  given.desired_m = {1, 1, 1}, given.former_goal_m = glm::dvec3(0.5, 0, 0);
   for (int i = 0; i < 200; ++i)
-    blend.add({random.next_in(-2, 2), random.next_in(-2, 2), random.next_in(-2, 2)}, random.next_unit(),
+    given.add({random.next_in(-2, 2), random.next_in(-2, 2), random.next_in(-2, 2)}, random.next_unit(),
               random.next_in(0, 20), random.next_below(9));
-  return blend;
+  return given;
 }
 
-TEST(BlendCosts, AreTheSumOfTheirTerms) {
-  Blend blend = random_blend(41);
-  const BlendSettings all{
-      .hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5};
+TEST(CandidateCosts, AreTheSumOfTheirTerms) {
+  CostCase given = random_case(41);
+  const CostWeights all{
+      .occlusion = 70, .distance = 2, .edge_penalty = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5};
   std::vector<double> sum(200, 0.0);
-  const auto add_term = [&](double BlendSettings::*weight) {
-    BlendSettings one = nothing();
+  const auto add_term = [&](double CostWeights::*weight) {
+    CostWeights one = nothing();
     one.full_depth_m = all.full_depth_m, one.tolerance = all.tolerance;
     one.*weight = all.*weight;
-    for (size_t i = 0; i < sum.size(); ++i) sum[i] += blend.of(one)[i];
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += given.of(one)[i];
   };
-  for (const auto weight : {&BlendSettings::hidden, &BlendSettings::distance, &BlendSettings::shelter,
-                            &BlendSettings::route, &BlendSettings::steadiness})
+  for (const auto weight : {&CostWeights::occlusion, &CostWeights::distance, &CostWeights::edge_penalty,
+                            &CostWeights::route, &CostWeights::steadiness})
     add_term(weight);
-  blend.of(all);
-  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(blend.cost[i], sum[i], 1e-9);
+  given.of(all);
+  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(given.cost[i], sum[i], 1e-9);
 }
 
 // What the search for a goal rests on: bounds that hold to the last bit.
-TEST(BlendCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
-  const Blend blend = random_blend(42);
-  const BlendCosts costs = blend.costs(
-      {.hidden = 70, .distance = 2, .shelter = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5});
-  for (size_t i = 0; i < blend.position_m.size(); ++i)
-    for (double shorter_m = blend.route_m[i]; shorter_m > 1e-3; shorter_m = shorter_m * 0.9) {
+TEST(CandidateCosts, AreNoLessForALongerWayAndNeverLessThanTheLeast) {
+  const CostCase given = random_case(42);
+  const CandidateCosts costs = given.costs(
+      {.occlusion = 70, .distance = 2, .edge_penalty = 3, .full_depth_m = 0.7, .route = 0.4, .steadiness = 5});
+  for (size_t i = 0; i < given.position_m.size(); ++i)
+    for (double shorter_m = given.route_m[i]; shorter_m > 1e-3; shorter_m = shorter_m * 0.9) {
       ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, std::nextafter(shorter_m, 100.0), 4));
-      ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, blend.route_m[i], 3));
+      ASSERT_LE(costs.of(i, shorter_m, 4), costs.of(i, given.route_m[i], 3));
       for (uint32_t depth_squared = 0; depth_squared < 9; ++depth_squared)
         ASSERT_LE(costs.least_of(i, shorter_m), costs.of(i, shorter_m, depth_squared));
     }
 }
 
-TEST(BlendCosts, FullDepthIsTheLeastNumberOfStepsThatCostsNothing) {
-  Blend blend;
-  blend.add({}, 0, 0, 0);
-  BlendSettings settings = nothing();
-  settings.shelter = 1;
+TEST(CandidateCosts, FullDepthIsTheLeastNumberOfStepsThatCostsNothing) {
+  CostCase given;
+  given.add({}, 0, 0, 0);
+  CostWeights settings = nothing();
+  settings.edge_penalty = 1;
   for (const double spacing_m : {0.05, 0.1, 0.2, std::exp2(-1.5), 0.6, 7.0}) {
-    blend.spacing_m = spacing_m, settings.full_depth_m = 0.6;
-    const BlendCosts costs = blend.costs(settings);
+    given.spacing_m = spacing_m, settings.full_depth_m = 0.6;
+    const CandidateCosts costs = given.costs(settings);
     const uint32_t steps = costs.full_depth_steps();
     EXPECT_EQ(costs.of(0, 0, steps * steps), 0.0) << spacing_m;
     EXPECT_EQ(costs.of(0, 0, (steps + 1) * (steps + 1)), 0.0) << spacing_m;

@@ -124,13 +124,5 @@ TEST(Framing, ZoomShowsTheGroupWithItsMarginInsideTheRange) {
   EXPECT_TRUE(in_picture(pose_of({0, 0, 0}, near), lens, {-1.5, 0, -10}));
 }
 
-TEST(Framing, SettingsOutOfRangeAreNamed) {
-  EXPECT_EQ(validate(FramingSettings{.margin = 1}).error().field, "framing.margin");
-  EXPECT_EQ(validate(FramingSettings{.dead_zone = -1}).error().field, "framing.dead_zone");
-  EXPECT_EQ(validate(FramingSettings{.response_s = 9}).error().field, "framing.response_s");
-  EXPECT_EQ(validate(FramingSettings{.min_vertical_fov_rad = 1, .max_vertical_fov_rad = 0.5}).error().field,
-            "framing.max_vertical_fov_rad");
-}
-
 }  // namespace
 }  // namespace sightline

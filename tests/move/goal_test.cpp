@@ -29,12 +29,12 @@ struct Field {
     view.spacing_m = 1.0;
     return view;
   }
-  BlendCosts costs() const {
+  CandidateCosts costs() const {
     return {{.position_m = nodes.position_m,
              .hidden = nodes.hidden,
              .desired_m = desired_m,
              .former_goal_m = former_goal_m},
-            settings.blend};
+            settings.cost};
   }
 };
 
@@ -48,9 +48,9 @@ Field random_field(Draw& draw) {
   field.targets = {target};
   field.routes = random_settings(draw);
   const auto often_none = [&](double most) { return draw.in(0, 1) < 0.3 ? 0.0 : draw.in(0, most); };
-  field.settings.blend = {.hidden = often_none(80),
+  field.settings.cost = {.occlusion = often_none(80),
                           .distance = often_none(2),
-                          .shelter = often_none(2),
+                          .edge_penalty = often_none(2),
                           .full_depth_m = draw.in(0.5, 4),
                           .route = often_none(1),
                           .steadiness = often_none(2)};
@@ -126,7 +126,7 @@ TEST(Goal, OfEqualsIsTheFirst) {
   field.targets.resize(1);
   field.targets[0].weight = 1;
   field.settings.min_distance_m = 0, field.settings.min_elevation_rad = -1;
-  field.settings.blend = {.hidden = 1, .distance = 0, .shelter = 0, .route = 0};
+  field.settings.cost = {.occlusion = 1, .distance = 0, .edge_penalty = 0, .route = 0};
   Depths depths;
   RouteFinder routes;
   for (field.start = 0; field.start < 5; ++field.start) EXPECT_EQ(search(field, depths, routes).goal, 0u);

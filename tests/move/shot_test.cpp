@@ -22,7 +22,7 @@ struct Filming {
   Survey survey;
   ShotState asked, present;
   size_t former = 0;
-  SurveySettings settings{.content = -1, .hold = 0};  // no shot is good enough to be kept unweighed
+  ViewpointSearchSettings settings{.keep_shot_below = -1, .switch_margin = 0};  // no shot is good enough to be kept unweighed
   CoherenceSettings coherence;
 
   explicit Filming(std::vector<double> weights = {1.0}) {
@@ -121,11 +121,11 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
   film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
   const double worse = 0.1 / 1.1;  // all else is equal: place 70 alone hides the lighter target
   film.former = 70;
-  film.settings.hold = worse + 0.01;
+  film.settings.switch_margin = worse + 0.01;
   EXPECT_EQ(film.choose(), 70u);
-  film.settings.hold = worse - 0.01;
+  film.settings.switch_margin = worse - 0.01;
   EXPECT_NE(film.choose(), 70u);
-  film.settings.hold = 1;
+  film.settings.switch_margin = 1;
   film.former = 0;
   EXPECT_NE(film.choose(), 70u);
 }
@@ -134,7 +134,7 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
 TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   Filming film;
   film.shoot(film.survey.offset_m(86)), film.former = 186;
-  film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.content = 0.1;
+  film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.keep_shot_below = 0.1;
   film.look(0, {});
   EXPECT_EQ(film.choose(), 86u);
   film.look(0, {86});
@@ -143,7 +143,7 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
       << "weighed, and only the change counts";
   film.look(0, {86 + 20, 86 - 20});
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
-  film.settings.content = 0.6;
+  film.settings.keep_shot_below = 0.6;
   EXPECT_EQ(film.choose(), 86u);
 }
 
@@ -180,7 +180,7 @@ TEST(Shot, IsTheCheapestOfAll) {
       film.survey.learn(i, maps.maps, film.center(), 0, 0.1, 1);
     }
     film.coherence.responsiveness = random.next_unit(), film.coherence.predictive_power = random.next_unit();
-    film.settings.hold = random.next_in(0, 0.1);
+    film.settings.switch_margin = random.next_in(0, 0.1);
     film.former = random.next_below(Survey::kPlaces);
     double least = INFINITY;
     size_t best = 0;
@@ -197,7 +197,7 @@ TEST(Shot, IsTheCheapestOfAll) {
                                     .hidden_ahead = beside / sum};
       double cost = 0.5 * shot_cost(candidate, film.asked, film.targets, film.coherence) +
                     0.5 * shot_cost(candidate, film.present, film.targets, film.coherence);
-      if (place == film.former) cost -= film.settings.hold;
+      if (place == film.former) cost -= film.settings.switch_margin;
       if (cost < least - 1e-12) least = cost, best = place;
     }
     EXPECT_EQ(film.choose(), best) << "trial " << trial;

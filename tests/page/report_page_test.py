@@ -173,7 +173,7 @@ class ReportTest(Browsing):
     def test_the_settings_are_whole(self):
         self.find("#tab-settings").click()
         text = self.find("#panel-settings").text
-        for part in ("Settings in effect at the start", "Settings in effect at the end", '"max_speed_mps": 4', '"points": 8'):
+        for part in ("Settings in effect at the start", "Settings in effect at the end", "Tuning in effect at the start", '"max_speed_mps": 4', '"points": 8'):
             self.assertIn(part, text)
 
 

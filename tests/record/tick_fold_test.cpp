@@ -31,11 +31,11 @@ void set(v1::Vec3& out, double x, double y, double z) {
 }
 
 std::vector<double> flat(const StepSettings& s) {
-  const auto& b = s.move.blend;
+  const auto& b = s.move.cost;
   const auto& f = s.aggregate.filter;
   return {static_cast<double>(s.bound.mode),
           s.bound.horizon_s,
-          s.bound.towards_m,
+          s.bound.target_reach_m,
           static_cast<double>(s.sample.points),
           static_cast<double>(s.sample.resolution),
           static_cast<double>(s.aggregate.volume),
@@ -48,11 +48,11 @@ std::vector<double> flat(const StepSettings& s) {
           static_cast<double>(s.move.follow),
           s.move.max_distance_m,
           s.move.prediction_s,
-          b.hidden,
+          b.occlusion,
           b.route,
-          static_cast<double>(s.move.survey.enabled),
+          static_cast<double>(s.move.search_viewpoints),
           s.move.coherence.height,
-          s.framing.margin,
+          s.framing.framing_margin,
           s.framing.min_vertical_fov_rad,
           s.framing.max_vertical_fov_rad};
 }
@@ -229,17 +229,18 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (chance(0.2)) tick.mutable_limits()->set_max_speed_mps(dice_.next_in(1, 20));
     if (chance(0.2)) tick.mutable_limits()->set_body_radius_m(dice_.next_in(0.25, 0.5));
     v1::Settings& s = *tick.mutable_settings();
-    if (chance(0.2)) s.set_preset(chance(0.5) ? v1::Settings::PAPER : v1::Settings::SIGHTLINE);
-    if (chance(0.2)) s.mutable_bound()->set_horizon_s(dice_.next_in(0.1, 1));
-    if (chance(0.2)) s.mutable_sample()->set_resolution(2 + dice_.next_below(9));
-    if (chance(0.2)) s.mutable_aggregate()->set_candidates(27 + dice_.next_below(300));
-    if (chance(0.2)) s.mutable_aggregate()->mutable_filter()->set_hold_s(dice_.next_in(0, 1));
-    if (chance(0.2)) s.mutable_move()->set_strategy(chance(0.5) ? v1::Move::BASIC : v1::Move::BLEND);
-    if (chance(0.2)) s.mutable_move()->mutable_blend()->set_hidden(dice_.next_in(0, 100));
-    if (chance(0.2)) s.mutable_framing()->set_margin(dice_.next_in(0, 0.5));
+    tuning::v1alpha1::Tuning& t = *tick.mutable_tuning();
+    if (chance(0.2)) s.set_preset(chance(0.5) ? v1::Settings::PRESET_PAPER : v1::Settings::PRESET_SIGHTLINE);
+    if (chance(0.2)) t.mutable_bound()->set_horizon_s(dice_.next_in(0.1, 1));
+    if (chance(0.2)) t.mutable_sample()->set_resolution(2 + dice_.next_below(9));
+    if (chance(0.2)) t.mutable_aggregate()->set_candidates(27 + dice_.next_below(300));
+    if (chance(0.2)) t.mutable_aggregate()->mutable_filter()->set_hold_s(dice_.next_in(0, 1));
+    if (chance(0.2)) t.mutable_move()->set_strategy(chance(0.5) ? tuning::v1alpha1::STRATEGY_BASIC : tuning::v1alpha1::STRATEGY_MIN_COST);
+    if (chance(0.2)) t.mutable_move()->mutable_cost()->set_occlusion(dice_.next_in(0, 100));
+    if (chance(0.2)) s.set_framing_margin(dice_.next_in(0, 0.5));
     if (chance(0.1)) {
-      s.mutable_framing()->set_min_vertical_fov_rad(dice_.next_in(0.4, 0.6));
-      s.mutable_framing()->set_max_vertical_fov_rad(dice_.next_in(0.7, 0.8));
+      s.set_min_vertical_fov_rad(dice_.next_in(0.4, 0.6));
+      s.set_max_vertical_fov_rad(dice_.next_in(0.7, 0.8));
     }
   }
 

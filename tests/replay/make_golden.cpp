@@ -15,16 +15,16 @@ namespace {
 // Turns, a merged tick now and then, a cut, other settings and a lower speed on the way: all that a tick can say of a step.
 test::RecordedHallOptions golden_options() {
   test::RecordedHallOptions options{.ticks = 120, .merge_every = 7};
-  options.settings.mutable_sample()->set_points(2);
+  options.tuning.mutable_sample()->set_points(2);
   options.change = [](int i, const v1::CameraReply&, v1::Tick& tick) {
     if (i == 40) {
       tick.mutable_observed_camera()->mutable_pose()->mutable_position()->set_y(3.0);
       tick.mutable_observed_camera()->mutable_pose()->mutable_rotation()->set_w(1.0);
       tick.mutable_observed_camera()->set_cut(true);
     }
-    if (i == 60) tick.mutable_settings()->mutable_aggregate()->mutable_filter()->set_mode(v1::Filter::JOINT);
+    if (i == 60) tick.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_mode(tuning::v1alpha1::FILTER_MODE_JOINT);
     if (i == 80) tick.mutable_limits()->set_max_speed_mps(2.0);
-    if (i == 100) tick.mutable_settings()->set_preset(v1::Settings::PAPER);
+    if (i == 100) tick.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
   };
   return options;
 }

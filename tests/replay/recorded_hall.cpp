@@ -19,6 +19,7 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
   const std::string scene_hash = to_hex((*asset)->hash);
   v1::OpenSession open = open_request(*scenario, scene_hash, options.seed);
   *open.mutable_settings() = options.settings;
+  *open.mutable_tuning() = options.tuning;
   if (options.change_open) options.change_open(open);
   auto session = LocalSession::open(open, world);
   EXPECT_TRUE(session.has_value());

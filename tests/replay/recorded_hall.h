@@ -19,6 +19,7 @@ struct RecordedHallOptions {
   int quality_level = 0;  // of every step
   bool attach_scene = true;
   v1::Settings settings = {};
+  tuning::v1alpha1::Tuning tuning = {};
   // Changes the opening, and tick i before it is told and recorded, given the newest reply. A tick that is then refused is
   // recorded with its refusal, and gets no step.
   std::function<void(v1::OpenSession&)> change_open = {};

@@ -19,11 +19,11 @@ using test::record_hall;
 using test::RecordedHall;
 using test::Replayed;
 
-// The light settings: what is shown does not depend on how much a step looks at.
-v1::Settings light() {
-  v1::Settings settings;
-  settings.mutable_sample()->set_points(1);
-  return settings;
+// Light tuning: what is shown does not depend on how much a step looks at.
+tuning::v1alpha1::Tuning light() {
+  tuning::v1alpha1::Tuning tuning;
+  tuning.mutable_sample()->set_points(1);
+  return tuning;
 }
 
 Replayed replay_at(const std::string& address, const RecordedHall& hall,
@@ -34,7 +34,7 @@ Replayed replay_at(const std::string& address, const RecordedHall& hall,
 }
 
 TEST(ReplayAtDaemon, ThreadsChangeNoBit) {
-  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .settings = light()});
+  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .tuning = light()});
   for (const char* threads : {"1", "2"}) {
     const DaemonProcess daemon({"--sampler", "embree", "--threads", threads});
     const Replayed replayed = replay_at(daemon.address(), hall);
@@ -63,7 +63,7 @@ TEST(ReplayAtDaemon, MergesAndEconomyAreThoseOfTheRecording) {
 TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
   const RecordedHall hall = record_hall(
       *make_embree_sampler_device(),
-      {.ticks = 60, .settings = light(), .change = [](int i, const v1::CameraReply&, v1::Tick& tick) {
+      {.ticks = 60, .tuning = light(), .change = [](int i, const v1::CameraReply&, v1::Tick& tick) {
          if (i % 10 == 5) tick.mutable_transforms()->add_ids(77);
        }});
   const DaemonProcess daemon;
@@ -74,7 +74,7 @@ TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
 
 // What the daemon answered before it was killed and what its successor answers are one chain.
 TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
-  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .settings = light()});
+  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .tuning = light()});
   test::TemporaryFolder folder;
   const std::string socket = folder / "daemon.sock";
   const auto start = [&] {
@@ -98,7 +98,7 @@ TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
 }
 
 TEST(ReplayAtDaemon, ThatStaysAwayIsAnErrorThatSaysSo) {
-  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 20, .settings = light()});
+  const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 20, .tuning = light()});
   const Recording recording = open_recording(hall.bytes);
   DaemonProcess daemon;
   auto place = connect_place(daemon.address(), 1s);

@@ -342,10 +342,10 @@ TEST_F(ReplayCommand, OtherSettingsShowBothRunsAndTheTruth) {
 
 TEST_F(ReplayCommand, WrongSettingsAndFilesAreNamed) {
   const std::string file = keep("hall.mcap", record_hall(*sampler_, {.ticks = 2}).bytes);
-  EXPECT_NE(run({.file = file, .set = {"aggregate.filter.m=10"}}), 0);
+  EXPECT_NE(run({.file = file, .set = {"tuning.aggregate.filter.m=10"}}), 0);
   EXPECT_THAT(err_.str(),
-              HasSubstr("aggregate.filter.m: there is no \"m\" here, only: mode, alpha, n, window_s"));
-  EXPECT_NE(run({.file = file, .set = {"sample.points=99"}}), 0);
+              HasSubstr("tuning.aggregate.filter.m: there is no \"m\" here, only: mode, alpha, n, window_s"));
+  EXPECT_NE(run({.file = file, .set = {"tuning.sample.points=99"}}), 0);
   EXPECT_THAT(err_.str(), HasSubstr("sample.points"));
   EXPECT_NE(run({.file = keep("nothing.mcap", "nothing")}), 0);
   EXPECT_THAT(err_.str(), HasSubstr("nothing.mcap"));

@@ -2,7 +2,7 @@
 // is nearly always the same; over many steps small differences may grow, as they do between two seeds.
 #include <gtest/gtest.h>
 
-#include "client/evaluate/metrics.h"
+#include "client/truth/metrics.h"
 #include "server/gl/software_renderer.h"
 #include "server/sample/sampler_choice.h"
 #include "tests/replay/recorded_hall.h"

@@ -37,7 +37,7 @@ class Yard {
     open.add_targets()->set_id(kYardSecond);
     const Pose camera{{0, 3, 12}, look_rotation({0, -0.15, -1}, {0, 1, 0}, {1, 0, 0})};
     set_pose(camera_to_client(c_, camera), open.mutable_camera());
-    open.mutable_settings()->mutable_sample()->set_points(static_cast<uint32_t>(options_.points));
+    open.mutable_tuning()->mutable_sample()->set_points(static_cast<uint32_t>(options_.points));
     open.mutable_diagnostics()->set_candidates(options_.candidates);
     return open;
   }
@@ -71,7 +71,7 @@ class Yard {
       change.mutable_attributes()->set_visible(i == kYardPillarShows);
     }
     if (i == kYardSettings) {
-      tick.mutable_settings()->mutable_move()->set_response_s(0.3);
+      tick.mutable_settings()->set_move_response_s(0.3);
       tick.mutable_limits()->set_max_speed_mps(4.0);
     }
   }

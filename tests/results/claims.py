@@ -1,10 +1,10 @@
-"""What the results are held against. A claim is computed from the tables alone; nothing here knows an outcome."""
+"""The claims about the results. A claim is computed from the tables alone; no outcome is written down here."""
 import collections
 import operator
 
 from figures import (distinct, find, mean, number, over_seeds, percent, select, total, weighted_mean)
 
-# `holds` is None where the tables do not have what it needs.
+# `holds` is None where the tables lack a figure that the claim needs.
 Claim = collections.namedtuple("Claim", "text holds figure")
 
 RIVALS = ("follow", "spring-arm", "raycast", "paper")
@@ -16,7 +16,7 @@ def verdict(claim):
 
 
 def claim_if(text, needed, test, figure):
-    """A claim on figures of which any may be missing."""
+    """A claim about figures, any of which may be missing."""
     if any(value is None for value in needed):
         return Claim(text, None, MISSING)
     return Claim(text, bool(test(*needed)), figure(*needed))
@@ -45,7 +45,7 @@ def _default_stability_claims(table3):
     return [
         claim_if("Default: d_c falls at least as much as with 6/10", ratios, lambda own, other: own >= other,
                  lambda own, other: f"{number(own, 2)} times against {number(other, 2)}, medians"),
-        claim_if("Default: mean reaction to a lasting occlusion below 0.35 s", [reaction], lambda s: s < 0.35,
+        claim_if("Default: mean reaction to a sustained occlusion below 0.35 s", [reaction], lambda s: s < 0.35,
                  lambda s: f"{number(s, 3)} s over {int(default['occlusions'])} occlusions"),
     ]
 
@@ -80,7 +80,7 @@ def rounds_to_zero(share):
 
 
 def order_claim(table2):
-    """No two of the paper's rows the other way round than the paper has them; equal ones count as kept."""
+    """No two of the paper's rows are in the opposite order here; equal ones count as kept."""
     rows = [row for row in table2 if row["paper_r_n"] is not None]
     text = "The rows come in the paper's order by r_N"
     if not rows or any(row["r_n_mean"] is None for row in rows):
@@ -119,7 +119,7 @@ def scene_claims(runs):
     for name, text in (("body_collisions", "no frame in which the body touches a collider"),
                        ("limit_violations", "no frame that breaks a motion limit"), ("pops", "no pop")):
         claims.append(_none_of(runs, name, text))
-    return claims + [_word_claim(runs)]
+    return claims + [_report_claim(runs)]
 
 
 def _own(runs):
@@ -127,7 +127,7 @@ def _own(runs):
 
 
 def _in_scenes(text, scenes, failing, equal=()):
-    """`failing`, `equal`: a text for each scene where it is not so, and where neither is better."""
+    """`failing`: a text for each scene where the claim fails; `equal`: one for each scene where neither is better."""
     if not scenes:
         return Claim(text, None, MISSING)
     figure = f"in {len(scenes) - len(failing) - len(equal)} of {len(scenes)} scenes"
@@ -139,7 +139,7 @@ def _in_scenes(text, scenes, failing, equal=()):
 
 
 def _against(runs, rival, name, what, better, best, show):
-    """By the means over seeds. Where both are as good as can be the claim counts as kept; another tie does not."""
+    """Compares means over seeds. A tie counts as kept only where both are as good as possible."""
     failing, equal, scenes = [], [], []
     for scene in distinct(_own(runs), "scene"):
         own, other = (mean(select(runs, scene=scene, policy=policy), name) for policy in ("sightline", rival))
@@ -159,8 +159,8 @@ def _none_of(runs, name, text):
     return _in_scenes(f"Every scene: {text}", scenes, [f"{scene} ({int(n)})" for scene, n in counts.items() if n])
 
 
-def _word_claim(runs):
-    errors = {scene: weighted_mean(select(_own(runs), scene=scene), "filtered_share_error", "word_pairs")
+def _report_claim(runs):
+    errors = {scene: weighted_mean(select(_own(runs), scene=scene), "filtered_share_error", "reported_pairs")
               for scene in distinct(_own(runs), "scene")}
     errors = {scene: error for scene, error in errors.items() if error is not None}
     return _in_scenes("Every scene: mean absolute error of the filtered share at most 0.05", list(errors),

@@ -10,7 +10,7 @@ def read_table(path):
 
 
 def write_table(path, columns, rows):
-    """Numbers to six significant digits: a table that is kept stays small, and what is shown is made from what is kept."""
+    """Numbers have six significant digits, which keeps the table small; the page is made from the written table."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
@@ -28,18 +28,18 @@ def select(rows, **wanted):
 
 
 def distinct(rows, name):
-    """The values of a column, each once, in the order in which they come."""
+    """The distinct values of a column, in the order of their first row."""
     return list(dict.fromkeys(row[name] for row in rows))
 
 
 def mean(rows, name):
-    """Over the rows that have the figure; None when none has."""
+    """The mean over the rows that have the figure; None when no row has it."""
     values = [row[name] for row in rows if row[name] is not None]
     return sum(values) / len(values) if values else None
 
 
 def weighted_mean(rows, name, weight):
-    """Each row counted as often as its column `weight` says; None when that is never."""
+    """The mean with each row weighted by its column `weight`; None when all weights are 0."""
     pairs = [(row[name], row[weight]) for row in rows if row[name] is not None and row[weight]]
     total = sum(count for _, count in pairs)
     return sum(value * count for value, count in pairs) / total if total else None
@@ -60,7 +60,7 @@ def percent(share, digits=2):
 
 
 def between(least, most, digits, scale=1.0):
-    """A spread: "(least to most)"; nothing when both read the same."""
+    """A spread " (least to most)", or "" when both read the same."""
     if least is None or most is None:
         return ""
     low, high = number(scale * least, digits), number(scale * most, digits)
@@ -68,14 +68,14 @@ def between(least, most, digits, scale=1.0):
 
 
 def over_seeds(row, name, digits, scale=1.0):
-    """Median and spread of a figure of the paper's tables."""
+    """Median and spread of a figure in the paper's tables."""
     if row[name + "_median"] is None:
         return ""
     return number(scale * row[name + "_median"], digits) + between(row[name + "_least"], row[name + "_most"], digits, scale)
 
 
 def markdown(head, rows):
-    """A table; a column whose name begins with < is set left, the others right."""
+    """A Markdown table. A column whose name begins with < is aligned left, the others right."""
     names = [name.lstrip("<") for name in head]
     rule = ["---" if name.startswith("<") else "--:" for name in head]
     lines = [names, rule] + [[str(cell) for cell in row] for row in rows]

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes the results page again: builds, plays the paper's tables and all scenes, and writes README.md, CSVs and plots here.
+# Makes the results page: builds, plays the paper's tables and all scenes, and writes README.md, CSV files and plots into this folder.
 #   tests/results/make.sh            # five seeds; 15 to 20 minutes on two cores that have nothing else to do
-#   tests/results/make.sh --quick    # one seed, fewer frames, into out/results/quick instead of here; for trying
-#   SIGHTLINE=path/to/sightline tests/results/make.sh   # with this program, without building
+#   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
+#   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -14,24 +14,42 @@ case "${1:-}" in
 esac
 raw=out/results/raw
 
-if [ -z "${SIGHTLINE:-}" ]; then
+if [ -z "${SIGHTLINE_BIN:-}" ]; then
   deploy/install-packages.sh build
   cmake --preset release >/dev/null
-  cmake --build --preset release --parallel "$(nproc)" --target sightline
-  SIGHTLINE=build/release/bin/sightline
+  cmake --build --preset release --parallel "$(nproc)" --target sightline step_bench
+  SIGHTLINE_BIN=build/release/bin
 fi
 
-paper=(evaluate --suite paper --seeds "$seeds" --rate "$rate" --truth-every "$paper_every" --frames "$frames")
-scenes=(evaluate --suite scenes --seeds "$seeds" --rate "$rate" --truth-every "$scenes_every")
-for policy in follow spring-arm raycast paper sightline; do scenes+=(--policy "$policy"); done
+# The lines of paper_settings.txt whose names match, as flags.
+settings=() shown=""
+paper_settings() {
+  settings=() shown=""
+  while IFS= read -r line; do settings+=(--settings "$line"); done < <(grep -E "^($1)" tests/results/paper_settings.txt)
+  shown="--settings <each of $1 in paper_settings.txt>"
+}
+commands=""
+# Folder below $raw, then the flags that the page shows.
+evaluate() {
+  local folder=$1
+  shift
+  "$SIGHTLINE_BIN/sightline" evaluate --seeds "$seeds" --rate "$rate" "$@" "${settings[@]}" --out "$raw/$folder" >"$raw/$folder.txt"
+  commands+="sightline evaluate --seeds $seeds --rate $rate $* $shown"$'\n'
+}
 
-rm -rf "$raw"
+rm -rf "$raw" && mkdir -p "$raw"
 SECONDS=0
-"$SIGHTLINE" "${paper[@]}" --out "$raw/paper"
-"$SIGHTLINE" "${scenes[@]}" --out "$raw/scenes" >/dev/null
+# First, while nothing else runs.
+"$SIGHTLINE_BIN/step_bench" --frames "$frames" --csv "$raw/table1.csv"
+commands+="step_bench --frames $frames"$'\n'
+paper_settings 'basic|robust'
+evaluate hall --scene hall --truth-every "$paper_every" --policy follow --policy spring-arm --policy raycast --policy sightline
+paper_settings 'stability'
+evaluate fence --scene fence --scene fence-board --truth-every "$paper_every" --policy sightline
+settings=() shown=""
+evaluate scenes --truth-every "$scenes_every"
 minutes=$(((SECONDS + 59) / 60))
 
-python3 tests/results/make_page.py "$page" --paper "$raw/paper" --scenes "$raw/scenes" \
-  --how "paper_command=sightline ${paper[*]}" --how "scenes_command=sightline ${scenes[*]}" --how "rate_hz=$rate" \
-  --how "seeds=$seeds" --how "paper_every=$paper_every" --how "scenes_every=$scenes_every" --how "minutes=$minutes" --how "cores=$(nproc)"
+python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds" \
+  --how "paper_every=$paper_every" --how "scenes_every=$scenes_every" --how "minutes=$minutes" --how "cores=$(nproc)"
 echo "The page is $page/README.md"

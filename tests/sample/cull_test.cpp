@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <set>
+#include <tuple>
 
 #include "server/sample/occluder_tree.h"
 #include "server/sample/sample_search.h"
@@ -111,7 +112,7 @@ struct Case {
   MapView view;
   DrawList list;
 
-  Case(uint64_t seed, Detail detail) {
+  explicit Case(uint64_t seed) {
     SceneMaker maker(seed);
     const uint32_t count = 1 + maker.random().next_below(20);
     EXPECT_TRUE(mirror.apply(maker.scene(count), {}));
@@ -119,12 +120,11 @@ struct Case {
     view = maker.view();
     OccluderTable table;
     table.take_in(mirror, 0.0);
-    SampleSearch().append_map(table, mirror, {.view = view}, detail, list);
+    SampleSearch().append_map(table, mirror, {.view = view}, list);
   }
   bool draws(uint32_t slot, uint32_t first_index) const {
-    return std::ranges::any_of(list.parts, [&](const DrawPart& part) {
-      return list.instances[part.instance].slot == slot && first_index >= part.first_index &&
-             first_index < part.first_index + part.index_count;
+    return std::ranges::any_of(list.triangles, [&](const TriangleDraw& triangle) {
+      return list.instances[triangle.instance].slot == slot && triangle.first_index == first_index;
     });
   }
 };
@@ -155,7 +155,7 @@ void for_each_occluding_triangle(const SceneMirror& mirror, const Visit& visit) 
 TEST(SampleSearchTest, TheNearestTriangleOfEverySampleIsDrawnAndLittleElse) {
   size_t seen = 0, drawn = 0, all = 0, samples = 0;
   for (uint64_t seed = 0; seed < 150; ++seed) {
-    const Case one(seed, Detail::kTriangles);
+    const Case one(seed);
     std::vector<Nearest> nearest(static_cast<size_t>(one.view.width) * one.view.height);
     for_each_occluding_triangle(one.mirror, [&](uint32_t slot, uint32_t first_index, const auto& corner) {
       ++all;
@@ -170,7 +170,7 @@ TEST(SampleSearchTest, TheNearestTriangleOfEverySampleIsDrawnAndLittleElse) {
       ++seen;
       ASSERT_TRUE(one.draws(n.slot, n.first_index)) << seed;
     }
-    drawn += one.list.triangle_count;
+    drawn += one.list.triangles.size();
     samples += nearest.size();
   }
   EXPECT_GT(seen, samples / 10);
@@ -178,57 +178,23 @@ TEST(SampleSearchTest, TheNearestTriangleOfEverySampleIsDrawnAndLittleElse) {
   EXPECT_LT(drawn, all / 3);
 }
 
-TEST(SampleSearchTest, ALeftOutClusterCoversNoSample) {
-  size_t left_out = 0, drawn = 0;
-  for (uint64_t seed = 500; seed < 600; ++seed) {
-    const Case one(seed, Detail::kClusters);
-    for_each_occluding_triangle(one.mirror, [&](uint32_t slot, uint32_t first_index, const auto& corner) {
-      if (one.draws(slot, first_index)) {
-        ++drawn;
-        return;
-      }
-      ++left_out;
-      for (int y = 0; y < one.view.height; ++y)
-        for (int x = 0; x < one.view.width; ++x)
-          ASSERT_TRUE(std::isinf(depth_of(one.view, x, y, corner))) << seed;
-    });
-  }
-  EXPECT_GT(left_out, 20000u);
-  EXPECT_GT(drawn, 5000u);
-}
-
-TEST(SampleSearchTest, PartsStandMapByMapInTheOrderOfSlotsAndCountTheirTriangles) {
+TEST(SampleSearchTest, TrianglesStandMapByMapInTheOrderOfSlots) {
   SceneMaker maker(3);
   SceneMirror mirror;
   ASSERT_TRUE(mirror.apply(maker.scene(30), {}));
   OccluderTable table;
   table.take_in(mirror, 0.0);
-  for (const Detail detail : {Detail::kTriangles, Detail::kClusters}) {
-    DrawList list;
-    SampleSearch search;
-    for (int i = 0; i < 5; ++i) search.append_map(table, mirror, {.view = maker.view()}, detail, list);
-    ASSERT_EQ(list.end_part_of_map.size(), 5u);
-    uint32_t triangles = 0;
-    for (uint32_t map = 0; map < 5; ++map)
-      for (uint32_t p = list.first_part(map); p < list.end_part_of_map[map]; ++p) {
-        const DrawPart& part = list.parts[p];
-        EXPECT_EQ(part.first_triangle, triangles);
-        for (uint32_t t = 0; t < part.index_count / 3; ++t) {
-          const DrawnTriangle found = find_triangle(list, triangles + t);
-          EXPECT_EQ(found.instance, &list.instances[part.instance]);
-          EXPECT_EQ(found.first_index, part.first_index + 3 * t);
-        }
-        triangles += part.index_count / 3;
-        EXPECT_EQ(list.instances[part.instance].map, map);
-        if (p == list.first_part(map)) continue;
-        const DrawPart& before = list.parts[p - 1];
-        const uint32_t slot = list.instances[part.instance].slot,
-                       slot_before = list.instances[before.instance].slot;
-        EXPECT_TRUE(slot_before < slot || (slot_before == slot && before.first_index < part.first_index));
-      }
-    EXPECT_EQ(list.triangle_count, triangles);
-    EXPECT_GT(triangles, 100u);
-  }
+  DrawList list;
+  SampleSearch search;
+  for (int i = 0; i < 5; ++i) search.append_map(table, mirror, {.view = maker.view()}, list);
+  EXPECT_EQ(list.map_count, 5u);
+  EXPECT_GT(list.triangles.size(), 100u);
+  const auto place = [&](const TriangleDraw& triangle) {
+    const InstanceDraw& instance = list.instances[triangle.instance];
+    return std::tuple(instance.map, instance.slot, triangle.first_index);
+  };
+  for (size_t i = 1; i < list.triangles.size(); ++i)
+    EXPECT_LT(place(list.triangles[i - 1]), place(list.triangles[i])) << i;
 }
 
 // Walls behind walls: what stands behind the first is not even opened, however much it is.
@@ -245,9 +211,9 @@ TEST(SampleSearchTest, WhatIsHiddenCostsNothingToDraw) {
   OccluderTable table;
   table.take_in(mirror, 0.0);
   DrawList list;
-  SampleSearch().append_map(table, mirror, {.view = view}, Detail::kTriangles, list);
+  SampleSearch().append_map(table, mirror, {.view = view}, list);
   for (const InstanceDraw& draw : list.instances) EXPECT_EQ(draw.slot, *mirror.slot_of(1));
-  EXPECT_LE(list.triangle_count, 2u);
+  EXPECT_LE(list.triangles.size(), 2u);
 }
 
 void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, const SceneMirror& mirror,

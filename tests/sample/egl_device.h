@@ -14,18 +14,17 @@ struct EglForTests {
   std::string why_not;
 };
 
-// One way to take maps by default, so that a test does not depend on what is measured.
-inline EglForTests make_egl_for_tests(const EglOptions& options = {.variant = EglVariant{}}) {
+inline EglForTests make_egl_for_tests() {
   prepare_software_rendering();
-  auto device = make_egl_sampler_device(options);
+  auto device = make_egl_sampler_device({});
   if (!device) return {nullptr, to_string(device.error())};
   return {std::move(*device), ""};
 }
 
 }  // namespace sightline::test
 
-// At the start of a test body: declares it under `name`, or skips. Options may follow.
-#define SIGHTLINE_EGL_DEVICE_OR_SKIP(name, ...)                                           \
-  auto egl_for_tests = ::sightline::test::make_egl_for_tests(__VA_ARGS__);                \
+// At the start of a test body: declares the device under `name`, or skips the test.
+#define SIGHTLINE_EGL_DEVICE_OR_SKIP(name)                                                \
+  auto egl_for_tests = ::sightline::test::make_egl_for_tests();                           \
   if (!egl_for_tests.device) GTEST_SKIP() << "no EGL context: " << egl_for_tests.why_not; \
   ::sightline::EglSamplerDevice& name = *egl_for_tests.device

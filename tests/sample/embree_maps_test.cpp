@@ -123,12 +123,12 @@ TEST_F(EmbreeMapsTest, ShowManyMoversAsBruteForceDoes) {
 }
 
 TEST_F(EmbreeMapsTest, AreTheSameBitsOnAnyNumberOfHandsWhileTheSceneChanges) {
-  const auto with_hands = make_embree_sampler_device(3);
+  const auto with_threads = make_embree_sampler_device(3);
   for (uint64_t seed = 500; seed < 506; ++seed) {
     SceneMaker maker(seed);
     SceneMirror mirror;
     ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
-    const auto alone = device_->make_sampler(), together = with_hands->make_sampler();
+    const auto alone = device_->make_sampler(), together = with_threads->make_sampler();
     std::vector<DepthMap> want, maps;
     for (int round = 0; round < 30; ++round) {
       const Requests requests(maker, mirror.instances().size(), round % 3 == 0 ? 3 : 60, 0.3);

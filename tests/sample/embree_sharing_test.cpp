@@ -1,4 +1,4 @@
-// What sessions of one Embree device share, and that none sees what another changes.
+// Sessions of one Embree device share scenes, and no session sees the changes of another.
 #include <gtest/gtest.h>
 
 #include <algorithm>

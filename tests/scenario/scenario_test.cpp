@@ -21,7 +21,7 @@ Json role(const std::string& name) {
   return {{"sightline", {{"role", name}}}};
 }
 
-// A hand-made asset: a camera and whatever nodes a test adds.
+// A hand-made asset: a camera and the nodes that a test adds.
 struct Asset {
   std::shared_ptr<SceneAsset> asset = std::make_shared<SceneAsset>();
 

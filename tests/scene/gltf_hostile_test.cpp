@@ -1,4 +1,4 @@
-// Files that nobody means well with. The property: an Error that names the place, no crash, no more memory
+// Hostile files. The property: an Error that names the place, no crash, no more memory
 // than the limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -372,7 +372,7 @@ TEST(MirrorIdentity, IsUnique) {
   EXPECT_NE(SceneMirror().identity(), SceneMirror().identity());
 }
 
-// Random walks of a mirror, told in any order.
+// Random walks of a mirror, in any order.
 TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   std::vector<NewInstance> all;
@@ -414,7 +414,7 @@ TEST(MirrorHash, IsTheSameAfterAWayThereAndBack) {
   EXPECT_EQ(mirror.hash(), 0u);
 }
 
-// What a mirror should hold, kept as plainly as can be, and the next random message for both.
+// A plain reference for a mirror, and the next random message for both.
 struct Model {
   std::map<uint64_t, NewInstance> by_id;
   CounterRandom random{3, 0, RandomPurpose::kTest};

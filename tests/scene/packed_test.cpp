@@ -475,7 +475,7 @@ TEST(Draco, EveryTruncationOfAStreamIsAnError) {
   }
 }
 
-// The head of the connectivity says how many triangles follow; a stream of some hundred bytes claims millions, and its
+// The head of the connectivity says how many triangles follow; a stream of about a hundred bytes claims millions, and its
 // accessors agree.
 TEST(Draco, ClaimedSizesAreLimitedBeforeTheyAreBelieved) {
   PackedFile file;

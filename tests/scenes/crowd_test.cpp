@@ -30,7 +30,7 @@ glm::dvec3 place(const Stage& stage, const Role& role, double time_s) {
   return stage.pose_of(role, time_s).position_m;
 }
 
-// Everybody's place at a time, the targets' first.
+// The positions of all people at a time, the targets first.
 std::vector<glm::dvec3> places(const Stage& stage, double time_s) {
   std::vector<glm::dvec3> all;
   for (const char* kind : {"target", "occluder"})

@@ -18,7 +18,7 @@ glm::ivec2 room_at(const glm::dvec3& p) {
   return {static_cast<int>(p.x / 6), static_cast<int>(p.z / 6)};
 }
 
-// How often somebody who walks where the second target was `behind_s` ago, 0.25 m in radius, runs into a wall
+// How often a follower of 0.25 m radius, at the second target's position of `behind_s` ago, runs into a wall
 // or door that they were clear of before.
 int times_cut_off(const std::vector<std::byte>& bytes, double behind_s) {
   Stage stage(bytes);
@@ -51,7 +51,7 @@ TEST_P(Doors, StayOpenLongerWhenTold) {
 }
 
 // Between the room that the targets have just left and the one that they are in: shut 2 s after the second
-// passed, unless somebody comes back.
+// passed, unless a target comes back.
 TEST_P(Doors, CloseBehindBothTargets) {
   Stage stage(make_doors({.seed = GetParam()}));
   EmbreeDevice device;

@@ -235,7 +235,7 @@ TEST(Fence, MovesToAndFroBetweenTheCameraAndTheTargets) {
   EXPECT_LE(turns, 17);
 }
 
-// Whether the camera sees both targets, each by one point of its body: (x, y) from its feet.
+// True when the camera sees both targets, each by one point of its body: (x, y) from its feet.
 bool both_seen(const Stage& stage, const EmbreeScene& occluders, double time_s, const glm::dvec2& point_m) {
   const glm::dvec3 eye = stage.pose_of(stage.with_role("camera")[0], 0).position_m;
   for (const Role& role : stage.with_role("target")) {

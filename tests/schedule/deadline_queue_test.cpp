@@ -32,7 +32,7 @@ TEST(DeadlineQueue, TheEarliestDeadlineGoesFirst) {
   for (Flow& flow : flows) {
     deadlines.push_back(1 + random.next_below(50) * kMs);  // many equal ones
     queue.push(flow, deadlines.back());
-    queue.charge(flow, random.next_below(100) * kMs, kLateNever);  // says nothing while nobody is late
+    queue.charge(flow, random.next_below(100) * kMs, kLateNever);  // costs do not matter while no deadline is missed
     expected.push_back(&flow);
   }
   std::stable_sort(expected.begin(), expected.end(), [&](const Flow* a, const Flow* b) {
@@ -43,7 +43,7 @@ TEST(DeadlineQueue, TheEarliestDeadlineGoesFirst) {
   EXPECT_EQ(queue.pop(kLateNever), nullptr);
 }
 
-TEST(DeadlineQueue, OnceSomebodyIsLateTheLeastServedGoesFirst) {
+TEST(DeadlineQueue, AfterAMissedDeadlineTheLeastServedGoesFirst) {
   DeadlineQueue queue;
   Flow much, little, none;
   for (auto [flow, cost] : {std::pair(&much, 9 * kMs), std::pair(&little, 2 * kMs)}) {
@@ -92,7 +92,7 @@ enum class Policy { kQueue, kFirstCome };
 
 struct Player {
   int64_t interval_ns, cost_ns, phase_ns;
-  // What came of it:
+  // Results:
   uint64_t steps = 0, late = 0;
   int64_t used_ns = 0, longest_wait_ns = 0;
 
@@ -183,7 +183,7 @@ std::vector<Player> what_just_fits() {
   return players;
 }
 
-TEST(DeadlineQueue, NobodyIsLateWhileEverythingFits) {
+TEST(DeadlineQueue, NoDeadlineIsMissedWhileEverythingFits) {
   std::vector<Player> players = what_just_fits(), first_come = what_just_fits();
   Machine(players, 1).run(2000 * kMs);
   for (const Player& player : players) EXPECT_EQ(player.late, 0u);
@@ -208,8 +208,8 @@ TEST_P(Overload, EqualSessionsGetEqualSharesOfThreeTimesTooMuch) {
   }
 }
 
-// By deadlines alone whoever ticks fastest is always the most urgent.
-TEST_P(Overload, AGreedySessionTakesNothingFromThoseWhoAskForLittle) {
+// By deadlines alone the session that ticks fastest would always be the most urgent.
+TEST_P(Overload, AGreedySessionTakesNothingFromThoseThatAskForLittle) {
   const unsigned threads = GetParam();
   std::vector<Player> players;
   for (unsigned i = 0; i < threads; ++i) players.push_back({kMs, 5 * kMs, 0});  // five times a thread each
@@ -238,7 +238,7 @@ TEST_P(Overload, HugeStepsDelayTheOthersByOneOfThemAndNoMore) {
 
 INSTANTIATE_TEST_SUITE_P(Threads, Overload, testing::Values(1u, 2u, 4u));
 
-TEST(DeadlineQueue, NobodySavesUpAClaim) {
+TEST(DeadlineQueue, ASilentSessionSavesUpNoClaim) {
   std::vector<Player> players;
   for (int i = 0; i < 3; ++i) players.push_back({4 * kMs, 4 * kMs, 0});
   players.push_back({4 * kMs, 4 * kMs, 2000 * kMs});  // silent for two seconds

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-constexpr std::chrono::seconds kPatience{30};
+constexpr std::chrono::seconds kTimeout{30};
 
 // Takes nothing, and remembers which jobs came together.
 class CountingDevice final : public SamplerDevice {
@@ -45,8 +45,8 @@ class CountingDevice final : public SamplerDevice {
   std::atomic<bool> throws_{false};
 };
 
-// What happened, in order.
-class Diary {
+// A log of events, in order.
+class EventLog {
  public:
   void note(const std::string& entry) {
     const std::lock_guard lock(mutex_);
@@ -55,7 +55,7 @@ class Diary {
   }
   std::vector<std::string> after(size_t entries) {
     std::unique_lock lock(mutex_);
-    EXPECT_TRUE(changed_.wait_for(lock, kPatience, [&] { return entries_.size() >= entries; }));
+    EXPECT_TRUE(changed_.wait_for(lock, kTimeout, [&] { return entries_.size() >= entries; }));
     return entries_;
   }
 
@@ -68,24 +68,24 @@ class Diary {
 // Asks for `requests` maps, and notes "<name> planned" and "<name> ok", "failed" or "thrown".
 class Task : public Scheduled {
  public:
-  Task(Diary& diary, std::string name, size_t requests)
-      : diary_(diary), name_(std::move(name)), requests_(requests) {}
+  Task(EventLog& events, std::string name, size_t requests)
+      : events_(events), name_(std::move(name)), requests_(requests) {}
 
   TakeJob plan() override {
-    diary_.note(name_ + " planned");
+    events_.note(name_ + " planned");
     return {.requests = requests_, .taken = {}};
   }
   void finish(const TakenMaps& taken) override {
-    diary_.note(name_ + (taken.trouble ? " thrown" : taken.status ? " ok" : " failed"));
+    events_.note(name_ + (taken.trouble ? " thrown" : taken.status ? " ok" : " failed"));
   }
 
  private:
-  Diary& diary_;
+  EventLog& events_;
   const std::string name_;
   const std::vector<MapRequest> requests_;
 };
 
-// Holds a thread of the scheduler until it is told.
+// Holds a thread of the scheduler until it is pulled.
 class Plug final : public Scheduled {
  public:
   TakeJob plan() override {
@@ -98,7 +98,7 @@ class Plug final : public Scheduled {
   void finish(const TakenMaps&) override {}
   void wait_until_it_holds() {
     std::unique_lock lock(mutex_);
-    EXPECT_TRUE(changed_.wait_for(lock, kPatience, [this] { return holds_; }));
+    EXPECT_TRUE(changed_.wait_for(lock, kTimeout, [this] { return holds_; }));
   }
   void pull() {
     const std::lock_guard lock(mutex_);
@@ -123,22 +123,22 @@ struct HeldScheduler {
     }
   }
   void post(const std::string& name, size_t requests, int64_t deadline_ns) {
-    scheduler.post(std::make_shared<Task>(diary, name, requests), deadline_ns);
+    scheduler.post(std::make_shared<Task>(events, name, requests), deadline_ns);
   }
   std::vector<std::string> run(size_t entries) {
     for (const auto& plug : plugs) plug->pull();
-    return diary.after(entries);
+    return events.after(entries);
   }
 
   std::atomic<uint64_t> ticks{0};
   CountingDevice device;
-  Diary diary;
+  EventLog events;
   std::vector<std::shared_ptr<Plug>> plugs;
   Scheduler scheduler;
 };
 
 using Entries = std::vector<std::string>;
-constexpr int64_t kLater = 1'000'000'000'000;  // nobody is late
+constexpr int64_t kLater = 1'000'000'000'000;  // no deadline is missed
 
 TEST(Scheduler, OneAfterTheOtherWhereBatchesGainNothing) {
   HeldScheduler held(1);
@@ -162,7 +162,7 @@ TEST(Scheduler, AThreadLeavesTheOthersTheirPart) {
   for (const size_t batch : held.device.batches()) EXPECT_LE(batch, 3u);
 }
 
-TEST(Scheduler, WhoNeedsNoMapsIsFinishedWithoutTheDevice) {
+TEST(Scheduler, ATaskWithoutMapsIsFinishedWithoutTheDevice) {
   HeldScheduler held(4);
   held.post("without", 0, kLater), held.post("with", 1, kLater + 1);
   EXPECT_EQ(held.run(4), (Entries{"without planned", "with planned", "without ok", "with ok"}));
@@ -177,76 +177,112 @@ TEST(Scheduler, EachLearnsWhatBecameOfItsOwnMaps) {
   EXPECT_EQ(Entries(entries.begin() + 3, entries.end()), (Entries{"good ok", "bad failed", "fine ok"}));
 }
 
-TEST(Scheduler, WhatTheDeviceThrowsIsForThoseWhoAskedForMaps) {
+TEST(Scheduler, AnExceptionOfTheDeviceReachesTheTasksThatAskedForMaps) {
   HeldScheduler held(4);
   held.device.throw_always();
   held.post("a", 1, kLater), held.post("without", 0, kLater + 1), held.post("b", 1, kLater + 2);
   const Entries entries = held.run(6);
   EXPECT_EQ(Entries(entries.begin() + 3, entries.end()), (Entries{"a thrown", "without ok", "b thrown"}));
   held.post("next", 0, kLater);  // and the thread goes on
-  EXPECT_EQ(held.diary.after(8).back(), "next ok");
+  EXPECT_EQ(held.events.after(8).back(), "next ok");
 }
 
-TEST(Scheduler, RunsWhatWaitsBeforeItEnds) {
-  Diary diary;
+TEST(Scheduler, RunsAllWaitingTasksBeforeItEnds) {
+  EventLog events;
   CountingDevice device(1);
   {
     Scheduler scheduler(2, device, [] { return int64_t{0}; });
-    for (int i = 0; i < 50; ++i) scheduler.post(std::make_shared<Task>(diary, "task", 1), i);
+    for (int i = 0; i < 50; ++i) scheduler.post(std::make_shared<Task>(events, "task", 1), i);
   }
-  EXPECT_EQ(diary.after(0).size(), 100u);
+  EXPECT_EQ(events.after(0).size(), 100u);
 }
 
 int64_t no_time() {
   return 0;
 }
 
-TEST(Scheduler, StepsHereOnlyWhereAThreadWouldBeFree) {
+TEST(Scheduler, RunsOnTheCallersThreadOnlyWhereAThreadWouldBeFree) {
   CountingDevice device(1);
   Scheduler scheduler(1, device, no_time);
-  Diary diary;
-  Task free(diary, "free", 1), late(diary, "late", 1);
-  EXPECT_TRUE(scheduler.try_here(free));
-  EXPECT_EQ(diary.after(2), (std::vector<std::string>{"free planned", "free ok"}));
+  EventLog events;
+  Task free(events, "free", 1), late(events, "late", 1);
+  EXPECT_TRUE(scheduler.try_run_now(free, 0));
+  EXPECT_EQ(events.after(2), (std::vector<std::string>{"free planned", "free ok"}));
   const auto plug = std::make_shared<Plug>();
   scheduler.post(plug, 0);
   plug->wait_until_it_holds();
-  EXPECT_FALSE(scheduler.try_here(late));  // the one thread is taken
-  EXPECT_EQ(diary.after(2).size(), 2u);
+  EXPECT_FALSE(scheduler.try_run_now(late, 0));  // the one thread is taken
+  EXPECT_EQ(events.after(2).size(), 2u);
   plug->pull();
 }
 
-TEST(Scheduler, WhatStepsHereTakesTheTurnOfAThread) {
+TEST(Scheduler, ARoundOnTheCallersThreadCountsAsOneOfTheThreads) {
   CountingDevice device(1);
   Scheduler scheduler(1, device, no_time);
-  Diary diary;
+  EventLog events;
   Plug here;
-  std::thread caller([&] { EXPECT_TRUE(scheduler.try_here(here)); });
+  std::thread caller([&] { EXPECT_TRUE(scheduler.try_run_now(here, 0)); });
   here.wait_until_it_holds();
-  scheduler.post(std::make_shared<Task>(diary, "waiting", 1), 0);
-  Task other(diary, "other", 1);
-  EXPECT_FALSE(scheduler.try_here(other));  // somebody waits, and the turn is taken
-  EXPECT_TRUE(diary.after(0).empty());
+  scheduler.post(std::make_shared<Task>(events, "waiting", 1), 0);
+  Task other(events, "other", 1);
+  EXPECT_FALSE(scheduler.try_run_now(other, 0));  // a task waits, and the one thread is busy
+  EXPECT_TRUE(events.after(0).empty());
   here.pull();
   caller.join();
-  EXPECT_EQ(diary.after(2), (std::vector<std::string>{"waiting planned", "waiting ok"}));
+  EXPECT_EQ(events.after(2), (std::vector<std::string>{"waiting planned", "waiting ok"}));
 }
 
-TEST(Scheduler, NothingStepsHereWhereBatchesGain) {
+// A round on the caller's thread used to be compared with the deadline of an earlier round, which had long passed.
+TEST(Scheduler, ARoundOnTheCallersThreadIsComparedWithItsOwnDeadline) {
+  constexpr int64_t kMs = 1'000'000;
+  std::atomic<int64_t> now_ns{0};
+  CountingDevice device(1);
+  EventLog events;
+  class Costly final : public Task {
+   public:
+    Costly(EventLog& log, std::atomic<int64_t>& clock) : Task(log, "served", 0), now_ns(clock) {}
+    TakeJob plan() override {
+      now_ns += 5 * kMs;
+      return Task::plan();
+    }
+    std::atomic<int64_t>& now_ns;
+  };
+  Scheduler scheduler(1, device, [&] { return now_ns.load(); });
+  const auto served = std::make_shared<Costly>(events, now_ns);
+  scheduler.post(served, 10 * kMs);
+  Task idle(events, "idle", 0);
+  while (!scheduler.try_run_now(idle, kLater)) std::this_thread::yield();  // the thread is free again
+  now_ns = 50 * kMs;
+  ASSERT_TRUE(scheduler.try_run_now(*served, 100 * kMs));
+  const size_t before = events.after(0).size();
+
+  const auto plug = std::make_shared<Plug>();
+  scheduler.post(plug, kLater);
+  plug->wait_until_it_holds();
+  scheduler.post(served, kLater + 1);
+  scheduler.post(std::make_shared<Task>(events, "fresh", 0), kLater + 2);
+  plug->pull();
+  const Entries entries = events.after(before + 4);
+  // No deadline was missed, so the order is still that of the deadlines.
+  EXPECT_EQ(Entries(entries.begin() + static_cast<ptrdiff_t>(before), entries.end()),
+            (Entries{"served planned", "served ok", "fresh planned", "fresh ok"}));
+}
+
+TEST(Scheduler, NothingRunsOnTheCallersThreadWhereBatchesGain) {
   CountingDevice device(4);
   Scheduler scheduler(2, device, no_time);
-  Diary diary;
-  Task task(diary, "task", 1);
-  EXPECT_FALSE(scheduler.try_here(task));
+  EventLog events;
+  Task task(events, "task", 1);
+  EXPECT_FALSE(scheduler.try_run_now(task, 0));
 }
 
 TEST(Scheduler, RunsATaskOnTheCallersThreadToo) {
-  Diary diary;
+  EventLog events;
   CountingDevice device(4);
   Scheduler scheduler(1, device, [] { return int64_t{0}; });
-  Task task(diary, "here", 1);
-  scheduler.run_here(task);
-  EXPECT_EQ(diary.after(0), (Entries{"here planned", "here ok"}));
+  Task task(events, "here", 1);
+  scheduler.run_now(task);
+  EXPECT_EQ(events.after(0), (Entries{"here planned", "here ok"}));
 }
 
 }  // namespace

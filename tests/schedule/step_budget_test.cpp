@@ -1,8 +1,11 @@
-// When does a session leave something out, and how much?
+// When the quality level of a session changes, and to which level.
 #include "server/schedule/step_budget.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <functional>
 #include <vector>
 
@@ -17,7 +20,7 @@ constexpr int64_t kMs = 1'000'000;
 constexpr int64_t kSecond = 1'000 * kMs;
 constexpr int64_t kInterval = 16 * kMs;
 
-// A session at 60 Hz whose steps cost what the test says. Open loop: its ticks do not wait for its replies.
+// A session at 60 Hz whose steps have a given cost. Open loop: its ticks do not wait for its replies.
 struct SteppedSession {
   explicit SteppedSession(const BudgetRules& rules = {}) : budget(rules) {}
 
@@ -45,7 +48,7 @@ struct SteppedSession {
       int64_t for_ns, const std::function<double()>& times = [] { return 1.0; }) {
     for (const int64_t until_ns = now_ns + for_ns; now_ns < until_ns;) step(times());
   }
-  // From the true costs, which the budget has to find out.
+  // Computed from the true costs, which the budget has to measure.
   int least_level_that_fits() const {
     const double budget_ms = std::min(share, BudgetRules{}.largest_share) * 16.0;
     for (int level = 0; level <= kMaxEconomyLevel; ++level)
@@ -54,7 +57,7 @@ struct SteppedSession {
   }
 };
 
-TEST(StepBudget, NothingIsLeftOutWhileTheSessionKeepsUp) {
+TEST(StepBudget, TheLevelStaysAtZeroWhileTheSessionKeepsUp) {
   SteppedSession session;
   session.full_cost_ms = 10.0;
   session.run(60 * kSecond);
@@ -64,8 +67,8 @@ TEST(StepBudget, NothingIsLeftOutWhileTheSessionKeepsUp) {
 TEST(StepBudget, SlowStepsNowAndThenChangeNothing) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
   SteppedSession session;
-  session.full_cost_ms = 6.0;
-  session.run(60 * kSecond, [&] { return random.next_below(20) == 0 ? 10.0 : 1.0; });
+  session.full_cost_ms = 8.0;
+  session.run(60 * kSecond, [&] { return random.next_below(50) == 0 ? 10.0 : 1.0; });
   EXPECT_EQ(session.changes, 0);
 }
 
@@ -79,7 +82,7 @@ TEST(StepBudget, AShortOverloadChangesNothing) {
   EXPECT_EQ(session.changes, 0);
 }
 
-TEST(StepBudget, AClientThatWaitsForItsRepliesIsNeverCut) {
+TEST(StepBudget, AClientThatWaitsForItsRepliesIsNeverDegraded) {
   SteppedSession session;
   session.open_loop = false;
   session.full_cost_ms = 60.0;
@@ -87,7 +90,7 @@ TEST(StepBudget, AClientThatWaitsForItsRepliesIsNeverCut) {
   EXPECT_EQ(session.changes, 0);
 }
 
-TEST(StepBudget, ALastingOverloadLeavesOutAsLittleAsFits) {
+TEST(StepBudget, ALastingOverloadRaisesTheLevelAsFarAsNeeded) {
   for (const double full_cost_ms : {17.0, 25.0, 38.0, 60.0}) {
     SteppedSession session;
     session.full_cost_ms = full_cost_ms;
@@ -101,14 +104,14 @@ TEST(StepBudget, ALastingOverloadLeavesOutAsLittleAsFits) {
   }
 }
 
-TEST(StepBudget, WhatDoesNotFitAtAnyLevelStaysAtTheLast) {
+TEST(StepBudget, ACostThatFitsAtNoLevelStaysAtTheLastOne) {
   SteppedSession session;
   session.full_cost_ms = 400.0;
   session.run(20 * kSecond);
   EXPECT_EQ(session.budget.level(), kMaxEconomyLevel);
 }
 
-TEST(StepBudget, AShareOfTheThreadIsAllThatItHas) {
+TEST(StepBudget, TheShareOfTheThreadLimitsTheCost) {
   SteppedSession session;
   session.full_cost_ms = 10.0;
   session.share = 0.25;
@@ -120,7 +123,7 @@ TEST(StepBudget, AShareOfTheThreadIsAllThatItHas) {
   EXPECT_EQ(session.budget.level(), 0);
 }
 
-TEST(StepBudget, EverythingIsDoneAgainOnceThereIsTime) {
+TEST(StepBudget, FullQualityReturnsOnceThereIsTime) {
   SteppedSession session;
   session.full_cost_ms = 60.0;
   session.run(10 * kSecond);
@@ -130,17 +133,32 @@ TEST(StepBudget, EverythingIsDoneAgainOnceThereIsTime) {
   EXPECT_EQ(session.budget.level(), 0);
 }
 
+// The cost swings around the budget. When the level fell too early, the next fall waits for longer.
 TEST(StepBudget, AtTheEdgeItDoesNotGoToAndFro) {
-  CounterRandom random(6, 0, RandomPurpose::kTest);
-  for (const double full_cost_ms : {13.0, 13.6, 14.0, 15.0, 16.0, 17.0, 20.0}) {
-    SteppedSession session;
-    session.full_cost_ms = full_cost_ms;
-    session.run(60 * kSecond, [&] { return random.next_in(0.8, 1.2); });
-    EXPECT_LE(session.changes, 12) << full_cost_ms;
+  SteppedSession session;
+  for (int swing = 0; swing < 20; ++swing) {
+    session.full_cost_ms = 9.0;  // well below the budget of 13.6 ms
+    session.run(2 * kSecond);
+    session.full_cost_ms = 17.0;
+    session.run(2 * kSecond);
   }
+  EXPECT_GT(session.changes, 1);
+  EXPECT_LE(session.changes, 12);
 }
 
-TEST(StepBudget, ABudgetSetByHandHoldsForWhoeverKeepsUpToo) {
+TEST(StepBudget, TheLevelFallsOnlyWithRoomToSpare) {
+  SteppedSession session;
+  session.full_cost_ms = 17.0;
+  session.run(5 * kSecond);
+  session.full_cost_ms = 12.5;  // fits into 13.6 ms, but only just
+  session.run(60 * kSecond);
+  EXPECT_GT(session.budget.level(), 0);
+  session.full_cost_ms = 10.0;
+  session.run(20 * kSecond);
+  EXPECT_EQ(session.budget.level(), 0);
+}
+
+TEST(StepBudget, ABudgetSetByHandHoldsForASessionThatKeepsUp) {
   SteppedSession session({.fixed_ns = 2 * kMs});
   session.full_cost_ms = 5.0;
   session.run(20 * kSecond);
@@ -148,7 +166,7 @@ TEST(StepBudget, ABudgetSetByHandHoldsForWhoeverKeepsUpToo) {
   EXPECT_LE(session.cost_ms(), 2.0);
 }
 
-TEST(StepBudget, WhoRefusesIsNeverCut) {
+TEST(StepBudget, ASessionThatRefusesIsNeverDegraded) {
   SteppedSession session({.degrade = false, .fixed_ns = kMs});
   session.full_cost_ms = 100.0;
   session.run(20 * kSecond);
@@ -159,7 +177,7 @@ TEST(StepBudget, WhoRefusesIsNeverCut) {
 TEST(TickPace, IsTheLongerOfWhatIsToldAndWhatIsSeen) {
   const auto paced = [](double told_s, int64_t spacing_ns) {
     TickPace pace;
-    for (int i = 0; i < 200; ++i) pace.observe(i * spacing_ns, told_s);
+    for (int i = 0; i < 200; ++i) pace.observe(i * spacing_ns, {.dt_s = told_s});
     return pace.interval_ns();
   };
   EXPECT_EQ(TickPace().interval_ns(), TickPace::kUnknownNs);
@@ -173,7 +191,7 @@ TEST(TickPace, IsTheLongerOfWhatIsToldAndWhatIsSeen) {
 
 TEST(TickPace, AReplyIsDueOneIntervalAfterItsTick) {
   TickPace pace;
-  pace.observe(7 * kMs, 0.01);
+  pace.observe(7 * kMs, {.dt_s = 0.01});
   EXPECT_EQ(pace.deadline_ns(), 17 * kMs);
 }
 

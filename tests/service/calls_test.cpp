@@ -77,15 +77,15 @@ TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
       << "or it was answered when nothing was held any more";
 }
 
-// Tells `stream` its next tick; true when it is answered.
+// Sends the next tick on `stream`; true when it is answered.
 bool is_answered(Stream& stream, uint64_t sequence) {
   stream.send(move_tick(sequence, 1, 0.01 * static_cast<double>(sequence)));
   const auto reply = stream.read();
   return reply && reply->has_camera() && reply->camera().sequence() == sequence;
 }
 
-// gRPC chooses a queue by chance for each connection, and a loop that is late leaves its steps to the thread that steps: more
-// sessions, and more ticks, until each loop has stepped.
+// gRPC chooses a queue at random for each connection, and a loop that is late hands its steps to the scheduler. The test
+// therefore opens more sessions, and sends more ticks, until each loop has stepped.
 TEST(Calls, SessionsOfSeveralLoopsAreAllAnswered) {
   constexpr size_t kLeast = 8, kMost = 48;
   const ServiceWorld world({.threads = 1, .loops = 2});

@@ -1,4 +1,5 @@
-// Wrong input on the wire: a typed error that names the field; nothing half applied; nobody else touched.
+// Wrong input on the wire gives a typed error that names the field. Nothing is half applied, and no other session is
+// affected.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -71,7 +72,7 @@ TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
   EXPECT_TRUE(stream.read()->has_camera());
 }
 
-// The good half of the refused tick must not be seen either: the hash is that of a session that never got it.
+// The valid half of the refused tick must not be applied either: the hash equals that of a session without the tick.
 TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   const ServiceWorld world;
   Stream told_wrong(world.channel()), other(world.channel());
@@ -104,50 +105,50 @@ TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
 struct BadValue {
   const char* field;
   const char* range;
-  void (*set)(v1::Settings&, v1::CameraLimits&);
+  void (*set)(v1::Settings&, tuning::v1alpha1::Tuning&, v1::CameraLimits&);
 };
-v1::Filter& filter_of(v1::Settings& settings) {
-  return *settings.mutable_aggregate()->mutable_filter();
+tuning::v1alpha1::FilterSettings& filter_of(tuning::v1alpha1::Tuning& tuning) {
+  return *tuning.mutable_aggregate()->mutable_filter();
 }
 const BadValue kBadValues[] = {
-    {"settings.aggregate.filter.alpha", "[0, 1]", [](auto& s, auto&) { filter_of(s).set_alpha(1.5); }},
-    {"settings.aggregate.filter.alpha", "[0, 1]", [](auto& s, auto&) { filter_of(s).set_alpha(-0.1); }},
-    {"settings.aggregate.filter.n", "[1, 64]", [](auto& s, auto&) { filter_of(s).set_n(0); }},
-    {"settings.aggregate.filter.n", "[1, 64]", [](auto& s, auto&) { filter_of(s).set_n(65); }},
-    {"settings.aggregate.filter.window_s", "(0, 1]", [](auto& s, auto&) { filter_of(s).set_window_s(0); }},
-    {"settings.aggregate.filter.off", "[0, 0.3]",
-     [](auto& s, auto&) { filter_of(s).set_on(0.3), filter_of(s).set_off(0.4); }},
-    {"settings.aggregate.candidates", "[27, 32768]",
-     [](auto& s, auto&) { s.mutable_aggregate()->set_candidates(UINT32_MAX); }},
-    {"settings.bound.horizon_s", "[0.05, 2]", [](auto& s, auto&) { s.mutable_bound()->set_horizon_s(2.5); }},
-    {"settings.bound.max_horizon_s", "[0.5, 2]",
-     [](auto& s, auto&) {
-       s.mutable_bound()->set_horizon_s(0.5), s.mutable_bound()->set_max_horizon_s(2.5);
+    {"tuning.aggregate.filter.alpha", "[0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(1.5); }},
+    {"tuning.aggregate.filter.alpha", "[0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(-0.1); }},
+    {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(0); }},
+    {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(65); }},
+    {"tuning.aggregate.filter.window_s", "(0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_window_s(0); }},
+    {"tuning.aggregate.filter.hidden_threshold", "[0, 0.3]",
+     [](auto&, auto& t, auto&) { filter_of(t).set_visible_threshold(0.3), filter_of(t).set_hidden_threshold(0.4); }},
+    {"tuning.aggregate.candidates", "[27, 32768]",
+     [](auto&, auto& t, auto&) { t.mutable_aggregate()->set_candidates(UINT32_MAX); }},
+    {"tuning.bound.horizon_s", "[0.05, 2]", [](auto&, auto& t, auto&) { t.mutable_bound()->set_horizon_s(2.5); }},
+    {"tuning.bound.max_horizon_s", "[0.5, 2]",
+     [](auto&, auto& t, auto&) {
+       t.mutable_bound()->set_horizon_s(0.5), t.mutable_bound()->set_max_horizon_s(2.5);
      }},
-    {"settings.bound.paper_n", "[1, 1e+06]", [](auto& s, auto&) { s.mutable_bound()->set_paper_n(0); }},
-    {"settings.sample.resolution", "[2, 64]", [](auto& s, auto&) { s.mutable_sample()->set_resolution(0); }},
-    {"settings.sample.points", "[0, 16]", [](auto& s, auto&) { s.mutable_sample()->set_points(17); }},
-    {"settings.move.prediction_s", "[0, 2]",
-     [](auto& s, auto&) { s.mutable_move()->set_prediction_s(2.01); }},
-    {"settings.move.blend", "above 0",
-     [](auto& s, auto&) {
-       v1::Blend& blend = *s.mutable_move()->mutable_blend();
-       blend.set_hidden(0), blend.set_distance(0), blend.set_shelter(0), blend.set_route(0);
+    {"tuning.bound.paper_n", "[1, 1e+06]", [](auto&, auto& t, auto&) { t.mutable_bound()->set_paper_n(0); }},
+    {"tuning.sample.resolution", "[2, 64]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_resolution(0); }},
+    {"tuning.sample.points", "[0, 16]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_points(17); }},
+    {"settings.prediction_s", "[0, 2]",
+     [](auto& s, auto&, auto&) { s.set_prediction_s(2.01); }},
+    {"tuning.move.cost", "above 0",
+     [](auto&, auto& t, auto&) {
+       tuning::v1alpha1::CostWeights& cost = *t.mutable_move()->mutable_cost();
+       cost.set_occlusion(0), cost.set_distance(0), cost.set_edge_penalty(0), cost.set_route(0);
      }},
-    {"settings.move.max_distance_m", "(1, 10000]",
-     [](auto& s, auto&) {
-       s.mutable_move()->set_min_distance_m(1), s.mutable_move()->set_max_distance_m(1);
+    {"settings.max_distance_m", "(1, 10000]",
+     [](auto& s, auto&, auto&) {
+       s.set_min_distance_m(1), s.set_max_distance_m(1);
      }},
-    {"settings.framing.margin", "[0, 0.9]",
-     [](auto& s, auto&) { s.mutable_framing()->set_margin(std::numeric_limits<double>::quiet_NaN()); }},
+    {"settings.framing_margin", "[0, 0.9]",
+     [](auto& s, auto&, auto&) { s.set_framing_margin(std::numeric_limits<double>::quiet_NaN()); }},
     {"settings.preset", "named values",
-     [](auto& s, auto&) { s.set_preset(static_cast<v1::Settings::Preset>(7)); }},
-    {"limits.max_speed_mps", "(0, 1000]", [](auto&, auto& l) { l.set_max_speed_mps(-1); }},
-    {"limits.max_acceleration_mps2", "(0, 10000]", [](auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
-    {"limits.max_angular_speed_radps", "(0, 100]", [](auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
+     [](auto& s, auto&, auto&) { s.set_preset(static_cast<v1::Settings::Preset>(7)); }},
+    {"limits.max_speed_mps", "(0, 1000]", [](auto&, auto&, auto& l) { l.set_max_speed_mps(-1); }},
+    {"limits.max_acceleration_mps2", "(0, 10000]", [](auto&, auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
+    {"limits.max_angular_speed_radps", "(0, 100]", [](auto&, auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
     {"limits.max_angular_acceleration_radps2", "(0, 1000]",
-     [](auto&, auto& l) { l.set_max_angular_acceleration_radps2(-12); }},
-    {"limits.body_radius_m", "[0, 10]", [](auto&, auto& l) { l.set_body_radius_m(-0.3); }},
+     [](auto&, auto&, auto& l) { l.set_max_angular_acceleration_radps2(-12); }},
+    {"limits.body_radius_m", "[0, 10]", [](auto&, auto&, auto& l) { l.set_body_radius_m(-0.3); }},
 };
 
 TEST(ControlInput, ABadSettingOrLimitAtTheOpeningIsNamedWithItsRange) {
@@ -155,7 +156,7 @@ TEST(ControlInput, ABadSettingOrLimitAtTheOpeningIsNamedWithItsRange) {
   for (const BadValue& bad : kBadValues) {
     SCOPED_TRACE(bad.field);
     v1::OpenSession open = open_with_boxes(2);
-    bad.set(*open.mutable_settings(), *open.mutable_limits());
+    bad.set(*open.mutable_settings(), *open.mutable_tuning(), *open.mutable_limits());
     Stream stream(world.channel());
     stream.send(open);
     const grpc::Status status = stream.finish();
@@ -174,9 +175,9 @@ TEST(ControlInput, ABadSettingOrLimitOnALiveSessionRefusesTheWholeTick) {
   for (const BadValue& bad : kBadValues) {
     SCOPED_TRACE(bad.field);
     v1::Tick wrong = move_tick(++sequence, 1, 5.0);
-    wrong.mutable_settings()->set_preset(v1::Settings::PAPER);
+    wrong.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
     wrong.mutable_limits()->set_max_speed_mps(0.5);
-    bad.set(*wrong.mutable_settings(), *wrong.mutable_limits());
+    bad.set(*wrong.mutable_settings(), *wrong.mutable_tuning(), *wrong.mutable_limits());
     told_wrong.send(wrong);
     const auto refused = told_wrong.read();
     ASSERT_TRUE(refused && refused->has_tick_error());

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// What a finished call gives back may arrive a moment after its status.
+// The resources of a finished call may be freed a moment after its status arrives.
 template <typename Condition>
 bool soon(const Condition& condition) {
   for (int i = 0; i < 2000 && !condition(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));

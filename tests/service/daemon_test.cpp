@@ -32,11 +32,12 @@ TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
       {"--max-sessions", "0"},         {"--unix-mode", "abc"},
       {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
       {"--log-level", "chatty"},       {"--egl-device", "-2"},
-      {"--egl-variant", "fastest"},    {"--egl-variant", ""},
       {"--max-message-mib", "0"},      {"stray"},
       {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
       {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
-      {"--upload-timeout-s", "0"},
+      {"--upload-timeout-s", "0"},     {"--upload-timeout-s", "nan"},
+      {"--drain-s", "nan"},            {"--step-budget-ms", "nan"},
+      {"--listen", "none"},
       {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"},
       {"--record", "some"},            {"--record-total-mib", "0"},
       {"--record-age-h", "-1"},        {"--record-file-mib", "0"}};
@@ -52,7 +53,7 @@ TEST(DaemonFlags, EveryOneIsExplained) {
         "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
         "--version",        "--print-config",   "--check-config", "--config",       "devices",
         "--open-timeout-s", "--upload-timeout-s", "--step-budget-ms", "--no-degrade",
-        "--egl-variant",    "--record-dir",     "--record ",      "--record-scenes", "--record-total-mib",
+        "--record-dir",     "--record ",      "--record-scenes", "--record-total-mib",
         "--record-file-mib", "--record-age-h",  "--record-reserve-mib"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
@@ -63,7 +64,7 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
       run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
                       "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
                        "--step-budget-ms", "2.5", "--no-degrade", "--log-format", "json",
-                       "--egl-variant", "clusters+per-map+ring", "--record-dir", "/tmp/a b", "--record", "asked",
+                       "--record-dir", "/tmp/a b", "--record", "asked",
                        "--record-scenes", "--record-total-mib", "77", "--record-age-h", "5", "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   for (const char* line : {"max-sessions=7", "record=\"asked\"", "record-scenes=true", "record-total-mib=77"})

@@ -22,7 +22,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::system_clock;
 
-// A loop needs a queue, and a queue a server, if only one that nobody can reach.
+// A loop needs a queue, and a queue needs a server. This server has no address.
 class EventLoopTest : public testing::Test {
  protected:
   EventLoopTest() {
@@ -43,7 +43,7 @@ class EventLoopTest : public testing::Test {
   std::unique_ptr<EventLoop> loop_;
 };
 
-// Runs something on a loop's thread, once. gRPC may swap those of one millisecond.
+// Runs a function on a loop's thread, once. gRPC may swap alarms that are due in the same millisecond.
 class Once final : public Event {
  public:
   Once(EventLoop& loop, std::function<void()> what, milliseconds after = milliseconds(0)) : what_(std::move(what)) {
@@ -62,18 +62,18 @@ class Once final : public Event {
 };
 
 struct Noted {
-  std::vector<int> here, passed_on;
+  std::vector<int> on_loop, handed_over;
   std::thread::id thread;
 };
 
-class NotedWork final : public ShortWork {
+class NotedTask final : public ShortTask {
  public:
-  NotedWork(int number, Noted& noted) : number_(number), noted_(noted) {}
-  void do_here() override {
-    noted_.here.push_back(number_);
+  NotedTask(int number, Noted& noted) : number_(number), noted_(noted) {}
+  void run_on_loop() override {
+    noted_.on_loop.push_back(number_);
     noted_.thread = std::this_thread::get_id();
   }
-  void pass_on() override { noted_.passed_on.push_back(number_); }
+  void hand_over() override { noted_.handed_over.push_back(number_); }
 
  private:
   const int number_;
@@ -87,58 +87,58 @@ std::vector<int> numbers(size_t below) {
 }
 
 // Not always, where other processes want its core: then it has not rested for a while.
-TEST_F(EventLoopTest, DoesShortWorkItselfOnceTheEventIsOver) {
+TEST_F(EventLoopTest, RunsAShortTaskOnceTheEventIsOver) {
   constexpr int kTries = 200;
   Noted noted;
   std::thread::id loops_thread;
   for (int i = 0; i < kTries; ++i) {
     bool during = true;
     Once once(loop(), [&] {
-      const size_t before = noted.here.size();
-      loop().soon(std::make_shared<NotedWork>(i, noted));
+      const size_t before = noted.on_loop.size();
+      loop().defer(std::make_shared<NotedTask>(i, noted));
       loops_thread = std::this_thread::get_id();
-      during = noted.here.size() != before;
+      during = noted.on_loop.size() != before;
     });
     once.wait();
     EXPECT_FALSE(during);
   }
   stop();
-  EXPECT_EQ(noted.here.size() + noted.passed_on.size(), static_cast<size_t>(kTries));
-  ASSERT_FALSE(noted.here.empty());
+  EXPECT_EQ(noted.on_loop.size() + noted.handed_over.size(), static_cast<size_t>(kTries));
+  ASSERT_FALSE(noted.on_loop.empty());
   EXPECT_EQ(noted.thread, loops_thread);
 }
 
-TEST_F(EventLoopTest, PassesOnTheEldestWhileMoreComes) {
+TEST_F(EventLoopTest, HandsOverTheOldestWhileMoreComes) {
   constexpr int kMany = 50;
   Noted noted;
   std::vector<int> meanwhile;
   Once once(loop(), [&] {
-    for (int i = 0; i < kMany; ++i) loop().soon(std::make_shared<NotedWork>(i, noted));
-    meanwhile = noted.passed_on;
+    for (int i = 0; i < kMany; ++i) loop().defer(std::make_shared<NotedTask>(i, noted));
+    meanwhile = noted.handed_over;
   });
   once.wait();
   stop();
   ASSERT_FALSE(meanwhile.empty());
   EXPECT_EQ(meanwhile, numbers(meanwhile.size()));
-  // What waited then may have been passed on too, since the thread had not rested for a while.
-  std::vector<int> all = noted.passed_on;
-  all.insert(all.end(), noted.here.begin(), noted.here.end());
+  // The deferred tasks may have been handed over too, since the thread had not rested for a while.
+  std::vector<int> all = noted.handed_over;
+  all.insert(all.end(), noted.on_loop.begin(), noted.on_loop.end());
   std::sort(all.begin(), all.end());
   EXPECT_EQ(all, numbers(kMany));
 }
 
-// Else a thread that never rests would keep all steps to itself, and other cores idle.
-TEST_F(EventLoopTest, PassesOnEverythingWhenItHasNotRestedForAWhile) {
+// Otherwise a thread that never rests would take all steps by itself while other cores are idle.
+TEST_F(EventLoopTest, HandsOverEverythingWhenItHasNotRestedForAWhile) {
   Noted noted;
   Once once(loop(), [&] {
     std::this_thread::sleep_for(milliseconds(20));
-    loop().soon(std::make_shared<NotedWork>(1, noted));
-    loop().soon(std::make_shared<NotedWork>(2, noted));
+    loop().defer(std::make_shared<NotedTask>(1, noted));
+    loop().defer(std::make_shared<NotedTask>(2, noted));
   });
   once.wait();
   stop();
-  EXPECT_EQ(noted.passed_on, (std::vector<int>{1, 2}));
-  EXPECT_TRUE(noted.here.empty());
+  EXPECT_EQ(noted.handed_over, (std::vector<int>{1, 2}));
+  EXPECT_TRUE(noted.on_loop.empty());
 }
 
 // How much of the work that the first of two events asks for is done when the second comes, both of them being ready. Nothing when
@@ -152,34 +152,34 @@ std::optional<size_t> done_before_the_second(EventLoop& loop, bool after_a_rest)
   std::optional<Once> before;
   if (!after_a_rest) before.emplace(loop, wait);
   const auto ask = [&] {
-    loop.soon(std::make_shared<NotedWork>(1, noted));
+    loop.defer(std::make_shared<NotedTask>(1, noted));
     asked = true;
     if (after_a_rest) wait();
   };
   Once first(loop, ask, milliseconds(5));
   const auto look = [&] {
-    if (asked) done_before = noted.here.size() + noted.passed_on.size();
+    if (asked) done_before = noted.on_loop.size() + noted.handed_over.size();
   };
   Once second(loop, look, milliseconds(10));
   // All alarms have gone off before the reaction that waits ends.
   std::this_thread::sleep_for(milliseconds(30));
   both_ready.set_value();
   second.wait();
-  // What waits is done before the loop rests, and so before it hears of this.
+  // The loop runs deferred tasks before it rests, and so before this event.
   Once(loop, [] {}, milliseconds(20)).wait();
-  EXPECT_EQ(noted.here.size() + noted.passed_on.size(), 1u);
+  EXPECT_EQ(noted.on_loop.size() + noted.handed_over.size(), 1u);
   return done_before;
 }
 
-// What is ready to be read goes before work that waits. Not always, where a look at it takes as long as a long rest.
-TEST_F(EventLoopTest, ReadsOnBeforeItWorks) {
+// Ready events go before deferred tasks. An attempt fails when the look for events takes as long as a long rest.
+TEST_F(EventLoopTest, ReadsBeforeItRunsDeferredTasks) {
   bool read_on = false;
   for (int i = 0; i < 20 && !read_on; ++i) read_on = done_before_the_second(loop(), false) == size_t{0};
   EXPECT_TRUE(read_on);
 }
 
 // Most often nothing more is ready then. Not always, where the rest was too short.
-TEST_F(EventLoopTest, WorksOnTheFirstAfterALongRestAtOnce) {
+TEST_F(EventLoopTest, RunsTheFirstTaskAfterALongRestAtOnce) {
   bool worked = false;
   for (int i = 0; i < 20 && !worked; ++i) worked = done_before_the_second(loop(), true) == size_t{1};
   EXPECT_TRUE(worked);
@@ -191,7 +191,7 @@ TEST_F(EventLoopTest, EndsOnlyAfterTheLastCall) {
   std::atomic<bool> ended{false};
   Once event(ending, [] {}, milliseconds(50));
   std::thread call([&] {
-    event.wait();  // events are told until the end
+    event.wait();  // events are delivered until the end
     std::this_thread::sleep_for(milliseconds(50));
     ended = true;
     ending.call_ends();

@@ -24,7 +24,7 @@ TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
   for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 2) << service;
 }
 
-// Someone who watches the health of one service.
+// A client that watches the health of one service.
 class HealthWatch {
  public:
   HealthWatch(const ServiceWorld& world, const std::string& service)
@@ -34,7 +34,7 @@ class HealthWatch {
     request.set_service(service);
     reader_ = stub_->Watch(&context_, request);
   }
-  // The next status that is told; -1: none comes any more.
+  // The next status that the server sends; -1 when the call has ended.
   int next() {
     grpc::health::v1::HealthCheckResponse response;
     return reader_->Read(&response) ? response.status() : -1;
@@ -63,7 +63,7 @@ TEST(Lifecycle, HealthIsToldToThoseWhoWatch) {
   EXPECT_EQ(server.next(), 2);
   EXPECT_EQ(service.next(), 2);
 
-  // Those who watch do not keep the server: it would wait for this long.
+  // Watch calls must not delay the stop, which would otherwise wait for this long.
   world.listener->stop(std::chrono::hours(1));
   EXPECT_EQ(server.next(), -1);
   EXPECT_EQ(unknown.next(), -1);

@@ -15,7 +15,7 @@ v1::Tick burst_tick(uint64_t sequence) {
   return move_tick(sequence, 1 + sequence % kBoxes, 0.01 * static_cast<double>(sequence));
 }
 
-// The state of a session that was told the same, one tick after the other.
+// The state of a session that received the same ticks one by one.
 uint64_t hash_when_told_slowly(const ServiceWorld& world, uint64_t ticks) {
   Stream stream(world.channel());
   stream.open(open_with_boxes(kBoxes));
@@ -93,19 +93,19 @@ TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
   EXPECT_EQ(merged->camera().merged_ticks(), 6u);  // 2 3 4 6 7 8
 }
 
-// Each tick of the burst changes another setting, one is refused, and two name the same: one step later all are in force as
-// if each had been answered by itself.
+// Each tick of the burst changes another setting; one tick is refused, and two change the same setting. One step later all
+// settings are in force, as if each tick had been answered by itself.
 TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
   constexpr uint64_t kTicks = 8;
   const auto tick_with_settings = [](uint64_t sequence) {
     v1::Tick tick = burst_tick(sequence);
-    v1::Settings& settings = *tick.mutable_settings();
-    if (sequence == 2) settings.mutable_sample()->set_points(3);  // lost in tick 3, which starts anew
-    if (sequence == 3) settings.set_preset(v1::Settings::PAPER);
-    if (sequence == 4) settings.mutable_sample()->set_resolution(40);
-    if (sequence == 5) settings.mutable_sample()->set_resolution(12);
-    if (sequence == 6) settings.mutable_sample()->set_resolution(1);  // refused
-    if (sequence == 7) settings.mutable_aggregate()->set_volume(v1::Aggregate::LATTICE);
+    tuning::v1alpha1::Tuning& tuning = *tick.mutable_tuning();
+    if (sequence == 2) tuning.mutable_sample()->set_points(3);  // overwritten by tick 3, which starts from a preset
+    if (sequence == 3) tick.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
+    if (sequence == 4) tuning.mutable_sample()->set_resolution(40);
+    if (sequence == 5) tuning.mutable_sample()->set_resolution(12);
+    if (sequence == 6) tuning.mutable_sample()->set_resolution(1);  // refused
+    if (sequence == 7) tuning.mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_LATTICE);
     if (sequence == 8) tick.mutable_limits()->set_max_speed_mps(0.25);
     return tick;
   };
@@ -191,7 +191,7 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
 TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
   const ServiceWorld world;
   v1::OpenSession greedy = open_with_boxes(kBoxes);
-  greedy.mutable_settings()->mutable_sample()->set_resolution(64);
+  greedy.mutable_tuning()->mutable_sample()->set_resolution(64);
   greedy.mutable_diagnostics()->set_depth_maps(true);
   greedy.mutable_diagnostics()->set_candidates(true);
   Stream stuck(world.channel());
@@ -211,7 +211,7 @@ TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
   }
   other.half_close();
   EXPECT_TRUE(other.finish().ok());
-  EXPECT_LT(world.clock_calls() - calls, 200u);  // those of the other session alone
+  EXPECT_LT(world.clock_calls() - calls, 200u);  // only those of the other session
   EXPECT_LT(sent, 20'000u);                      // the transport may have widened its windows meanwhile
   stuck.cancel();
   writer.join();
@@ -221,7 +221,7 @@ TEST(Merge, AReaderThatWakesUpGetsEverything) {
   constexpr uint64_t kTicks = 3000;
   const ServiceWorld world;
   v1::OpenSession open = open_with_boxes(kBoxes);
-  open.mutable_settings()->mutable_sample()->set_resolution(64);
+  open.mutable_tuning()->mutable_sample()->set_resolution(64);
   open.mutable_diagnostics()->set_depth_maps(true);
   Stream stream(world.channel());
   stream.send(open);

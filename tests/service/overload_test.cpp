@@ -1,5 +1,5 @@
-// More asked for than one thread can do: who asks for much gets replies with something left out, and says so; nobody
-// else notices.
+// Overload: sessions ask for more than one thread can do. Those that ask for much get degraded replies, which say so; the
+// others are not affected.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -13,9 +13,9 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
-constexpr milliseconds kPatience{40'000};
+constexpr milliseconds kTimeout{40'000};
 
-// The maps of a step of two targets are worth milliseconds, those of one without targets nothing.
+// The maps of a step with two targets take milliseconds; a step without targets needs no maps.
 WorldOptions overloaded_world(bool degrade = true, std::optional<int64_t> fixed_ns = std::nullopt) {
   WorldOptions options;
   options.threads = 1;
@@ -73,7 +73,7 @@ class Game {
 };
 
 bool comes_true(const std::function<bool()>& condition) {
-  for (const auto until = steady_clock::now() + kPatience; steady_clock::now() < until;) {
+  for (const auto until = steady_clock::now() + kTimeout; steady_clock::now() < until;) {
     if (condition()) return true;
     std::this_thread::sleep_for(milliseconds(5));
   }
@@ -86,7 +86,7 @@ v1::OpenSession heavy_open(bool never_degrade = false) {
   return open;
 }
 
-// No targets, and a camera that brakes from a speed that it was told: replies that differ from tick to tick.
+// A session without targets whose camera brakes from a given speed, so that the replies differ from tick to tick.
 v1::OpenSession light_open() {
   v1::OpenSession open = open_with_boxes(4);
   open.clear_targets();
@@ -113,7 +113,7 @@ std::vector<std::string> light_replies(const ServiceWorld& world, uint64_t ticks
   return replies;
 }
 
-TEST(OverloadedService, CutsThoseWhoAskForMuchAndNobodyElse) {
+TEST(OverloadedService, DegradesOnlyTheSessionsThatAskForMuch) {
   std::vector<std::string> undisturbed;
   {
     const ServiceWorld world;
@@ -139,7 +139,7 @@ TEST(OverloadedService, CutsThoseWhoAskForMuchAndNobodyElse) {
   EXPECT_LE(stats.queue_p50_us(), stats.queue_p99_us());
 }
 
-TEST(OverloadedService, DoesItAllAgainOnceThereIsTime) {
+TEST(OverloadedService, ReturnsToFullQualityOnceThereIsTime) {
   ServiceWorld world(overloaded_world());
   world.device.make_maps_cost(std::chrono::microseconds(400));
   Game game(world, heavy_open());
@@ -152,23 +152,23 @@ TEST(OverloadedService, DoesItAllAgainOnceThereIsTime) {
   }));
 }
 
-void expect_never_cut(const WorldOptions& options, const v1::OpenSession& open) {
+void expect_never_degraded(const WorldOptions& options, const v1::OpenSession& open) {
   ServiceWorld world(options);
   world.device.make_maps_cost(std::chrono::microseconds(400));
   Game game(world, open), other(world, heavy_open());
-  // Longer than it takes to cut a session that may be: it falls behind instead, and merges.
+  // Longer than it takes to degrade another session. This one falls behind instead, and its ticks are merged.
   EXPECT_TRUE(comes_true([&] { return game.sent() > 150 && game.replies() > 10 && other.replies() > 10; }));
   EXPECT_EQ(game.degraded(), 0u);
   EXPECT_GT(other.newest(), 0u);
   EXPECT_LT(game.replies(), game.sent());
 }
 
-TEST(OverloadedService, ASessionCanRefuseToBeCut) {
-  expect_never_cut(overloaded_world(), heavy_open(true));
+TEST(OverloadedService, ASessionCanRefuseToBeDegraded) {
+  expect_never_degraded(overloaded_world(), heavy_open(true));
 }
 
-TEST(OverloadedService, TheServerCanRefuseToCut) {
-  expect_never_cut(overloaded_world(false), heavy_open());
+TEST(OverloadedService, TheServerCanRefuseToDegrade) {
+  expect_never_degraded(overloaded_world(false), heavy_open());
 }
 
 // 4 ms of maps at 60 Hz would fit.
@@ -179,7 +179,7 @@ TEST(OverloadedService, ABudgetSetByHandHoldsWithoutOverload) {
   EXPECT_TRUE(comes_true([&] { return game.degraded() > 20; }));
 }
 
-TEST(OverloadedService, AClientThatWaitsForEachReplyIsNeverCut) {
+TEST(OverloadedService, AClientThatWaitsForEachReplyIsNeverDegraded) {
   ServiceWorld world(overloaded_world());
   world.device.make_maps_cost(std::chrono::microseconds(800));
   Stream stream(world.channel());

@@ -226,8 +226,8 @@ class RecordedReplay : public testing::TestWithParam<Where> {
   std::unique_ptr<SamplerDevice> sampler_;
 };
 
-// Two targets through the hall among neighbours, with ticks one by one, in bursts that merge by themselves, refused
-// ones, ones that are to be merged, and levels that the client tells.
+// Two targets walk through the hall, beside other sessions. The ticks come one by one and in bursts that merge; some are
+// refused, some ask to be merged, and some set the quality level.
 TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   const auto glb = scenes::make_hall({.seed = 1, .duration_s = 4.0});
   Host host(flags());

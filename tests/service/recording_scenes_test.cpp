@@ -150,7 +150,7 @@ TEST_F(RecordedScenes, NobodyWhoDidNotAskHasThem) {
   EXPECT_THAT(*test::open_recording(test::only_recording(folder_)).files(), IsEmpty());
 }
 
-// By its hash, while another session holds it: the bytes are those of the file.
+// The second session opens the scene by its hash, while another session holds it. The recorded bytes are the file's.
 TEST_F(RecordedScenes, ASceneThatWasLoadedByNameIsFoundByItsHash) {
   start({"--record-scenes", "--drain-s", "0"});
   v1::OpenSession named = open_with_boxes(1);

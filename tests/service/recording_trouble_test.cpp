@@ -1,4 +1,4 @@
-// What can go wrong with recordings costs no session a reply, nor a bit of one: it is flagged, counted and logged once.
+// A failure of a recording never changes a reply. It is flagged, counted and logged once.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -66,7 +66,7 @@ class RecordingTrouble : public testing::Test {
     for (const v1::Tick& tick : heard_->sent) EXPECT_TRUE(heard.ask(tick));
     return test::hash_of(heard.replies);
   }
-  // Nothing but the flag tells the session from one that is not recorded.
+  // Apart from the flag, the replies equal those of a session that is not recorded.
   void expect_unharmed() {
     EXPECT_TRUE(heard_->finish().ok());
     EXPECT_EQ(heard_->replies.size(), heard_->sent.size());
@@ -102,7 +102,7 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
   expect_unharmed();
   test::stop(*daemon_);
 
-  // What was missed is told, and all that came after is there.
+  // The file names what is missing, and holds everything that came later.
   const fs::path file = test::only_recording(folder_);
   EXPECT_NE(file.filename(), heard_->opened.recording_file()) << "a later part";
   const Recording recording = test::open_recording(file);
@@ -115,7 +115,7 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
     EXPECT_EQ(found.replies[i].SerializeAsString(), heard_->replies[before + i].SerializeAsString()) << i;
 }
 
-// Nobody stands in the way: the folder is made again.
+// A folder that was deleted is created again.
 TEST_F(RecordingTrouble, ARemovedFolderIsMadeAgain) {
   start(folder_);
   play_until([&] { return counts().bytes() > 0; });

@@ -1,5 +1,5 @@
-// A service to test against: real gRPC over loopback TCP, Embree maps, a clock that the test moves, and a
-// gate at which a test can hold every step.
+// A service to test against: real gRPC over loopback TCP, Embree maps, and a clock that the test moves. A test can hold
+// every step at a gate.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -143,7 +143,7 @@ class Stream {
   std::optional<v1::ControlResponse> read();
   // Opens and expects it to be taken.
   v1::SessionOpened open(const v1::OpenSession& open);
-  // The status, after whatever is still to be read.
+  // Reads all remaining replies, then returns the status.
   grpc::Status finish();
 
  private:

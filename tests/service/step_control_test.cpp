@@ -1,5 +1,5 @@
-// A client that says when a step is taken and how thoroughly (StepControl) gets the answers that these steps give,
-// held against the same steps taken without a service.
+// A client that chooses when a step is taken and at which quality level (StepControl). Its replies are compared with the
+// same steps taken without a service.
 #include <gtest/gtest.h>
 
 #include "client/replay/local_session.h"
@@ -182,8 +182,8 @@ TEST(StepControl, ALevelThatThereIsNotIsRefusedByName) {
   EXPECT_EQ(reply_hash(camera_of(stream)), local.step()) << "nothing of them was applied";
 }
 
-// Whose budget is far too small for it, were its levels not its own affair.
-TEST(StepControl, ASessionThatTellsItsLevelsIsNotCutByItsBudget) {
+// The budget is far too small for this session, but it chooses its levels itself.
+TEST(StepControl, ASessionThatChoosesItsLevelsIsNotDegradedByItsBudget) {
   BudgetRules budget;
   budget.fixed_ns = 1;
   const auto degraded = [&](bool tells) {

@@ -18,7 +18,7 @@ constexpr int kClients = 8;
 constexpr int kRounds = 5;
 constexpr uint32_t kMostTicks = 30;
 
-// What one call was told and answered.
+// The messages and replies of one call.
 struct Account {
   uint64_t sent = 0, answered = 0, newest = 0, newest_refused = 0;
   bool opened = false;

@@ -1,4 +1,4 @@
-// What clients, disks and devices do wrong, and that nobody but the one at fault pays for it.
+// Failures of clients, disks and devices. Each one affects only the session that it belongs to.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -117,7 +117,7 @@ TEST(Trouble, ACallThatEndedBeforeItsTurnIsNotOpenedAnyMore) {
   EXPECT_EQ(world.device.samplers_made(), 0u);
 }
 
-// With one stepper: had it read the file, the mesh would be there when the other session is answered.
+// There is one scheduler thread. If it read the file, the mesh would be there when the other session is answered.
 TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
   const SceneFolder folder;
   ServiceWorld world({.scene_dir = folder.path(), .threads = 1});
@@ -152,11 +152,11 @@ TEST(Trouble, ATableThatNewSettingsNeedIsBuiltByALoaderAndNoStepWaits) {
   ServiceWorld world({.threads = 1});
   Stream changing(world.channel()), other(world.channel());
   v1::OpenSession without_points = open_with_boxes(2);
-  without_points.mutable_settings()->mutable_sample()->set_points(0);
+  without_points.mutable_tuning()->mutable_sample()->set_points(0);
   changing.open(without_points);
   other.open(without_points);
   v1::Tick points = move_tick(1, 1, 0.1);
-  points.mutable_settings()->mutable_sample()->set_points(2);
+  points.mutable_tuning()->mutable_sample()->set_points(2);
   {
     const HeldLoaders held(world.loaders);
     const uint64_t before = world.clock_calls();
@@ -223,8 +223,9 @@ double memory_by_count(const v1::ControlRequest& tick) {
   return static_cast<double>(read.SpaceUsedLong()) / static_cast<double>(Inbox::bytes_of(read));
 }
 
-// Fills `part` of a small tick with each of its fields that are messages, one after the other, the repeated ones with one more each
-// time, and the messages in them likewise. Returns the most memory that any of these ticks took, as a share of what it counts for.
+// Fills `part` of a small tick with each of its message fields, one after the other; repeated fields get one more element
+// each time. Does the same within those messages. Returns the largest ratio of a tick's memory to the size that it counts
+// as.
 double most_memory_by_count(v1::ControlRequest& tick, google::protobuf::Message& part) {
   double most = memory_by_count(tick);
   const google::protobuf::Reflection& reflection = *part.GetReflection();
@@ -249,7 +250,8 @@ TEST(Trouble, NoSmallTickTakesMoreMemoryThanItCountsFor) {
   EXPECT_GT(most, 0.7) << "it counts for needlessly much";
 }
 
-// So many small ticks wait as the service lets wait in number; those that are large on the wire count for what they take.
+// Small ticks fill the inbox by their number, before their bytes do. Ticks that are large on the wire count with their
+// exact size.
 TEST(Trouble, BytesOfTheInboxDoNotKeepSmallTicksOut) {
   const ServiceLimits limits;
   Inbox inbox(limits.inbox_messages + 1, limits.inbox_bytes);

@@ -14,6 +14,7 @@
 #include "server/sample/embree_sampler.h"
 #include "server/scene/primitives.h"
 #include "server/session/session.h"
+#include "tests/support/plain_settings.h"
 
 namespace sightline::test {
 
@@ -47,6 +48,7 @@ class Game {
   SessionOptions make_options() {
     SessionOptions options;
     options.seed = 5;
+    options.settings = plain_settings();
     options.instances = {make(kAnn, CapsuleShape{0.3f, 0.6f}, {-1, 1, 0}),
                          make(kBob, CapsuleShape{0.3f, 0.6f}, {1, 1, 0}),
                          make(kWall, BoxShape{{0.3f, 2.0f, 0.1f}}, {0.9, 1, 3}),

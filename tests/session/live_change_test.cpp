@@ -6,7 +6,6 @@
 #include <numbers>
 
 #include "server/base/random.h"
-#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {
@@ -145,9 +144,9 @@ StepSettings random_settings(CounterRandom& random) {
   s.bound.horizon_s = random.next_in(0.2, 0.9);
   s.sample.resolution = 4 + one_of(9);
   s.sample.points = one_of(5);
-  s.bound.towards_m = one_of(2) * 5.0;
-  s.move.survey.enabled = one_of(2) == 1;
-  s.sample.jitter_texels = one_of(2) == 1;
+  s.bound.target_reach_m = one_of(2) * 5.0;
+  s.move.search_viewpoints = one_of(2) == 1;
+  s.sample.jitter = one_of(2) == 1;
   s.aggregate.volume = static_cast<Volume>(one_of(2));
   s.aggregate.candidates = 100 + one_of(500);
   s.aggregate.filter.mode = static_cast<FilterMode>(one_of(3));

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {

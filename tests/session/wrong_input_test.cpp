@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "server/step/presets.h"
 #include "server/session/session.h"
 #include "tests/session/game.h"
 
@@ -142,21 +141,21 @@ const WrongTick kWrongTicks[] = {
     {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
     {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
     // Beside what would change the answers, were any of it applied.
-    {"tick.settings.bound.horizon_s", E::kInvalidArgument,
+    {"tick.tuning.bound.horizon_s", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).bound.horizon_s = 2.1; }},
-    {"tick.settings.sample.resolution", E::kInvalidArgument,
+    {"tick.tuning.sample.resolution", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).sample.resolution = 1; }},
-    {"tick.settings.aggregate.filter.alpha", E::kInvalidArgument,
+    {"tick.tuning.aggregate.filter.alpha", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.alpha = 1.01; }},
-    {"tick.settings.aggregate.filter.n", E::kInvalidArgument,
+    {"tick.tuning.aggregate.filter.n", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.n = 0; }},
-    {"tick.settings.move.blend", E::kInvalidArgument,
+    {"tick.tuning.move.cost", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
-       otherwise_good(t).move.blend = {.hidden = 0, .distance = 0, .shelter = 0, .route = 0};
+       otherwise_good(t).move.cost = {.occlusion = 0, .distance = 0, .edge_penalty = 0, .route = 0};
      }},
-    {"tick.settings.framing.dead_zone", E::kInvalidArgument,
+    {"tick.settings.dead_zone", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},
-    {"tick.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
+    {"tick.settings.max_vertical_fov_rad", E::kInvalidArgument,
      [](Game&, TickMaker& t) {  // right in itself, but the body would not hold the near plane
        otherwise_good(t).framing.min_vertical_fov_rad = 0.5, t.settings->framing.max_vertical_fov_rad = 2.6;
        t.limits.reset();
@@ -253,16 +252,16 @@ const WrongOpen kWrongOpens[] = {
        o.settings.framing.min_vertical_fov_rad = 0.5;
        o.settings.framing.max_vertical_fov_rad = 2.6;
      }},
-    {"open.settings.bound.horizon_s", E::kInvalidArgument,
+    {"open.tuning.bound.horizon_s", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
-    {"open.settings.sample.resolution", E::kInvalidArgument,
+    {"open.tuning.sample.resolution", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.sample.resolution = 65; }},
-    {"open.settings.aggregate.candidates", E::kInvalidArgument,
+    {"open.tuning.aggregate.candidates", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.aggregate.candidates = 26; }},
-    {"open.settings.move.max_distance_m", E::kInvalidArgument,
+    {"open.settings.max_distance_m", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.move.max_distance_m = 0.5; }},
-    {"open.settings.framing.margin", E::kInvalidArgument,
-     [](SessionOptions& o) { o.settings.framing.margin = 1; }},
+    {"open.settings.framing_margin", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.framing.framing_margin = 1; }},
     {"open.label", E::kInvalidArgument, [](SessionOptions& o) { o.label.assign(65, 'x'); }},
     {"open.instances[2].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[2].id = 0; }},
     {"open.instances[3].id", E::kInvalidArgument, [](SessionOptions& o) { o.instances[3].id = kAnn; }},

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "tests/support/world.h"
 
 // glibc's own, under the names that it exports for programs that put theirs before them.
@@ -159,7 +159,7 @@ struct Preset {
 // Small maps and few places, so that many steps take little time: what is allocated is the same.
 StepSettings changed(StepSettings settings, void (*change)(StepSettings&) = [](StepSettings&) {}) {
   settings.sample.resolution = 4, settings.sample.points = std::min(settings.sample.points, 3);
-  settings.aggregate.candidates = 64, settings.move.survey.resolution = 3;
+  settings.aggregate.candidates = 64, settings.move.viewpoint_search.resolution = 3;
   change(settings);
   return settings;
 }

@@ -6,7 +6,6 @@
 #include <tuple>
 
 #include "server/base/random.h"
-#include "server/step/presets.h"
 #include "tests/session/game.h"
 
 namespace sightline::test {
@@ -23,9 +22,9 @@ StepSettings any_settings(CounterRandom& random) {
   };
   s.sample.points = between(0, 16);
   s.sample.resolution = between(2, 64);
-  s.move.survey.resolution = between(2, 32);
+  s.move.viewpoint_search.resolution = between(2, 32);
   s.aggregate.candidates = between(27, 32768);
-  s.move.turn_share = random.next_below(2) * 0.25;
+  s.move.turn_probability = random.next_below(2) * 0.25;
   s.move.prediction_s = random.next_below(2) * 0.5;
   return s;
 }
@@ -42,9 +41,9 @@ TEST(Economy, EveryLevelOfValidSettingsIsValidAndAsksForNoMoreThanTheOneBefore) 
       EXPECT_LE(less.sample.points, before.sample.points);
       EXPECT_EQ(less.sample.points == 0, told.sample.points == 0);
       EXPECT_LE(less.sample.resolution, before.sample.resolution);
-      EXPECT_LE(less.move.survey.resolution, before.move.survey.resolution);
+      EXPECT_LE(less.move.viewpoint_search.resolution, before.move.viewpoint_search.resolution);
       EXPECT_LE(less.aggregate.candidates, before.aggregate.candidates);
-      EXPECT_LE(less.move.turn_share, before.move.turn_share);
+      EXPECT_LE(less.move.turn_probability, before.move.turn_probability);
       EXPECT_LE(less.move.prediction_s, before.move.prediction_s);
       EXPECT_EQ(economises(told, level), !describe_economy(told, level).empty());
       before = less;

@@ -3,7 +3,6 @@
 #include <cstring>
 
 #include "server/base/random.h"
-#include "server/step/presets.h"
 #include "tests/support/world.h"
 
 namespace sightline {

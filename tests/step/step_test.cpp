@@ -197,7 +197,7 @@ TEST(Step, ChainAndLatticeSeeTheSameShares) {
   lattice.settings.aggregate.volume = Volume::kLattice;
   for (World* world : {static_cast<World*>(&lattice), static_cast<World*>(&chain)}) {
     world->settings.sample.resolution = 32;
-    world->settings.sample.jitter_texels = false;
+    world->settings.sample.jitter = false;
     world->settings.aggregate.candidates = 8000;
     world->add_box(10, {1.0, 1, 2.5}, {0.15, 2, 0.05});
   }
@@ -248,7 +248,7 @@ TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
   for (World* world : {static_cast<World*>(&lattice), static_cast<World*>(&pair)}) {
     world->settings.bound.horizon_s = 0.35;
     world->settings.sample.resolution = 32;
-    world->settings.sample.jitter_texels = false;
+    world->settings.sample.jitter = false;
     world->settings.aggregate.candidates = 8000;
     world->add_box(10, {0.55, 1, 3}, {0.2, 2, 0.05});
   }
@@ -402,8 +402,8 @@ TEST(Step, RobustMoveShelters) {
     return edge - world.memory.camera.pose.position_m.x;
   };
   EXPECT_GT(depth(Strategy::kRobust), 0.5);
-  EXPECT_GT(depth(Strategy::kBlend), 0.2);
-  EXPECT_LT(depth(Strategy::kBasic), depth(Strategy::kBlend));
+  EXPECT_GT(depth(Strategy::kMinCost), 0.2);
+  EXPECT_LT(depth(Strategy::kBasic), depth(Strategy::kMinCost));
 }
 
 // A target walks past pillars, parallel to the picture: foreseen, the camera is on its way before the target is lost.

@@ -1,7 +1,7 @@
 // Worlds that the default preset films, watched at every step: lawful, and clear of all that collides.
 #pragma once
 
-#include "server/step/presets.h"
+#include "server/settings/step_settings.h"
 #include "tests/support/watch.h"
 
 namespace sightline::test {

@@ -15,6 +15,7 @@
 #include "server/scene/mirror.h"
 #include "server/scene/primitives.h"
 #include "server/step/step.h"
+#include "tests/support/plain_settings.h"
 
 namespace sightline::test {
 
@@ -72,7 +73,7 @@ class World {
   SceneMirror mirror;
   std::vector<Target> targets;
   CameraLimits limits;
-  StepSettings settings;
+  StepSettings settings = plain_settings();
   Lens lens;
   uint64_t seed = 1, tick = 0;
   StepMemory memory;

@@ -23,10 +23,10 @@ TEST_F(FromProto, AbsentSettingsAreTheDefaultsOfTheStructs) {
   const SessionOptions options = must_read(make_open());
   EXPECT_EQ(options.settings.bound.horizon_s, BoundSettings{}.horizon_s);
   EXPECT_EQ(options.settings.sample.resolution, SampleSettings{}.resolution);
-  EXPECT_EQ(options.settings.sample.jitter_texels, SampleSettings{}.jitter_texels);
+  EXPECT_EQ(options.settings.sample.jitter, SampleSettings{}.jitter);
   EXPECT_EQ(options.settings.aggregate.candidates, AggregateSettings{}.candidates);
   EXPECT_EQ(options.settings.move.max_distance_m, MoveSettings{}.max_distance_m);
-  EXPECT_EQ(options.settings.framing.response_s, FramingSettings{}.response_s);
+  EXPECT_EQ(options.settings.framing.aim_response_s, FramingSettings{}.aim_response_s);
   EXPECT_EQ(options.limits.max_speed_mps, CameraLimits{}.max_speed_mps);
   EXPECT_EQ(options.lens.vertical_fov_rad, Lens{}.vertical_fov_rad);
   EXPECT_EQ(options.lens.aspect, Lens{}.aspect);
@@ -39,18 +39,19 @@ TEST_F(FromProto, AbsentSettingsAreTheDefaultsOfTheStructs) {
 TEST_F(FromProto, EverySettingArrives) {
   v1::OpenSession open = make_open();
   v1::Settings& s = *open.mutable_settings();
-  s.mutable_bound()->set_mode(v1::Bound::PAPER);
-  s.mutable_bound()->set_horizon_s(0.6), s.mutable_bound()->set_max_horizon_s(1.1),
-      s.mutable_bound()->set_paper_n(55);
-  s.mutable_sample()->set_resolution(9), s.mutable_sample()->set_jitter(false);
-  s.mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
-  s.mutable_aggregate()->set_candidates(99), s.mutable_aggregate()->set_relative_bias(0.02);
-  s.mutable_move()->set_follow(v1::Move::STAY);
-  s.mutable_move()->set_min_distance_m(2), s.mutable_move()->set_max_distance_m(20);
-  s.mutable_move()->set_min_elevation_rad(-0.1), s.mutable_move()->set_max_elevation_rad(0.9);
-  s.mutable_framing()->set_margin(0.2), s.mutable_framing()->set_dead_zone(0.3),
-      s.mutable_framing()->set_response_s(1);
-  s.mutable_framing()->set_min_vertical_fov_rad(0.4), s.mutable_framing()->set_max_vertical_fov_rad(1.2);
+  tuning::v1alpha1::Tuning& t = *open.mutable_tuning();
+  t.mutable_bound()->set_mode(tuning::v1alpha1::BOUND_MODE_PAPER);
+  t.mutable_bound()->set_horizon_s(0.6), t.mutable_bound()->set_max_horizon_s(1.1),
+      t.mutable_bound()->set_paper_n(55);
+  t.mutable_sample()->set_resolution(9), t.mutable_sample()->set_jitter(false);
+  t.mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_PAIR);
+  t.mutable_aggregate()->set_candidates(99), t.mutable_aggregate()->set_relative_bias(0.02);
+  s.set_follow(v1::Settings::FOLLOW_STAY);
+  s.set_min_distance_m(2), s.set_max_distance_m(20);
+  s.set_min_elevation_rad(-0.1), s.set_max_elevation_rad(0.9);
+  s.set_framing_margin(0.2), s.set_dead_zone(0.3),
+      s.set_aim_response_s(1);
+  s.set_min_vertical_fov_rad(0.4), s.set_max_vertical_fov_rad(1.2);
   v1::CameraLimits& l = *open.mutable_limits();
   l.set_max_speed_mps(3), l.set_max_acceleration_mps2(4), l.set_max_angular_speed_radps(5);
   l.set_max_angular_acceleration_radps2(6), l.set_body_radius_m(0.7);
@@ -62,7 +63,7 @@ TEST_F(FromProto, EverySettingArrives) {
   EXPECT_EQ(o.settings.bound.max_horizon_s, 1.1);
   EXPECT_EQ(o.settings.bound.paper_n, 55);
   EXPECT_EQ(o.settings.sample.resolution, 9);
-  EXPECT_FALSE(o.settings.sample.jitter_texels);
+  EXPECT_FALSE(o.settings.sample.jitter);
   EXPECT_EQ(o.settings.aggregate.volume, Volume::kPair);
   EXPECT_EQ(o.settings.aggregate.candidates, 99);
   EXPECT_EQ(o.settings.aggregate.relative_bias, 0.02);
@@ -71,9 +72,9 @@ TEST_F(FromProto, EverySettingArrives) {
   EXPECT_EQ(o.settings.move.max_distance_m, 20);
   EXPECT_EQ(o.settings.move.min_elevation_rad, -0.1);
   EXPECT_EQ(o.settings.move.max_elevation_rad, 0.9);
-  EXPECT_EQ(o.settings.framing.margin, 0.2);
+  EXPECT_EQ(o.settings.framing.framing_margin, 0.2);
   EXPECT_EQ(o.settings.framing.dead_zone, 0.3);
-  EXPECT_EQ(o.settings.framing.response_s, 1);
+  EXPECT_EQ(o.settings.framing.aim_response_s, 1);
   EXPECT_EQ(o.settings.framing.min_vertical_fov_rad, 0.4);
   EXPECT_EQ(o.settings.framing.max_vertical_fov_rad, 1.2);
   EXPECT_EQ(o.limits.max_speed_mps, 3);
@@ -290,29 +291,29 @@ const WrongOpen kWrongOpens[] = {
     {"open.lens.near_m", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_lens()->set_near_m(11); }},
     {"open.settings.preset", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
-    {"open.settings.bound.mode", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_settings()->mutable_bound()->set_mode(unknown<v1::Bound::Mode>()); }},
-    {"open.settings.aggregate.volume", E::kInvalidArgument,
+    {"open.tuning.bound.mode", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_tuning()->mutable_bound()->set_mode(unknown<tuning::v1alpha1::BoundMode>()); }},
+    {"open.tuning.aggregate.volume", E::kInvalidArgument,
      [](v1::OpenSession& o) {
-       o.mutable_settings()->mutable_aggregate()->set_volume(unknown<v1::Aggregate::Volume>());
+       o.mutable_tuning()->mutable_aggregate()->set_volume(unknown<tuning::v1alpha1::Volume>());
      }},
-    {"open.settings.move.follow", E::kInvalidArgument,
+    {"open.settings.follow", E::kInvalidArgument,
      [](v1::OpenSession& o) {
-       o.mutable_settings()->mutable_move()->set_follow(unknown<v1::Move::Follow>());
+       o.mutable_settings()->set_follow(unknown<v1::Settings::Follow>());
      }},
-    {"open.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.5); }},
-    {"open.settings.framing.min_vertical_fov_rad", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0.5); }},
-    {"open.settings.framing.max_vertical_fov_rad", E::kInvalidArgument,
+    {"open.settings.max_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->set_min_vertical_fov_rad(0.5); }},
+    {"open.settings.min_vertical_fov_rad", E::kInvalidArgument,
+     [](v1::OpenSession& o) { o.mutable_settings()->set_max_vertical_fov_rad(0.5); }},
+    {"open.settings.max_vertical_fov_rad", E::kInvalidArgument,
      [](v1::OpenSession& o) {
-       o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.6);
-       o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0.5);
+       o.mutable_settings()->set_min_vertical_fov_rad(0.6);
+       o.mutable_settings()->set_max_vertical_fov_rad(0.5);
      }},
-    {"open.settings.framing.min_vertical_fov_rad", E::kInvalidArgument,
+    {"open.settings.min_vertical_fov_rad", E::kInvalidArgument,
      [](v1::OpenSession& o) {
-       o.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0);
-       o.mutable_settings()->mutable_framing()->set_max_vertical_fov_rad(0);
+       o.mutable_settings()->set_min_vertical_fov_rad(0);
+       o.mutable_settings()->set_max_vertical_fov_rad(0);
      }},
     {"open.label", E::kInvalidArgument, [](v1::OpenSession& o) { o.set_label(std::string(65, 'x')); }},
     {"open.targets[1].aim_offset.x", E::kInvalidArgument,
@@ -436,14 +437,14 @@ const WrongTick kWrongTicks[] = {
     {"tick.lens.aspect", [](v1::Tick& t) { t.mutable_lens()->set_aspect(20); }},
     {"tick.settings.preset",
      [](v1::Tick& t) { t.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
-    {"tick.settings.aggregate.filter.mode",
+    {"tick.tuning.aggregate.filter.mode",
      [](v1::Tick& t) {
-       t.mutable_settings()->mutable_aggregate()->mutable_filter()->set_mode(unknown<v1::Filter::Mode>());
+       t.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_mode(unknown<tuning::v1alpha1::FilterMode>());
      }},
-    {"tick.settings.move.strategy",
-     [](v1::Tick& t) { t.mutable_settings()->mutable_move()->set_strategy(unknown<v1::Move::Strategy>()); }},
-    {"tick.settings.framing.max_vertical_fov_rad",
-     [](v1::Tick& t) { t.mutable_settings()->mutable_framing()->set_min_vertical_fov_rad(0.5); }},
+    {"tick.tuning.move.strategy",
+     [](v1::Tick& t) { t.mutable_tuning()->mutable_move()->set_strategy(unknown<tuning::v1alpha1::Strategy>()); }},
+    {"tick.settings.max_vertical_fov_rad",
+     [](v1::Tick& t) { t.mutable_settings()->set_min_vertical_fov_rad(0.5); }},
 };
 
 class WrongTicksOnTheWire : public FromProto, public testing::WithParamInterface<WrongTick> {};

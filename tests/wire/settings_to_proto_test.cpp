@@ -1,4 +1,4 @@
-// Settings go to the wire and come back whole: found out by setting every field of the messages, whatever their names.
+// Settings come back whole from messages: every field of the messages is set, whatever its name.
 #include "server/wire/settings_to_proto.h"
 
 #include <google/protobuf/util/message_differencer.h>
@@ -6,8 +6,7 @@
 
 #include <random>
 
-#include "server/step/presets.h"
-#include "server/wire/from_proto_values.h"
+#include "tests/wire/every_setting.h"
 
 namespace sightline {
 namespace {
@@ -46,36 +45,36 @@ void set_all(Message& message, std::mt19937& random) {
   }
 }
 
-v1::Settings any_settings(std::mt19937& random) {
-  v1::Settings settings;
-  set_all(settings, random);
-  settings.mutable_framing()->set_min_vertical_fov_rad(0.5);  // the one range that the reader checks
-  settings.mutable_framing()->set_max_vertical_fov_rad(1.5);
-  return settings;
+v1::OpenSession any_settings(std::mt19937& random) {
+  v1::OpenSession open;
+  set_all(*open.mutable_settings(), random), set_all(*open.mutable_tuning(), random);
+  // The reader checks these four.
+  open.mutable_settings()->set_framing_margin(0.3), open.mutable_settings()->set_dead_zone(0.2);
+  open.mutable_settings()->set_min_vertical_fov_rad(0.5), open.mutable_settings()->set_max_vertical_fov_rad(1.5);
+  return open;
 }
 
 TEST(SettingsToProto, EveryFieldComesBack) {
   std::mt19937 random(1);
   for (int i = 0; i < 50; ++i) {
-    const v1::Settings sent = any_settings(random);
+    const v1::OpenSession sent = any_settings(random);
     StepSettings read;
-    ASSERT_TRUE(read_settings(sent, "settings", read));
-    EXPECT_TRUE(MessageDifferencer::Equals(settings_to_proto(read), sent))
-        << settings_to_proto(read).DebugString();
+    ASSERT_TRUE(read_settings(sent.settings(), sent.tuning(), "", read));
+    EXPECT_TRUE(MessageDifferencer::Equals(test::wire_of(read), sent)) << test::text_of(read);
   }
 }
 
 TEST(SettingsToProto, PresetsAreGivenBackWithoutTheirName) {
-  for (const auto preset : {v1::Settings::SIGHTLINE, v1::Settings::PAPER}) {
+  for (const auto preset : {v1::Settings::PRESET_SIGHTLINE, v1::Settings::PRESET_PAPER}) {
     v1::Settings named;
     named.set_preset(preset);
     StepSettings settings, again = preset_settings(Preset::kPaper);
-    ASSERT_TRUE(read_settings(named, "settings", settings));
-    const v1::Settings sent = settings_to_proto(settings);
-    EXPECT_EQ(sent.preset(), v1::Settings::PRESET_UNSPECIFIED);
-    EXPECT_FALSE(sent.framing().has_min_vertical_fov_rad());
-    ASSERT_TRUE(read_settings(sent, "settings", again));
-    EXPECT_TRUE(MessageDifferencer::Equals(settings_to_proto(again), sent));
+    ASSERT_TRUE(read_settings(named, {}, "", settings));
+    const v1::OpenSession sent = test::wire_of(settings);
+    EXPECT_EQ(sent.settings().preset(), v1::Settings::PRESET_UNSPECIFIED);
+    EXPECT_FALSE(sent.settings().has_min_vertical_fov_rad());
+    ASSERT_TRUE(read_settings(sent.settings(), sent.tuning(), "", again));
+    EXPECT_TRUE(MessageDifferencer::Equals(test::wire_of(again), sent));
   }
 }
 

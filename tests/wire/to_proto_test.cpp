@@ -119,7 +119,7 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
     EXPECT_EQ(reply.degradation().map_resolution(), static_cast<uint32_t>(used.sample.resolution));
     EXPECT_EQ(reply.degradation().sample_points(), static_cast<uint32_t>(used.sample.points));
     EXPECT_EQ(reply.degradation().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
-    EXPECT_EQ(reply.degradation().search_resolution(), static_cast<uint32_t>(used.move.survey.resolution));
+    EXPECT_EQ(reply.degradation().search_resolution(), static_cast<uint32_t>(used.move.viewpoint_search.resolution));
     EXPECT_FALSE(reply.degradation().predicted_turns());
     EXPECT_EQ(reply.degradation().predicted_motion(), used.move.prediction_s > 0);
   }
@@ -197,7 +197,7 @@ TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
 
 TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   v1::OpenSession open = make_open();
-  open.mutable_settings()->mutable_aggregate()->set_volume(v1::Aggregate::PAIR);
+  open.mutable_tuning()->mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_PAIR);
   open.mutable_targets()->RemoveLast();
   Wire wire(open);
   const v1::CameraReply& reply = wire.play(make_tick(1));

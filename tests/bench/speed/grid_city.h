@@ -17,7 +17,7 @@ struct GridCityOptions {
   bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
   int targets = 2;           // [1, kMaxTargets]
   int group = 0;             // how many walk together, of whom the targets are evenly chosen; 0: the targets alone
-  int movers = 0;            // moving occluders besides the group
+  int movers = 0;            // moving occluders beyond the group
   int props = 0;             // small instances that stand; all of one geometry
 };
 

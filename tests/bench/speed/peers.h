@@ -1,4 +1,4 @@
-// What one would write instead: the peers that a step is measured beside. Each answers which candidates see which targets' aim
+// The peers that a step is compared with: simpler ways to find what is visible. Each answers which candidates see which targets' aim
 // points, or does the costly part of it, over the scene of one mirror.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace sightline::bench {
 
-// What is asked of one target.
+// A query for one target.
 struct SeenFrom {
   glm::dvec3 aim_m{0.0};
   uint32_t slot = 0;  // of the target itself: never in its own way
@@ -28,14 +28,15 @@ class RayPeer {
                     std::vector<uint32_t>& seen) = 0;
 };
 
-// Embree, rtcOccluded1: all that stands as one flat scene of triangles, built with high quality; what moves as instances in another.
+// Embree's rtcOccluded1. Everything that stands still is one flat scene of triangles, built with high quality; movers are instances in
+// another scene.
 std::unique_ptr<RayPeer> make_embree_peer(const SceneMirror& mirror);
 
-// Bullet, btCollisionWorld::rayTest: every instance a collision object with a triangle-mesh shape, as a game has it for its physics.
+// Bullet's btCollisionWorld::rayTest. Every instance is a collision object with a triangle-mesh shape, as in a game's physics.
 std::unique_ptr<RayPeer> make_bullet_peer(const SceneMirror& mirror);
 
-// The paper's way: the whole scene drawn into every map, each map read back by glReadPixels. What stands is one vertex buffer, drawn
-// by one call.
+// The paper's method: the whole scene is drawn into every map, and each map is read back by glReadPixels. Everything that stands still
+// is one vertex buffer, drawn by one call.
 class DrawAllPeer {
  public:
   virtual ~DrawAllPeer() = default;

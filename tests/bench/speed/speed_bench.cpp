@@ -1,4 +1,4 @@
-// What a step costs beside what one would write instead, and how it grows. All contenders of a section are measured in one run, frame
+// Compares a step with simpler methods, and measures how it grows. All contenders of a section are measured in one run, frame
 // by frame in turn, over the same scene at the same time.
 //
 //   speed_bench --out FOLDER [--quick] [--section NAME]...
@@ -11,9 +11,9 @@
 #include <filesystem>
 
 #include "client/scenario/scenario_world.h"
-#include "client/evaluate/step_timing.h"
+#include "tests/bench/step_timing.h"
 #include "server/gl/software_renderer.h"
-#include "server/step/presets.h"
+#include "server/step/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/bench/speed/grid_city.h"
@@ -49,7 +49,7 @@ StepSettings with_defaults(int resolution, int candidates) {
   return settings;
 }
 
-// A peer's answer beside that of the step just taken.
+// Compares a peer's answer with the step just taken.
 double agreement(const std::vector<uint32_t>& seen, const StepMemory& memory, size_t targets) {
   size_t same = 0;
   for (size_t k = 0; k < seen.size(); ++k)
@@ -215,8 +215,8 @@ class GridRun {
   int frame_ = 0;
 };
 
-// The least first. Each larger one is measured in turn with the least, some frames of one and then as many of the other: a machine
-// that is faster at one time than at another is so for both, and the caches are a city's own for most of its frames.
+// `cities`: the smallest first. Each larger one is measured in turn with the smallest, some frames of one and then as many of the
+// other. Changes of the machine's speed then affect both, and for most frames the caches hold only one city.
 void run_growth(Bench& bench, const std::string& section,
                 const std::vector<std::pair<double, GridCityOptions>>& cities) {
   constexpr int kTurn = 20;
@@ -333,7 +333,7 @@ int run(int argc, char** argv) {
   bench.devices = timed_samplers(&no_egl);
   if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
   for (const auto& device : bench.devices)
-    std::printf("%s: %s\n", device->kind().c_str(), device->description().c_str());
+    std::printf("%s: %s\n", device->kind().c_str(), device->renderer().c_str());
   for (const Section& section : kSections)
     if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end())
       section.run(bench);

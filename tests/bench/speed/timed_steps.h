@@ -20,7 +20,7 @@ struct Track {
       -1;  // share of candidates x targets on which a peer and the step beside it agree; -1: not asked
 };
 
-// What is stepped over. References must outlive the steps.
+// The scene of the steps. References must outlive the steps.
 struct TimedScene {
   const SceneMirror& mirror;
   const std::vector<Target>& targets;

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes the page on speed again: builds, measures, and writes README.md, tables and plots here. Nothing else should run meanwhile.
-#   tests/results/speed/make.sh            # 7 minutes on two cores, 12 GiB of memory for 28 million triangles
-#   tests/results/speed/make.sh --quick    # fewer frames and smaller scenes, into out/speed instead of here; for trying
-#   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # with these programs, without building
+# Makes the page on speed: builds, measures, and writes README.md, tables and plots into this folder. Nothing else should run.
+#   tests/results/speed/make.sh            # 7 minutes on two cores; 28 million triangles need 12 GiB of memory
+#   tests/results/speed/make.sh --quick    # a trial: fewer frames and smaller scenes, into out/speed
+#   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # use these programs and build nothing
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 
@@ -16,7 +16,7 @@ esac
 if [ -z "${SIGHTLINE_BIN:-}" ]; then
   deploy/install-packages.sh build
   cmake --preset release >/dev/null
-  cmake --build --preset release --parallel "$(nproc)" --target sightline sightlined speed_bench load_bench
+  cmake --build --preset release --parallel "$(nproc)" --target sightline sightlined speed_bench load_bench echo_server
   SIGHTLINE_BIN=build/release/bin
 fi
 bin=$SIGHTLINE_BIN raw=out/speed/raw
@@ -26,19 +26,25 @@ SECONDS=0
 "$bin/speed_bench" --out "$raw" "${quick[@]}" | tee "$raw/log.txt"
 "$bin/load_bench" --csv "$raw/load.csv" "${sizes[@]}"
 
-# Name and seconds at most, then what `sightline bench` is told.
+# The name of the load and the most seconds it may take; then flags for `sightline bench`.
 load() {
   local name=$1 at_most=$2
   shift 2
   "$bin/sightline" bench --rate 60 --targets 2 --resolution 7 --candidates 343 --max-duration "$at_most" --json "$raw/service/$name.json" "$@" ||
     echo "$name: not measured" >&2
 }
-plain=(--preset paper --settings '{"bound":{"mode":"HORIZON"},"aggregate":{"volume":"LATTICE","filter":{"mode":"NONE"}},"move":{"strategy":"BASIC","prediction_s":0}}')
-load one-plain $lone_seconds --sessions 1 --window 5 "${plain[@]}" --points 0 --echo
-load one-default $lone_seconds --sessions 1 --window 5 --echo
-load fifty-plain $seconds --stable-windows 99 --sessions 50 "${plain[@]}" --points 8
-load hundred-plain $seconds --stable-windows 99 --sessions 100 "${plain[@]}" --points 8
-load hundred-default $seconds --stable-windows 99 --sessions 100
+plain=(--preset paper --settings '{"settings":{"prediction_s":0},"tuning":{"bound":{"mode":"BOUND_MODE_HORIZON"},"aggregate":{"volume":"VOLUME_LATTICE","filter":{"mode":"FILTER_MODE_NONE"}},"move":{"strategy":"STRATEGY_BASIC"}}}')
+# The echo serves until its standard input, this pipe, is closed.
+mkfifo "$raw/echo.stdin"
+"$bin/echo_server" "unix:$raw/echo.sock" <"$raw/echo.stdin" >"$raw/echo.address" &
+exec 9>"$raw/echo.stdin"
+until [ -s "$raw/echo.address" ]; do sleep 0.1; done
+load one-plain $lone_seconds --sessions 1 --window 5 "${plain[@]}" --points 0 --echo "unix:$raw/echo.sock"
+load one-default $lone_seconds --sessions 1 --window 5 --echo "unix:$raw/echo.sock"
+exec 9>&-
+load fifty-plain $seconds --all-windows --sessions 50 "${plain[@]}" --points 8
+load hundred-plain $seconds --all-windows --sessions 100 "${plain[@]}" --points 8
+load hundred-default $seconds --all-windows --sessions 100
 load twenty-egl $seconds --sessions 20 "${plain[@]}" --points 0 --daemon-flags "--sampler egl"
 
 cp -r "$raw/rows.csv" "$raw/ratios.csv" "$raw/load.csv" "$raw/service" "$page/"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the page on speed, README.md, from the tables that lie beside it: rows.csv, ratios.csv, load.csv, service/*.json, how.json.
+"""Writes the page on speed, README.md, from the tables beside it: rows.csv, ratios.csv, load.csv, service/*.json, how.json.
 
-    make_page.py [FOLDER]    # FOLDER: of the page; default: that of this script
+    make_page.py [FOLDER]    # FOLDER of the page; default: the folder of this script
 """
 import json
 import pathlib
@@ -11,10 +11,10 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 from figures import distinct, find, markdown, number, read_table, select  # noqa: E402
-from line_plot import line_plot  # noqa: E402
+from svg_plots import line_plot  # noqa: E402
 from service import read_service, service_claims, service_part  # noqa: E402
 
-# Names in the tables, and what a reader calls them.
+# Names in the tables, and the names that the page shows.
 NAMES = {"egl": "Sightline, EGL", "embree": "Sightline, Embree", "egl default": "default, EGL", "embree default": "default, Embree",
          "embree 8 points": "8 points a target", "embree rays": "(b) an Embree ray each", "bullet rays": "(c) a Bullet ray each",
          "draw all": "(a) all drawn, read back"}
@@ -24,7 +24,7 @@ GROWTH = {"detail": ("triangles of the same blocks, cut ever finer", "triangles"
 
 
 class Claim:
-    """One line of the page: what is to hold, whether it does (None: not measured), and the figure."""
+    """One line of the page: the claim, whether it holds (None: not measured), and the figure."""
 
     def __init__(self, text, holds, figure):
         self.text, self.holds, self.figure = text, holds, figure
@@ -73,11 +73,12 @@ def step_claims(rows, ratios):
 def peers_part(rows, ratios):
     text = """## A step, and what one would write instead
 
-On the city (280 K triangles, two targets), one point a target, maps of r x r texels, about r³ candidates: the lattice's count, which (b) and (c)
-look at as well. A step of ours is the whole of it, bound to move; the peers only find what is seen and decide nothing. (a) draws the whole
-scene into one map a target and reads each back by glReadPixels, as the paper did; (b) and (c) send one ray for each candidate and target,
-(b) by Embree's rtcOccluded1 through one flat scene of high quality, (c) by Bullet's rayTest through the collision world that a game has at hand. *Default* is our default
-strategy, which looks ahead, surveys and samples eight points a target. *Alone*: without the others in turn, which take the caches. Milliseconds, medians, in brackets the 95th percentile.
+The scene is the city (280 K triangles, two targets), with one point for each target, maps of r x r texels and about r³ candidates (the lattice's
+count, which (b) and (c) test as well). Our figure is a whole step, from bound to move; the peers only find what is visible and decide nothing.
+(a) draws the whole scene into one map for each target and reads it back by glReadPixels, as the paper did. (b) and (c) trace one ray for each
+candidate and target: (b) by Embree's rtcOccluded1 through one flat scene of high quality, (c) by Bullet's rayTest through the collision world that a
+game already has. *default* is our default strategy, which looks ahead, searches for other viewpoints and samples eight points of each target.
+*alone* is without the others in turn, which displace it from the caches. Times are medians in milliseconds, with the 95th percentile in brackets.
 
 """
     radii = distinct(select(rows, section="peers"), "x")
@@ -88,7 +89,7 @@ strategy, which looks ahead, surveys and samples eight points a target. *Alone*:
             cells = [find(rows, section=section, x=r, row=name) for r in radii]
             table.append([NAMES[name] + (", alone" if section == "alone" else "")] + [f"{number(c['p50_ms'], 3)} ({number(c['p95_ms'], 3)})" if c else "" for c in cells])
     text += markdown(["<"] + [f"r = {int(r)}" for r in radii], table)
-    text += "\nHow many times as long the peers take, median of ten runs of frames and (least to greatest):\n\n"
+    text += "\nHow many times as long the peers take: the median of ten runs of frames, and (least to greatest):\n\n"
     table = []
     for other in distinct(select(ratios, section="peers"), "other"):
         cells = [find(ratios, section="peers", x=r, other=other) for r in radii]
@@ -96,7 +97,7 @@ strategy, which looks ahead, surveys and samples eight points a target. *Alone*:
         table.append([f"{NAMES[other]} / {NAMES[ours]}"] +
                      [f"{number(c['ratio'], 1)} ({number(c['least'], 1)} to {number(c['greatest'], 1)})" if c else "" for c in cells])
     text += markdown(["<"] + [f"r = {int(r)}" for r in radii], table)
-    text += "\nWhere it goes, medians:\n\n" + stages_table(select(rows, section="peers") + select(rows, section="default"))
+    text += "\nTime by stage, medians:\n\n" + stages_table(select(rows, section="peers") + select(rows, section="default"))
     agree = [row["agreement"] for row in rows if row["agreement"] is not None]
     if agree:
         text += f"\nThe peers' rays and our maps agree on at least {100 * min(agree):.2f} % of all candidates and targets.\n"
@@ -113,7 +114,8 @@ def stages_table(rows):
 def wide_part(rows):
     return """## A wide step
 
-About 4,096 candidates, eight targets, eight points each, maps of 16 x 16 texels, Embree, on a grid of 400 blocks (315 K triangles). Milliseconds, medians.
+About 4,096 candidates, eight targets with eight points each and maps of 16 x 16 texels, with Embree, on a grid of 400 blocks (315 K triangles).
+Times are medians in milliseconds.
 
 """ + markdown(["<", "candidates", "sample", "aggregate", "move", "whole step", "p95"],
                [[NAMES[row["row"]], int(row["candidates"])] +
@@ -141,7 +143,7 @@ def growth_claims(rows, ratios):
     for name in ("embree", "egl", "embree default", "egl default"):
         line, grown = select(rows, section="movers", row=name), select(ratios, section="movers", other=name)
         if line and grown:
-            # What the step takes more than the least case beside it, and the mirror.
+            # What the step takes more than in the smallest case, measured in turn, and what the mirror takes more.
             more = line[-1]["p50_ms"] * (1 - 1 / grown[-1]["ratio"]) + line[-1]["scene_p50_ms"] - line[0]["scene_p50_ms"]
             claims.append(Claim(f"{NAMES[name]}: {int(line[-1]['x']):,} moving occluders of 10,000 instances: under 1 ms more",
                                 more < 1, f"{number(more, 2)} ms more"))
@@ -153,16 +155,16 @@ def times(row, digits):
 
 
 def with_scene(row):
-    """The step, and what the mirror took for the transforms of its tick."""
+    """The step, and the mirror's time for the transforms of its tick."""
     return row["p50_ms"] + row["scene_p50_ms"]
 
 
 def growth_part(rows, folder):
     text = """## Growth
 
-r = 7, 343 candidates, two targets where not said otherwise; on a grid of blocks with streets between them. Medians of the whole step; with
-moving occluders the mirror's part is in it. The claims above go by how many times as long as the least case a larger one takes, the two measured
-in turn; these columns are from one time each, and this machine is not equally fast at all times. Both axes of the plots are logarithmic.
+r = 7, 343 candidates and two targets, unless said otherwise; the scene is a grid of blocks with streets between them. Times are medians of the whole
+step; with moving occluders they include the mirror's part. The claims above compare a larger case with the smallest one, measured in turn. The
+columns here were measured once each, and this machine is not equally fast at all times. Both axes of the plots are logarithmic.
 
 """
     for section, (title, x_name) in GROWTH.items():
@@ -191,7 +193,7 @@ def load_claims(load):
         return [Claim("Loading", None, "")]
     small, large = load[0], load[-1]
     size = lambda row: f"{row['triangles'] / 1e6:.2g} million"
-    # What the process really holds, scene and sampler.
+    # What the process holds in memory, for scene and sampler.
     total = lambda row, sampler: row["scene_resident"] + row[f"{sampler}_resident"]
     return [at_most(f"A .glb of {size(small)} triangles is ready (Embree) in under 0.5 s", ready_s(small, "embree"), 0.5, "s"),
             at_most(f"A .glb of {size(large)} triangles is ready (Embree) in under 20 s", ready_s(large, "embree"), 20, "s", 1),
@@ -204,9 +206,9 @@ def load_part(load):
         return ""
     text = """## Loading
 
-A binary glTF file, half one landscape and half 64 meshes of their own, from the file (in the page cache) until the first map is taken. EGL: the way that
-keeps geometry on the device, as a GPU has it; the way that is fast on a software renderer keeps none. Bytes a triangle: what each part says of
-itself, in brackets what the process really holds more. Each sampler's part is there only when that sampler is used.
+The file is a binary glTF, half of it one landscape and half 64 separate meshes. Times run from the file (in the page cache) until the first map is
+taken. *EGL* is the pipeline that keeps geometry on the device, as on a GPU; the one that is fast on a software renderer keeps none. Bytes a triangle
+are what each part reports of itself; in brackets stands the growth of the process. A sampler takes memory only when it is used.
 
 """
     names = ["triangles", "file MB", "scene s", "and Embree s", "or EGL s", "positions, indices", "clusters", "scene", "Embree", "EGL"]
@@ -222,10 +224,10 @@ itself, in brackets what the process really holds more. Each sampler's part is t
 def introduction(how):
     return f"""# Speed
 
-Made by `tests/results/speed/make.sh` and never edited by hand; `make_page.py` makes this page again from the tables in this folder. Measured on
-{how['cores']} cores ({how['cpu']}) without a GPU, samplers {how['samplers']}, in {how['minutes']} minutes, commit {how['commit']}.
-All contenders of a table are measured in one run, frame by frame in turn, over the same scene at the same time, so that ratios hold better than
-figures. On a GPU: not measured.
+`tests/results/speed/make.sh` makes this page: do not edit it by hand. `make_page.py` writes it again from the tables in this folder. It was measured on
+{how['cores']} cores ({how['cpu']}) without a GPU, in {how['minutes']} minutes, at commit {how['commit']}. Samplers: {how['samplers']}.
+All contenders of a table run frame by frame in turn, over the same scene at the same time, so ratios are more reliable than single figures. There
+is no measurement on a GPU yet.
 """
 
 

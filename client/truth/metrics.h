@@ -1,0 +1,134 @@
+// The figures of a run (design 9): how much the camera saw, what it touched, and how it moved.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/truth/judge.h"
+#include "server/base/camera.h"
+#include "server/settings/camera_limits.h"
+
+namespace sightline {
+
+struct TargetMetrics {
+  uint64_t id = 0;
+  std::string name;
+  double mean_visible_share = 0.0;  // over pictures; a picture without the target counts as 0
+  double in_frame_share = 0.0;      // share of pictures that hold the target's centre
+  size_t pictures = 0;              // taken while it was a target
+};
+
+// Loss of sight. An episode is a maximal run of judged pictures in which no pixel of one target is visible, whether off screen or
+// hidden; episodes of different targets count separately. An episode lasts from its first picture to the next one with a visible
+// pixel. The target is reacquired in the first picture that shows 95 % of it. When no such picture follows, the last one counts.
+struct EpisodeMetrics {
+  size_t count = 0;
+  double p95_length_s = 0.0;
+  double mean_reacquire_s = 0.0;  // from the first picture of an episode
+  size_t never_reacquired = 0;
+};
+
+// Shares are of the judged pictures, in [0, 1]; all are 0 when no picture was taken.
+struct RunMetrics {
+  size_t frames = 0, pictures = 0;
+  std::vector<TargetMetrics> targets;
+  double mean_visible_share = 0.0;  // mean over targets
+  double mean_hidden_share = 0.0;   // of a target's pixels, over the targets that have any in a picture
+  double in_frame_share = 0.0;      // mean over targets
+  double r_n = 0.0;                 // no pixel of any target is visible
+  double r_p = 0.0;                 // not r_n, and some target has a hidden pixel or is off screen
+  double r_p_tolerant = 0.0;        // r_p with 5 % tolerance
+  double all_seen = 0.0;            // every target has a visible pixel
+  // Every target is visible to at least 95 %: 1 - r_n - r_p_tolerant, exact to the picture.
+  double joint_visible_share() const;
+  size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
+  double least_clearance_m = 0.0;
+  size_t limit_violations = 0;  // frames that break at least one of the four motion limits
+  EpisodeMetrics episodes;
+  double d_c_m = 0.0;  // length of the camera's path (paper, section 6)
+  // Length of the path of the targets' projected centres in the picture, summed over targets, in picture heights (paper,
+  // section 6). Only pairs of neighbouring frames that both hold the centre count.
+  double d_s_heights = 0.0;
+  size_t pops =
+      0;  // frames that are more than kPopM or kPopRad from the frame before, without a declared jump
+  double peak_speed_mps = 0.0, peak_acceleration_mps2 = 0.0;
+  double peak_angular_speed_radps = 0.0, peak_angular_acceleration_radps2 = 0.0;
+  double rms_acceleration_mps2 = 0.0, rms_jerk_mps3 = 0.0, peak_jerk_mps3 = 0.0;
+};
+
+// Every figure of a run but those of single targets: the keys of to_json and columns of `sightline evaluate`.
+struct RunFigure {
+  std::string_view name;
+  double (*of)(const RunMetrics& run);
+};
+std::span<const RunFigure> run_figures();
+
+inline constexpr double kPopM = 0.5;
+inline constexpr double kPopRad = 0.08726646259971647;  // 5 degrees
+
+// How a camera moved between two frames, by finite differences of its poses.
+struct MotionSample {
+  double speed_mps = 0.0, acceleration_mps2 = 0.0;
+  double angular_speed_radps = 0.0;
+  double angular_acceleration_radps2 = 0.0;  // change of (yaw rate, pitch rate)
+  bool valid = false;                        // false for the first frame, a jump, or when no time has passed
+  double jerk_mps3 = 0.0;                    // change of acceleration
+  bool has_jerk = false;                     // this frame and the one before are valid
+};
+// One sample a frame. The camera is taken to be at rest before the first.
+std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames);
+
+// True when `sample` breaks a limit by more than rounding explains: 1e-6 of the limit for positions, and 1e-4 for angles, whose
+// second differences over a short step cancel most of a double's digits.
+bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
+
+// The visibility of a target in one picture.
+struct SightSample {
+  double time_s = 0.0;
+  double visible_share = 0.0;
+};
+// `targets`: for each target its samples in the order of time.
+EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
+
+// The visible shares that a policy reports for one target at one frame.
+struct ReportedShare {
+  uint64_t id = 0;
+  double visible_share = 0.0;   // in this step, [0, 1]
+  double filtered_share = 0.0;  // over the last steps, [0, 1]
+};
+// How wrong one of the two reported shares is.
+struct ReportErrors {
+  double false_visible = 0.0;        // share of the hidden pairs that were reported visible
+  double false_occluded = 0.0;       // share of the visible pairs that were reported hidden
+  double mean_absolute_error = 0.0;  // of the share, over all pairs
+};
+// A policy's reports against the truth. A pair is a judged picture and a target with at least one pixel in it. A target is
+// visible at a share of at least one half, both as reported and in truth.
+struct ReportMetrics {
+  size_t pairs = 0, hidden_pairs = 0;  // all pairs; pairs whose target is truly not visible
+  ReportErrors visible, filtered;      // of visible_share and of filtered_share
+};
+// `reports`: one list a frame, as long as `truths`. Targets are matched by id; one that was not reported is left out.
+ReportMetrics judge_reports(std::span<const FrameTruth> truths,
+                            std::span<const std::vector<ReportedShare>> reports);
+
+// The figures of a scenario's run. `truths` is as long as `frames`.
+RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits);
+
+// The figures of any run. `targets`: the id and name of everything that was a target at some time; each picture says which of
+// them were targets then. `truths` is as long as `frames`, or empty.
+RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraFrame> frames,
+                     std::span<const FrameTruth> truths, const CameraLimits& limits);
+
+// One JSON object: run_figures() by name, and `targets`.
+std::string to_json(const RunMetrics& metrics);
+
+// The least of `values` that a share `p` in [0, 1] of them does not exceed (nearest rank); 0 without values.
+double percentile(std::vector<double> values, double p);
+
+}  // namespace sightline

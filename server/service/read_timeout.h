@@ -1,0 +1,50 @@
+// Ends a call of gRPC's synchronous API whose client sends nothing: its handler waits in Read, which takes no deadline.
+//
+// The timer is a grpc::Alarm. It does not use gRPC's callback API for calls, which no part of the daemon may use
+// (server/README.md says why).
+#pragma once
+
+#include <grpcpp/alarm.h>
+#include <grpcpp/server_context.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+namespace sightline {
+
+// The timer of one call, used on its handler's thread. `context` must outlive it.
+class ReadTimeout {
+ public:
+  ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout);
+  ~ReadTimeout();
+  ReadTimeout(const ReadTimeout&) = delete;
+  ReadTimeout& operator=(const ReadTimeout&) = delete;
+
+  // Starts the timer. When it runs out the call is cancelled, so that Read returns false; the client sees CANCELLED.
+  void begin();
+  // Stops the timer: a message came, or none is expected.
+  void end();
+  // True when the call was cancelled by the timer.
+  bool ran_out() const;
+
+ private:
+  // Shared with the alarm, which can go off while it is being stopped.
+  struct State {
+    std::mutex mutex;
+    // Guarded by mutex.
+    uint64_t turns = 0;  // number of starts and stops; an alarm of an older turn is ignored
+    bool ran_out = false;
+  };
+
+  uint64_t take_turn();
+
+  grpc::ServerContext& context_;
+  const std::chrono::milliseconds timeout_;
+  const std::shared_ptr<State> state_;
+  std::optional<grpc::Alarm> alarm_;
+};
+
+}  // namespace sightline

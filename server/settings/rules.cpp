@@ -1,0 +1,24 @@
+#include "server/settings/rules.h"
+
+#include "server/base/check.h"
+
+namespace sightline {
+
+Status check_rules(const CostWeights& w) {
+  return check_some_weight("tuning.move.cost", "occlusion, distance, edge_penalty and route",
+                           {w.occlusion, w.distance, w.edge_penalty, w.route});
+}
+
+Status check_rules(const CoherenceSettings& s) {
+  return check_some_weight("tuning.move.coherence", "visibility, view_angle, height, distance and screen",
+                           {s.visibility, s.view_angle, s.height, s.distance, s.screen});
+}
+
+Status check_rules(const FramingSettings& s) {
+  const bool has_min = s.min_vertical_fov_rad != 0, has_max = s.max_vertical_fov_rad != 0;
+  if (has_min == has_max) return {};
+  return invalid(has_min ? "settings.max_vertical_fov_rad" : "settings.min_vertical_fov_rad",
+                 "is absent: a zoom range needs both ends");
+}
+
+}  // namespace sightline

@@ -1,0 +1,83 @@
+// Times a step, stage by stage, on the city (280 K triangles): Table 1 of the paper. Two targets walk, the maps have r x r texels,
+// and there are about r^3 candidates.
+//
+// Times are wall-clock times of the calling thread. Nothing else should run on the machine.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/scenario/scenario_world.h"
+#include "server/sample/extent.h"
+#include "server/sample/sampler.h"
+#include "server/step/step.h"
+
+namespace sightline {
+
+// The settings that are timed; resolution and number of candidates are set on top of them.
+//   paper: preset paper with Basic and one point for each target, without filter and prediction, as in the paper's Table 1
+//   sightline: the default settings, with several points on each target's surface
+struct TimedSettings {
+  std::string_view name;
+  StepSettings settings;
+};
+std::vector<TimedSettings> timed_settings();
+inline constexpr int kTimedResolutions[] = {5, 7, 10, 15};
+
+// EGL, where a context can be made, and Embree. `no_egl`, if not null, receives the reason why EGL is missing, or "".
+// A program that may render in software must call prepare_software_rendering first.
+std::vector<std::unique_ptr<SamplerDevice>> timed_samplers(std::string* no_egl);
+
+// The city, loaded once for any number of timings. Used by one thread at a time.
+struct TimedCity {
+  GeometryStore store;
+  EmbreeDevice device;
+  ExtentCache extents;
+  std::unique_ptr<Scenario> scenario;
+  std::vector<std::shared_ptr<const ExtentTable>> tables;  // one for each target
+  static Result<std::unique_ptr<TimedCity>> load();
+};
+
+struct Percentiles {
+  double p50_ms = 0.0, p95_ms = 0.0;
+};
+struct StepTiming {
+  size_t frames = 0;
+  size_t samples = 0;  // candidates judged in a step: the median
+  Percentiles sample, aggregate, move;
+  Percentiles total;  // the whole step
+};
+
+// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the city it starts again from the first,
+// with the camera at its start.
+class StepTimer {
+ public:
+  // Both must outlive it. `resolution`: r, [2, 64].
+  static Result<std::unique_ptr<StepTimer>> make(TimedCity& city, SamplerDevice& device,
+                                                 StepSettings settings, int resolution);
+  // Takes the next frame's step and returns its duration in milliseconds, without the city's own movement. The first kWarmUpSteps
+  // load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
+  Result<double> step();
+  StepTiming timing() const;  // all 0 before the first step that counts
+
+  static constexpr int kWarmUpSteps = 5;
+
+ private:
+  StepTimer(TimedCity& city, SamplerDevice& device, StepSettings settings,
+            std::unique_ptr<ScenarioWorld> world);
+  void to_next_frame();
+
+  TimedCity& city_;
+  const StepSettings settings_;
+  const std::unique_ptr<ScenarioWorld> world_;
+  const std::unique_ptr<Sampler> sampler_;
+  const CameraLimits limits_;
+  std::vector<const ExtentTable*> tables_;
+  StepMemory memory_;
+  uint64_t tick_ = 0;
+  std::vector<double> sample_ms_, aggregate_ms_, move_ms_, total_ms_, samples_;
+};
+
+}  // namespace sightline

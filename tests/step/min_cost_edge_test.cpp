@@ -1,0 +1,132 @@
+// What is at the ends of what the default preset is given: bodies, speeds, volumes, counts, places.
+#include <gtest/gtest.h>
+
+#include "tests/support/filming.h"
+
+namespace sightline::test {
+namespace {
+
+constexpr double kTick = 1.0 / 60;
+
+// What hides the target has no body: nothing keeps the lost camera off but the distance that it is to keep.
+TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
+  OneFilmed world;
+  ASSERT_TRUE(world.mirror.apply(
+      {.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
+  world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
+  world.settings.move.min_distance_m = 2;
+  world.settings.bound.max_horizon_s =
+      world.settings.bound.horizon_s;  // so that no place in reach is inside the box
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 300; ++i) {
+    world.step_in(watch, r);
+    ASSERT_GE(world.distance_m(), 1.9) << "step " << i;
+  }
+}
+
+// At 30 m/s the camera needs 45 m to stop. The target is never seen, the wall stands across the straight line to the goal.
+TEST(MinCostEdge, AFastCameraThatIsLostStopsBeforeTheWall) {
+  OneFilmed world({0, 1.6, 70});
+  world.limits.max_speed_mps = 30;
+  world.settings.bound.target_reach_m = 100;
+  world.settings.move.max_distance_m = 3;
+  world.settings.move.cost.exposure = 0;  // it goes also where nothing is seen
+  world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
+  world.add_box(11, {0, 1, 12}, {25, 300, 0.5});
+  Watch watch(world);
+  StepResult r;
+  double fastest = 0;
+  for (int i = 0; i < 600; ++i) {
+    world.step_in(watch, r);
+    fastest = std::max(fastest, glm::length(r.camera.velocity_mps));
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(fastest, 15);
+}
+
+TEST(MinCostEdge, AWideBodyFindsItsWayToo) {
+  OneFilmed world({0, 1.4, 6});
+  world.limits.body_radius_m = 1.0;
+  world.settings.bound.target_reach_m = 0;
+  world.settings.bound.horizon_s = world.settings.bound.max_horizon_s = 0.45;
+  world.add_box(10, {0, 1.5, 3.6}, {0.3, 6, 0.1});
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 300; ++i) world.step_in(watch, r);
+  EXPECT_EQ(r.targets[0].visible_share, 1.0);
+}
+
+// With one map of two targets: the pair volume's places, more or fewer than the lattice's.
+TEST(MinCostEdge, ThePairVolumeServesToo) {
+  for (const FilterMode filter : {FilterMode::kNone, FilterMode::kPerTarget})
+    for (const int candidates : {27, 343, 4000}) {
+      Filming world;
+      world.settings.aggregate.volume = Volume::kPair;
+      world.settings.aggregate.filter.mode = filter;
+      world.settings.aggregate.candidates = candidates;
+      world.settings.bound.target_reach_m = 0;
+      world.add_target(1, {-1, 1, 0}), world.add_target(2, {1, 1, 0});
+      world.add_box(10, {0.5, 1, 3}, {0.35, 4, 0.05});
+      world.place({0, 1.6, 6}, {0, 1, 0});
+      Watch watch(world);
+      StepResult r;
+      int pair = 0;
+      for (int i = 0; i < 240; ++i) {
+        world.step_in(watch, r);
+        pair += r.volume == Volume::kPair;
+      }
+      EXPECT_GT(pair, 0);
+      EXPECT_GT(r.targets[0].visible_share + r.targets[1].visible_share, 1.2) << candidates;
+    }
+}
+
+class MinCostEdgeTargets : public testing::TestWithParam<int> {};
+TEST_P(MinCostEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
+  Filming world;
+  const int n = GetParam();
+  const glm::dvec3 far(10'000, 5, -10'000);
+  for (int i = 0; i < n; ++i)
+    world.add_target(static_cast<uint64_t>(i) + 1, far + glm::dvec3(1.5 * (i % 4) - 2.25, 0, -1.5 * (i / 4)),
+                     i % 5 != 4, i > 0 && i % 3 == 2 ? 0.0 : 1.0);
+  world.add_box(1000, far + glm::dvec3(0, 0, 5), {0.5, 3, 0.1});
+  world.settings.move.viewpoint_search.resolution = 2, world.settings.sample.resolution = 2;
+  world.place(far + glm::dvec3(0, 3, 12), far);
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 150; ++i) world.step_in(watch, r);
+  EXPECT_EQ(r.targets.size(), static_cast<size_t>(n));
+  EXPECT_GT(r.targets[0].visible_share, 0.0);
+}
+INSTANTIATE_TEST_SUITE_P(Counts, MinCostEdgeTargets, testing::Values(1, 2, 16, 32));
+
+TEST(MinCostEdge, WithoutTargetsOrWeightsItComesToRest) {
+  OneFilmed world;
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 60; ++i) {
+    world.move(1, {0.1 * i, 1, 0}, {6, 0, 0});
+    world.step_in(watch, r);
+  }
+  world.targets[0].weight = 0;
+  for (int i = 0; i < 30; ++i) world.step_in(watch, r);
+  EXPECT_EQ(r.reason, MoveReason::kNoTargets);
+  world.targets.clear();
+  for (int i = 0; i < 120; ++i) world.step_in(watch, r);
+  EXPECT_EQ(r.reason, MoveReason::kNoTargets);
+  EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-3);
+}
+
+// The camera was put at the very place that it looks at: no direction, no distance.
+TEST(MinCostEdge, ACameraInsideItsTargetLeavesIt) {
+  OneFilmed world;
+  world.place({0, 1, 0}, {1, 1, 0});
+  ASSERT_TRUE(world.mirror.apply(
+      {.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
+  Watch watch(world);
+  for (int i = 0; i < 300; ++i) watch.step(i % 7 == 3 ? 0.0 : kTick);
+  EXPECT_GE(world.distance_m(), 0.9 * world.settings.move.min_distance_m);
+}
+
+}  // namespace
+}  // namespace sightline::test

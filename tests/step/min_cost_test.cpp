@@ -1,0 +1,179 @@
+// The default preset: goals by what is hidden, routes round geometry, the trail of the targets, the survey (step_goal, step_survey).
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+
+#include "server/base/random.h"
+#include "tests/support/filming.h"
+
+namespace sightline::test {
+namespace {
+
+constexpr double kTick = 1.0 / 60;
+
+// A corridor 2.4 m wide that turns right and left, under a roof. The target runs round its corners faster than the camera can follow.
+TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
+  Filming world;
+  world.limits.max_speed_mps = 2.5;
+  world.add_box(10, {-1.4, 2, 0}, {0.2, 3, 9});
+  world.add_box(11, {1.4, 2, 2.6}, {0.2, 3, 6.6});
+  world.add_box(12, {3.6, 2, -6.6}, {5, 3, 0.2});
+  world.add_box(13, {6.2, 2, -3.8}, {5, 3, 0.2});
+  world.add_box(14, {8.6, 2, -14}, {0.2, 3, 7.6});
+  world.add_box(15, {11.2, 2, -12}, {0.2, 3, 9});
+  world.add_box(16, {5, 3.2, -6}, {12, 0.2, 16});
+  world.add_box(17, {5, -0.2, -6}, {12, 0.2, 16});
+  glm::dvec3 at(0, 0.95, 2);
+  world.add_target(1, at);
+  world.place({0, 1.6, 6}, at);
+  Watch watch(world);
+  StepResult r;
+  int lost = 0, on_trail = 0;
+  for (int i = 0; i < 60 * 16; ++i) {
+    const bool turns = at.z <= -5.2 && at.x < 9.9;
+    const glm::dvec3 way = turns ? glm::dvec3(6, 0, 0) : at.z > -16 ? glm::dvec3(0, 0, -6) : glm::dvec3(0.0);
+    world.move(1, at += way * kTick, way);
+    world.step_in(watch, r);
+    lost += r.targets[0].visible_share == 0.0;
+    on_trail += r.reason == MoveReason::kOnTrail;
+  }
+  EXPECT_GT(lost, 20) << "it was lost indeed";
+  EXPECT_GT(on_trail, 0);
+  EXPECT_GT(r.targets[0].visible_share, 0.5);
+  EXPECT_TRUE(r.targets[0].in_picture);
+}
+
+// The straight line to the goal runs into the very pillar that hides the target.
+TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
+  OneFilmed world({0, 1.4, 4.6});
+  world.add_box(10, {0, 1.5, 2.6}, {1.1, 6, 0.8});
+  Watch watch(world);
+  StepResult r;
+  int round_about = 0, steps = 0;
+  do {
+    world.step_in(watch, r);
+    const auto& goal = world.memory.goal.goal_m;
+    StraightWays ways(world.memory.colliders, world.memory.camera.pose.position_m, world.limits.body_radius_m);
+    round_about += goal && !ways.is_free(*goal);
+  } while (r.targets[0].visible_share < 1.0 && ++steps < 300);
+  EXPECT_LT(steps, 240) << "within four seconds";
+  EXPECT_GT(round_about, 0) << "the straight line was blocked";
+}
+
+// Screens on three sides and above: only from the far side is the target seen.
+TEST(MinCost, TheSurveyTurnsToTheOpenSide) {
+  OneFilmed world({0, 1.6, 5});
+  const InstanceAttributes screen{.collides = false};
+  world.add_box(10, {0, 1, 0.65}, {0.65, 1.5, 0.05}, screen);
+  world.add_box(11, {0.65, 1, 0}, {0.05, 1.5, 0.65}, screen);
+  world.add_box(12, {-0.65, 1, 0}, {0.05, 1.5, 0.65}, screen);
+  world.add_box(13, {0, 2.5, 0}, {0.65, 0.05, 0.65}, screen);
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 600; ++i) world.step_in(watch, r);
+  EXPECT_LT(world.memory.desired_offset_m.z, 0.0);
+  EXPECT_LT(world.memory.camera.pose.position_m.z, -1.0);
+  EXPECT_EQ(r.targets[0].visible_share, 1.0);
+}
+
+TEST(MinCost, AShotInPlainSightIsKept) {
+  OneFilmed world;
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 240; ++i) world.step_in(watch, r);
+  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(0, 1.6, 6)), 0.05);
+  EXPECT_EQ(r.status, MoveStatus::kTracking);
+}
+
+// Two people who walk about a field of pillars, at irregular rates: the path is lawful and free at every step.
+void walk_among_pillars(Filming& world, uint64_t seed, const std::function<void(const StepResult&)>& each) {
+  CounterRandom random(seed, 0, RandomPurpose::kTest);
+  for (uint64_t k = 0; k < 40; ++k) {
+    const glm::dvec3 at(random.next_in(-10, 10), 1.5, random.next_in(-10, 10));
+    if (std::abs(at.z) > 1.2 && glm::distance(at, glm::dvec3(0, 1.5, 5)) > 1.5)
+      world.add_box(10 + k, at, {random.next_in(0.2, 0.5), 1.5, random.next_in(0.2, 0.5)});
+  }
+  world.add_target(1, {-1, 0.9, 0}), world.add_target(2, {1, 0.9, 0});
+  world.place({0, 1.6, 5}, {0, 1, 0});
+  Watch watch(world);
+  StepResult r;
+  double time = 0;
+  for (int i = 0; i < 500; ++i) {
+    const double dt = random.next_in(1.0 / 120, 1.0 / 20);
+    time += dt;
+    world.move(1, {-1 + 5 * std::sin(0.3 * time), 0.9, 0.6 * std::sin(time)},
+               {1.5 * std::cos(0.3 * time), 0, 0.6 * std::cos(time)});
+    world.move(2, {1 + 5 * std::sin(0.3 * time), 0.9, 0}, {1.5 * std::cos(0.3 * time), 0, 0});
+    world.step_in(watch, r, dt);
+    EXPECT_FALSE(r.flags.body_overlap);
+    each(r);
+  }
+}
+
+class MinCostWalk : public testing::TestWithParam<uint64_t> {};
+TEST_P(MinCostWalk, KeepsTheLimitsAndTouchesNothing) {
+  Filming world;
+  int seen = 0;
+  walk_among_pillars(world, GetParam(), [&](const StepResult& r) {
+    seen += r.targets[0].visible_share > 0.5 && r.targets[1].visible_share > 0.5;
+  });
+  EXPECT_GT(seen, 250) << "and they are seen most of the time";
+}
+INSTANTIATE_TEST_SUITE_P(Fields, MinCostWalk, testing::Values(1, 2, 3));
+
+TEST(MinCost, EqualInputsGiveEqualResultsBitForBit) {
+  const auto run = [] {
+    Filming world;
+    std::vector<CameraState> path;
+    walk_among_pillars(world, 4, [&](const StepResult& r) { path.push_back(r.camera); });
+    return path;
+  };
+  const auto first = run(), second = run();
+  ASSERT_EQ(first.size(), second.size());
+  EXPECT_EQ(0, std::memcmp(first.data(), second.data(), first.size() * sizeof first[0]));
+}
+
+TEST(MinCost, ATargetThatJumpsIsFollowedWithoutAJump) {
+  OneFilmed world;
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 30; ++i) world.step_in(watch, r);
+  world.move(1, {40, 1, 0});
+  for (int i = 0; i < 900; ++i) world.step_in(watch, r);
+  EXPECT_LT(glm::distance(r.camera.pose.position_m, glm::dvec3(40, 1.6, 6)), 0.3);
+}
+
+TEST(MinCost, APauseChangesNothing) {
+  OneFilmed world;
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 20; ++i) {
+    world.move(1, {0.05 * i, 1, 0}, {3, 0, 0});
+    world.step_in(watch, r);
+  }
+  const CameraState before = world.memory.camera;
+  for (int i = 0; i < 5; ++i) world.step_in(watch, r, 0.0);
+  EXPECT_EQ(r.reason, MoveReason::kPaused);
+  EXPECT_EQ(r.camera.pose.position_m, before.pose.position_m);
+  EXPECT_EQ(r.camera.pose.rotation, before.pose.rotation);
+  EXPECT_EQ(r.camera.velocity_mps, before.velocity_mps);
+}
+
+TEST(MinCost, AddingATargetOrItsWeightMakesNoPop) {
+  OneFilmed world;
+  Watch watch(world);
+  StepResult r;
+  for (int i = 0; i < 60; ++i) world.step_in(watch, r);
+  world.add_target(2, {1, 1, 0});
+  const glm::dvec3 before = r.camera.pose.position_m;
+  for (int i = 0; i < 120; ++i) {
+    if (i == 60) world.targets[1].weight = 0;
+    world.step_in(watch, r);
+  }
+  EXPECT_LT(glm::distance(r.camera.pose.position_m, before), 0.1) << "all are seen from where it is";
+}
+
+}  // namespace
+}  // namespace sightline::test
