@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "client/evaluate/judge.h"
+#include "client/truth/judge.h"
 #include "client/page/picture.h"
 #include "client/scenario/scenario_world.h"
 

@@ -2,7 +2,6 @@
 
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
-#include "client/evaluate/policy_step.h"
 #include "client/truth/follow.h"
 #include "server/settings/step_settings.h"
 
