@@ -41,7 +41,7 @@ class LocalSession {
   // False: refused, and `rejection` is filled.
   bool apply(const v1::Tick& tick, v1::TickError& rejection);
 
-  // One step for the newest applied tick, at a level of economy (server/step/economy.h). Clears and fills `reply`.
+  // One step for the newest applied tick, at a level of economy (server/step/quality_level.h). Clears and fills `reply`.
   // Fails only when the sampler does.
   Status step(int quality_level, v1::CameraReply& reply);
 

@@ -8,6 +8,7 @@
 
 #include "server/base/check.h"
 #include "server/move/choose.h"
+#include "server/move/sight_weight.h"
 
 namespace sightline {
 namespace {
@@ -40,6 +41,18 @@ double weighted_mean(std::span<const TargetView> targets, auto value_of) {
   return weight > 0 ? sum / weight : 0.0;
 }
 
+// The same by what seeing a target counts: required targets come first.
+double mean_of_sights(std::span<const TargetView> targets, auto value_of) {
+  const double optional = optional_share(targets);
+  double sum = 0, weight = 0;
+  for (size_t i = 0; i < targets.size(); ++i) {
+    const double counts = sight_weight(targets[i], optional);
+    sum += counts * value_of(i);
+    weight += counts;
+  }
+  return weight > 0 ? sum / weight : 0.0;
+}
+
 double total_weight(const CoherenceSettings& s) {
   return s.visibility + s.view_angle + s.height + s.distance + s.screen;
 }
@@ -68,7 +81,7 @@ CoherenceTerms coherence_terms(const ShotCandidate& candidate, const ShotState& 
   const double far_now = std::max(glm::length(now.from_center_m), kShortest),
                far_then = std::max(glm::length(then_m), kShortest);
   CoherenceTerms terms;
-  terms.visibility = weighted_mean(targets, [&](size_t i) {
+  terms.visibility = mean_of_sights(targets, [&](size_t i) {
     return std::max(0.0,
                     static_cast<double>(now.seen_share[i]) - static_cast<double>(candidate.seen_share[i]));
   });
@@ -91,6 +104,11 @@ double coherence_cost(const ShotCandidate& candidate, const ShotState& now,
 }
 
 double hidden_share(std::span<const TargetView> targets, std::span<const float> seen_share) {
+  assert(targets.size() == seen_share.size());
+  return mean_of_sights(targets, [&](size_t i) { return 1.0 - static_cast<double>(seen_share[i]); });
+}
+
+double hidden_share_by_weight(std::span<const TargetView> targets, std::span<const float> seen_share) {
   assert(targets.size() == seen_share.size());
   return weighted_mean(targets, [&](size_t i) { return 1.0 - static_cast<double>(seen_share[i]); });
 }

@@ -47,7 +47,7 @@ struct ShotCandidate {
 // share[i] = bit i of the mask.
 void shares_from_mask(uint32_t visible_targets, std::span<float> share);
 
-// Each is >= 0 and 0 for the shot as it is. Means over targets go by weight, over steered targets only.
+// Each is >= 0 and 0 for the shot as it is. Means are over steered targets only: of what is seen by `sight_weight`, else by weight.
 struct CoherenceTerms {
   double visibility = 0;  // [0, 1]: mean loss of seen share; seeing more costs nothing
   double view_angle =
@@ -66,8 +66,11 @@ CoherenceTerms coherence_terms(const ShotCandidate& candidate, const ShotState& 
 double coherence_cost(const ShotCandidate& candidate, const ShotState& now,
                       std::span<const TargetView> targets, const CoherenceSettings& settings);
 
-// Weighted share of the targets that is not seen, [0, 1]; 0 when none is steered.
+// The share of the targets that is not seen, [0, 1]; 0 when none is steered. Targets count by `sight_weight`: no weight of an
+// optional target makes up for a required one.
 double hidden_share(std::span<const TargetView> targets, std::span<const float> seen_share);
+// The same, with required and optional targets alike by their weights.
+double hidden_share_by_weight(std::span<const TargetView> targets, std::span<const float> seen_share);
 
 // The whole cost of a candidate, [0, 1], with r and p for responsiveness and predictive power:
 //   r ((1 - p) hidden now + p risk) + (1 - r) c / (1 + c),   risk = 1 - depth_share (1 - hidden_ahead),   c =

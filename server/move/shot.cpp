@@ -42,11 +42,16 @@ std::optional<size_t> choose_shot(const Survey& survey, std::span<const TargetVi
     candidate.hidden_ahead = hidden_share(targets, std::span(beside).first(targets.size()));
     return candidate;
   };
-  for (const size_t place : {asked_place, former}) {
+  // Little may be hidden of the required targets, and of all targets alike.
+  const auto is_good_enough = [&](size_t place) {
     const ShotCandidate candidate = candidate_at(place);
-    const double hidden = (hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead) / 2;
-    if (hidden <= settings.keep_shot_below && allowed(survey.offset_m(place))) return place;
-  }
+    const double first = hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead;
+    const double alike = hidden_share_by_weight(targets, candidate.seen_share) +
+                         hidden_share_by_weight(targets, std::span(beside).first(targets.size()));
+    return std::max(first, alike) / 2 <= settings.keep_shot_below;
+  };
+  for (const size_t place : {asked_place, former})
+    if (is_good_enough(place) && allowed(survey.offset_m(place))) return place;
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
   // Of equal ones the first is taken, in whatever order they are tried.

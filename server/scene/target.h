@@ -13,7 +13,7 @@ inline constexpr size_t kMaxTargets = 32;  // visibility of a candidate is one b
 struct Target {
   uint64_t instance_id = 0;
   double weight = 1.0;   // >= 0; 0 = switched off: reported, never steered for
-  bool required = true;  // required targets come before optional ones in every fallback
+  bool required = true;  // required targets come before optional ones in every fallback, whatever the weights of either
   // Where the camera looks and maps are taken from, instance frame, metres. Absent: centre of the bounding box.
   std::optional<glm::dvec3> aim_offset_m;
   uint32_t layer_mask = 0xFFFFFFFF;     // only instances with a layer in this mask occlude the target

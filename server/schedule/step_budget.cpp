@@ -12,7 +12,7 @@ constexpr double kLeastRelative = 0.02;
 
 StepBudget::Costs StepBudget::first_guesses() {
   Costs guesses{};
-  for (int level = 0; level <= kMaxEconomyLevel; ++level)
+  for (int level = 0; level <= kLowestQualityLevel; ++level)
     guesses[static_cast<size_t>(level)] = expected_cost(level);
   return guesses;
 }
@@ -31,7 +31,7 @@ double StepBudget::budget_ns(const Step& step) const {
 
 int StepBudget::least_level_within(double budget_ns) const {
   int level = 0;
-  while (level < kMaxEconomyLevel && full_cost_ns() * relative_cost(level) > budget_ns) ++level;
+  while (level < kLowestQualityLevel && full_cost_ns() * relative_cost(level) > budget_ns) ++level;
   return level;
 }
 
@@ -49,7 +49,7 @@ void StepBudget::compare_levels() {
   if (former_mean_ns_ > 0) here = relative_cost(former_level_) * mean_ns_ / former_mean_ns_;
   here = level_ == 0 ? 1.0 : std::clamp(here, kLeastRelative, 1.0);
   for (int level = 1; level < level_; ++level) relative_cost(level) = std::max(relative_cost(level), here);
-  for (int level = level_ + 1; level <= kMaxEconomyLevel; ++level)
+  for (int level = level_ + 1; level <= kLowestQualityLevel; ++level)
     relative_cost(level) = std::min(relative_cost(level), here);
 }
 

@@ -1,4 +1,4 @@
-// Chooses the quality level (server/step/economy.h) of a session's next step, so that its replies come in time. It goes by
+// Chooses the quality level (server/step/quality_level.h) of a session's next step, so that its replies come in time. It goes by
 // the cost of the session's steps so far and by the time that a step may take, its budget.
 //
 // The level is 0, full quality, while the session keeps up. It rises only when the expected cost was above the budget
@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 
 namespace sightline {
 
@@ -61,7 +61,7 @@ class StepBudget {
   double full_cost_ns() const { return mean_ns_ / relative_cost(level_); }
 
  private:
-  using Costs = std::array<double, kMaxEconomyLevel + 1>;
+  using Costs = std::array<double, kLowestQualityLevel + 1>;
   static Costs first_guesses();
   double& relative_cost(int level) { return relative_[static_cast<size_t>(level)]; }
   double relative_cost(int level) const { return relative_[static_cast<size_t>(level)]; }

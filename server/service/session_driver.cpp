@@ -210,7 +210,7 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
     return reject(turn, error, sequence);
   }
   merged_ = answer->merged_ticks > std::exchange(merges_asked_, 0);
-  counters_.step(answer->economised.has_value(), answer->queue_ns);
+  counters_.step(answer->degraded.has_value(), answer->queue_ns);
   v1::CameraReply& reply = *turn.replies.emplace_back(std::move(turn.spare)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);
@@ -228,7 +228,7 @@ void SessionDriver::reject(Turn& turn, const Error& error, uint64_t sequence) {
 
 void SessionDriver::log_level_change(int former_level) const {
   const int level = quality_->level();
-  const std::string leaves_out = describe_economy(session_->settings(), level);
+  const std::string leaves_out = describe_degradation(session_->settings(), level);
   parts_.log.info("quality level changed", {{"session", session_id_},
                                             {"level", std::to_string(level)},
                                             {"former", std::to_string(former_level)},

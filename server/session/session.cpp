@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 
 namespace sightline {
 namespace {
@@ -76,7 +76,7 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok)
     return tl::unexpected(ok.error());
   session->take_extents();
-  place_camera(session->memory_, session->options_.camera, glm::dvec3(0.0));
+  session->stepper_.place_camera(session->options_.camera, glm::dvec3(0.0));
   return session;
 }
 
@@ -274,12 +274,10 @@ void Session::remember_derived(const TickInput& tick, double dt_s) {
 }
 
 void Session::observe(const ObservedCamera& observed, double dt_s) {
-  const StepMemory& m = memory_;
-  const auto wanted = std::make_tuple(m.has_offset, m.desired_offset_m, m.offset_targets, m.horizon_s);
-  place_camera(memory_, observed.pose, observed.velocity_mps);
-  if (!observed.cut)
-    std::tie(memory_.has_offset, memory_.desired_offset_m, memory_.offset_targets, memory_.horizon_s) =
-        wanted;
+  if (observed.cut)
+    stepper_.place_camera(observed.pose, observed.velocity_mps);
+  else
+    stepper_.observe_camera(observed.pose, observed.velocity_mps);
   pending_cut_ |= observed.cut;
   pending_dt_s_ = dt_s;
 }
@@ -291,23 +289,21 @@ Result<SessionAnswer> Session::step(int quality_level) {
 
 TakeJob Session::begin_step(int quality_level) {
   step_start_ns_ = clock_();
-  economy_level_ = quality_level;
-  if (economy_level_ > 0) economised_ = economise(options_.settings, economy_level_);
-  const StepSettings& settings = economy_level_ > 0 ? economised_ : options_.settings;
+  quality_level_ = quality_level;
+  if (quality_level_ > 0) degraded_ = degrade(options_.settings, quality_level_);
+  const StepSettings& settings = quality_level_ > 0 ? degraded_ : options_.settings;
   const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
                         options_.seed, steps_,           pending_dt_s_,   extent_views_};
-  work_.emplace(sightline::begin_step(memory_, input, clock_));
-  if (memory_.requests.empty()) memory_.maps.clear();
+  const MapOrder order = stepper_.begin(input, clock_);
   take_start_ns_ = clock_();
-  return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = memory_.requests, .maps = &memory_.maps, .taken = {}};
+  return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = order.requests, .maps = order.maps, .taken = {}};
 }
 
 Result<SessionAnswer> Session::finish_step(const Status& taken) {
-  StepWork work = std::move(*work_);
-  work_.reset();
   if (!taken) return tl::unexpected(taken.error());
-  work.result.stage_ns[static_cast<size_t>(Stage::kSample)] += clock_() - take_start_ns_;
-  StepResult result = sightline::finish_step(std::move(work), clock_);
+  const int64_t take_ns = clock_() - take_start_ns_;
+  StepResult result = stepper_.finish(clock_);
+  result.stage_ns[static_cast<size_t>(Stage::kSample)] += take_ns;
   ++steps_;
 
   SessionAnswer answer;
@@ -319,8 +315,8 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.cut = std::exchange(pending_cut_, false);
   if (answer.cut) answer.step.reason = MoveReason::kObservedCut;
   answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
-  answer.quality_level = economy_level_;
-  if (economises(options_.settings, economy_level_)) answer.economised = economised_;
+  answer.quality_level = quality_level_;
+  if (degrades(options_.settings, quality_level_)) answer.degraded = degraded_;
   answer.revision = mirror_.revision();
   answer.hash = mirror_.hash();
   answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, step_start_ns_ - newest_arrival_ns_) : 0;

@@ -94,10 +94,10 @@ struct SessionAnswer {
   Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
-  // At which level of economy the step was taken (server/step/economy.h), and with which settings, if that changed any of
+  // At which level of economy the step was taken (server/step/quality_level.h), and with which settings, if that changed any of
   // them.
   int quality_level = 0;
-  std::optional<StepSettings> economised;
+  std::optional<StepSettings> degraded;
   uint64_t revision = 0;
   uint64_t hash = 0;
   int64_t queue_ns = 0, scene_ns = 0;
@@ -129,7 +129,7 @@ class Session {
   Status apply(const TickInput& tick);
 
   // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
-  // applied is then part of the next step. `quality_level`, [0, kMaxEconomyLevel], says what this one step leaves out;
+  // applied is then part of the next step. `quality_level`, [0, kLowestQualityLevel], says what this one step leaves out;
   // it is an input as the ticks are, so that the same levels give the same answers.
   Result<SessionAnswer> step(int quality_level = 0);
 
@@ -149,8 +149,9 @@ class Session {
   // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a
   // capsule, seconds for a million triangles (ExtentTable::build). Points or not is a setting.
   bool lacks_table(uint64_t instance_id) const;
-  // Intermediates of the last step, for dumps, and the camera.
-  const StepMemory& memory() const { return memory_; }
+  // What is carried to the next step, the camera included, and what the stages of the last step made.
+  const CarriedState& carried() const { return stepper_.carried(); }
+  const StepDump& dump() const { return stepper_.dump(); }
   size_t triangle_count() const;  // as instanced, hidden ones too
 
  private:
@@ -177,10 +178,9 @@ class Session {
   std::vector<std::shared_ptr<const ExtentTable>> extents_;  // by target
   std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
   SceneMirror mirror_;
-  StepMemory memory_;
-  StepSettings economised_;       // of the present step, which refers to them
-  int economy_level_ = 0;         // of it; 0: those told
-  std::optional<StepWork> work_;  // between the halves of a step
+  Stepper stepper_;
+  StepSettings degraded_;       // of the present step, which refers to them
+  int quality_level_ = 0;         // of it; 0: those told
   int64_t step_start_ns_ = 0, take_start_ns_ = 0;
 
   bool ticked_ = false;    // a tick was applied since the session opened

@@ -4,7 +4,7 @@
 #include <set>
 #include <string_view>
 
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 #include "server/wire/from_proto_scene.h"
 #include "server/wire/from_proto_values.h"
 
@@ -87,8 +87,8 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
 }
 
 Status check_step_control(const v1::StepControl& step) {
-  if (step.quality_level() <= kMaxEconomyLevel) return {};
-  return invalid("tick.step_control.quality_level", "must be in [0, " + std::to_string(kMaxEconomyLevel) + "], got " +
+  if (step.quality_level() <= kLowestQualityLevel) return {};
+  return invalid("tick.step_control.quality_level", "must be in [0, " + std::to_string(kLowestQualityLevel) + "], got " +
                                                 std::to_string(step.quality_level()));
 }
 

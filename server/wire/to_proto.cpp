@@ -167,14 +167,14 @@ void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& sessi
 }
 
 void add_depth_maps(const Session& session, v1::CameraReply& out) {
-  const StepMemory& memory = session.memory();
-  const Sampled& now = memory.now;
+  const std::vector<DepthMap>& taken = session.dump().maps;
+  const Sampled& now = session.dump().plan.now;
   for (size_t target = 0; target < now.points_of_target.size(); ++target) {
     const MapRange& points = now.points_of_target[target];
     for (uint32_t p = points.first; p < points.first + points.count; ++p) {
       const MapRange& maps = now.maps_of_point[p];
-      for (uint32_t i = maps.first; i < maps.first + maps.count && i < memory.maps.size(); ++i)
-        set_depth_map(memory.maps[i], session.targets()[target].instance_id, session, *out.add_depth_maps());
+      for (uint32_t i = maps.first; i < maps.first + maps.count && i < taken.size(); ++i)
+        set_depth_map(taken[i], session.targets()[target].instance_id, session, *out.add_depth_maps());
     }
   }
 }
@@ -219,7 +219,7 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_pose_time_s(answer.pose_time_s);
   set_camera(answer, c, out);
   for (const TargetSight& sight : step.targets) add_target(sight, c.metres_per_unit, out);
-  set(session.memory().counts, *out.mutable_candidate_counts());
+  set(session.dump().sights.counts, *out.mutable_candidate_counts());
   out.set_status(to_proto(step.status));
   out.set_reason(to_proto(step.reason));
   const std::string_view text = explain(step.reason);
@@ -228,16 +228,16 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_volume_used(step.volume == Volume::kPair ? v1::VOLUME_USED_PAIR : v1::VOLUME_USED_LATTICE);
   out.set_pair_fallback(pair_fallback(step));
   set(step.flags, *out.mutable_flags());
-  if (answer.economised) {
+  if (answer.degraded) {
     out.mutable_flags()->set_degraded(true);
-    set(answer.quality_level, *answer.economised, *out.mutable_degradation());
+    set(answer.quality_level, *answer.degraded, *out.mutable_degradation());
   }
   out.set_merged_ticks(answer.merged_ticks);
   out.set_mirror_revision(answer.revision);
   out.set_mirror_hash(answer.hash);
   set_times(answer, *out.mutable_stage_times());
   if (wanted.candidates)
-    set_candidates(session.memory().candidates, step.chosen_candidate, c, *out.mutable_candidates());
+    set_candidates(session.dump().sights.candidates, step.chosen_candidate, c, *out.mutable_candidates());
   if (wanted.depth_maps) add_depth_maps(session, out);
 }
 

@@ -132,14 +132,14 @@ class Walkers {
 struct Camera {
   std::unique_ptr<Walkers> world;
   std::unique_ptr<Sampler> sampler;
-  StepMemory memory;
+  Stepper stepper;
 };
 
 Result<std::unique_ptr<Camera>> make_camera(TimedCity& city, SamplerDevice& device, size_t targets) {
   auto world = Walkers::make(city, targets);
   if (!world) return tl::unexpected(world.error());
   auto camera = std::make_unique<Camera>(Camera{std::move(*world), device.make_sampler(), {}});
-  place_camera(camera->memory, city.scenario->camera(), glm::dvec3(0.0));
+  camera->stepper.place_camera(city.scenario->camera(), glm::dvec3(0.0));
   return camera;
 }
 
@@ -154,14 +154,14 @@ Status step(const TimedCity& city, Camera& camera, const StepSettings& settings,
   const StepInput input{world.mirror, world.targets, limits, settings, city.scenario->lens(), 1,
                         static_cast<uint64_t>(tick), kTickS, world.extents};
   const int64_t begin_ns = thread_ns();
-  const auto result = take_step(camera.memory, input, *camera.sampler, thread_ns);
+  const auto result = camera.stepper.take(input, *camera.sampler, thread_ns);
   const int64_t end_ns = thread_ns();
   if (!result) return tl::unexpected(result.error());
   if (tick < kWarmUpSteps) return {};
   const auto ms = [&](Stage stage) { return 1e-6 * static_cast<double>(result->stage_ns[static_cast<size_t>(stage)]); };
   times.sample_ms.push_back(ms(Stage::kSample)), times.aggregate_ms.push_back(ms(Stage::kAggregate));
   times.move_ms.push_back(ms(Stage::kMove)), times.total_ms.push_back(1e-6 * static_cast<double>(end_ns - begin_ns));
-  times.candidates.push_back(static_cast<double>(camera.memory.counts.total));
+  times.candidates.push_back(static_cast<double>(camera.stepper.dump().sights.counts.total));
   return {};
 }
 
@@ -178,7 +178,7 @@ Status run(TimedCity& city, SamplerDevice& device, const Row& row, int steps) {
       if (auto ok = step(city, *camera, row.settings, i, times); !ok) return ok;
   const auto p = [](const std::vector<double>& values, double share) { return percentile(values, share); };
   std::printf("%-16s %7zu %10.0f %4d %6zu %8.3f %9.3f %8.3f %8.3f  %8.3f %8.3f\n", row.name.c_str(), row.targets,
-              p(times.candidates, 0.5), row.settings.sample.resolution, cameras[0]->memory.requests.size(),
+              p(times.candidates, 0.5), row.settings.sample.resolution, cameras[0]->stepper.dump().plan.requests.size(),
               p(times.sample_ms, 0.5), p(times.aggregate_ms, 0.5), p(times.move_ms, 0.5), p(times.total_ms, 0.5),
               p(times.total_ms, 0.1), p(times.total_ms, 0.95));
   std::fflush(stdout);

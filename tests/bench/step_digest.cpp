@@ -68,12 +68,13 @@ class Digest {
       add_one(t.in_picture), add_one(t.distance_m), add_one(t.occluder_id);
     }
   }
-  void add(const StepMemory& m) {
-    list_places(m.candidates.position_m, place_m_);
+  void add(const Stepper& stepper) {
+    const CandidateSet& candidates = stepper.dump().sights.candidates;
+    list_places(candidates.position_m, place_m_);
     add(std::span<const glm::dvec3>(place_m_));
-    add(std::span<const uint32_t>(m.candidates.visible_targets)), add(m.candidates.filtered()), add(m.candidates.ahead());
-    add(std::span<const double>(m.goal.hidden));
-    add_one(m.desired_offset_m), add_one(m.goal.goal_m.value_or(glm::dvec3(0.0)));
+    add(std::span<const uint32_t>(candidates.visible_targets)), add(candidates.filtered()), add(candidates.ahead());
+    add(std::span<const double>(stepper.dump().sights.hidden));
+    add_one(stepper.carried().shot.offset_m), add_one(stepper.carried().goal_m.value_or(glm::dvec3(0.0)));
   }
   uint64_t value() const { return hash_; }
 
@@ -100,8 +101,8 @@ Status digest(const scenes::CatalogEntry& entry) {
       tables.push_back(extents.get((*world)->mirror().find(target.instance_id)->geometry));
       views.push_back(tables.back().get());
     }
-    StepMemory memory;
-    place_camera(memory, scenario->camera(), glm::dvec3(0.0));
+    Stepper stepper;
+    stepper.place_camera(scenario->camera(), glm::dvec3(0.0));
     const auto sampler = sampler_device->make_sampler();
     const CameraLimits limits;
     Digest digest;
@@ -109,9 +110,9 @@ Status digest(const scenes::CatalogEntry& entry) {
       (*world)->set_time(i * kTickS);
       const StepInput input{(*world)->mirror(), (*world)->targets(), limits, c.settings, scenario->lens(), 1,
                             static_cast<uint64_t>(i), kTickS, views};
-      const auto result = take_step(memory, input, *sampler, [] { return int64_t{0}; });
+      const auto result = stepper.take(input, *sampler, [] { return int64_t{0}; });
       if (!result) return tl::unexpected(result.error());
-      digest.add(*result), digest.add(memory);
+      digest.add(*result), digest.add(stepper);
     }
     std::printf("%-12s %-16s %016llx\n", std::string(entry.name).c_str(), c.name.c_str(),
                 static_cast<unsigned long long>(digest.value()));

@@ -75,7 +75,7 @@ StepTimer::StepTimer(TimedCity& city, SamplerDevice& device, StepSettings settin
 void StepTimer::to_next_frame() {
   const auto frames = static_cast<uint64_t>(city_.scenario->duration_s() / kTickS);
   const uint64_t frame = tick_ % frames;
-  if (frame == 0) place_camera(memory_, city_.scenario->camera(), glm::dvec3(0.0));
+  if (frame == 0) stepper_.place_camera(city_.scenario->camera(), glm::dvec3(0.0));
   world_->set_time(static_cast<double>(frame) * kTickS);
 }
 
@@ -85,7 +85,7 @@ Result<double> StepTimer::step() {
   const StepInput input{
       world_->mirror(), world_->targets(), limits_, settings_, city_.scenario->lens(), 1, tick_, kTickS,
       tables_};
-  const auto result = take_step(memory_, input, *sampler_, monotonic_ns);
+  const auto result = stepper_.take(input, *sampler_, monotonic_ns);
   const double total_ms = to_ms(monotonic_ns() - begin_ns);
   if (!result) return tl::unexpected(result.error());
   if (tick_++ < kWarmUpSteps) return total_ms;
@@ -94,7 +94,7 @@ Result<double> StepTimer::step() {
   aggregate_ms_.push_back(stage_ms(Stage::kAggregate));
   move_ms_.push_back(stage_ms(Stage::kMove));
   total_ms_.push_back(total_ms);
-  samples_.push_back(static_cast<double>(memory_.counts.total));
+  samples_.push_back(static_cast<double>(stepper_.dump().sights.counts.total));
   return total_ms;
 }
 

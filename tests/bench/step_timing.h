@@ -75,7 +75,7 @@ class StepTimer {
   const std::unique_ptr<Sampler> sampler_;
   const CameraLimits limits_;
   std::vector<const ExtentTable*> tables_;
-  StepMemory memory_;
+  Stepper stepper_;
   uint64_t tick_ = 0;
   std::vector<double> sample_ms_, aggregate_ms_, move_ms_, total_ms_, samples_;
 };

@@ -161,6 +161,35 @@ TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   EXPECT_EQ(film.choose(only(86, 186)), 186u) << "nothing is hidden beside it";
 }
 
+// Two places alone are allowed: one hides the required target, the other hides the optional one, whatever that weighs.
+TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
+  CounterRandom random(62, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 200; ++trial) {
+    Filming film({std::pow(10.0, random.next_in(-3, 3)), std::pow(10.0, random.next_in(-3, 6))});
+    film.targets[1].required = false;
+    film.former = trial % 2 == 0 ? 86 : 186;
+    film.settings.keep_shot_below = trial % 3 == 0 ? 0.15 : -1;
+    film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+    film.shoot(film.survey.offset_m(86));  // as was asked for, and as it is
+    film.look(0, {86}), film.look(1, {186});
+    const auto chosen = film.choose([&](const glm::dvec3& offset) {
+      return offset == film.survey.offset_m(86) || offset == film.survey.offset_m(186);
+    });
+    EXPECT_EQ(chosen, 186u) << "trial " << trial;
+  }
+}
+
+// While the targets stand: an optional target that is hidden is reason enough to look for another shot.
+TEST(Shot, OneThatHidesAnOptionalTargetIsNotGoodEnough) {
+  Filming film({1.0, 1.0});
+  film.targets[1].required = false;
+  film.settings.keep_shot_below = 0.15;
+  film.look(0, {}), film.look(1, {20});
+  const auto chosen = film.choose();
+  ASSERT_TRUE(chosen);
+  EXPECT_NE(*chosen, 20u);
+}
+
 // Sixteen targets, some without weight, at random shots: the least of the costs as coherence.h gives them.
 TEST(Shot, IsTheCheapestOfAll) {
   CounterRandom random(61, 0, RandomPurpose::kTest);

@@ -24,7 +24,7 @@ constexpr int64_t kInterval = 16 * kMs;
 struct SteppedSession {
   explicit SteppedSession(const BudgetRules& rules = {}) : budget(rules) {}
 
-  std::array<double, kMaxEconomyLevel + 1> relative{1.0, 0.9, 0.7, 0.4, 0.3, 0.2};  // not as expected
+  std::array<double, kLowestQualityLevel + 1> relative{1.0, 0.9, 0.7, 0.4, 0.3, 0.2};  // not as expected
   double full_cost_ms = 1.0;
   double share = 1.0;
   bool open_loop = true;
@@ -51,9 +51,9 @@ struct SteppedSession {
   // Computed from the true costs, which the budget has to measure.
   int least_level_that_fits() const {
     const double budget_ms = std::min(share, BudgetRules{}.largest_share) * 16.0;
-    for (int level = 0; level <= kMaxEconomyLevel; ++level)
+    for (int level = 0; level <= kLowestQualityLevel; ++level)
       if (full_cost_ms * relative[static_cast<size_t>(level)] <= budget_ms) return level;
-    return kMaxEconomyLevel;
+    return kLowestQualityLevel;
   }
 };
 
@@ -108,7 +108,7 @@ TEST(StepBudget, ACostThatFitsAtNoLevelStaysAtTheLastOne) {
   SteppedSession session;
   session.full_cost_ms = 400.0;
   session.run(20 * kSecond);
-  EXPECT_EQ(session.budget.level(), kMaxEconomyLevel);
+  EXPECT_EQ(session.budget.level(), kLowestQualityLevel);
 }
 
 TEST(StepBudget, TheShareOfTheThreadLimitsTheCost) {

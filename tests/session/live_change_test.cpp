@@ -211,10 +211,10 @@ TEST(LiveChange, ResolutionAndDensityHoldFromTheVeryStepOn) {
   for (const int resolution : {7, 31, 3, 64, 5}) {
     settings.sample.resolution = resolution, settings.aggregate.candidates = 27 * resolution;
     walk.play(settings);
-    const StepMemory& memory = walk.game.session->memory();
-    EXPECT_EQ(memory.maps[0].view.width, resolution);
-    EXPECT_EQ(memory.maps[0].distance_m.size(), static_cast<size_t>(resolution * resolution));
-    const double cells = static_cast<double>(memory.candidates.size());
+    const StepDump& dump = walk.game.session->dump();
+    EXPECT_EQ(dump.maps[0].view.width, resolution);
+    EXPECT_EQ(dump.maps[0].distance_m.size(), static_cast<size_t>(resolution * resolution));
+    const double cells = static_cast<double>(dump.sights.candidates.size());
     EXPECT_GT(cells, 0.8 * settings.aggregate.candidates);
     EXPECT_LT(cells, 2.0 * settings.aggregate.candidates + 10);
   }
@@ -226,7 +226,7 @@ TEST(LiveChange, SurfacePointsComeAndGo) {
   for (const int points : {0, 8, 0, 3}) {
     settings.sample.points = points;
     walk.play(settings);
-    EXPECT_EQ(walk.game.session->memory().now.points_of_target[0].count, std::max(points, 1)) << points;
+    EXPECT_EQ(walk.game.session->dump().plan.now.points_of_target[0].count, std::max(points, 1)) << points;
   }
 }
 
@@ -236,13 +236,13 @@ TEST(LiveChange, PredictionComesAndGoes) {
   StepSettings settings = walk.game.session->settings();
   settings.move.prediction_s = 0.1;
   walk.play(settings);
-  EXPECT_DOUBLE_EQ(walk.game.session->memory().ahead_s, 0.1) << "the targets' past is there at once";
+  EXPECT_DOUBLE_EQ(walk.game.session->dump().plan.ahead_s, 0.1) << "the targets' past is there at once";
   settings.move.prediction_s = 0.2;
   walk.play(settings);
-  EXPECT_GT(walk.game.session->memory().ahead_s, 0.1);
+  EXPECT_GT(walk.game.session->dump().plan.ahead_s, 0.1);
   settings.move.prediction_s = 0.0;
   walk.play(settings);
-  EXPECT_EQ(walk.game.session->memory().ahead_s, 0.0);
+  EXPECT_EQ(walk.game.session->dump().plan.ahead_s, 0.0);
 }
 
 TEST(LiveChange, TheHorizonFollowsAtOnce) {
@@ -250,10 +250,10 @@ TEST(LiveChange, TheHorizonFollowsAtOnce) {
   StepSettings settings = walk.game.session->settings();
   settings.bound.horizon_s = 1.0;
   walk.play(settings);
-  EXPECT_GE(walk.game.session->memory().bound.horizon_s, 1.0);
+  EXPECT_GE(walk.game.session->dump().bound.horizon_s, 1.0);
   settings.bound.horizon_s = 0.1, settings.bound.max_horizon_s = 0.2;
   walk.play(settings);
-  EXPECT_LE(walk.game.session->memory().bound.horizon_s, 0.2);
+  EXPECT_LE(walk.game.session->dump().bound.horizon_s, 0.2);
 }
 
 // What a filter knew before it went off is old when it comes on again, not the newest that there is.
@@ -375,7 +375,7 @@ TEST(LiveChange, OfMergedTicksTheNewestOfEachHolds) {
   a.settings = first, b.settings = second, b.limits = limits, c.lens = Lens{.vertical_fov_rad = 0.9};
   for (const TickInput& tick : {a, b, c}) merged.apply(tick);
   EXPECT_EQ(merged.answer().lens.vertical_fov_rad, 0.9);
-  EXPECT_EQ(merged.session->memory().maps[0].view.width, 12);
+  EXPECT_EQ(merged.session->dump().maps[0].view.width, 12);
   EXPECT_EQ(merged.session->limits().max_speed_mps, 3);
 }
 

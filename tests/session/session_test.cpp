@@ -41,7 +41,7 @@ TEST(SessionClock, WithoutDtTheTimeDifferenceIsTaken) {
 TEST(SessionClock, ADtOfZeroIsPausedAndDefined) {
   Game game;
   for (int i = 0; i < 10; ++i) game.play(game.tick());
-  const Pose before = game.session->memory().camera.pose;
+  const Pose before = game.session->carried().camera.pose;
   const SessionAnswer answer = game.play(game.tick(0.0));
   EXPECT_EQ(answer.step.status, MoveStatus::kHolding);
   EXPECT_EQ(answer.step.reason, MoveReason::kPaused);
@@ -200,27 +200,27 @@ TEST(SessionRotation, OfAnAddedInstanceIsWhatItWasAddedWith) {
 TEST(SessionObserved, ACutIsSaidAndTheWantedPlaceIsTakenAnew) {
   Game game;
   for (int i = 0; i < 5; ++i) game.play(game.tick());
-  const glm::dvec3 wanted = game.session->memory().desired_offset_m;
+  const glm::dvec3 wanted = game.session->carried().shot.offset_m;
   TickMaker tick = game.tick();
   tick.observed_camera = seen_at({8, 2, 8}, true);
   const SessionAnswer answer = game.play(tick);
   EXPECT_TRUE(answer.cut);
   EXPECT_EQ(answer.step.reason, MoveReason::kObservedCut);
   EXPECT_LT(glm::distance(place_of(answer), glm::dvec3(8, 2, 8)), 0.01);
-  EXPECT_GT(glm::distance(game.session->memory().desired_offset_m, wanted), 1.0);
+  EXPECT_GT(glm::distance(game.session->carried().shot.offset_m, wanted), 1.0);
   EXPECT_FALSE(game.play(game.tick()).cut);
 }
 
 TEST(SessionObserved, APushKeepsTheWantedPlace) {
   Game game;
   for (int i = 0; i < 5; ++i) game.play(game.tick());
-  const glm::dvec3 wanted = game.session->memory().desired_offset_m;
+  const glm::dvec3 wanted = game.session->carried().shot.offset_m;
   TickMaker tick = game.tick();
   tick.observed_camera = seen_at({1, 2, 7}, false);
   const SessionAnswer answer = game.play(tick);
   EXPECT_FALSE(answer.cut);
   EXPECT_LT(glm::distance(place_of(answer), glm::dvec3(1, 2, 7)), 0.01);
-  EXPECT_EQ(game.session->memory().desired_offset_m, wanted);
+  EXPECT_EQ(game.session->carried().shot.offset_m, wanted);
 }
 
 TEST(SessionObserved, StartsTheMergedTimeAnew) {

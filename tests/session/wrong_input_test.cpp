@@ -172,10 +172,10 @@ void expect_same_session(const Session& a, const Session& b) {
   EXPECT_EQ(a.mirror().hash(), b.mirror().hash());
   EXPECT_EQ(a.mirror().size(), b.mirror().size());
   EXPECT_EQ(a.mirror().find(kAnn)->velocity_mps, b.mirror().find(kAnn)->velocity_mps);
-  EXPECT_EQ(a.memory().camera.pose.position_m, b.memory().camera.pose.position_m);
-  EXPECT_EQ(a.memory().camera.pose.rotation, b.memory().camera.pose.rotation);
-  EXPECT_EQ(a.memory().camera.velocity_mps, b.memory().camera.velocity_mps);
-  EXPECT_EQ(a.memory().has_offset, b.memory().has_offset);
+  EXPECT_EQ(a.carried().camera.pose.position_m, b.carried().camera.pose.position_m);
+  EXPECT_EQ(a.carried().camera.pose.rotation, b.carried().camera.pose.rotation);
+  EXPECT_EQ(a.carried().camera.velocity_mps, b.carried().camera.velocity_mps);
+  EXPECT_EQ(a.carried().shot.is_set, b.carried().shot.is_set);
   ASSERT_EQ(a.targets().size(), b.targets().size());
   for (size_t i = 0; i < a.targets().size(); ++i) {
     EXPECT_EQ(a.targets()[i].instance_id, b.targets()[i].instance_id);

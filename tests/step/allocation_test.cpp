@@ -82,7 +82,7 @@ class Yard {
       views_.push_back(tables_.back().get());
     }
     const glm::dvec3 at(0, 2, 8);
-    place_camera(memory_, {at, look_rotation(-at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
+    stepper_.place_camera({at, look_rotation(-at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
   }
 
   void set_size(int candidates, int resolution) {
@@ -98,7 +98,7 @@ class Yard {
       if (moves) move(kTickS * static_cast<double>(tick_ % kRoundSteps));
       const StepInput input{mirror_, targets_, limits_, settings_, lens_, 1, tick_++, kTickS, views_};
       counting = true;
-      const auto result = take_step(memory_, input, sampler, clock_);
+      const auto result = stepper_.take(input, sampler, clock_);
       counting = false;
       if (!result) throw std::runtime_error(to_string(result.error()));
       statuses_[static_cast<size_t>(result->status)]++;
@@ -145,7 +145,7 @@ class Yard {
   std::vector<const ExtentTable*> views_;
   std::vector<uint64_t> moving_;
   TransformUpdate update_;
-  StepMemory memory_;
+  Stepper stepper_;
   uint64_t tick_ = 0;
   std::array<int, 4> statuses_{};
 };

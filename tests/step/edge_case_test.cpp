@@ -39,10 +39,10 @@ TEST(EdgeCase, WeightToZeroMakesNoPop) {
   world.add_target(2, {2, 1, 0});
   Watch watch(world);
   for (int i = 0; i < 30; ++i) watch.step();
-  const glm::dvec3 before = world.memory.camera.pose.position_m;
+  const glm::dvec3 before = world.camera().pose.position_m;
   world.targets[1].weight = 0;
   for (int i = 0; i < 60; ++i) watch.step();
-  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, before), 0.05)
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, before), 0.05)
       << "the place stays, only the view turns";
 }
 
@@ -81,7 +81,7 @@ TEST(EdgeCase, TargetNearerThanTheNearLimitBacksTheCameraOff) {
   world.place({0, 1.2, 0.8}, {0, 1, 0});
   Watch watch(world);
   for (int i = 0; i < 240; ++i) watch.step();
-  EXPECT_GE(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(0, 1, 0)), 2.95);
+  EXPECT_GE(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1, 0)), 2.95);
 }
 
 TEST(EdgeCase, TargetStraightAboveAndBelowIsFramedWithoutSpin) {
@@ -128,7 +128,7 @@ TEST(EdgeCase, TeleportWithTheCameraStartsAfreshThere) {
   world.place({40, 2, 4}, {40, 1, 0});
   Watch watch(world);
   for (int i = 0; i < 60; ++i) watch.step();
-  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(40, 2, 4)), 0.05);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(40, 2, 4)), 0.05);
 }
 
 TEST(EdgeCase, ZeroTimeStepPausesExactly) {
@@ -138,7 +138,7 @@ TEST(EdgeCase, ZeroTimeStepPausesExactly) {
     world.move(1, {0.05 * i, 1, 0}, {3, 0, 0});
     watch.step();
   }
-  const CameraState before = world.memory.camera;
+  const CameraState before = world.camera();
   const StepResult r = watch.step(0.0);
   EXPECT_EQ(r.reason, MoveReason::kPaused);
   EXPECT_EQ(r.camera.pose.position_m, before.pose.position_m);
@@ -176,7 +176,7 @@ TEST(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
   world.move(1, {0, 1, -30});
   for (int i = 0; i < 600; ++i) {
     world.step(kTick);
-    ASSERT_GT(world.memory.camera.pose.position_m.z, 0.1 + 0.3 - 1e-4);
+    ASSERT_GT(world.camera().pose.position_m.z, 0.1 + 0.3 - 1e-4);
   }
 }
 
@@ -238,7 +238,7 @@ TEST(EdgeCase, AnEmptySceneIsJustATarget) {
   OnePerson world;
   const StepResult r = Watch(world).step();
   EXPECT_EQ(r.status, MoveStatus::kTracking);
-  EXPECT_EQ(world.memory.counts.all_visible, world.memory.counts.total);
+  EXPECT_EQ(world.counts().all_visible, world.counts().total);
 }
 
 TEST(EdgeCase, IrregularRatesFrom10To240HertzStayWithinTheLimits) {

@@ -73,19 +73,19 @@ void expect_same_steps(const StepSettings& settings, uint64_t seed) {
   size_t hidden = 0, ended = 0;
   for (int tick = 0; tick < 150; ++tick) {
     const StepResult a = ending.step(tick), b = endless.step(tick);
-    const StepMemory &m = ending.world.memory, &n = endless.world.memory;
-    ASSERT_EQ(std::memcmp(&m.camera.pose, &n.camera.pose, sizeof(Pose)), 0)
+    const StepDump &m = ending.world.dump(), &n = endless.world.dump();
+    ASSERT_EQ(std::memcmp(&m.decision.camera.pose, &n.decision.camera.pose, sizeof(Pose)), 0)
         << "seed " << seed << ", tick " << tick;
-    ASSERT_EQ(m.candidates.visible_targets, n.candidates.visible_targets);
-    ASSERT_TRUE(std::ranges::equal(m.candidates.ahead(), n.candidates.ahead()));
-    ASSERT_EQ(m.goal.hidden, n.goal.hidden);
+    ASSERT_EQ(m.sights.candidates.visible_targets, n.sights.candidates.visible_targets);
+    ASSERT_TRUE(std::ranges::equal(m.sights.candidates.ahead(), n.sights.candidates.ahead()));
+    ASSERT_EQ(m.sights.hidden, n.sights.hidden);
     ASSERT_EQ(a.targets.size(), b.targets.size());
     for (size_t i = 0; i < a.targets.size(); ++i) {
       ASSERT_EQ(a.targets[i].visible_share, b.targets[i].visible_share);
       ASSERT_EQ(a.targets[i].filtered_share, b.targets[i].filtered_share);
       ASSERT_EQ(a.targets[i].occluder_id, b.targets[i].occluder_id);
     }
-    hidden += m.counts.total - m.counts.all_visible;
+    hidden += m.sights.counts.total - m.sights.counts.all_visible;
     for (size_t i = 0; i < m.maps.size(); ++i)
       for (size_t texel = 0; texel < m.maps[i].occluder.size(); ++texel)
         ended += m.maps[i].occluder[texel] != n.maps[i].occluder[texel];

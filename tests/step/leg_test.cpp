@@ -35,7 +35,7 @@ TEST(Leg, TheCameraGoesRoundAnLShapedWall) {
     if (r.targets[0].visible_share == 1.0) seen_at = i;
   }
   EXPECT_GE(seen_at, 0) << "the target was never seen whole";
-  const glm::dvec3 at = world.memory.camera.pose.position_m;
+  const glm::dvec3 at = world.camera().pose.position_m;
   EXPECT_TRUE(at.x > LShapedWall::kEndX || at.z < 1.2) << "round the end of the long arm: " << at.x << ", " << at.z;
 }
 

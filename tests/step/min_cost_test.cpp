@@ -1,4 +1,4 @@
-// The default preset: goals by what is hidden, routes round geometry, the trail of the targets, the survey (step_goal, step_survey).
+// The default preset: goals by what is hidden, routes round geometry, the trail of the targets, the survey (goal_search, viewpoint_search).
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -54,8 +54,8 @@ TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   int round_about = 0, steps = 0;
   do {
     world.step_in(watch, r);
-    const auto& goal = world.memory.goal.goal_m;
-    StraightWays ways(world.memory.colliders, world.memory.camera.pose.position_m, world.limits.body_radius_m);
+    const auto& goal = world.stepper.carried().goal_m;
+    StraightWays ways(world.stepper.dump().surroundings.colliders, world.camera().pose.position_m, world.limits.body_radius_m);
     round_about += goal && !ways.is_free(*goal);
   } while (r.targets[0].visible_share < 1.0 && ++steps < 300);
   EXPECT_LT(steps, 240) << "within four seconds";
@@ -73,8 +73,8 @@ TEST(MinCost, TheSurveyTurnsToTheOpenSide) {
   Watch watch(world);
   StepResult r;
   for (int i = 0; i < 600; ++i) world.step_in(watch, r);
-  EXPECT_LT(world.memory.desired_offset_m.z, 0.0);
-  EXPECT_LT(world.memory.camera.pose.position_m.z, -1.0);
+  EXPECT_LT(world.stepper.carried().shot.offset_m.z, 0.0);
+  EXPECT_LT(world.camera().pose.position_m.z, -1.0);
   EXPECT_EQ(r.targets[0].visible_share, 1.0);
 }
 
@@ -83,7 +83,7 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   Watch watch(world);
   StepResult r;
   for (int i = 0; i < 240; ++i) world.step_in(watch, r);
-  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(0, 1.6, 6)), 0.05);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.6, 6)), 0.05);
   EXPECT_EQ(r.status, MoveStatus::kTracking);
 }
 
@@ -153,7 +153,7 @@ TEST(MinCost, APauseChangesNothing) {
     world.move(1, {0.05 * i, 1, 0}, {3, 0, 0});
     world.step_in(watch, r);
   }
-  const CameraState before = world.memory.camera;
+  const CameraState before = world.camera();
   for (int i = 0; i < 5; ++i) world.step_in(watch, r, 0.0);
   EXPECT_EQ(r.reason, MoveReason::kPaused);
   EXPECT_EQ(r.camera.pose.position_m, before.pose.position_m);

@@ -116,9 +116,8 @@ TEST(Share, SightsAreOfThePointsThatTheTargetShowsTheCamera) {
   World world;
   world.add_target(1, {0, 1, 0});
   world.settings.sample.points = 8;
-  world.place({0, 1, 6}, {0, 1, 0});
-  world.memory.camera.velocity_mps = {9, 0, 0};
-  const glm::dvec3 on_course = world.memory.camera.pose.position_m + world.memory.camera.velocity_mps * kTick;
+  world.stepper.place_camera({{0, 1, 6}, {1, 0, 0, 0}}, {9, 0, 0});
+  const glm::dvec3 on_course = world.camera().pose.position_m + world.camera().velocity_mps * kTick;
   world.step(kTick);
   const auto table = ExtentTable::build(*world.mirror.find(1)->geometry);
   const auto are_shown_to = [&](const std::vector<glm::dvec3>& points_m, const glm::dvec3& place_m) {
@@ -129,12 +128,12 @@ TEST(Share, SightsAreOfThePointsThatTheTargetShowsTheCamera) {
                          [&](const glm::vec3& q) { return glm::distance(glm::dvec3(q) + at, p) < 1e-6; });
     });
   };
-  const Sampled& now = world.memory.now;
+  const Sampled& now = world.stepper.dump().plan.now;
   ASSERT_EQ(now.sights_m.size(), 8u);
   ASSERT_EQ(now.points_m.size(), 8u);
   EXPECT_TRUE(are_shown_to(now.sights_m, on_course));
-  EXPECT_TRUE(are_shown_to(now.points_m, world.memory.bound.center_m));
-  EXPECT_FALSE(are_shown_to(now.sights_m, world.memory.bound.center_m));
+  EXPECT_TRUE(are_shown_to(now.points_m, world.stepper.dump().bound.center_m));
+  EXPECT_FALSE(are_shown_to(now.sights_m, world.stepper.dump().bound.center_m));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(Step, StaysWhereItIsWhenEverythingIsSeen) {
     EXPECT_EQ(result.reason, MoveReason::kAtDesiredPlace);
     EXPECT_TRUE(all_seen(result));
   }
-  EXPECT_LT(glm::distance(world.memory.camera.pose.position_m, glm::dvec3(0, 1.6, 6)), 1e-3);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.6, 6)), 1e-3);
 }
 
 TEST(Step, FollowsWalkingTargetsAtTheirOffset) {
@@ -45,8 +45,8 @@ TEST(Step, FollowsWalkingTargetsAtTheirOffset) {
     world.move(2, {1 + x, 1, 0}, {1.4, 0, 0});
     world.step(kTick);
   }
-  EXPECT_NEAR(world.memory.camera.pose.position_m.x, 1.4 * 239 * kTick, 0.1);
-  EXPECT_NEAR(world.memory.camera.pose.position_m.z, 6, 0.1);
+  EXPECT_NEAR(world.camera().pose.position_m.x, 1.4 * 239 * kTick, 0.1);
+  EXPECT_NEAR(world.camera().pose.position_m.z, 6, 0.1);
 }
 
 // What Basic promises: it finds the place and goes there. That it then hovers at the edge of the view (the nearest place that
@@ -82,14 +82,14 @@ TEST(Step, EscapeGrowsTheHorizonAndShrinksItWhenFound) {
   world.place({0, 1, 6}, {0, 1, 0});
   StepResult result = world.step(kTick);
   EXPECT_EQ(result.status, MoveStatus::kEscaping);
-  const double first = world.memory.bound.radius_m;
+  const double first = world.stepper.dump().bound.radius_m;
   for (int i = 0; i < 60; ++i) result = world.step(kTick);
-  EXPECT_GT(world.memory.bound.radius_m, 2 * first);
+  EXPECT_GT(world.stepper.dump().bound.radius_m, 2 * first);
   for (int i = 0; i < 60 * 8 && result.status != MoveStatus::kTracking; ++i) result = world.step(kTick);
   EXPECT_EQ(result.status, MoveStatus::kTracking) << "a place beside the wall was found";
   world.mirror.apply({.base_revision = {}, .remove = {77}, .add = {}, .change = {}}, {});
   for (int i = 0; i < 120; ++i) world.step(kTick);
-  EXPECT_NEAR(world.memory.bound.horizon_s, world.settings.bound.horizon_s, 1e-9);
+  EXPECT_NEAR(world.stepper.dump().bound.horizon_s, world.settings.bound.horizon_s, 1e-9);
 }
 
 class StepTargets : public testing::TestWithParam<int> {};
@@ -102,9 +102,9 @@ TEST_P(StepTargets, AnyNumberOfTargetsIsSteeredFor) {
   StepResult result = world.step(kTick);
   for (int i = 0; i < 120; ++i) result = world.step(kTick);
   ASSERT_EQ(result.targets.size(), static_cast<size_t>(n));
-  EXPECT_EQ(world.memory.counts.visible_by_target.size(), static_cast<size_t>(n));
-  EXPECT_EQ(world.memory.counts.total, world.memory.counts.all_visible + world.memory.counts.some_visible +
-                                           world.memory.counts.none_visible);
+  EXPECT_EQ(world.counts().visible_by_target.size(), static_cast<size_t>(n));
+  EXPECT_EQ(world.counts().total, world.counts().all_visible + world.counts().some_visible +
+                                           world.counts().none_visible);
   EXPECT_TRUE(
       std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
 }
@@ -117,7 +117,7 @@ TEST(Step, PairVolumeIsUsedWhenAskedForAndComplete) {
   const StepResult result = world.step(kTick);
   EXPECT_EQ(result.volume, Volume::kPair);
   EXPECT_EQ(result.pair_gap, PairGap::kNone);
-  EXPECT_GT(world.memory.counts.all_visible, 50u);
+  EXPECT_GT(world.counts().all_visible, 50u);
 }
 
 TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
@@ -142,7 +142,7 @@ TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
     EXPECT_EQ(result.volume, Volume::kLattice);
     EXPECT_TRUE(result.pair_asked);
     EXPECT_EQ(result.pair_gap, shot.gap);
-    EXPECT_GT(world.memory.counts.total, 100u) << "and the lattice was composed";
+    EXPECT_GT(world.counts().total, 100u) << "and the lattice was composed";
   }
 }
 
@@ -182,7 +182,7 @@ TEST(Step, ThreeTargetsAreChainedAndTheirOccluderIsSeen) {
   blocked.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});  // before the third
   ASSERT_EQ(clear.step(kTick).volume, Volume::kPair);
   ASSERT_EQ(blocked.step(kTick).volume, Volume::kPair);
-  const SightCounts &all = clear.memory.counts, &some = blocked.memory.counts;
+  const SightCounts &all = clear.counts(), &some = blocked.counts();
   EXPECT_GT(all.total, 200u);
   EXPECT_EQ(all.all_visible, all.total);
   EXPECT_EQ(some.total, all.total) << "the candidates are the same places";
@@ -204,9 +204,9 @@ TEST(Step, ChainAndLatticeSeeTheSameShares) {
   lattice.step(kTick);
   ASSERT_EQ(chain.step(kTick).volume, Volume::kPair);
   const auto share = [](const SightCounts& c) { return double(c.visible_by_target[2]) / c.total; };
-  EXPECT_GT(share(lattice.memory.counts), 0.1);
-  EXPECT_LT(share(lattice.memory.counts), 0.9);
-  EXPECT_NEAR(share(lattice.memory.counts), share(chain.memory.counts), 0.08);
+  EXPECT_GT(share(lattice.counts()), 0.1);
+  EXPECT_LT(share(lattice.counts()), 0.9);
+  EXPECT_NEAR(share(lattice.counts()), share(chain.counts()), 0.08);
 }
 
 // The filter knows places of the world alone: the chain's maps answer for the lattice's cells.
@@ -215,20 +215,20 @@ TEST(Step, AFilteredChainAnswersForTheLattice) {
   world.settings.aggregate.filter.mode = FilterMode::kJoint;
   world.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});
   for (int i = 0; i < 20; ++i) ASSERT_EQ(world.step(kTick).volume, Volume::kPair);
-  EXPECT_EQ(world.memory.candidates.position_m[0], world.memory.lattice.positions_m()[0]);
-  EXPECT_GT(world.memory.counts.all_visible, 20u);
-  EXPECT_GT(world.memory.counts.some_visible, 20u);
+  EXPECT_EQ(world.stepper.dump().sights.candidates.position_m[0], world.stepper.carried().candidates.lattice.positions_m()[0]);
+  EXPECT_GT(world.counts().all_visible, 20u);
+  EXPECT_GT(world.counts().some_visible, 20u);
 }
 
 TEST(Step, AChainThatCannotHoldATargetFallsToTheLatticeAndSaysWhy) {
   Row world(3);
-  world.move(3, world.memory.camera.pose.position_m + glm::dvec3(0.1, 0, 0));
+  world.move(3, world.camera().pose.position_m + glm::dvec3(0.1, 0, 0));
   const StepResult result = world.step(kTick);
   EXPECT_EQ(result.volume, Volume::kLattice);
   EXPECT_TRUE(result.pair_asked);
   EXPECT_FALSE(result.pair_needs_two);
   EXPECT_EQ(result.pair_gap, PairGap::kTargetInBound);
-  EXPECT_GT(world.memory.counts.total, 100u) << "and the lattice was composed";
+  EXPECT_GT(world.counts().total, 100u) << "and the lattice was composed";
 }
 
 TEST(Step, PairVolumeNeedsTwoTargets) {
@@ -256,9 +256,9 @@ TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
   lattice.step(kTick);
   ASSERT_EQ(pair.step(kTick).volume, Volume::kPair);
   const auto share = [](const SightCounts& c) { return double(c.all_visible) / c.total; };
-  EXPECT_GT(share(lattice.memory.counts), 0.1);
-  EXPECT_LT(share(lattice.memory.counts), 0.9);
-  EXPECT_NEAR(share(lattice.memory.counts), share(pair.memory.counts), 0.08);
+  EXPECT_GT(share(lattice.counts()), 0.1);
+  EXPECT_LT(share(lattice.counts()), 0.9);
+  EXPECT_NEAR(share(lattice.counts()), share(pair.counts()), 0.08);
 }
 
 // A walk through a crowd of boxes with irregular steps, twice: every double of every pose is the same.
@@ -284,7 +284,7 @@ TEST(Step, AnotherSeedJittersOtherTexels) {
   other.seed = 2;
   one.step(kTick);
   other.step(kTick);
-  EXPECT_NE(one.memory.maps[0].view.jitter, other.memory.maps[0].view.jitter);
+  EXPECT_NE(one.stepper.dump().maps[0].view.jitter, other.stepper.dump().maps[0].view.jitter);
 }
 
 TEST(Step, AttachedAndIgnoredInstancesDoNotOcclude) {
@@ -318,10 +318,10 @@ TEST(Step, ASamplerThatFailsLeavesTheCameraWhereItWas) {
     }
   } broken;
   TwoPeople world;
-  const Pose before = world.memory.camera.pose;
+  const Pose before = world.camera().pose;
   const StepInput input{world.mirror, world.targets, world.limits, world.settings, world.lens, 1, 1, kTick};
-  EXPECT_FALSE(take_step(world.memory, input, broken, [] { return int64_t{0}; }));
-  EXPECT_EQ(world.memory.camera.pose.position_m, before.position_m);
+  EXPECT_FALSE(world.stepper.take(input, broken, [] { return int64_t{0}; }));
+  EXPECT_EQ(world.camera().pose.position_m, before.position_m);
 }
 
 // Half of the person is behind a wall that reaches to the waist: one point says all or nothing, eight say about a half.
@@ -362,9 +362,9 @@ TEST(Step, TheFilterOverlooksAPassingPost) {
     double path = 0;
     for (int i = 0; i < 120; ++i) {
       world.move(10, {-3 + 0.05 * i, 1, 3}, {3, 0, 0});
-      const glm::dvec3 before = world.memory.camera.pose.position_m;
+      const glm::dvec3 before = world.camera().pose.position_m;
       world.step(kTick);
-      path += glm::distance(before, world.memory.camera.pose.position_m);
+      path += glm::distance(before, world.camera().pose.position_m);
     }
     return path;
   };
@@ -398,8 +398,8 @@ TEST(Step, RobustMoveShelters) {
     world.place({0, 1.2, 6}, {0, 1, 0});
     for (int i = 0; i < 120; ++i) world.step(kTick);
     // The edge of the shadow at the camera's depth: the line from the target over the box's left side.
-    const double edge = -0.1 * world.memory.camera.pose.position_m.z / 3.0;
-    return edge - world.memory.camera.pose.position_m.x;
+    const double edge = -0.1 * world.camera().pose.position_m.z / 3.0;
+    return edge - world.camera().pose.position_m.x;
   };
   EXPECT_GT(depth(Strategy::kRobust), 0.5);
   EXPECT_GT(depth(Strategy::kMinCost), 0.2);

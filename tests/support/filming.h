@@ -13,8 +13,8 @@ struct Filming : World {
   // How near the lens is to anything that collides, up to 2 m.
   double clearance_m() const {
     ClearanceField field;
-    field.gather(mirror, memory.camera.pose.position_m, 3.0, {});
-    return field.clearance_m(memory.camera.pose.position_m, 2.0);
+    field.gather(mirror, camera().pose.position_m, 3.0, {});
+    return field.clearance_m(camera().pose.position_m, 2.0);
   }
   void step_in(Watch& watch, StepResult& result, double dt = 1.0 / 60) {
     result = watch.step(dt);
@@ -27,7 +27,7 @@ struct OneFilmed : Filming {
     add_target(1, {0, 1, 0});
     place(camera, {0, 1, 0});
   }
-  double distance_m() const { return glm::distance(memory.camera.pose.position_m, glm::dvec3(0, 1, 0)); }
+  double distance_m() const { return glm::distance(camera().pose.position_m, glm::dvec3(0, 1, 0)); }
 };
 
 }  // namespace sightline::test

@@ -19,7 +19,7 @@ inline bool is_sound(const StepResult& r) {
 // Steps and checks that the path is finite, within the limits, and without a jump.
 class Watch {
  public:
-  explicit Watch(World& world) : world_(world), last_(world.memory.camera) {}
+  explicit Watch(World& world) : world_(world), last_(world.camera()) {}
   StepResult step(double dt = 1.0 / 60) {
     const StepResult r = world_.step(dt);
     EXPECT_TRUE(is_sound(r));

@@ -54,7 +54,7 @@ class World {
     ASSERT_TRUE(ok.has_value()) << to_string(ok.error());
   }
   void place(const glm::dvec3& at, const glm::dvec3& look_at) {
-    place_camera(memory, Pose{at, look_rotation(look_at - at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
+    stepper.place_camera(Pose{at, look_rotation(look_at - at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
   }
   StepResult step(double dt_s) {
     std::vector<std::shared_ptr<const ExtentTable>> tables;
@@ -64,10 +64,13 @@ class World {
       extents.push_back(tables.back().get());
     }
     const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents};
-    auto result = take_step(memory, input, *sampler_, [] { return int64_t{0}; });
+    auto result = stepper.take(input, *sampler_, [] { return int64_t{0}; });
     if (!result) throw std::runtime_error(to_string(result.error()));
     return *result;
   }
+  const CameraState& camera() const { return stepper.carried().camera; }
+  const SightCounts& counts() const { return stepper.dump().sights.counts; }
+  const StepDump& dump() const { return stepper.dump(); }
   uint64_t maps_taken() const { return sampler_->maps_taken(); }
 
   SceneMirror mirror;
@@ -76,7 +79,7 @@ class World {
   StepSettings settings = plain_settings();
   Lens lens;
   uint64_t seed = 1, tick = 0;
-  StepMemory memory;
+  Stepper stepper;
 
  private:
   GeometryStore store_;

@@ -6,7 +6,7 @@
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 #include "server/wire/from_proto.h"
 #include "server/wire/error_to_proto.h"
 #include "server/sample/embree_sampler.h"
@@ -108,13 +108,13 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
   const v1::CameraReply& whole = wire.play(make_tick(1));
   EXPECT_FALSE(whole.flags().degraded());
   EXPECT_FALSE(whole.has_degradation());
-  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+  for (int level = 1; level <= kLowestQualityLevel; ++level) {
     const auto answer = wire.session->step(level);
     ASSERT_TRUE(answer);
     v1::CameraReply reply;
     camera_reply_to_proto(*answer, *wire.session, {}, reply);
     EXPECT_TRUE(reply.flags().degraded());
-    const StepSettings used = economise(wire.session->settings(), level);
+    const StepSettings used = degrade(wire.session->settings(), level);
     EXPECT_EQ(reply.degradation().quality_level(), static_cast<uint32_t>(level));
     EXPECT_EQ(reply.degradation().map_resolution(), static_cast<uint32_t>(used.sample.resolution));
     EXPECT_EQ(reply.degradation().sample_points(), static_cast<uint32_t>(used.sample.points));

@@ -50,11 +50,11 @@ StepSettings with_defaults(int resolution, int candidates) {
 }
 
 // Compares a peer's answer with the step just taken.
-double agreement(const std::vector<uint32_t>& seen, const StepMemory& memory, size_t targets) {
+double agreement(const std::vector<uint32_t>& seen, const StepDump& dump, size_t targets) {
   size_t same = 0;
   for (size_t k = 0; k < seen.size(); ++k)
     for (size_t t = 0; t < targets; ++t)
-      same += ((seen[k] ^ memory.candidates.visible_targets[k]) >> t & 1u) == 0;
+      same += ((seen[k] ^ dump.sights.candidates.visible_targets[k]) >> t & 1u) == 0;
   return static_cast<double>(same) / static_cast<double>(std::max<size_t>(1, seen.size() * targets));
 }
 
@@ -65,12 +65,12 @@ class TimedRays {
     track.name = std::move(name);
   }
 
-  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepMemory& memory,
+  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepDump& dump,
             bool keep) {
     from_.clear();
     for (size_t i = 0; i < targets.size(); ++i)
-      from_.push_back({memory.target_views[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
-    list_places(memory.candidates.position_m, place_m_);
+      from_.push_back({dump.targets.tracked_targets[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
+    list_places(dump.sights.candidates.position_m, place_m_);
     const double begin_ms = now_ms();
     peer_->prepare();
     peer_->look(from_, place_m_, seen_);
@@ -78,7 +78,7 @@ class TimedRays {
     if (!keep) return;
     track.total_ms.push_back(took_ms);
     track.candidates = seen_.size();
-    agreements_ += agreement(seen_, memory, targets.size());
+    agreements_ += agreement(seen_, dump, targets.size());
     track.agreement = agreements_ / static_cast<double>(track.total_ms.size());
   }
   Track track;
@@ -97,9 +97,9 @@ class TimedDrawing {
     track.name = "draw all";
   }
   // The maps over the bound of the step that was just taken: one a target.
-  void take(const StepMemory& memory, bool keep) {
+  void take(const StepDump& dump, bool keep) {
     const double begin_ms = now_ms();
-    peer_->take(std::span(memory.requests).first(memory.now.first_sight), depths_);
+    peer_->take(std::span(dump.plan.requests).first(dump.plan.now.first_sight), depths_);
     if (keep) track.total_ms.push_back(now_ms() - begin_ms);
   }
   Track track;
@@ -157,11 +157,11 @@ void run_peers(Bench& bench) {
           if (frame % lap == 0) contender->place(scenario.camera());
           contender->step();
         }
-      const StepMemory& memory = steps.back()->memory();  // Embree's, which comes last
+      const StepDump& dump = steps.back()->dump();  // Embree's, which comes last
       const bool keep = frame >= TimedSteps::kWarmUpFrames;
-      embree.look(mirror, world->targets(), memory, keep);
-      bullet.look(mirror, world->targets(), memory, keep);
-      if (drawing) drawing->take(memory, keep);
+      embree.look(mirror, world->targets(), dump, keep);
+      bullet.look(mirror, world->targets(), dump, keep);
+      if (drawing) drawing->take(dump, keep);
     }
     for (const auto& contender : steps) bench.tables.row("peers", r, contender->track());
     for (const auto& contender : defaults) bench.tables.row("default", r, contender->track());

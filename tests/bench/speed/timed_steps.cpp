@@ -46,7 +46,7 @@ void TimedSteps::step(double scene_ms) {
       scene_.mirror, scene_.targets, limits_, settings_, scene_.lens, 1, static_cast<uint64_t>(frame_),
       kTickS,        scene_.tables};
   const double begin_ms = now_ms();
-  const auto result = take_step(memory_, input, *sampler_, now_ns);
+  const auto result = stepper_.take(input, *sampler_, now_ns);
   const double total_ms = now_ms() - begin_ms;
   if (!result) std::fprintf(stderr, "%s\n", to_string(result.error()).c_str()), std::abort();
   if (frame_++ < kWarmUpFrames) return;
@@ -58,7 +58,7 @@ void TimedSteps::step(double scene_ms) {
   track_.aggregate_ms.push_back(stage_ms(Stage::kAggregate));
   track_.move_ms.push_back(stage_ms(Stage::kMove));
   track_.scene_ms.push_back(scene_ms);
-  track_.candidates = memory_.candidates.size();
+  track_.candidates = stepper_.dump().sights.candidates.size();
 }
 
 bool Tables::open(const std::string& folder) {

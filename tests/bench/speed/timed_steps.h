@@ -35,11 +35,11 @@ class TimedSteps {
 
   TimedSteps(std::string name, const TimedScene& scene, const StepSettings& settings, SamplerDevice& device);
   // The camera is there from the next step on.
-  void place(const Pose& camera) { place_camera(memory_, camera, glm::dvec3(0.0)); }
+  void place(const Pose& camera) { stepper_.place_camera(camera, glm::dvec3(0.0)); }
   // The next frame; `scene_ms` is what the mirror took for it.
   void step(double scene_ms = 0.0);
 
-  const StepMemory& memory() const { return memory_; }
+  const StepDump& dump() const { return stepper_.dump(); }
   const Track& track() const { return track_; }
   bool warm() const { return frame_ > kWarmUpFrames; }
 
@@ -48,7 +48,7 @@ class TimedSteps {
   const StepSettings settings_;
   const CameraLimits limits_;
   const std::unique_ptr<Sampler> sampler_;
-  StepMemory memory_;
+  Stepper stepper_;
   int frame_ = 0;
   Track track_;
 };

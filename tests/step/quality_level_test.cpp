@@ -1,5 +1,5 @@
 // Each level of economy is cheaper than the one before, valid, and an input like any other.
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 
 #include <gtest/gtest.h>
 
@@ -29,14 +29,14 @@ StepSettings any_settings(CounterRandom& random) {
   return s;
 }
 
-TEST(Economy, EveryLevelOfValidSettingsIsValidAndAsksForNoMoreThanTheOneBefore) {
+TEST(QualityLevel, EveryLevelOfValidSettingsIsValidAndAsksForNoMoreThanTheOneBefore) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   for (int round = 0; round < 2000; ++round) {
     const StepSettings told = any_settings(random);
     ASSERT_TRUE(validate(told));
     StepSettings before = told;
-    for (int level = 0; level <= kMaxEconomyLevel; ++level) {
-      const StepSettings less = economise(told, level);
+    for (int level = 0; level <= kLowestQualityLevel; ++level) {
+      const StepSettings less = degrade(told, level);
       EXPECT_TRUE(validate(less));
       EXPECT_LE(less.sample.points, before.sample.points);
       EXPECT_EQ(less.sample.points == 0, told.sample.points == 0);
@@ -45,30 +45,30 @@ TEST(Economy, EveryLevelOfValidSettingsIsValidAndAsksForNoMoreThanTheOneBefore) 
       EXPECT_LE(less.aggregate.candidates, before.aggregate.candidates);
       EXPECT_LE(less.move.turn_probability, before.move.turn_probability);
       EXPECT_LE(less.move.prediction_s, before.move.prediction_s);
-      EXPECT_EQ(economises(told, level), !describe_economy(told, level).empty());
+      EXPECT_EQ(degrades(told, level), !describe_degradation(told, level).empty());
       before = less;
     }
-    EXPECT_FALSE(economises(told, 0));
+    EXPECT_FALSE(degrades(told, 0));
   }
 }
 
-TEST(Economy, TheFirstGuessesFallToo) {
+TEST(QualityLevel, TheFirstGuessesFallToo) {
   EXPECT_EQ(expected_cost(0), 1.0);
-  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+  for (int level = 1; level <= kLowestQualityLevel; ++level) {
     EXPECT_LT(expected_cost(level), expected_cost(level - 1));
     EXPECT_GT(expected_cost(level), 0.0);
   }
 }
 
-TEST(Economy, SaysWhatItLeavesOut) {
+TEST(QualityLevel, SaysWhatItLeavesOut) {
   const StepSettings settings = preset_settings(Preset::kSightline);
-  EXPECT_EQ(describe_economy(settings, 0), "");
-  EXPECT_EQ(describe_economy(settings, 1), "turns on -> off");
-  EXPECT_EQ(describe_economy(settings, 2), "turns on -> off, points 8 -> 4, survey resolution 8 -> 4");
+  EXPECT_EQ(describe_degradation(settings, 0), "");
+  EXPECT_EQ(describe_degradation(settings, 1), "turns on -> off");
+  EXPECT_EQ(describe_degradation(settings, 2), "turns on -> off, points 8 -> 4, survey resolution 8 -> 4");
 }
 
 // Their targets are sampled at points of their surfaces.
-class EconomyOfSteps : public testing::Test {
+class QualityOfSteps : public testing::Test {
  protected:
   Game make_game(const StepSettings& settings = preset_settings(Preset::kSightline)) {
     return Game([&](SessionOptions& options) {
@@ -96,16 +96,16 @@ Work work_at(Game game, int level) {
     game.apply(walk(game, i));
     EXPECT_TRUE(game.session->step(level));
     if (i < 30) continue;  // until everything is foretold
-    for (const MapRequest& request : game.session->memory().requests)
+    for (const MapRequest& request : game.session->dump().plan.requests)
       work.texels += static_cast<size_t>(request.view.width * request.view.height);
-    work.candidates += game.session->memory().candidates.size();
+    work.candidates += game.session->dump().sights.candidates.size();
   }
   return work;
 }
 
-TEST_F(EconomyOfSteps, EveryLevelTakesLessWorkThanTheOneBefore) {
+TEST_F(QualityOfSteps, EveryLevelTakesLessWorkThanTheOneBefore) {
   Work before = work_at(make_game(), 0);
-  for (int level = 1; level <= kMaxEconomyLevel; ++level) {
+  for (int level = 1; level <= kLowestQualityLevel; ++level) {
     const Work work = work_at(make_game(), level);
     EXPECT_LT(work.texels, before.texels) << level;
     // The camera goes another way, and the same spacing gives a ball elsewhere a few more or less.
@@ -129,28 +129,28 @@ auto seen(const SessionAnswer& answer) {
                     answer.step.chosen_candidate, shares, answer.hash);
 }
 
-TEST_F(EconomyOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {
-  for (int level = 0; level <= kMaxEconomyLevel; ++level) {
-    Game levelled = make_game(), told = make_game(economise(preset_settings(Preset::kSightline), level));
+TEST_F(QualityOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {
+  for (int level = 0; level <= kLowestQualityLevel; ++level) {
+    Game levelled = make_game(), told = make_game(degrade(preset_settings(Preset::kSightline), level));
     for (int i = 0; i < 40; ++i) {
       levelled.apply(walk(levelled, i)), told.apply(walk(told, i));
       const auto answer = levelled.session->step(level);
       ASSERT_TRUE(answer);
       EXPECT_EQ(seen(*answer), seen(told.answer())) << level;
-      EXPECT_EQ(answer->economised.has_value(), level > 0);
+      EXPECT_EQ(answer->degraded.has_value(), level > 0);
       EXPECT_EQ(answer->quality_level, level);
     }
   }
 }
 
-TEST_F(EconomyOfSteps, LevelsThatChangeGiveTheSameAnswersWheneverTheyAreGivenAgain) {
+TEST_F(QualityOfSteps, LevelsThatChangeGiveTheSameAnswersWheneverTheyAreGivenAgain) {
   const auto play = [&] {
     Game game = make_game();
     CounterRandom random(9, 0, RandomPurpose::kTest);
     std::vector<decltype(seen(SessionAnswer{}))> answers;
     for (int i = 0; i < 80; ++i) {
       game.apply(walk(game, i));
-      const auto answer = game.session->step(static_cast<int>(random.next_below(kMaxEconomyLevel + 1)));
+      const auto answer = game.session->step(static_cast<int>(random.next_below(kLowestQualityLevel + 1)));
       EXPECT_TRUE(answer);
       if (answer) answers.push_back(seen(*answer));
     }
@@ -159,21 +159,21 @@ TEST_F(EconomyOfSteps, LevelsThatChangeGiveTheSameAnswersWheneverTheyAreGivenAga
   EXPECT_EQ(play(), play());
 }
 
-TEST_F(EconomyOfSteps, ALevelHoldsForOneStepAndSettingsStayAsTold) {
+TEST_F(QualityOfSteps, ALevelHoldsForOneStepAndSettingsStayAsTold) {
   Game game = make_game();
   game.apply(walk(game, 0));
-  ASSERT_TRUE(game.session->step(kMaxEconomyLevel));
-  EXPECT_EQ(game.session->memory().now.points_m.size(), 2u);
+  ASSERT_TRUE(game.session->step(kLowestQualityLevel));
+  EXPECT_EQ(game.session->dump().plan.now.points_m.size(), 2u);
   EXPECT_EQ(game.session->settings().sample.points, 8);
   game.apply(walk(game, 1));
-  EXPECT_FALSE(game.answer().economised);
-  EXPECT_EQ(game.session->memory().now.points_m.size(), 2u * 8u);
+  EXPECT_FALSE(game.answer().degraded);
+  EXPECT_EQ(game.session->dump().plan.now.points_m.size(), 2u * 8u);
 }
 
-TEST_F(EconomyOfSteps, ALevelThatLeavesNothingOutSaysNothing) {
+TEST_F(QualityOfSteps, ALevelThatLeavesNothingOutSaysNothing) {
   Game game = make_game(preset_settings(Preset::kPaper));
   game.apply(walk(game, 0));
-  EXPECT_FALSE(game.session->step(1)->economised);
+  EXPECT_FALSE(game.session->step(1)->degraded);
 }
 
 }  // namespace

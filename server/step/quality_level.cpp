@@ -1,4 +1,4 @@
-#include "server/step/economy.h"
+#include "server/step/quality_level.h"
 
 #include <algorithm>
 #include <array>
@@ -15,7 +15,7 @@ struct Cut {
   bool turns, predicts;
   double cost;  // a guess; see expected_cost
 };
-constexpr std::array<Cut, kMaxEconomyLevel + 1> kCuts{{
+constexpr std::array<Cut, kLowestQualityLevel + 1> kCuts{{
     {1, 1, 1, 1, true, true, 1.0},
     {1, 1, 1, 1, false, true, 0.85},
     {0.5, 0.5, 1, 1, false, true, 0.5},
@@ -32,7 +32,7 @@ int cut(int value, double share, int least) {
 }
 
 const Cut& cut_of(int level) {
-  assert(level >= 0 && level <= kMaxEconomyLevel);
+  assert(level >= 0 && level <= kLowestQualityLevel);
   return kCuts[static_cast<size_t>(level)];
 }
 
@@ -51,7 +51,7 @@ void note(const char* what, double before, double after, std::string& text) {
 
 }  // namespace
 
-StepSettings economise(const StepSettings& settings, int level) {
+StepSettings degrade(const StepSettings& settings, int level) {
   const Cut& c = cut_of(level);
   StepSettings less = settings;
   less.sample.points = cut(settings.sample.points, c.points, 1);
@@ -63,17 +63,17 @@ StepSettings economise(const StepSettings& settings, int level) {
   return less;
 }
 
-bool economises(const StepSettings& settings, int level) {
+bool degrades(const StepSettings& settings, int level) {
   const auto parts = [](const StepSettings& s) {
     return std::tie(s.sample.points, s.sample.resolution, s.move.viewpoint_search.resolution, s.aggregate.candidates,
                     s.move.turn_probability, s.move.prediction_s);
   };
-  const StepSettings less = economise(settings, level);
+  const StepSettings less = degrade(settings, level);
   return parts(less) != parts(settings);
 }
 
-std::string describe_economy(const StepSettings& settings, int level) {
-  const StepSettings less = economise(settings, level);
+std::string describe_degradation(const StepSettings& settings, int level) {
+  const StepSettings less = degrade(settings, level);
   std::string text;
   note("turns", settings.move.turn_probability, less.move.turn_probability, text);
   note("points", settings.sample.points, less.sample.points, text);

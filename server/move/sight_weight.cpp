@@ -1,0 +1,27 @@
+#include "server/move/sight_weight.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace sightline {
+namespace {
+
+// Less than one of eight sampled points of a required target: not even a part of one is given up for an optional one.
+constexpr double kOptionalShare = 0.1;
+
+}  // namespace
+
+double optional_share(std::span<const TargetView> targets) {
+  double lightest_required = std::numeric_limits<double>::infinity(), optional = 0;
+  for (const TargetView& target : targets) {
+    if (!target.steered()) continue;
+    if (target.required)
+      lightest_required = std::min(lightest_required, target.weight);
+    else
+      optional += target.weight;
+  }
+  if (lightest_required == std::numeric_limits<double>::infinity()) return 1.0;
+  return optional > lightest_required ? kOptionalShare * (lightest_required / optional) : kOptionalShare;
+}
+
+}  // namespace sightline

@@ -1,0 +1,198 @@
+// The aggregate stage: what every candidate sees, now, over the last steps, and where the targets are going (paper 3.3, 5).
+#include <algorithm>
+
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// What the predicted position with all its points counts of the future; the futures of aim points count the rest.
+constexpr double kPredictedShare = 0.5;
+
+class Aggregation {
+ public:
+  Aggregation(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights)
+      : step_(in.step),
+        bound_(in.bound),
+        taken_(in.taken),
+        plan_(in.taken.plan),
+        settings_(in.taken.settings),
+        desired_m_(in.desired_m),
+        memory_(memory),
+        scratch_(scratch),
+        sights_(sights),
+        candidates_(sights.candidates),
+        weighs_hidden_(weighs_hidden(in.step.input)),
+        ahead_weight_(plan_.ahead_s > 0 ? in.step.input.settings.move.coherence.predictive_power : 0.0) {}
+
+  void list_candidates();
+  void add_own_and_desired_position();
+  void look_now();
+  void filter();
+  void look_ahead();
+  void expect_hidden();
+
+ private:
+  bool filters() const { return settings_.filter.mode != FilterMode::kNone; }
+  void mark_what_passes();
+  HiddenWeights hidden_weights(double weight) const {
+    return {scratch_.passes, step_.targets.sight_weights, weight};
+  }
+  uint32_t seen_from_own_position() const;
+  void smooth_what_passes();
+
+  const StepContext& step_;
+  const Bound& bound_;
+  const TakenMaps& taken_;
+  const SamplePlan& plan_;
+  const AggregateSettings& settings_;
+  const glm::dvec3 desired_m_;
+  CandidateMemory& memory_;
+  AggregateScratch& scratch_;
+  CandidateSights& sights_;
+  CandidateSet& candidates_;
+  const bool weighs_hidden_;
+  const double ahead_weight_;  // of the future against the present
+};
+
+// With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a position in the
+// world can have a past. Cells are covered where something is remembered of them: what they saw, or what is known of ways to the goal.
+void Aggregation::list_candidates() {
+  Lattice& lattice = memory_.lattice;
+  if (filters() || weighs_hidden_)
+    lattice.cover(bound_, settings_.candidates);
+  else
+    lattice.lay(bound_, settings_.candidates);
+  sights_.on_lattice = !plan_.pair.used || filters();
+  if (sights_.on_lattice)
+    candidates_.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
+  else
+    compose_chain(plan_.chain, taken_.maps, bound_, settings_.relative_bias, candidates_);
+}
+
+// The position itself when the bound holds it, else the nearest one in the bound.
+glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m) {
+  const glm::dvec3 out_m = position_m - bound.center_m;
+  const double distance_m = glm::length(out_m), reach_m = bound.radius_m * (1 - 1e-9);
+  return distance_m <= reach_m ? position_m : bound.center_m + out_m * (reach_m / distance_m);
+}
+
+// Two positions that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would move
+// between grid points.
+void Aggregation::add_own_and_desired_position() {
+  sights_.own_candidate = candidates_.position_m.size();
+  candidates_.position_m.push_back(step_.camera.pose.position_m);
+  if (step_.targets.steered != 0) candidates_.position_m.push_back(nearest_in_bound_m(bound_, desired_m_));
+}
+
+// What moves may be gone at once. Targets are no such movers: they hide each other for as long as they walk so.
+void Aggregation::mark_what_passes() {
+  scratch_.passes.assign(step_.input.scene.instances().size(), 0);
+  for (const uint32_t slot : step_.input.scene.moving_slots()) scratch_.passes[slot] = 1;
+  for (const uint64_t id : step_.targets.ids) scratch_.passes[*step_.input.scene.slot_of(id)] = 0;
+}
+
+uint32_t Aggregation::seen_from_own_position() const {
+  uint32_t visible = 0;
+  for (size_t i = 0; i < step_.target_count(); ++i) {
+    const OwnSight sight = own_sight(taken_, i, step_.camera.pose.position_m);
+    if (is_enough(sight.seen, sight.points, settings_.visibility_threshold)) visible |= 1u << i;
+  }
+  return visible;
+}
+
+// What all candidates see. Of the pair volumes' candidates the chain has told it already.
+void Aggregation::look_now() {
+  if (weighs_hidden_) {
+    scratch_.hidden_by.reset(candidates_.position_m.size());
+    mark_what_passes();
+  }
+  Composer& composer = scratch_.composer;
+  const double bias = settings_.relative_bias;
+  const SampledPoints sampled = taken_.of(plan_.now);
+  std::vector<uint32_t>& visible = sights_.on_lattice ? candidates_.visible_targets : scratch_.off_grid_visible;
+  composer.set_positions(
+      sights_.on_lattice ? candidates_.position_m.view()
+                         : PlaceView(candidates_.position_m.view().singles_m().subspan(sights_.own_candidate)));
+  if (weighs_hidden_ && sights_.on_lattice)
+    composer.visibility_and_hidden(sampled, bias, hidden_weights(1 - ahead_weight_), visible, scratch_.hidden_by);
+  else
+    composer.visibility(sampled, bias, visible);
+  if (!sights_.on_lattice) {
+    composer.set_positions(candidates_.position_m);
+    candidates_.visible_targets.insert(candidates_.visible_targets.end(), visible.begin(), visible.end());
+    if (weighs_hidden_) composer.add_hidden(sampled, bias, hidden_weights(1 - ahead_weight_), scratch_.hidden_by);
+  }
+  candidates_.visible_targets[sights_.own_candidate] = seen_from_own_position();
+}
+
+// Cells of the lattice keep what they saw; the two other positions take over the past of the cell that they are nearest to.
+void Aggregation::filter() {
+  // Steps are counted only while a filter is on: what was seen before it went off must not pass for the newest.
+  if (!filters()) memory_.volume = {};
+  if (!filters() || step_.move_s <= 0) return;
+  const size_t cells = memory_.lattice.size(), others = candidates_.size() - cells;
+  TemporalVolume& volume = memory_.volume;
+  volume.begin_step(memory_.lattice, 2, step_.targets.ids, settings_.filter, step_.move_s);
+  volume.push(memory_.lattice, std::span(candidates_.visible_targets).first(cells));
+  scratch_.slots = memory_.lattice.addresses();
+  for (size_t k = 0; k < others; ++k) {
+    volume.push_place(k, memory_.lattice, candidates_.position_m[cells + k], candidates_.visible_targets[cells + k]);
+    scratch_.slots.push_back(volume.place_slot(k));
+  }
+  volume.filter(scratch_.slots, candidates_.visible_targets, step_.targets.steered, scratch_.filtered);
+  candidates_.filtered_targets.swap(scratch_.filtered.visible_targets);
+}
+
+void Aggregation::look_ahead() {
+  if (plan_.ahead_s <= 0) return;
+  const SampledPoints sampled = taken_.of(plan_.ahead);
+  const double weight = ahead_weight_ * (plan_.futures.empty() ? 1.0 : kPredictedShare);
+  if (weighs_hidden_ && ahead_weight_ > 0)
+    scratch_.composer.visibility_and_hidden(sampled, settings_.relative_bias, hidden_weights(weight),
+                                            candidates_.ahead_targets, scratch_.hidden_by);
+  else
+    scratch_.composer.visibility(sampled, settings_.relative_bias, candidates_.ahead_targets);
+}
+
+// The expected hidden share of the targets, from now to the time of the prediction.
+void Aggregation::expect_hidden() {
+  if (!weighs_hidden_) return;
+  for (const Future& future : plan_.futures)
+    scratch_.composer.add_hidden(taken_.of(future.sampled), settings_.relative_bias,
+                                 hidden_weights(ahead_weight_ * (1 - kPredictedShare) * future.weight),
+                                 scratch_.hidden_by);
+  smooth_what_passes();
+  const std::vector<double>&by_staying = scratch_.hidden_by.by_staying, &by_passing = scratch_.hidden_by.by_passing;
+  sights_.hidden.resize(by_staying.size());
+  for (size_t i = 0; i < by_staying.size(); ++i)
+    sights_.hidden[i] = std::clamp(by_staying[i] + by_passing[i], 0.0, 1.0);
+}
+
+// What movers hide counts as it lasts.
+void Aggregation::smooth_what_passes() {
+  const FilterSettings& filter = settings_.filter;
+  memory_.smoother.update(memory_.lattice, sights_.on_lattice, step_.move_s,
+                          filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
+                          scratch_.hidden_by.by_passing);
+}
+
+}  // namespace
+
+void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
+  sights.candidates.clear();
+  const StepContext& step = in.step;
+  if (step.input.targets.empty()) return count_sights(sights.candidates, 0, 0, sights.counts);
+  Aggregation aggregation(in, memory, scratch, sights);
+  aggregation.list_candidates();
+  aggregation.add_own_and_desired_position();
+  aggregation.look_now();
+  aggregation.filter();
+  aggregation.look_ahead();
+  aggregation.expect_hidden();
+  if (step.input.settings.move.strategy != Strategy::kBasic)
+    list_places(sights.candidates.position_m, sights.position_m);
+  count_sights(sights.candidates, step.targets.steered, step.target_count(), sights.counts);
+}
+
+}  // namespace sightline

@@ -1,0 +1,143 @@
+// The goal of strategy kMinCost: the candidate whose costs are least by what is hidden from it, now and in every future, and by the way
+// there. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
+#include <algorithm>
+#include <cmath>
+
+#include "server/move/goal.h"
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// From here on nothing at all counts as seen.
+constexpr double kAllHidden = 0.999;
+// Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
+constexpr double kRouteRoomM = 0.05;
+// How far along the trail a lost camera looks.
+constexpr double kTrailReachM = 12.0;
+
+double body_m(const MoveInput& in) {
+  return swept_radius_m(in.step.input.limits, in.step.lens);
+}
+
+// Candidates that a mover is about to take, a door that closes or a cart, are none to go to or through.
+void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
+  const ClearanceField& soon = in.surroundings.movers_ahead.back();
+  if (soon.collider_count() == 0) return;
+  const auto& position_m = in.sights.position_m;
+  for (size_t i = 0; i < position_m.size(); ++i)
+    if (soon.clearance_m(position_m[i], body_radius_m) < body_radius_m) clearance_m[i] = 0;
+}
+
+void measure_clearances(const MoveInput& in, double body_radius_m, MoveScratch& scratch) {
+  const std::span<const float> to_what_stands =
+      scratch.clearance_cache.measure(in.step.input.scene, in.carried.candidates.lattice, in.bound, in.sights.position_m,
+                                      in.sights.on_lattice, body_radius_m);
+  scratch.clearance_m.assign(to_what_stands.begin(), to_what_stands.end());
+  give_way(in, body_radius_m, scratch.clearance_m);
+}
+
+// Whether nothing is seen from any candidate that can be reached. Finds further ways until one sees something.
+bool is_lost(const std::vector<double>& hidden, RouteFinder& routes) {
+  for (uint32_t i = 0; i < hidden.size(); ++i)
+    if (hidden[i] < kAllHidden && routes.is_settled(i)) return false;
+  while (const auto candidate = routes.settle_next())
+    if (hidden[*candidate] < kAllHidden) return false;
+  return true;
+}
+
+// Where to head for on the way to the goal, and how far it is to the goal by that way.
+struct Leg {
+  glm::dvec3 to_m{0.0};
+  double length_m = 0;
+};
+
+// About the farthest candidate of the route to which the body can go straight: of a long route every second one is tried. The first
+// always is one, as routes begin with legs that the body can take.
+Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
+  const auto& position_m = in.sights.position_m;
+  const std::vector<uint32_t>& route = routes.to(goal);
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  if (route.empty()) return {from_m, 0};
+  StraightWays ways(in.surroundings.colliders, from_m, body_m(in));
+  size_t k = route.size() - 1;
+  while (k > 0 && !ways.is_free(position_m[route[k]])) k = k > 4 ? k - 2 : k - 1;
+  const glm::dvec3 to_m = position_m[route[k]];
+  double length_m = glm::distance(from_m, to_m);
+  for (; k + 1 < route.size(); ++k) length_m += glm::distance(position_m[route[k]], position_m[route[k + 1]]);
+  return {to_m, length_m};
+}
+
+// Towards the leg's end, as fast as lets the camera stop at the goal; the velocity changes with the time constant response_s.
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
+  const double response_s = step.input.settings.move.move_response_s;
+  const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
+  const double distance_m = glm::length(way_m);
+  glm::dvec3 wanted_mps = with_mps;
+  if (distance_m > 1e-9) {
+    const double brake_mps = std::sqrt(2 * kBrakeShare * step.input.limits.max_acceleration_mps2 * leg.length_m);
+    wanted_mps += way_m * (std::min(brake_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
+  }
+  const glm::dvec3 present_mps = step.camera.velocity_mps;
+  const double share = response_s > 0 ? std::min(1.0, step.move_s / response_s) : 1.0;
+  return clamp_velocity(present_mps, present_mps + share * (wanted_mps - present_mps), step.input.limits, step.move_s);
+}
+
+// The way that the targets went; none when the camera can reach no position of it.
+std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_m(in), {});
+  const auto to_m = in.carried.trail.way_back(field, from_m, kTrailReachM, body_m(in),
+                                              in.step.input.settings.move.min_distance_m);
+  if (!to_m) return std::nullopt;
+  return Leg{*to_m, glm::distance(from_m, *to_m)};
+}
+
+}  // namespace
+
+Goal choose_goal(const MoveInput& in, MoveScratch& scratch) {
+  const MoveSettings& settings = in.step.input.settings.move;
+  const auto& position_m = in.sights.position_m;
+  const double body_radius_m = body_m(in) + kRouteRoomM, spacing_m = in.carried.candidates.lattice.spacing_m();
+  list_all_visible(in, scratch);
+  scratch.edge_depths.begin(scratch.cells, scratch.members);
+  measure_clearances(in, body_radius_m, scratch);
+  StraightWays ways(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in));
+  const RouteNodes nodes{.position_m = position_m,
+                         .cell = scratch.cells,
+                         .clearance_m = scratch.clearance_m,
+                         .hidden = in.sights.hidden,
+                         .first_leg_is_free = [&](uint32_t node) { return ways.is_free(position_m[node]); },
+                         .spacing_m = spacing_m};
+  scratch.routes.begin(nodes, static_cast<uint32_t>(in.sights.own_candidate),
+                       {.body_radius_m = body_radius_m, .exposure = settings.cost.exposure});
+  CostWeights weights = settings.cost;
+  if (targets_stand(in.step)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
+  const CandidateCosts costs({.position_m = position_m,
+                          .hidden = in.sights.hidden,
+                          .spacing_m = spacing_m,
+                          .desired_m = in.desired_m,
+                          .former_goal_m = in.carried.goal_m},
+                         weights);
+  const PlaceLimits limits(in.step.targets.tracked_targets, settings);
+  const uint32_t found = find_goal({costs, scratch.edge_depths, limits, position_m}, scratch.routes);
+  return {.choice = choice_of(found, in.sights.candidates, in.step.targets.tracked_targets, in.desired_m),
+          .position_m = position_m[found],
+          .lost = is_lost(in.sights.hidden, scratch.routes)};
+}
+
+glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratch) {
+  if (goal.lost) {
+    if (const auto leg = leg_to_trail(in, scratch.trail_colliders)) {
+      goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
+      return velocity_along(in.step, *leg, glm::dvec3(0.0));
+    }
+  }
+  Leg leg{in.step.camera.pose.position_m, 0};
+  if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
+  // At the desired position the camera travels with the targets; elsewhere the goal is fixed in the world.
+  const bool travels = goal.choice.reason == MoveReason::kAtDesiredPlace;
+  return velocity_along(in.step, leg, travels ? group_velocity_mps(in.step) : glm::dvec3(0.0));
+}
+
+}  // namespace sightline

@@ -1,0 +1,176 @@
+// The move stage: the goal, the way there, and which way to look (paper 3.4, 6).
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// The horizon doubles in this time while no candidate sees all targets, and halves in it once one does (design 3).
+constexpr double kHorizonDoublingS = 0.25;
+
+// With a prediction, what is hidden from the targets as they will be counts as hidden while some candidate is free of both: else the
+// camera would go to the very edge of what is about to be hidden, and begin slowly.
+void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) {
+  if (in.plan.ahead_s <= 0) return;
+  const std::span<const uint32_t> ahead = in.sights.candidates.ahead();
+  const uint32_t steered = in.step.targets.steered;
+  const auto seen_ahead = [&](size_t i) { return (ahead[i] & steered) == steered; };
+  bool any = false;
+  for (size_t i = 0; i < ahead.size(); ++i) any |= members[i] && seen_ahead(i);
+  if (!any) return;
+  for (size_t i = 0; i < ahead.size(); ++i)
+    if (!seen_ahead(i)) members[i] = 0;
+}
+
+void set_robust_costs(const MoveInput& in, MoveScratch& s) {
+  const auto& position_m = in.sights.position_m;
+  list_all_visible(in, s);
+  leave_out_hidden_ahead(in, s.members);
+  find_groups(s.cells, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
+  measure_shelter(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
+  robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
+}
+
+// Strategies kBasic and kRobust.
+Choice choose(const MoveInput& in, MoveScratch& scratch) {
+  const MoveSettings& settings = in.step.input.settings.move;
+  const CandidateSet& candidates = in.sights.candidates;
+  const std::span<const TargetView> targets = in.step.targets.tracked_targets;
+  StraightWays ways(in.surroundings.colliders, in.step.camera.pose.position_m,
+                    swept_radius_m(in.step.input.limits, in.step.lens));
+  const auto is_free = [&](const glm::dvec3& position_m) { return ways.is_free(position_m); };
+  const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
+  const double ahead_weight = in.step.input.settings.move.coherence.predictive_power * in.plan.ahead_confidence;
+  if (settings.strategy == Strategy::kBasic)
+    return choose_basic(candidates, targets, in.desired_m, ahead_weight, settings, reachable, scratch.choice_scratch);
+  set_robust_costs(in, scratch);
+  return choose_place(candidates, targets, scratch.cost, in.desired_m, ahead_weight, settings, reachable,
+                      scratch.choice_scratch);
+}
+
+glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
+  const CameraState& camera = in.step.camera;
+  const CameraLimits& limits = in.step.input.limits;
+  if (choice.candidate < 0) return clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits, in.step.move_s);
+  // At the desired position the camera travels with the targets; elsewhere the goal is fixed in the world.
+  const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
+  return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
+                          travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
+}
+
+// Grows while no candidate sees everything, so that an escape looks farther; shrinks again once one does.
+double next_horizon_s(const MoveInput& in, MoveStatus status) {
+  const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
+  const bool all_seen = status == MoveStatus::kTracking || in.step.targets.steered == 0;
+  return all_seen ? in.carried.horizon_s / factor : in.carried.horizon_s * factor;
+}
+
+struct Course {
+  Choice choice;
+  glm::dvec3 wanted_mps{0.0};
+};
+
+// The candidate to go to, and the velocity to it. Sets the horizon and the goal.
+Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
+  const bool by_goal = weighs_hidden(in.step.input);
+  Goal goal;
+  if (in.step.targets.steered != 0) {
+    if (by_goal) {
+      goal = choose_goal(in, scratch);
+      decision.goal_m = goal.position_m;
+    } else {
+      goal.choice = choose(in, scratch);
+    }
+  }
+  decision.horizon_s = next_horizon_s(in, goal.choice.status);
+  if (!by_goal) return {goal.choice, velocity_to(in, goal.choice)};
+  const glm::dvec3 wanted_mps = velocity_to_goal(in, goal, scratch);
+  return {goal.choice, wanted_mps};
+}
+
+void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
+  const CameraLimits& limits = in.step.input.limits;
+  const Lens& lens = in.step.lens;
+  CameraState& camera = decision.camera;
+  const glm::dvec3 evading_mps = evade(camera, wanted_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
+  decision.body_overlap = safe.overlap;
+  if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
+  camera.velocity_mps = safe.velocity_mps;
+  camera.pose.position_m += safe.velocity_mps * in.step.move_s;
+}
+
+void turn(const MoveInput& in, Decision& decision) {
+  const StepContext& step = in.step;
+  const FramingSettings& framing = step.input.settings.framing;
+  CameraState& camera = decision.camera;
+  Aim aim{decision.turn.angles, step.lens.vertical_fov_rad, true};
+  if (step.targets.steered != 0)
+    aim = aim_at(camera.pose.position_m, step.targets.tracked_targets, decision.turn.angles, step.lens, framing);
+  const glm::dquat before = camera.pose.rotation;
+  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, framing.aim_response_s, step.move_s);
+  camera.pose.rotation = rotation_from_angles(decision.turn.angles);
+  const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
+  camera.angular_velocity_radps =
+      glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
+  // Zoom closes at the same pace as the aim.
+  const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, step.move_s / framing.aim_response_s) : 1.0;
+  const double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
+  decision.vertical_fov_rad += share * (fov_rad - decision.vertical_fov_rad);
+}
+
+// What the camera is and does when nothing changes it.
+Decision unmoved(const MoveInput& in) {
+  Decision decision;
+  decision.camera = in.carried.camera;
+  decision.turn = in.carried.turn;
+  decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
+  decision.horizon_s = in.carried.horizon_s;
+  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m;
+  return decision;
+}
+
+}  // namespace
+
+void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings) {
+  const CameraLimits& limits = step.input.limits;
+  const glm::dvec3 position_m = step.camera.pose.position_m;
+  const double body_m = swept_radius_m(limits, step.lens);
+  const double reach_m = 2 * bound.radius_m + limits.max_speed_mps * step.move_s +
+                         braking_distance_m(glm::dvec3(limits.max_speed_mps, 0, 0), limits);
+  surroundings.colliders.gather(step.input.scene, position_m,
+                                std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m, {});
+  for (size_t look = 0; look < kEvadeS.size(); ++look)
+    surroundings.movers_ahead[look].gather_movers(step.input.scene, position_m,
+                                                  limits.max_speed_mps * kEvadeS[look] + 2 * body_m + 1.0, {},
+                                                  kEvadeS[look]);
+}
+
+void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
+  const CandidateSet& candidates = in.sights.candidates;
+  const std::span<const uint32_t> seen = candidates.filtered();
+  const uint32_t steered = in.step.targets.steered;
+  lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
+  scratch.members.resize(seen.size());
+  for (size_t i = 0; i < seen.size(); ++i) scratch.members[i] = (seen[i] & steered) == steered;
+}
+
+Decision decide(const MoveInput& in, MoveScratch& scratch) {
+  Decision decision = unmoved(in);
+  if (in.step.move_s <= 0) {
+    decision.reason = MoveReason::kPaused;
+    return decision;
+  }
+  const Course course = choose_course(in, scratch, decision);
+  decision.status = course.choice.status;
+  decision.reason = course.choice.reason;
+  decision.chosen_candidate = course.choice.candidate;
+  travel(in, course.wanted_mps, decision);
+  turn(in, decision);
+  return decision;
+}
+
+}  // namespace sightline

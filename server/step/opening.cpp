@@ -1,0 +1,52 @@
+#include "server/step/opening.h"
+
+#include <algorithm>
+
+#include "server/base/hash.h"
+
+namespace sightline {
+namespace {
+
+// A lens that is told anew holds at once. One that has zoomed and shall no more goes back as it went (see `turn`).
+ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
+  ZoomState zoom = before;
+  const FramingSettings& framing = input.settings.framing;
+  const double told_rad = input.lens.vertical_fov_rad;
+  const bool told_anew = before.told_fov_rad != told_rad;
+  if (before.vertical_fov_rad == 0.0 || (told_anew && !zooms(framing))) zoom.vertical_fov_rad = told_rad;
+  zoom.told_fov_rad = told_rad;
+  return zoom;
+}
+
+uint64_t hash_of_steered(const TargetsNow& targets) {
+  uint64_t hash = 0;
+  for (size_t i = 0; i < targets.ids.size(); ++i)
+    if (targets.steered >> i & 1u) hash += hash64_bytes(std::as_bytes(std::span(&targets.ids[i], 1)));
+  return hash;
+}
+
+// The shot belongs to one set of targets. With another set it is taken anew from where the camera is, so that adding, removing or
+// switching off a target makes no jump.
+WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const WantedShot& before) {
+  if (targets.steered == 0) return before;
+  const uint64_t set = hash_of_steered(targets);
+  if (before.is_set && before.target_set == set) return before;
+  WantedShot shot = before;
+  shot.offset_m = shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
+  shot.viewpoint.reset();
+  shot.target_set = set;
+  shot.is_set = true;
+  return shot;
+}
+
+}  // namespace
+
+void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening) {
+  look_at_targets(input, targets);
+  observe_targets(input, carried.pasts, opening.pasts);
+  opening.move_s = std::min(input.dt_s, kMaxStepS);
+  opening.zoom = zoom_of(input, carried.zoom);
+  opening.shot = shot_of(targets, carried.camera.pose.position_m, carried.shot);
+}
+
+}  // namespace sightline

@@ -1,0 +1,74 @@
+#include "server/step/report.h"
+
+#include <algorithm>
+
+namespace sightline {
+namespace {
+
+// Whether the picture shows a point that lies in it: what hides the point may be too near the lens to be drawn.
+bool shows(const TakenMaps& taken, uint32_t sight, const Pose& pose, const Lens& lens) {
+  const glm::dvec3 to_point = glm::normalize(taken.plan.now.sights_m[sight] - pose.position_m);
+  const double along_axis = glm::dot(to_point, pose.rotation * glm::dvec3(0, 0, -1));
+  return taken.falls_short_m(sight, pose.position_m) * along_axis < lens.near_m;
+}
+
+// A picture cuts a target at its edges: only the points inside stand for pixels.
+void remember_share(const TakenMaps& taken, size_t target, const Pose& pose, const Lens& lens, ShareWindow& shares) {
+  const MapRange& sights = taken.plan.now.sights_of_target[target];
+  uint32_t seen = 0, inside = 0;
+  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
+    if (!in_picture(pose, lens, taken.plan.now.sights_m[k])) continue;
+    ++inside;
+    seen += shows(taken, k, pose, lens);
+  }
+  shares.add(target, seen, inside);
+}
+
+TargetSight sight_of(const StepInput& input, const StepDump& dump, const TakenMaps& taken, size_t target,
+                     const Lens& lens, const ShareWindow& shares) {
+  const Pose& pose = dump.decision.camera.pose;
+  const glm::dvec3 aim_m = dump.targets.tracked_targets[target].aim_m;
+  const OwnSight own = own_sight(taken, target, pose.position_m);
+  TargetSight sight;
+  sight.id = dump.targets.ids[target];
+  sight.visible_share = own.share();
+  sight.filtered_share = shares.share(target).value_or(own.share());
+  sight.filtered_visible = dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
+  sight.in_picture = in_picture(pose, lens, aim_m);
+  sight.distance_m = glm::distance(pose.position_m, aim_m);
+  if (own.occluder != kNoOccluder) sight.occluder_id = input.scene.instances()[own.occluder].id;
+  return sight;
+}
+
+StepResult result_of(const StepInput& input, const StepDump& dump) {
+  StepResult result;
+  result.camera = dump.decision.camera;
+  result.vertical_fov_rad = dump.decision.vertical_fov_rad;
+  result.status = dump.decision.status;
+  result.reason = dump.decision.reason;
+  result.volume = dump.plan.pair.used ? Volume::kPair : Volume::kLattice;
+  result.pair_asked = dump.plan.pair.asked;
+  result.pair_needs_two = dump.plan.pair.needs_two;
+  result.pair_gap = dump.plan.pair.gap;
+  result.chosen_candidate = dump.decision.chosen_candidate;
+  result.flags = {.dt_capped = input.dt_s > kMaxStepS,
+                  .used_cube_map = dump.plan.used_cube_map,
+                  .body_overlap = dump.decision.body_overlap};
+  return result;
+}
+
+}  // namespace
+
+StepResult report_step(const StepInput& input, const StepDump& dump, const TakenMaps& taken, ShareWindow& shares) {
+  static_assert(kShareWindowS <= kMaxStepS, "so that a step that was capped leaves nothing from before it");
+  StepResult result = result_of(input, dump);
+  Lens lens = input.lens;
+  lens.vertical_fov_rad = result.vertical_fov_rad;
+  shares.begin_step(dump.targets.ids, std::min(input.dt_s, kMaxStepS));
+  for (size_t i = 0; i < input.targets.size(); ++i) remember_share(taken, i, result.camera.pose, lens, shares);
+  for (size_t i = 0; i < input.targets.size(); ++i)
+    result.targets.push_back(sight_of(input, dump, taken, i, lens, shares));
+  return result;
+}
+
+}  // namespace sightline

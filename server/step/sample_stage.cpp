@@ -1,0 +1,279 @@
+// The sample stage: which points of the targets are sampled, and which maps are taken from them (paper 3.2, 4; design 4).
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "server/base/random.h"
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// A prediction is a guess: it needs fewer points than the target itself.
+constexpr size_t kPointsAhead = 3;
+// A shorter look ahead tells nothing that the present does not.
+constexpr double kLeastAheadS = 0.05;
+
+glm::dvec2 texel_jitter(const StepInput& input) {
+  if (!input.settings.sample.jitter) return {0.5, 0.5};
+  CounterRandom random(input.seed, input.tick, RandomPurpose::kTexelJitter);
+  const double x = random.next_unit(), y = random.next_unit();
+  return {x, y};
+}
+
+const ExtentTable* table_of(const StepInput& input, size_t target) {
+  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
+  return input.extents[target];
+}
+
+void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> points,
+                const Affine& world_from_instance) {
+  for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+}
+
+// The end of a list from `first` on.
+MapRange run_from(size_t first, const std::vector<glm::dvec3>& list) {
+  return {static_cast<uint32_t>(first), static_cast<uint32_t>(list.size() - first)};
+}
+
+// Where the camera will be if nothing changes its course: the position whose visibility must be known exactly.
+glm::dvec3 position_on_course_m(const StepContext& step) {
+  return step.camera.pose.position_m + step.camera.velocity_mps * step.move_s;
+}
+
+// Where a predicted pose puts the instance.
+Affine world_from_instance_at(const Pose& pose, const Instance& instance) {
+  const glm::dmat3 linear = glm::mat3_cast(pose.rotation) * instance.linear;
+  return Affine(linear[0], linear[1], linear[2], pose.position_m);
+}
+
+// As far ahead as every steered target can be predicted, at most as far as the settings ask.
+void decide_ahead(const SampleInput& in, SamplePlan& plan) {
+  const StepContext& step = in.step;
+  double ahead_s = step.input.settings.move.prediction_s, confidence = 1.0;
+  const auto predictor_of = [&](size_t i) -> const MotionPredictor& {
+    return past_of(in.pasts, step.targets.ids[i]).predictor;
+  };
+  for (size_t i = 0; i < step.target_count(); ++i)
+    if (step.is_steered(i)) ahead_s = predictor_of(i).usable_ahead_s(ahead_s);
+  for (size_t i = 0; i < step.target_count(); ++i)
+    if (step.is_steered(i)) confidence = std::min(confidence, predictor_of(i).confidence(ahead_s));
+  const bool usable = step.targets.steered != 0 && ahead_s >= kLeastAheadS;
+  plan.ahead_s = usable ? ahead_s : 0.0;
+  plan.ahead_confidence = usable ? confidence : 0.0;
+}
+
+// Picks the points of one target at a time.
+class PointPicker {
+ public:
+  PointPicker(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan)
+      : in_(in),
+        random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kViewBlend),
+        picked_(picked),
+        now_(plan.now),
+        ahead_(plan.ahead),
+        ahead_s_(plan.ahead_s) {}
+
+  void pick_target(size_t i) {
+    const Instance& instance = *in_.step.input.scene.find(in_.step.targets.ids[i]);
+    const size_t first = now_.points_m.size(), first_ahead = ahead_.points_m.size(), first_sight = now_.sights_m.size();
+    const Affine later =
+        ahead_s_ > 0 ? world_from_instance_at(past_of(in_.pasts, instance.id).predictor.at(ahead_s_).pose, instance)
+                     : instance.world_from_instance;
+    if (const ExtentTable* table = table_of(in_.step.input, i))
+      pick_surface_points(*table, instance, later);
+    else
+      pick_aim_point(in_.step.targets.tracked_targets[i].aim_m, instance, later);
+    now_.points_of_target.push_back(run_from(first, now_.points_m));
+    now_.sights_of_target.push_back(run_from(first_sight, now_.sights_m));
+    ahead_.points_of_target.push_back(run_from(first_ahead, ahead_.points_m));
+  }
+
+ private:
+  void pick_surface_points(const ExtentTable& table, const Instance& instance, const Affine& later) {
+    const Affine mesh_from_world = inverse(instance.world_from_instance);
+    const double x = random_.next_unit(), y = random_.next_unit();
+    pick(table.points_blended(transform_point(mesh_from_world, position_on_course_m(in_.step)), {x, y}));
+    add_points(now_.sights_m, picked_, instance.world_from_instance);
+    pick(table.points(transform_point(mesh_from_world, in_.bound.center_m)));
+    add_points(now_.points_m, picked_, instance.world_from_instance);
+    if (ahead_s_ <= 0) return;
+    add_points(ahead_.points_m, std::span(picked_).first(std::min(kPointsAhead, picked_.size())), later);
+  }
+  void pick_aim_point(const glm::dvec3& aim_m, const Instance& instance, const Affine& later) {
+    now_.points_m.push_back(aim_m);
+    now_.sights_m.push_back(aim_m);
+    if (ahead_s_ <= 0) return;
+    ahead_.points_m.push_back(transform_point(later, transform_point(inverse(instance.world_from_instance), aim_m)));
+  }
+  void pick(std::span<const glm::vec3> of_view) {
+    const StepInput& input = in_.step.input;
+    pick_points(of_view, input.tick, static_cast<size_t>(input.settings.sample.points), picked_);
+  }
+
+  const SampleInput& in_;
+  CounterRandom random_;
+  std::vector<glm::vec3>& picked_;  // mesh frame
+  Sampled &now_, &ahead_;
+  const double ahead_s_;
+};
+
+// The same vector, turned about the vertical.
+glm::dvec3 turned(const glm::dvec3& v, double rad) {
+  const double c = std::cos(rad), s = std::sin(rad);
+  return {c * v.x + s * v.z, v.y, c * v.z - s * v.x};
+}
+
+// The prediction is one future; people also turn. Each future is of aim points alone.
+void pick_futures(const SampleInput& in, SamplePlan& plan) {
+  const MoveSettings& settings = in.step.input.settings.move;
+  if (plan.ahead_s <= 0 || !weighs_hidden(in.step.input) || settings.turn_probability <= 0) return plan.futures.clear();
+  const double shares[] = {1 - settings.turn_probability, settings.turn_probability / 2, settings.turn_probability / 2};
+  const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
+  static_assert(std::size(shares) == kMaxFutures);
+  plan.futures.resize(kMaxFutures);
+  for (size_t f = 0; f < std::size(shares); ++f) {
+    Future& future = plan.futures[f];
+    future.sampled.clear();
+    future.weight = shares[f];
+    for (size_t i = 0; i < in.step.target_count(); ++i) {
+      const Instance& instance = *in.step.input.scene.find(in.step.targets.ids[i]);
+      const Pose predicted = past_of(in.pasts, instance.id).predictor.at(plan.ahead_s).pose;
+      const glm::dvec3 way_m = predicted.position_m - instance.world_from_instance[3];
+      future.sampled.points_of_target.push_back({static_cast<uint32_t>(i), 1});
+      future.sampled.points_m.push_back(in.step.targets.tracked_targets[i].aim_m + turned(way_m, turns_rad[f]));
+    }
+  }
+}
+
+// Pair volumes are of one point of each target, the paper's one per frame. They are used if they can be laid around the bound.
+void chain_pairs(const SampleInput& in, SamplePlan& plan) {
+  const StepSettings& settings = in.step.input.settings;
+  plan.pair = {.asked = settings.aggregate.volume == Volume::kPair};
+  if (!plan.pair.asked) return;
+  plan.pair.needs_two = in.step.target_count() < 2;
+  if (plan.pair.needs_two) return;
+  plan.chained_m.clear();
+  for (const MapRange& points : plan.now.points_of_target) plan.chained_m.push_back(plan.now.points_m[points.first]);
+  plan.pair.gap = make_pair_chain(plan.chained_m, in.bound, settings.sample.resolution, plan.chain);
+  plan.pair.used = plan.pair.gap == PairGap::kNone;
+}
+
+// One map and one sight of each target. These maps come first: maps[i] is target i's.
+void plan_chain_maps(const glm::dvec2& jitter, SamplePlan& plan) {
+  Sampled& now = plan.now;
+  now.points_m = plan.chained_m;
+  for (uint32_t i = 0; i < now.points_m.size(); ++i) {
+    now.sights_m[i] = now.sights_m[now.sights_of_target[i].first];
+    now.sights_of_target[i] = {i, 1};
+    now.points_of_target[i] = now.maps_of_point.emplace_back(MapRange{i, 1});
+    plan.views.push_back(chain_view(plan.chain, i, jitter));
+  }
+  now.sights_m.resize(now.points_m.size());
+}
+
+void plan_maps(const SampleInput& in, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan) {
+  for (const glm::dvec3& point_m : sampled.points_m) {
+    const auto first = static_cast<uint32_t>(plan.views.size());
+    const int count = plan_views(point_m, in.bound, in.step.input.settings.sample, jitter, plan.views);
+    sampled.maps_of_point.push_back({first, static_cast<uint32_t>(count)});
+    plan.used_cube_map |= count > 1;
+  }
+}
+
+void plan_sights(const StepContext& step, SamplePlan& plan) {
+  plan.now.first_sight = static_cast<uint32_t>(plan.views.size());
+  for (const glm::dvec3& point_m : plan.now.sights_m)
+    plan.views.push_back(plan_sight(point_m, position_on_course_m(step)));
+}
+
+// No position that is looked up in this step's maps is farther from the eye: candidates lie in the bound, and the camera is where it
+// is or a step away. The candidates of pair volumes may lie anywhere before their far plane.
+double far_m(const SampleInput& in, const SamplePlan& plan, const glm::dvec3& eye_m) {
+  if (plan.pair.used) return std::numeric_limits<double>::infinity();
+  const CameraState& camera = in.step.camera;
+  const double speed_mps = std::max(in.step.input.limits.max_speed_mps, glm::length(camera.velocity_mps));
+  const double bound_m = glm::distance(eye_m, in.bound.center_m) + in.bound.radius_m;
+  const double camera_m = glm::distance(eye_m, camera.pose.position_m) + speed_mps * in.step.move_s;
+  return beyond_all_m(std::max(bound_m, camera_m));
+}
+
+void request(const SampleInput& in, const Sampled& sampled, double ahead_s, SamplePlan& plan) {
+  for (size_t target = 0; target < sampled.points_of_target.size(); ++target) {
+    const auto ask = [&](uint32_t view) {
+      plan.requests[view] = {.view = plan.views[view],
+                             .layer_mask = in.step.input.targets[target].layer_mask,
+                             .ahead_s = ahead_s,
+                             .far_m = far_m(in, plan, plan.views[view].eye_m),
+                             .ignored_slots = in.step.targets.ignored_slots[target]};
+    };
+    const MapRange& points = sampled.points_of_target[target];
+    for (uint32_t p = points.first; p < points.first + points.count; ++p) {
+      const MapRange& maps = sampled.maps_of_point[p];
+      for (uint32_t view = maps.first; view < maps.first + maps.count; ++view) ask(view);
+    }
+    if (sampled.sights_of_target.empty()) continue;
+    const MapRange& sights = sampled.sights_of_target[target];
+    for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) ask(sampled.first_sight + k);
+  }
+}
+
+void request_all(const SampleInput& in, SamplePlan& plan) {
+  plan.requests.resize(plan.views.size());
+  request(in, plan.now, 0.0, plan);
+  request(in, plan.ahead, plan.ahead_s, plan);
+  for (const Future& future : plan.futures) request(in, future.sampled, plan.ahead_s, plan);
+  request_look(in, plan);
+}
+
+void clear(SamplePlan& plan) {
+  plan.views.clear();
+  plan.now.clear();
+  plan.ahead.clear();
+  plan.used_cube_map = false;
+}
+
+}  // namespace
+
+void plan_sample(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan) {
+  clear(plan);
+  decide_ahead(in, plan);
+  PointPicker picker(in, picked, plan);
+  for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
+  const glm::dvec2 jitter = texel_jitter(in.step.input);
+  chain_pairs(in, plan);
+  if (plan.pair.used)
+    plan_chain_maps(jitter, plan);
+  else
+    plan_maps(in, jitter, plan.now, plan);
+  plan_sights(in.step, plan);
+  plan_maps(in, jitter, plan.ahead, plan);
+  pick_futures(in, plan);
+  for (Future& future : plan.futures) plan_maps(in, jitter, future.sampled, plan);
+  plan.look = plan_look(in, plan.views);
+  request_all(in, plan);
+}
+
+SampledPoints TakenMaps::of(const Sampled& sampled) const {
+  return {maps, sampled.maps_of_point, sampled.points_of_target, settings.visibility_threshold};
+}
+
+double TakenMaps::falls_short_m(uint32_t sight, const glm::dvec3& position_m) const {
+  const DepthMap& map = maps[plan.now.first_sight + sight];
+  return glm::distance(position_m, plan.now.sights_m[sight]) - map.distance_at(0, 0) * (1.0 + settings.relative_bias);
+}
+
+OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m) {
+  const MapRange& sights = taken.plan.now.sights_of_target[target];
+  OwnSight own{.points = sights.count};
+  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
+    const bool visible = taken.falls_short_m(k, position_m) <= 0;
+    own.seen += visible;
+    if (!visible && own.occluder == kNoOccluder)
+      own.occluder = taken.maps[taken.plan.now.first_sight + k].occluder_at(0, 0);
+  }
+  return own;
+}
+
+}  // namespace sightline

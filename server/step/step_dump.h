@@ -1,0 +1,129 @@
+// What the stages of a step make and hand on, stage by stage. The structs of the last step stay readable until the next one begins:
+// they are what is dumped, drawn and tested.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <optional>
+#include <vector>
+
+#include "server/aggregate/candidates.h"
+#include "server/aggregate/compose.h"
+#include "server/aggregate/pair_chain.h"
+#include "server/base/camera.h"
+#include "server/base/inline_vector.h"
+#include "server/bound/bound.h"
+#include "server/move/body.h"
+#include "server/move/decision.h"
+#include "server/move/motion.h"
+#include "server/move/target_view.h"
+#include "server/sample/depth_map.h"
+#include "server/scene/clearance.h"
+
+namespace sightline {
+
+// Before the first stage: the targets as they are now. Lists are in the order of the input.
+struct TargetsNow {
+  std::vector<TargetView> tracked_targets;
+  std::vector<uint64_t> ids;
+  std::vector<double> sight_weights;                 // what it counts to see each target
+  std::vector<std::vector<uint32_t>> ignored_slots;  // of the mirror: what never occludes each target
+  uint32_t steered = 0;                              // bit i: target i has a weight
+};
+
+// Surface points of the targets, and which of the step's maps are taken from them. A point has one map, or several, over the bound.
+// A sight is a map of one texel towards the camera's own position.
+struct Sampled {
+  std::vector<glm::dvec3> points_m;       // world
+  std::vector<MapRange> maps_of_point;    // over the bound
+  std::vector<MapRange> points_of_target;
+  // There are as many sights as points, but from points of each target that can be seen from the camera's position, where the points
+  // above are those that can be seen from the bound's centre. Of predicted targets there are none.
+  std::vector<glm::dvec3> sights_m;
+  std::vector<MapRange> sights_of_target;
+  uint32_t first_sight = 0;  // sight k is map first_sight + k
+
+  void clear() {
+    points_m.clear(), maps_of_point.clear(), points_of_target.clear();
+    sights_m.clear(), sights_of_target.clear();
+  }
+};
+
+// One way in which the targets may go on: where the aim point of each one will be.
+struct Future {
+  Sampled sampled;
+  double weight = 0.0;  // probability; the weights of all futures sum to 1
+};
+inline constexpr size_t kMaxFutures = 3;  // going on, and turning to either side
+
+// Why pair volumes were not used although they were asked for.
+struct PairPlan {
+  bool asked = false;
+  bool needs_two = false;  // there are fewer than two targets
+  PairGap gap = PairGap::kNone;
+  bool used = false;
+};
+
+// The maps by which the viewpoint search learns what one target sees all round; none when there is no search.
+struct ViewpointLook {
+  bool searches = false;
+  size_t target = 0;
+  MapRange maps;
+};
+
+// Of the sample stage: which maps to take.
+struct SamplePlan {
+  Sampled now;              // the targets where they are
+  Sampled ahead;            // and where they are predicted to be; empty without a prediction
+  double ahead_s = 0.0;     // how far ahead that is; 0: no prediction in this step
+  double ahead_confidence = 0.0;
+  InlineVector<Future, kMaxFutures> futures;  // other ways that the targets may take until then
+  PairPlan pair;
+  std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
+  PairChain chain;                    // of these points; valid when pair.used
+  ViewpointLook look;
+  bool used_cube_map = false;  // cube faces are taken for some target
+  std::vector<MapView> views;
+  std::vector<MapRequest> requests;  // parallel to the views
+};
+
+// Of the aggregate stage: what can be seen from where.
+struct CandidateSights {
+  CandidateSet candidates;
+  size_t own_candidate = 0;  // index of the camera's own position among the candidates
+  bool on_lattice = false;   // the first candidates are the lattice's cells rather than a pair volume's
+  std::vector<glm::dvec3> position_m;  // of the candidates, listed; empty for strategy kBasic
+  std::vector<double> hidden;          // strategy kMinCost: by candidate, the expected hidden share of the targets, [0, 1]
+  SightCounts counts;
+};
+
+// Colliders near the camera, now and soon.
+struct Surroundings {
+  ClearanceField colliders;
+  MoversAhead movers_ahead;
+};
+
+// Of the move stage: where the camera goes, and why.
+struct Decision {
+  MoveStatus status = MoveStatus::kHolding;
+  MoveReason reason = MoveReason::kNoTargets;
+  int chosen_candidate = -1;  // -1: none
+  bool body_overlap = false;
+  CameraState camera;  // at the end of the step
+  TurnState turn;
+  double vertical_fov_rad = 0.0;
+  double horizon_s = 0.0;
+  std::optional<glm::dvec3> goal_m;
+};
+
+struct StepDump {
+  TargetsNow targets;
+  Bound bound;
+  SamplePlan plan;
+  std::vector<DepthMap> maps;  // by request of the plan
+  CandidateSights sights;
+  Surroundings surroundings;
+  Decision decision;
+};
+
+}  // namespace sightline

@@ -1,0 +1,89 @@
+// What is known of the targets before the first stage, and what the stages ask about them.
+#include <algorithm>
+#include <cassert>
+
+#include "server/move/sight_weight.h"
+#include "server/step/opening.h"
+
+namespace sightline {
+namespace {
+
+// Slower than this a target stands.
+constexpr double kStandingMps = 0.2;
+
+TargetView view_of(const Target& target, const Instance& instance) {
+  TargetView view;
+  const glm::dvec3 aim = target.aim_offset_m.value_or(glm::dvec3(instance.geometry->bounds.center()));
+  view.aim_m = transform_point(instance.world_from_instance, aim);
+  view.radius_m = instance.radius_m;
+  view.velocity_mps = instance.velocity_mps;
+  view.weight = target.weight;
+  view.required = target.required;
+  return view;
+}
+
+void add_slot(const SceneMirror& scene, uint64_t id, std::vector<uint32_t>& slots) {
+  if (const auto slot = scene.slot_of(id)) slots.push_back(*slot);
+}
+
+// Ids that the mirror no longer holds are passed over: an attached instance may be gone before the list is renewed.
+void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vector<uint32_t>& slots) {
+  slots.clear();
+  add_slot(scene, target.instance_id, slots);
+  for (const uint64_t id : target.attached_ids) add_slot(scene, id, slots);
+  for (const uint64_t id : target.ignored_ids) add_slot(scene, id, slots);
+  std::sort(slots.begin(), slots.end());
+  slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
+}
+
+}  // namespace
+
+void look_at_targets(const StepInput& input, TargetsNow& now) {
+  now.tracked_targets.clear();
+  now.ids.clear();
+  now.sight_weights.clear();
+  now.steered = 0;
+  now.ignored_slots.resize(input.targets.size());
+  for (size_t i = 0; i < input.targets.size(); ++i) {
+    const Target& target = input.targets[i];
+    now.tracked_targets.push_back(view_of(target, *input.scene.find(target.instance_id)));
+    now.ids.push_back(target.instance_id);
+    if (target.weight > 0) now.steered |= 1u << i;
+    list_ignored_slots(input.scene, target, now.ignored_slots[i]);
+  }
+  const double optional = optional_share(now.tracked_targets);
+  for (const TargetView& target : now.tracked_targets) now.sight_weights.push_back(sight_weight(target, optional));
+}
+
+// Runs at every step, so that a prediction is there at once when it is switched on.
+void observe_targets(const StepInput& input, const std::vector<TargetPast>& before, std::vector<TargetPast>& now) {
+  now.clear();
+  for (const Target& target : input.targets) {
+    const auto known = std::ranges::find(before, target.instance_id, &TargetPast::id);
+    TargetPast& past =
+        now.emplace_back(known != before.end() ? *known : TargetPast{target.instance_id, MotionPredictor()});
+    past.predictor.configure({.ahead_s = input.settings.move.prediction_s});
+    past.predictor.observe(input.dt_s, input.scene.find(target.instance_id)->pose);
+  }
+}
+
+const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id) {
+  const auto found = std::ranges::find(pasts, id, &TargetPast::id);
+  assert(found != pasts.end());
+  return *found;
+}
+
+bool targets_stand(const StepContext& step) {
+  return std::ranges::none_of(step.targets.tracked_targets, [](const TargetView& target) {
+    return target.steered() && glm::length(target.velocity_mps) > kStandingMps;
+  });
+}
+
+glm::dvec3 group_velocity_mps(const StepContext& step) {
+  glm::dvec3 sum(0.0);
+  double weight = 0;
+  for (const TargetView& t : step.targets.tracked_targets) sum += t.weight * t.velocity_mps, weight += t.weight;
+  return weight > 0 ? sum / weight : sum;
+}
+
+}  // namespace sightline

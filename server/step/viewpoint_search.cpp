@@ -1,0 +1,124 @@
+// The viewpoint search: in each step one target looks all round (sample), the viewpoints around the targets learn whether they see it
+// (aggregate), and in some steps the shot that the camera wants is chosen anew.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "server/base/random.h"
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// A shot is chosen in every fourth step: it is to hold for seconds.
+constexpr uint64_t kStepsPerChoice = 4;
+// What has been learnt is believed after this share of the search's memory.
+constexpr double kKnownShare = 0.5;
+// The points from which a target looks round lie in this share of its box: the corners of a box are mostly outside the shape.
+constexpr double kBoxShare = 0.7;
+// A shot does not show the whole group if the framing would push it out by more than this factor.
+constexpr double kFitSlack = 1.05;
+
+bool searches(const StepContext& step) {
+  const MoveSettings& settings = step.input.settings.move;
+  return settings.strategy == Strategy::kMinCost && settings.search_viewpoints && settings.follow == Follow::kOffset &&
+         step.targets.steered != 0;
+}
+
+glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
+  const Aabb& box = instance.geometry->bounds;
+  const double x = random.next_unit(), y = random.next_unit(), z = random.next_unit();
+  const glm::dvec3 from_center = (glm::dvec3(x, y, z) - 0.5) * glm::dvec3(box.half_extent()) * 2.0 * kBoxShare;
+  return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
+}
+
+// The offset that the framing and the limits make of `offset_m`.
+glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
+  const FramingSettings& framing = step.input.settings.framing;
+  return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
+         step.center_m();
+}
+
+// The third of the four distances at which the viewpoints stand.
+double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
+  return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
+}
+
+// The shot that looks at the targets' centre from there, with all of them seen.
+void capture(const StepContext& step, const glm::dvec3& offset_m, ShotState& shot) {
+  std::array<float, kMaxTargets> seen;
+  seen.fill(1.0f);
+  capture_shot(pose_of_shot(step.center_m(), offset_m), step.lens, step.targets.tracked_targets,
+               std::span<const float>(seen).first(step.target_count()), shot);
+}
+
+void choose_viewpoint(const StepContext& step, const Survey& viewpoints, WantedShot& shot, ViewpointScratch& scratch) {
+  MoveSettings settings = step.input.settings.move;
+  if (!targets_stand(step)) settings.viewpoint_search.keep_shot_below = 0;
+  const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
+  if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
+  capture(step, framed_offset_m(step, shot.asked_offset_m), scratch.asked);
+  capture(step, present_m, scratch.present);
+  const auto allowed = [&](const glm::dvec3& offset_m) {
+    return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) &&
+           glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
+  };
+  shot.asked_viewpoint = viewpoints.nearest_place(scratch.asked.from_center_m);
+  shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, scratch.asked, shot.asked_viewpoint,
+                               scratch.present, shot.viewpoint.value_or(shot.asked_viewpoint), settings.viewpoint_search,
+                               settings.coherence, std::cref(allowed));
+}
+
+// What was learnt will be old when the search comes on again. Without a search the camera wants the shot that the client gave.
+void stop_search(Survey& viewpoints, WantedShot& shot) {
+  viewpoints.forget();
+  if (shot.viewpoint) shot.offset_m = shot.asked_offset_m;
+  shot.viewpoint.reset();
+}
+
+}  // namespace
+
+ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
+  const StepInput& input = in.step.input;
+  if (!searches(in.step)) return {};
+  ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}};
+  CounterRandom random(input.seed, input.tick, RandomPurpose::kSurveyPoint);
+  const glm::dvec3 eye_m = looking_point_m(*input.scene.find(in.step.targets.ids[look.target]), random);
+  const double x = random.next_unit(), y = random.next_unit();
+  look.maps.first = static_cast<uint32_t>(views.size());
+  plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);
+  look.maps.count = static_cast<uint32_t>(views.size()) - look.maps.first;
+  return look;
+}
+
+void request_look(const SampleInput& in, SamplePlan& plan) {
+  const ViewpointLook& look = plan.look;
+  if (!look.searches) return;
+  const glm::dvec3 center_m = in.step.center_m();
+  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view)
+    plan.requests[view] = {.view = plan.views[view],
+                           .layer_mask = in.step.input.targets[look.target].layer_mask,
+                           .far_m = beyond_all_m(glm::distance(plan.views[view].eye_m, center_m) +
+                                                 Survey::kFarthestShare * viewpoint_distance_m(in.step, in.shot)),
+                           .ignored_slots = in.step.targets.ignored_slots[look.target]};
+}
+
+void search_viewpoints(const StepContext& step, const TakenMaps& taken, Survey& viewpoints, WantedShot& shot,
+                       ViewpointScratch& scratch) {
+  const ViewpointLook& look = taken.plan.look;
+  if (!look.searches) return stop_search(viewpoints, shot);
+  if (step.move_s <= 0) return;
+  const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
+  viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
+  viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
+                   taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()), memory_s);
+  const bool knows = viewpoints.known_s() >= kKnownShare * memory_s;
+  if (knows && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
+  if (!shot.viewpoint) return;
+  // Viewpoints are coarse: the one that is most like the shot that the client gave stands for that very shot.
+  shot.offset_m =
+      *shot.viewpoint == shot.asked_viewpoint ? shot.asked_offset_m : viewpoints.offset_m(*shot.viewpoint);
+}
+
+}  // namespace sightline
