@@ -7,18 +7,14 @@
 
 #include "client/bench/command.h"
 #include "client/replay/compare_command.h"
-#include "client/recordings/cut_command.h"
+#include "client/recordings/commands.h"
 #include "client/drive/drive_command.h"
-#include "client/recordings/dump_command.h"
 #include "client/evaluate/evaluate_command.h"
-#include "client/recordings/info_command.h"
-#include "client/recordings/recover_command.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
 #include "client/base/verb.h"
-#include "client/recordings/verify_command.h"
 #include "client/base/wire_presets.h"
 #include "server/gl/software_renderer.h"
 
@@ -115,16 +111,10 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingFile);
 
-  const std::vector<sightline::Verb> verbs = {
-      sightline::add_info_verb(app),
-      sightline::add_verify_verb(app),
-      sightline::add_recover_verb(app),
-      sightline::add_dump_verb(app),
-      sightline::add_cut_verb(app),
-      sightline::add_replay_verb(app),
-      sightline::add_compare_verb(app),
-      sightline::add_report_verb(app),
-  };
+  std::vector<sightline::Verb> verbs = sightline::add_recording_verbs(app);
+  verbs.push_back(sightline::add_replay_verb(app));
+  verbs.push_back(sightline::add_compare_verb(app));
+  verbs.push_back(sightline::add_report_verb(app));
 
   try {
     app.parse(argc, argv);

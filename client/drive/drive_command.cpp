@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
-#include <sstream>
 
 #include "client/page/contact_sheet.h"
 #include "client/drive/comparison.h"
@@ -73,9 +72,10 @@ class Drive {
   Status steer() {
     auto client = Client::connect(options_.server, 5s);
     if (!client) return tl::unexpected(client.error());
-    const auto file = read_file(options_.scenario);
+    auto file = read_file(options_.scenario);
     if (!file) return tl::unexpected(file.error());
-    const auto scene = client->upload_scene(*file, 2min);
+    scene_file_ = std::move(*file);
+    const auto scene = client->upload_scene(scene_file_, 2min);
     if (!scene) return tl::unexpected(scene.error());
     const auto preset = preset_named(options_.preset);
     if (!preset) return tl::unexpected(preset.error());
@@ -171,22 +171,16 @@ class Drive {
   }
 
   Status write_page() {
-    DrivePictures pictures;
-    pictures.progress = [&](size_t done) { bar_.show("page", done, pictures.count); };
-    SessionPage page = drive_page({*scenario_, frames_, run_.truths, run_.metrics, follow_, open_, opened_},
-                                  *world_, pictures);
+    const std::string title = std::filesystem::path(options_.scenario).stem();
+    const auto page = drive_page(
+        {*scenario_, scene_file_, open_, opened_, play_, frames_, run_.truths, run_.metrics, follow_}, title,
+        [&](const char* what, size_t done, size_t of) { bar_.show(what, done, of); });
     bar_.clear();
-    page.title = std::filesystem::path(options_.scenario).stem();
-    page.facts.emplace_back("ticks", rate_text());
-    if (auto written = write_session_page(page, options_.page); !written) return written;
+    if (!page) return tl::unexpected(page.error());
+    for (const std::string& text : page->notices) out_ << "notice  " << text << '\n';
+    if (auto written = write_session_page(*page, options_.page); !written) return written;
     out_ << "page    " << options_.page << '\n';
     return {};
-  }
-
-  std::string rate_text() const {
-    std::ostringstream text;
-    text << options_.rate_hz << " Hz" << (options_.lockstep ? ", as fast as replies come" : ", in real time");
-    return text.str();
   }
 
   const DriveOptions& options_;
@@ -196,6 +190,7 @@ class Drive {
   EmbreeDevice device_;
   std::optional<Scenario> scenario_;
   std::unique_ptr<ScenarioWorld> world_;
+  std::vector<std::byte> scene_file_;
   PlayOptions play_;
   double said_second_ = -1.0;
   v1::OpenSession open_;

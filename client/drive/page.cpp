@@ -1,129 +1,112 @@
 #include "client/drive/page.h"
 
-#include <google/protobuf/util/json_util.h>
-
 #include <algorithm>
+#include <chrono>
 #include <unordered_map>
 
-#include "client/page/asset_names.h"
-#include "client/page/contact_sheet.h"
-#include "client/page/page_reply.h"
+#include "client/base/text_table.h"
 #include "client/drive/report.h"
-#include "server/wire/short_name.h"
+#include "client/recordings/writer.h"
+#include "client/report/page.h"
+#include "client/scenario/scenario_session.h"
+#include "server/sample/embree_sampler.h"
 
 namespace sightline {
 namespace {
 
-class Builder {
- public:
-  Builder(const DrivePageInput& input, ScenarioWorld& world) : input_(input), world_(world) {}
+uint64_t ns(double seconds) {
+  return static_cast<uint64_t>(std::max(0.0, seconds) * 1e9);
+}
 
-  SessionPage build(const DrivePictures& pictures) {
-    add_words();
-    add_scene();
-    for (size_t i = 0; i < input_.frames.size(); ++i) add_frame(input_.frames[i], input_.truths[i]);
-    add_pictures(pictures);
-    return std::move(page_);
-  }
+uint64_t start_of(const DrivenSession& driven) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+  return static_cast<uint64_t>(now) - ns(driven.frames.back().received_s);
+}
 
- private:
-  void add_words() {
-    const v1::SessionOpened& opened = input_.opened;
-    page_.title = input_.open.label();
-    page_.facts = {{"session", opened.session_id()},
-                   {"sampler", opened.sampler()},
-                   {"seed", std::to_string(input_.open.seed())},
-                   {"preset", short_name(input_.open.settings().preset())},
-                   {"instances", std::to_string(opened.instance_count())},
-                   {"triangles", std::to_string(opened.triangle_count())}};
-    for (const std::string& warning : opened.warnings()) page_.facts.emplace_back("warning", warning);
-    page_.aspect = input_.scenario.lens().aspect;
-    page_.body_radius_m = input_.limits.body_radius_m;
-    page_.stages = page_stages();
-    page_.flags = page_flags();
-    std::string& settings = page_.settings.emplace_back(PageSettings{"Settings as asked for", {}}).json;
-    if (!google::protobuf::util::MessageToJsonString(input_.open.settings(), &settings).ok()) settings.clear();
-    page_.columns = {"sightline"};
-    if (input_.follow) page_.columns.emplace_back("follow");
-    for (auto& rows : {figure_rows(input_.run, input_.follow), latency_rows(input_.frames)})
-      for (const FigureRow& row : rows) {
-        page_.figures.push_back({row.label, row.values});
-        page_.figures.back().values.resize(page_.columns.size());
-      }
-  }
-
-  void add_scene() {
-    const auto names = asset_names(input_.scenario.asset());
-    std::unordered_map<uint64_t, size_t> index;
-    for (const Instance& instance : world_.mirror().instances()) {
-      if (!instance.geometry || !instance.attributes.visible) continue;
-      index[instance.id] = page_.instances.size();
-      const auto named = names.find(instance.id);
-      page_.instances.push_back({instance.id, named == names.end() ? "" : named->second, instance.geometry,
-                                 instance.world_from_instance, instance.occludes()});
+// Ticks stand before the reply that covers them, as in a daemon's recording. Ticks are made again from the scenario.
+Status write_frames(const DrivenSession& driven, uint64_t start_ns, RecordingWriter& writer) {
+  uint64_t sequence = 0;
+  for (const PlayedFrame& frame : driven.frames) {
+    const uint64_t received_ns = start_ns + ns(frame.received_s);
+    const uint64_t sent_ns = received_ns - ns(frame.latency_ms * 1e-3);
+    while (sequence < frame.reply.sequence()) {
+      const v1::Tick tick = played_tick(driven.scenario, driven.play, sequence++);
+      if (Status done = writer.write(tick, sent_ns); !done) return done;
     }
-    const std::vector<ScenarioActor>& actors = input_.scenario.actors();
-    for (size_t i = 0; i < actors.size(); ++i) {
-      const auto found = index.find(actors[i].id);
-      if (actors[i].is_target)
-        page_.targets.push_back({actors[i].id, actors[i].name, actors[i].weight, actors[i].required});
-      if (found == index.end()) continue;
-      page_.instances[found->second].name = actors[i].name;
-      const glm::dmat3& linear = world_.mirror().find(actors[i].id)->linear;
-      page_.instances[found->second].world_from_instance =
-          Affine(linear[0], linear[1], linear[2], glm::dvec3(0.0));
-      page_.movers.push_back({found->second, {}});
-      mover_actors_.push_back(i);
-    }
+    if (Status done = writer.write(frame.reply, received_ns); !done) return done;
   }
+  return writer.finish();
+}
 
-  // The drive's own convention is the canonical one.
-  void add_frame(const PlayedFrame& played, const FrameTruth& truth) {
-    PageFrame frame = page_frame(played.reply, gltf_convention(), page_.aspect, page_.targets);
-    frame.latency_ms = played.latency_ms;
+Result<std::string> record(const DrivenSession& driven, const std::string& title) {
+  v1::RecordingInfo info;
+  info.set_session_id(driven.opened.session_id());
+  info.set_sampler(driven.opened.sampler());
+  info.set_seed(driven.open.seed());
+  info.set_label(title);
+  info.set_part(1);
+  info.set_start_time_ns(start_of(driven));
+  auto memory = std::make_unique<MemorySink>();
+  const MemorySink& sink = *memory;
+  RecordingWriter writer(std::move(memory), info);
+  const uint64_t start_ns = info.start_time_ns();
+  const auto* file = reinterpret_cast<const char*>(driven.scene_file.data());
+  Status done = writer.write(driven.open, start_ns);
+  if (done) done = writer.write(driven.opened, start_ns);
+  if (done)
+    done = writer.attach({"upload/" + driven.open.scene().hash(), {file, driven.scene_file.size()}}, start_ns);
+  if (done) done = write_frames(driven, start_ns, writer);
+  if (!done) return tl::unexpected(done.error());
+  return sink.bytes();
+}
+
+// The page shows the truth where the drive judged a picture, and nowhere else.
+void add_truth(const DrivenSession& driven, SessionPage& page) {
+  std::unordered_map<uint64_t, const FrameTruth*> truths;  // by sequence
+  for (size_t i = 0; i < driven.frames.size(); ++i)
+    truths[driven.frames[i].reply.sequence()] = &driven.truths[i];
+  for (PageFrame& frame : page.frames) {
+    const FrameTruth& truth = *truths.at(frame.sequence);
     frame.clearance_m = truth.body.clearance_m;
-    const std::vector<Pose> poses = input_.scenario.poses_at(frame.time_s);
-    for (size_t i = 0; i < mover_actors_.size(); ++i) page_.movers[i].poses.push_back(poses[mover_actors_[i]]);
-    add_truth(truth, poses, frame);
-    add_page_cells(played.reply, gltf_convention(), page_.targets, frame);
-    page_.frames.push_back(std::move(frame));
-  }
-
-  void add_truth(const FrameTruth& truth, const std::vector<Pose>& poses, PageFrame& frame) const {
-    const std::vector<ScenarioActor>& actors = input_.scenario.actors();
-    auto sight = frame.sights.begin();
-    for (size_t i = 0; i < actors.size(); ++i) {
-      if (!actors[i].is_target) continue;
-      const Instance* instance = world_.mirror().find(actors[i].id);
-      const glm::dvec3 center(instance->geometry->bounds.center());
-      sight->aim_m = transform_point(poses[i], instance->linear * center);
-      if (truth.picture)
-        for (const TargetTruth& target : truth.picture->targets)
-          if (target.id == actors[i].id) sight->true_share = target.visible_share();
-      ++sight;
+    for (size_t k = 0; k < page.targets.size(); ++k) {
+      frame.sights[k].true_share = kPageUnknown;
+      if (!truth.picture) continue;
+      for (const TargetTruth& target : truth.picture->targets)
+        if (target.id == page.targets[k].id) frame.sights[k].true_share = target.visible_share();
     }
   }
+}
 
-  void add_pictures(const DrivePictures& pictures) {
-    const size_t frames = input_.frames.size(), count = std::min(pictures.count, frames);
-    for (size_t k = 0; k < count; ++k) {
-      const size_t frame = count == 1 ? 0 : (frames - 1) * k / (count - 1);
-      const Picture picture = draw_frame(world_, input_.frames[frame].frame, pictures.width);
-      page_.pictures.push_back({frame, "image/jpeg", encode_jpeg(picture, pictures.quality)});
-      if (pictures.progress) pictures.progress(k + 1);
-    }
-  }
-
-  const DrivePageInput& input_;
-  ScenarioWorld& world_;
-  std::vector<size_t> mover_actors_;  // by mover: index into the scenario's actors
-  SessionPage page_;
-};
+void add_figures(const DrivenSession& driven, SessionPage& page) {
+  std::vector<FigureRow> rows = truth_rows(driven.run, driven.follow);
+  for (FigureRow& row : latency_rows(driven.frames)) rows.push_back(std::move(row));
+  for (FigureRow& row : page.figures) rows.push_back(std::move(row));
+  page.columns = {"sightline"};
+  if (driven.follow) page.columns.emplace_back("follow");
+  for (FigureRow& row : rows) row.values.resize(page.columns.size());
+  page.figures = std::move(rows);
+}
 
 }  // namespace
 
-SessionPage drive_page(const DrivePageInput& input, ScenarioWorld& world, const DrivePictures& pictures) {
-  return Builder(input, world).build(pictures);
+Result<SessionPage> drive_page(const DrivenSession& driven, const std::string& title,
+                               const std::function<void(const char* what, size_t done, size_t of)>& progress) {
+  const auto bytes = record(driven, title);
+  if (!bytes) return tl::unexpected(bytes.error());
+  const auto recording = Recording::open(std::make_shared<MemorySource>(*bytes), "");
+  if (!recording) return tl::unexpected(recording.error());
+  RecordingPageOptions options;
+  options.cells = PageCells::kRecorded;
+  options.max_frames = std::max<size_t>(2, driven.frames.size());
+  options.progress = progress;
+  const auto sampler = make_embree_sampler_device();
+  auto page = recording_page(*recording, options, *sampler);
+  if (!page) return page;
+  add_truth(driven, *page);
+  add_figures(driven, *page);
+  page->facts.emplace_back("rate", formatted("%g Hz, ", driven.play.rate_hz) +
+                                       (driven.play.lockstep ? "as fast as replies come" : "in real time"));
+  return page;
 }
 
 }  // namespace sightline

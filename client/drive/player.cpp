@@ -12,16 +12,19 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kReplyTimeout(10);
 
+double time_of(size_t k, const PlayOptions& options) {
+  return static_cast<double>(k) / options.rate_hz;
+}
+
 class Player {
  public:
   Player(const Scenario& scenario, ClientSession& session, const PlayOptions& options)
       : scenario_(scenario), session_(session), options_(options), sent_at_(tick_count(options)) {}
 
   Result<std::vector<PlayedFrame>> run() {
-    const Clock::time_point start = Clock::now();
     for (size_t k = 0; k < sent_at_.size(); ++k) {
       if (!options_.lockstep)
-        if (auto waited = take_replies_until(start + seconds(time_of(k))); !waited)
+        if (auto waited = take_replies_until(start_ + seconds(time_of(k, options_))); !waited)
           return tl::unexpected(waited.error());
       if (auto sent = send(k); !sent) return tl::unexpected(sent.error());
       if (options_.lockstep)
@@ -37,10 +40,9 @@ class Player {
   static Clock::duration seconds(double value) {
     return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(value));
   }
-  double time_of(size_t k) const { return static_cast<double>(k) / options_.rate_hz; }
 
   Status send(size_t k) {
-    const v1::Tick tick = tick_at(scenario_, k + 1, time_of(k), 1.0 / options_.rate_hz);
+    const v1::Tick tick = played_tick(scenario_, options_, k);
     sent_at_[k] = Clock::now();
     return session_.send(tick);
   }
@@ -78,8 +80,10 @@ class Player {
     if (reply.sequence() < 1 || reply.sequence() > sent_at_.size())
       return fail(ErrorCode::kInternal, "reply.sequence", "answers a tick that was not sent");
     PlayedFrame played;
+    const Clock::time_point now = Clock::now();
     played.latency_ms =
-        std::chrono::duration<double, std::milli>(Clock::now() - sent_at_[reply.sequence() - 1]).count();
+        std::chrono::duration<double, std::milli>(now - sent_at_[reply.sequence() - 1]).count();
+    played.received_s = std::chrono::duration<double>(now - start_).count();
     Lens lens = scenario_.lens();
     lens.vertical_fov_rad = reply.field_of_view();
     played.frame = {reply.pose_time_s(), pose_from(reply.pose()), lens,
@@ -93,6 +97,7 @@ class Player {
   const Scenario& scenario_;
   ClientSession& session_;
   const PlayOptions& options_;
+  const Clock::time_point start_ = Clock::now();
   std::vector<Clock::time_point> sent_at_;  // by tick
   std::vector<PlayedFrame> frames_;
 };
@@ -101,6 +106,10 @@ class Player {
 
 size_t tick_count(const PlayOptions& options) {
   return static_cast<size_t>(std::floor(options.duration_s * options.rate_hz + 1e-9)) + 1;
+}
+
+v1::Tick played_tick(const Scenario& scenario, const PlayOptions& options, size_t k) {
+  return tick_at(scenario, k + 1, time_of(k, options), 1.0 / options.rate_hz);
 }
 
 Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session,

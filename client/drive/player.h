@@ -12,23 +12,24 @@ namespace sightline {
 
 struct PlayedFrame {
   v1::CameraReply reply;
-  double latency_ms =
-      0.0;            // from handing the newest tick of this answer to the client library to having the reply
-  CameraFrame frame;  // the pose at the time that it is meant for
+  double latency_ms = 0.0;  // from handing the newest tick of this reply to the client library to having the reply
+  double received_s = 0.0;  // since the play began
+  CameraFrame frame;        // the pose at the time that it is meant for
 };
 
 struct PlayOptions {
   double rate_hz = 60.0;    // ticks a second of scenario time, (0, 1000]
   double duration_s = 0.0;  // of scenario time; the first tick is at 0
-  // true: send a tick, wait for its reply, go on at once; the outcome does not depend on the machine's speed.
-  // false: ticks leave by the clock, whether or not replies keep up.
+  // true: each tick waits for the reply to the tick before; the outcome does not depend on the machine's speed. false:
+  // ticks are sent by the clock, whether or not replies keep up.
   bool lockstep = false;
   // Called after each reply with all frames so far.
   std::function<void(const std::vector<PlayedFrame>&)> on_frame;
 };
 
-// How many ticks a play sends.
+// How many ticks a play sends, and the k-th of them, counted from 0.
 size_t tick_count(const PlayOptions& options);
+v1::Tick played_tick(const Scenario& scenario, const PlayOptions& options, size_t k);
 
 // All replies in order: as many as ticks in lockstep, fewer where the server merged. Fails when a tick is
 // refused, when the server drains, when no reply comes for 10 s, and when the stream ends.

@@ -1,4 +1,4 @@
-// What a drive prints: a line a second, and the table at the end.
+// The text output of a drive: a line a second, and the table at the end.
 #pragma once
 
 #include <optional>
@@ -7,26 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "client/truth/metrics.h"
 #include "client/drive/player.h"
+#include "client/report/figures.h"
 
 namespace sightline {
 
 // "   3.0 s  (1.20, 2.00, 5.31)  guard 1.00  thief 0.87  S_N 10  S_P 40  S_V 293  TRACKING ...  0.52 ms"
 std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
 
-struct FigureRow {
-  std::string label;
-  std::vector<std::string> values;  // of the run and, where it was judged, of `follow`
-};
-
-// What was seen and touched, as far as it was judged.
-std::vector<FigureRow> figure_rows(const RunMetrics& run, const std::optional<RunMetrics>& follow);
 // How long answers took; of the run alone.
 std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
-
-// Aligned, under the columns' names.
-void print_rows(std::ostream& out, std::span<const std::string> columns, std::span<const FigureRow> rows);
 
 // One column for the run and, where it was judged, one for `follow`; then latencies.
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,

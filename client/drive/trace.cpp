@@ -37,7 +37,7 @@ void write_reply(std::ostream& out, const v1::CameraReply& reply) {
       << p.y() << ',' << p.z() << ',' << r.x() << ',' << r.y() << ',' << r.z() << ',' << r.w() << ',' << v.x()
       << ',' << v.y() << ',' << v.z() << ',' << reply.field_of_view() << ',' << counts.total() << ','
       << counts.all_visible() << ',' << counts.some_visible() << ',' << counts.none_visible() << ','
-      << name_of(reply.status()) << ',' << name_of(reply.reason()) << ','
+      << short_name(reply.status()) << ',' << short_name(reply.reason()) << ','
       << short_name(reply.volume_used()) << ',' << short_name(reply.pair_fallback()) << ','
       << reply.merged_ticks() << ',' << reply.cut() << ',' << reply.flags().dt_capped() << ','
       << reply.flags().used_cube_map() << ',' << reply.flags().body_overlap();
@@ -113,13 +113,6 @@ void write_trace(std::ostream& out, const Scenario& scenario, std::span<const Pl
     out << '\n';
   }
   out.precision(precision);
-}
-
-std::string name_of(v1::TrackingStatus status) {
-  return short_name(status);
-}
-std::string name_of(v1::MoveReason reason) {
-  return short_name(reason);
 }
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// What the camera saw, on one page: evenly spaced frames of a run, drawn by Embree with plain shading.
+// Pictures of what the camera saw, drawn by Embree with plain shading, singly or as a sheet of evenly spaced frames.
 #pragma once
 
 #include <span>
@@ -14,23 +14,23 @@ struct ContactSheetOptions {
   int panel_width = 320;  // pixels; the height follows from the lens
 };
 
-// Every target has a colour of its own and an outline in it, drawn through whatever hides the target, so that
-// a hidden one is found too; its hidden part is hatched. Each panel says the time and each target's visible
-// share. `frames` must not be empty; `world` is left at the last time.
+// Every target has a colour and an outline in that colour. The outline shows through occluders, and the hidden part is
+// hatched. Each panel has a caption with the time and each target's visible share. `frames` must not be empty; `world` is
+// left at the last time.
 Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
                       const ContactSheetOptions& options = {});
 
 // One panel of it.
 Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width);
 
-// A scene as it is now, whoever keeps it.
+// A scene in its present state.
 struct DrawnScene {
   const SceneMirror& mirror;
-  const EmbreeScene& occluders;           // of Content::kOccluders; has taken in the mirror
+  const EmbreeScene& occluders;           // made with Content::kOccluders, and up to date with the mirror
   std::span<const Target> targets;        // each an instance of the mirror
-  std::span<const size_t> colours = {};   // by target: which colour it has; empty: their order
+  std::span<const size_t> colours = {};   // index of each target's colour; empty: in order
 };
-// The same of it; the frame's time is only written.
+// The same for a scene; the frame's time is only printed.
 Picture draw_frame(const DrawnScene& scene, const CameraFrame& frame, int width);
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// The numbers of a page: typed arrays behind one another, deflated, in base64.
+// The numbers of a page: typed arrays one after another, deflated, in base64.
 //
 //   DATA = base64(zlib(array 0, padding to 8 bytes, array 1, ...)), little-endian;
 //   directory = {name: [type, byte offset, element count], ...}, type one of "f64", "f32", "u32", "i32", "u16", "u8".

@@ -1,4 +1,4 @@
-// What a reply says, as a frame of a page: one reading of it for whoever fills a SessionPage.
+// Converts a reply to a frame of a page.
 #pragma once
 
 #include <span>
@@ -11,17 +11,17 @@
 
 namespace sightline {
 
-// SessionPage::stages and SessionPage::flags of every page that is made of replies.
+// The values of SessionPage::stages and SessionPage::flags.
 std::vector<std::string> page_stages();
 std::vector<std::string> page_flags();
 
-// All that the reply says but its candidates, out of the client's convention; `aspect` is the lens's. Its sights are
-// as many as `targets`, found by id; those that it does not name are not present. Left open: aim points, true shares,
-// latency and clearance.
+// Converts everything but the candidates, from the client's convention. `aspect` is the aspect of the lens. The frame has
+// one sight for each of `targets`; targets that the reply lacks are not present. Aim points, true shares, latency and
+// clearance are left unset.
 PageFrame page_frame(const v1::CameraReply& reply, const Convention& convention, double aspect,
                      std::span<const PageTarget> targets);
 
-// The candidates of a reply, if it has any; their masks follow the reply's own list of targets.
+// Adds the candidates of a reply, if it has any. Their masks follow the reply's own list of targets.
 void add_page_cells(const v1::CameraReply& reply, const Convention& convention,
                     std::span<const PageTarget> targets, PageFrame& frame);
 

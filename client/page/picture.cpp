@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// What stb_easy_font_print writes: four of them a quad, corners in order round an upright rectangle.
+// A vertex as stb_easy_font_print writes it: four for each upright rectangle, with the corners in order.
 struct FontVertex {
   float x, y, z;
   uint8_t colour[4];

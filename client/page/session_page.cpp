@@ -317,8 +317,8 @@ void write_words(const SessionPage& session, Json& page) {
   page["flag_names"] = session.flags;
   page["columns"] = session.columns;
   Json figures = Json::array();
-  for (const PageFigure& figure : session.figures)
-    figures.push_back({{"name", figure.name}, {"values", figure.values}});
+  for (const FigureRow& figure : session.figures)
+    figures.push_back({{"name", figure.label}, {"values", figure.values}});
   page["figures"] = std::move(figures);
   Json targets = Json::array();
   for (const PageTarget& target : session.targets)

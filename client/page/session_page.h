@@ -1,15 +1,14 @@
-// One session as one HTML page that opens from disk without a network: the scene in 3D, what the camera did, what it
-// saw and why. This header is the whole contract between whoever knows a session and the page: fill a SessionPage,
-// write it.
+// One session as one HTML page that opens from disk without a network: the scene in 3D, what the camera did, what it saw
+// and why. This header is the contract between the page and the code that knows a session: fill a SessionPage, then write
+// it.
 //
-// Frame: the canonical one (glTF: right-handed, +Y up, a camera looks along its own -Z), metres, seconds, radians,
-// whatever the session's own convention was. The page's 3D engine draws positions in single precision: keep a session
-// that plays far from its origin near it.
+// Frame: the canonical one (glTF: right-handed, +Y up, a camera looks along its own -Z), metres, seconds, radians. The
+// page's 3D engine draws positions in single precision, so positions should be near the origin.
 //
-// How the page carries it: names and texts as JSON; every row of numbers as one typed array, all arrays together
-// deflated (zlib) and in base64, which the page inflates by itself (page_data.h has the layout). Mesh positions take 16
-// bits an axis over the mesh's bounds, cells 16 bits an axis over the bounds of their frame; what moves has single
-// precision; the camera, times, shares and stage times are kept as they are.
+// Names and texts are JSON in the page. Every row of numbers is a typed array; all arrays together are deflated (zlib) and
+// in base64 (page_data.h has the layout). Mesh positions have 16 bits an axis over the mesh's bounds, cells 16 bits an axis
+// over the bounds of their frame, moving instances single precision. The camera, times, shares and stage times keep their
+// precision.
 #pragma once
 
 #include <cstdint>
@@ -27,65 +26,65 @@
 
 namespace sightline {
 
-// Numbers that a session does not know: the page shows a dash.
+// An unknown number: the page shows a dash.
 inline constexpr double kPageUnknown = std::numeric_limits<double>::quiet_NaN();
 
 struct PageInstance {
   uint64_t id = 0;
-  std::string name;                          // for people; empty: its id is shown
+  std::string name;                          // empty: the page shows the id
   std::shared_ptr<const Geometry> geometry;  // not null; equal pointers are stored once
-  // Where it stands. Of an instance that moves (SessionPage::movers) only the linear part counts: what is applied
-  // before its pose.
+  // Its transform. For an instance that moves (SessionPage::movers), only the linear part counts, which is applied before
+  // the pose.
   Affine world_from_instance = identity_affine();
   bool occludes = true;
-  bool moves = false;  // is drawn as what moves, also where no mover moves it
-  // The frames in which it is there: [first_frame, end_frame). What is hidden, changed or at rest for a while stands in
-  // the list several times, under one id and in frames of its own each time.
+  bool moves = false;  // is drawn in the colour of moving things, even when no mover moves it
+  // The frames in which it exists: [first_frame, end_frame). An instance that is hidden, changes or rests for a while
+  // stands in the list several times, with one id and other frames each time.
   size_t first_frame = 0, end_frame = std::numeric_limits<size_t>::max();
 };
 
-// What moves: where it stood in each frame of its instance's life.
+// A moving instance: its pose in each frame of its life.
 struct PageMover {
   size_t instance = 0;      // index into SessionPage::instances; moves once only
   std::vector<Pose> poses;  // world_from_instance without its linear part
 };
 
-// All that were targets at any time of the session.
+// A target at any time of the session.
 struct PageTarget {
-  uint64_t id = 0;  // of the instances that are it, if any are there to be drawn
+  uint64_t id = 0;  // also the id of its instances, if there are any to draw
   std::string name;
   double weight = 1.0;
   bool required = true;
 };
 
-// What one frame knew of one target.
+// One target in one frame.
 struct PageSight {
-  bool present = true;    // false: no target in this frame, and nothing below is shown
-  bool steered = true;    // it has a weight: the camera wants to see it
+  bool present = true;    // false: it is no target in this frame, and nothing below is shown
+  bool steered = true;    // its weight is above 0, so the camera follows it
   glm::dvec3 aim_m{0.0};  // what the camera aims at, world; not finite: not known
   double visible_share = 0.0;        // of the sampled points, in this step, [0, 1]
   double filtered_share = 0.0;       // over the last steps, [0, 1]
   double true_share = kPageUnknown;  // of the target's pixels, by a re-render, [0, 1]; most frames have none
   std::string state;            // "VISIBLE", "PARTIAL", "OCCLUDED", "OFF_SCREEN": other words are shown grey
   double distance_m = 0.0;      // from the camera to aim_m
-  uint64_t occluder_id = 0;     // what hides it; 0: nothing does
+  uint64_t occluder_id = 0;     // the main occluder; 0: none
   double occluder_share = 0.0;  // of its points that are hidden, [0, 1]
 };
 
-// A place that the step looked at.
+// A candidate camera position of the step.
 struct PageCell {
   glm::vec3 position_m{0.0f};
   uint32_t visible_targets = 0;  // bit i: SessionPage::targets[i] is seen from there in this step
 };
 
-// How many places each step had, by what is seen from them, as the last steps together have it.
+// Numbers of candidates by what is seen from them, with the filter over the last steps.
 struct PageCounts {
   uint32_t all_visible = 0, some_visible = 0, none_visible = 0;  // S_V, S_P, S_N
 };
 
 struct PageFrame {
   uint64_t sequence = 0;
-  double time_s = 0.0;  // that the pose is meant for; never goes back
+  double time_s = 0.0;  // time that the pose is meant for; never decreases
   Pose camera;          // world_from_camera
   double vertical_fov_rad = 0.0;
   glm::dvec3 velocity_mps{0.0};
@@ -98,41 +97,41 @@ struct PageFrame {
   uint32_t merged_ticks = 0;
   double queue_us = kPageUnknown;     // how long the newest tick waited for the step
   std::vector<float> stage_us;        // as long as SessionPage::stages
-  double latency_ms = kPageUnknown;   // from the tick to its reply, as whoever tells the session saw them
+  double latency_ms = kPageUnknown;   // from the tick to its reply
   double clearance_m = kPageUnknown;  // from the camera to the nearest collider
   std::vector<PageCell> cells;        // may be empty; the page keeps at most kMaxPageCells in all
   int chosen_cell = -1;               // index into `cells`; -1: none
 };
 
-// What the camera saw at one frame.
+// A picture of what the camera saw at one frame.
 struct PagePicture {
   size_t frame = 0;        // index into SessionPage::frames
   std::string media_type;  // "image/jpeg" or "image/png"
   std::vector<uint8_t> bytes;
 };
 
-// Something that happened at a frame, on the time line and in a list.
+// An event at a frame, shown on the time line and in a list.
 struct PageMark {
   size_t frame = 0;  // index into SessionPage::frames
   std::string kind;  // one word: "fault", "rejection" and "gap" are shown as trouble, others as notes
   std::string text;
 };
 
-// Settings, or whatever else is best read as they are.
+// Settings, shown as JSON.
 struct PageSettings {
   std::string title;
   std::string json;  // one JSON value; empty: not known
 };
 
-// A figure of the run, ready to be read: one text for each of SessionPage::columns.
-struct PageFigure {
-  std::string name;
+// A row of the table of figures: one text for each of SessionPage::columns.
+struct FigureRow {
+  std::string label;
   std::vector<std::string> values;
 };
 
 struct SessionPage {
   std::string title;
-  std::vector<std::string> notices;  // what one has to know before one believes the page; one sentence each
+  std::vector<std::string> notices;  // warnings that stand above the page, one sentence each
   std::vector<std::pair<std::string, std::string>>
       facts;                   // name, value: sampler, seed, scene, rate and so on
   double aspect = 16.0 / 9.0;  // of the picture, width / height, above 0
@@ -146,12 +145,12 @@ struct SessionPage {
   std::vector<PagePicture> pictures;  // by frame, ascending
   std::vector<PageMark> marks;        // by frame, ascending
   std::vector<std::string> columns;   // of the figures
-  std::vector<PageFigure> figures;
+  std::vector<FigureRow> figures;
   std::vector<PageSettings> settings;
 };
 
-// Cells of every n-th frame are kept, n being the least that stays within this many; the page says which frame they are
-// of.
+// The most cells of a page: cells of every n-th frame are kept, with the smallest n that stays within it. The page says
+// which frame its cells belong to.
 inline constexpr size_t kMaxPageCells = 1'000'000;
 
 // The page as text. Deterministic: equal sessions give equal bytes. A row of the wrong length, an index out of range,

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "client/recordings/summary.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 namespace sightline {
 namespace {
@@ -18,7 +18,8 @@ std::string number(uint64_t value) {
   return std::to_string(value);
 }
 
-// Whether numbers count from 1. A cut may begin anywhere, though before the first reply no tick stands for others.
+// True when the numbers of all topics begin at 1. A cut may begin anywhere, even when it has no snapshot tick because it
+// begins before the first reply.
 bool begins_with_session(const Recording& recording) {
   const auto& metadata = recording.container().metadata;
   const bool cut = std::any_of(metadata.begin(), metadata.end(),
@@ -68,7 +69,7 @@ class SessionCheck {
       ++verdict_.undecodable;
   }
 
-  // A part begins somewhere in the numbers of its topics; what stands at every head has none of its own.
+  // A part begins anywhere in the numbers of its topics. The messages of the head have no numbers of their own.
   void count(RecordTopic topic, uint32_t sequence) {
     if (topic <= RecordTopic::kOpened || topic == RecordTopic::kGap) return;
     const bool counts = topic != RecordTopic::kTick || ticks_count_;
@@ -82,7 +83,7 @@ class SessionCheck {
     last = sequence;
   }
 
-  // No head has an answer.
+  // A head contains no replies, rejections or faults.
   void note_place(RecordTopic topic) {
     answered_ |=
         topic == RecordTopic::kReply || topic == RecordTopic::kRejection || topic == RecordTopic::kFault;
@@ -109,12 +110,13 @@ class SessionCheck {
       note("refuses tick " + number(rejection.sequence()) + ", which does not stand before it");
   }
 
-  // Before the first answer of a later part only ticks can have been lost between what has numbers, and theirs do not count yet.
+  // Before the first reply of a later part, only ticks can have been lost between numbered messages, and their numbers do
+  // not count yet.
   void take_gap(const v1::Gap& gap) {
     verdict_.gap_messages += gap.messages();
     if (answered_ || ticks_count_) told_missing_ += gap.messages();
     unsure_ = true;
-    // It ends a head, unless it stands for the tick that should stand for others: the ticks that wait come after that.
+    // A Gap ends the head, unless it replaces a snapshot tick that was too large: the waiting ticks come after that one.
     const bool for_fold =
         gap.reason() == v1::Gap::REASON_TOO_LARGE && !last_number_[static_cast<size_t>(RecordTopic::kTick)];
     in_head_ = in_head_ && for_fold;
@@ -127,7 +129,7 @@ class SessionCheck {
       note("reply to tick " + number(reply.sequence()) + " after one to tick " + number(*last_reply_));
     const uint64_t merged = pending_.empty() ? 0 : pending_.size() - 1;
     if (unsure_) {
-      // Its tick may be among what is missing.
+      // Its tick may be among the missing ones.
     } else if (pending_.empty()) {
       note("reply to tick " + number(reply.sequence()) + ", and no tick since the former reply");
     } else if (pending_.back() != reply.sequence()) {
@@ -157,16 +159,16 @@ class SessionCheck {
 
   const uint64_t start_ns_;
   const bool from_start_;
-  bool fold_next_;         // the next tick stands for others
+  bool fold_next_;         // the next tick is a snapshot
   bool unsure_ = false;    // something is missing since the last reply
-  // The head of a later part repeats the ticks that nobody had answered. Those that were refused among them have numbers too, and
-  // stand in the part before alone: up to the first tick that is surely no repeated one, numbers do not tell what is missing.
-  bool in_head_;  // all that came so far may be repeated
+  // The head of a later part repeats the unanswered ticks. Refused ticks have numbers too, but stand only in the part
+  // before. So numbers say nothing about missing ticks until the first tick that is certainly not a repeated one.
+  bool in_head_;  // all messages so far may be repeated ones
   bool answered_ = false;
   bool ticks_count_;           // such a tick has come
-  uint64_t told_missing_ = 0;  // by Gaps, of what is missing by the numbers that count
+  uint64_t told_missing_ = 0;  // messages that Gaps report as missing, where numbers count
   double now_s_ = 0.0;
-  std::deque<uint64_t> pending_;  // ticks since the last reply, refused ones taken out
+  std::deque<uint64_t> pending_;  // ticks since the last reply, without refused ones
   std::optional<uint64_t> last_applied_, last_reply_;
   std::array<std::optional<uint64_t>, kRecordTopics> last_number_{};
   SessionVerdict verdict_;

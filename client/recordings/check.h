@@ -1,4 +1,4 @@
-// Whether a recording tells a session that can have been: what a container that is sound can still have wrong.
+// Checks whether a recording describes a possible session. A sound container can still hold an impossible one.
 #pragma once
 
 #include <cstdint>
@@ -16,11 +16,11 @@ struct SessionTrouble {
 };
 
 struct SessionVerdict {
-  uint64_t ticks = 0;  // that were applied, without one that stands for others
+  uint64_t ticks = 0;  // that were applied, without a snapshot tick
   uint64_t replies = 0;
   uint64_t rejections = 0;
-  uint64_t gap_messages = 0;  // that Gaps say are missing
-  uint64_t missing = 0;       // that the numbers of topics say are missing
+  uint64_t gap_messages = 0;  // reported as missing by Gaps
+  uint64_t missing = 0;       // missing by the numbers of their topics
   uint64_t undecodable = 0;
   uint64_t troubles = 0;                       // all of them
   std::vector<SessionTrouble> first_troubles;  // at most kKeptTroubles
@@ -29,11 +29,11 @@ struct SessionVerdict {
   bool sound() const { return troubles == 0; }
 };
 
-// What must hold: applied ticks have strictly increasing numbers, and so have replies; a reply is for the newest applied
-// tick of the file, and its merged_ticks is how many applied ones stand before that since the former reply; no more
-// messages are missing by the numbers of their topics than Gaps tell of. Where some are missing only what must hold all
-// the same is asked for. At the head of a later part numbers of ticks that were refused before are missing, and a Gap there
-// tells of what was lost before: neither says anything of the rest of the part.
+// Checks three rules. The numbers of applied ticks increase strictly, and so do those of replies. A reply is for the newest
+// applied tick of the file, and its merged_ticks counts the applied ticks between that one and the reply before. No more
+// messages are missing by the numbers of their topics than Gaps report. After missing messages, only rules that must still
+// hold are checked. At the head of a later part, the numbers of ticks that were refused earlier are missing, and a Gap
+// reports earlier losses; neither says anything about the rest of the part.
 SessionVerdict check_session(const Recording& recording);
 
 }  // namespace sightline

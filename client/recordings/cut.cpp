@@ -7,12 +7,12 @@
 
 #include "client/recordings/summary.h"
 #include "client/base/text_table.h"
-#include "server/record/tick_fold.h"
+#include "server/record/session_snapshot.h"
 
 namespace sightline {
 namespace {
 
-// Of a message that is written later than it is read.
+// A message that is written later than it is read.
 struct KeptMessage {
   mcap::Channel channel;
   std::optional<mcap::Schema> schema;
@@ -50,7 +50,7 @@ class Cutter {
   }
 
  private:
-  // Everything that is no message.
+  // Copies metadata and attachments.
   Status copy_beside() {
     for (const mcap::MetadataIndex& index : recording_.container().metadata) {
       if (index.name == kCutMetadata) continue;
@@ -115,7 +115,7 @@ class Cutter {
     }
   }
 
-  // Of the opening the first, of what viewers are shown the newest.
+  // Keeps the first message of the opening's topics, and the newest of the viewers' topics.
   void keep(RecordTopic topic, const McapMessage& m) {
     auto& kept = kept_[static_cast<size_t>(topic)];
     if (kept && topic <= RecordTopic::kOpened) return;
@@ -139,7 +139,7 @@ class Cutter {
       fold_.take_tick(std::move(tick), stamp);
   }
 
-  // What the folded tick knows nothing of: one Gap for all, with the reason of the first.
+  // The snapshot tick does not contain what Gaps report: one Gap for all of them, with the reason of the first.
   void take_gap(const v1::Gap& gap, const McapMessage& m) {
     keep(RecordTopic::kGap, m);
     if (lost_.messages() == 0) {
@@ -224,9 +224,9 @@ class Cutter {
   const RecordedRange range_;
   const uint64_t start_ns_, end_ns_;
   McapWriter writer_;
-  bool fold_next_;  // the next tick stands for others
+  bool fold_next_;  // the next tick is a snapshot
   bool within_ = false;
-  TickFold fold_;
+  SessionSnapshot fold_;
   v1::Gap lost_;  // before the range
   uint16_t tick_channel_id_ = 0;
   std::array<std::optional<KeptMessage>, kRecordTopics> kept_{};  // in the order of a head

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/base/hash.h"
+#include "server/wire/from_proto_values.h"
 
 namespace sightline {
 namespace {
@@ -49,6 +50,17 @@ Error not_ours(const std::string& name, std::string why) {
 }
 
 }  // namespace
+
+Result<Convention> convention_of(const v1::OpenSession& open) {
+  Convention convention;
+  if (Status ok = read_convention(open.convention(), "open.", convention); !ok)
+    return tl::unexpected(ok.error());
+  glm::dvec3 origin(0.0);
+  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok)
+    return tl::unexpected(ok.error());
+  convention.origin_m = vector_from_client(convention, origin);
+  return convention;
+}
 
 uint64_t log_time_after(uint64_t start_ns, double seconds) {
   constexpr uint64_t kEver = std::numeric_limits<uint64_t>::max();

@@ -1,10 +1,10 @@
-// A recording as a session: how it was opened, and then everything that happened, in order. What is in such a file is
-// in server/record/FORMAT.md; the container by itself in server/record/mcap_reader.h.
+// A recording as a session: how it was opened, and then everything that happened, in order. server/record/FORMAT.md
+// describes the files, server/record/mcap_reader.h the container.
 //
 //   auto recording = Recording::open("hall.mcap");
 //   recording->read({}, [](const RecordedEvent& event) { ...; return true; });
 //
-// Files may come from anywhere: what cannot be decoded is counted and passed over, never believed.
+// Files may come from anywhere: messages that cannot be decoded are counted and skipped.
 #pragma once
 
 #include <algorithm>
@@ -21,19 +21,20 @@
 #include "server/record/byte_io.h"
 #include "server/record/mcap_reader.h"
 #include "server/record/record_topics.h"
+#include "server/session/convention.h"
 #include "sightline/v1/camera_control.pb.h"
 #include "sightline/v1/recording.pb.h"
 
 namespace sightline {
 
-// What is made of other messages, or stands at the head of the file, is not among them.
+// Messages for viewers and those at the head of the file are not among them.
 using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::TickError, v1::Fault, v1::Gap>;
 
 struct RecordedEvent {
   RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kRejection, kFault or kGap, as `message` holds
   uint64_t log_ns = 0;                     // when the server had it, since 1970 (UTC)
-  uint64_t publish_ns = 0;                 // when its sender sent it, or log_ns
-  uint32_t sequence = 0;                   // of its topic: numbers that are missing were lost
+  uint64_t publish_ns = 0;                 // when the client sent it, or log_ns
+  uint32_t sequence = 0;                   // within its topic; missing numbers are lost messages
   RecordedMessage message;
 };
 
@@ -48,7 +49,7 @@ uint64_t log_time_after(uint64_t start_ns, double seconds);
 
 struct RecordedReport {
   uint64_t events = 0;
-  uint64_t undecodable = 0;  // messages of a topic of ours that are not what its schema says
+  uint64_t undecodable = 0;  // messages of Sightline's topics that do not fit their schema
   uint64_t chunks_read = 0;
   McapLoss loss;  // as McapReader::read counts it
 };
@@ -59,12 +60,12 @@ struct RecordedFile {
   std::string bytes;
 };
 
-// Reading changes nothing in it; one thread at a time.
+// Reading does not change it. For one thread at a time.
 class Recording {
  public:
-  // kNotFound, kUnavailable or kDataLoss when the file is none; kInvalidArgument (field "recording") when it is an MCAP
-  // file without a session of ours, or of a later version than this program knows. Reads the tail of the file and the
-  // chunk with the opening.
+  // Fails with kNotFound, kUnavailable or kDataLoss when the file cannot be read as MCAP. Fails with kInvalidArgument
+  // (field "recording") when it holds no Sightline session, or is of a later version than this program knows. Reads the
+  // tail of the file and the chunk with the opening.
   static Result<Recording> open(const std::string& path, McapLimits limits = {});
   // The same of any bytes; `name` is for errors.
   static Result<Recording> open(std::shared_ptr<const ByteSource> source, std::string name,
@@ -83,7 +84,7 @@ class Recording {
   // may be moved from. Only the chunks that the range touches are read.
   RecordedReport read(const RecordedRange& range, const std::function<bool(RecordedEvent&)>& visit) const;
 
-  // The scene files that were attached; empty: none were. Fails on damage.
+  // The attached scene files; may be empty. Fails when one of them is damaged.
   Result<std::vector<RecordedFile>> files() const;
 
  private:
@@ -100,47 +101,50 @@ class Recording {
   uint64_t start_ns_ = 0;
 };
 
-// How much the step of a reply left out, [0, 5] whatever the file says: what Session::step takes.
-inline int economy_level_of(const v1::CameraReply& reply) {
+// The level of degradation of the step, clamped to [0, 5]: the argument of Session::step.
+inline int quality_level_of(const v1::CameraReply& reply) {
   return static_cast<int>(std::min(reply.degradation().quality_level(), 5u));
 }
 
+// The convention of a session's poses, with its world origin. Fails as opening the session would.
+Result<Convention> convention_of(const v1::OpenSession& open);
+
 // One step as it was taken: the ticks that were applied for it, oldest first, then its reply.
 struct RecordedStep {
-  // Refused ticks among them, with their refusals: a replay refuses them again.
+  // Includes refused ticks, whose rejections stand below: a replay refuses them again.
   std::vector<v1::Tick> ticks;
   std::vector<uint64_t> tick_log_ns;  // of each
   std::vector<v1::TickError> rejections;
   std::vector<v1::Fault> faults;
   v1::CameraReply reply;
   uint64_t log_ns = 0;    // of the reply
-  uint64_t missing = 0;   // messages that were lost since the last step: what follows need not be as it was
+  uint64_t missing = 0;   // messages lost since the step before; later replies may then differ in a replay
   bool has_reply = true;  // false: the file ends with ticks that nothing answers
-  int quality_level() const { return economy_level_of(reply); }
+  int quality_level() const { return quality_level_of(reply); }
 };
 
-// Puts events together to steps. Feed it every event of a recording in order. What is missing without a Gap (a damaged
-// chunk) is told by the numbers of the topics.
+// Assembles steps from events. Feed it every event of a recording in order. Messages that are missing without a Gap, after
+// a damaged chunk, are counted by the numbers of their topics.
 class StepAssembler {
  public:
-  // Whether `step` is whole now; it is then to be taken with take().
+  // Returns true when the step is complete; take() then returns it.
   bool add(RecordedEvent& event);
   RecordedStep take();
-  // What is left at the end: ticks without a reply; false when there is nothing.
+  // Returns the ticks without a reply at the end of the recording; false when there are none.
   bool take_rest(RecordedStep& rest);
 
  private:
   void count_missing(const RecordedEvent& event);
 
   RecordedStep step_;
-  std::array<uint32_t, kRecordTopics> last_{};  // number by topic; 0: what comes next need not follow
+  std::array<uint32_t, kRecordTopics> last_{};  // number by topic; 0: the next number may be any
 };
 
-// 64 bits of all that a reply says but the times that its stages took and what it says of the recording: equal inputs
-// give equal hashes on one sampler. Chained: pass the hash of the reply before as `seed` to cover a session.
+// A 64-bit hash of a reply without its stage times and its recording flag. Equal inputs give equal hashes on one sampler.
+// Chained: pass the hash of the reply before as `seed` to cover a session.
 uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed = 0);
 
-// The bytes that reply_hash is of, for who needs them more than once. Keeps its memory from reply to reply.
+// The bytes that reply_hash covers. Reuses its memory from reply to reply.
 class PlainReply {
  public:
   // Valid until the next call.

@@ -1,5 +1,4 @@
-// What a file of recordings contains, from its summary and its first chunk: nothing of it is gone through, unless it was
-// not finished.
+// Summarises a recording from the file's own summary and its first chunk. Only an unfinished file is read completely.
 #pragma once
 
 #include <map>
@@ -15,24 +14,24 @@
 namespace sightline {
 
 struct TopicSummary {
-  std::string topic, type;  // the schema's name; empty: none
+  std::string topic, type;  // name of the schema; may be empty
   uint64_t messages = 0;
 };
 
 struct RecordingSummary {
   std::string name;
   uint64_t bytes = 0;
-  // Of a session of ours; absent: `not_a_session` says why, and the file is one of MCAP all the same.
+  // Absent when the file holds no Sightline session; `not_a_session` then says why, and the file is still MCAP.
   std::optional<v1::RecordingInfo> session;
   std::string not_a_session;
-  uint64_t ticks = 0;  // without one that stands for others
+  uint64_t ticks = 0;  // without a snapshot tick
   uint64_t replies = 0, rejections = 0, faults = 0;
-  uint64_t merged = 0;  // ticks that were answered with a later one, as far as counts tell
-  // Messages that Gaps say are missing, by reason; of the first kMaxGaps of them.
+  uint64_t merged = 0;  // ticks that were answered together with a later one, by the counts
+  // Messages that Gaps report as missing, by reason; only the first kMaxGaps Gaps are read.
   std::map<std::string, uint64_t> missing;
   uint64_t gaps = 0;
-  std::map<std::string, std::string> cut;        // of which file, from where to where; empty: no cut
-  std::map<std::string, std::string> recovered;  // what was lost before it was; empty: it never was
+  std::map<std::string, std::string> cut;        // the metadata of a cut; empty: the file is no cut
+  std::map<std::string, std::string> recovered;  // what was lost before it was recovered; empty: it never was recovered
 
   uint64_t start_ns = 0, end_ns = 0;  // of the first and the last message, log time
   uint64_t chunks = 0, packed_bytes = 0, unpacked_bytes = 0;
@@ -48,7 +47,7 @@ struct RecordingSummary {
   }
 };
 
-// Fails as Recording::open does, but takes MCAP files that are no recordings too.
+// Fails as Recording::open does, but also accepts MCAP files that are no recordings.
 Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source,
                                              const std::string& name);
 
@@ -59,11 +58,11 @@ nlohmann::ordered_json json_of(const RecordingSummary& summary);
 inline constexpr char kCutMetadata[] = "sightline.cut";
 inline constexpr char kRecoveredMetadata[] = "sightline.recovered";
 
-// "hall.mcap: data loss: is not an MCAP file": the name once, whoever else put it into the error.
+// "hall.mcap: data loss: is not an MCAP file". The name stands once, even when the error has it already.
 std::string error_text(const std::string& name, const Error& error);
 // "1 chunk, 20 messages, 1.5 KiB"; "nothing".
 std::string loss_text(const McapLoss& loss);
-// The troubles that are kept, each on its line: where, and what.
+// Prints the kept troubles, one a line, with their place in the file.
 void print_troubles(std::ostream& out, const McapLoss& loss);
 
 }  // namespace sightline

@@ -30,45 +30,51 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
 RecordingWriter::RecordingWriter(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info)
     : file_(std::move(sink), versioned(info), info.start_time_ns(), options_for(info)) {}
 
-Status RecordingWriter::put_bytes(RecordTopic topic, uint64_t log_ns, const std::string& bytes) {
+Status RecordingWriter::put(RecordTopic topic, const google::protobuf::MessageLite& message, uint64_t log_ns) {
   const uint32_t sequence = ++sequences_[static_cast<size_t>(topic)];
-  return file_.write({topic, sequence, log_ns, log_ns, bytes}, log_ns);
+  return file_.write({topic, sequence, log_ns, log_ns, message.SerializeAsString()}, log_ns);
 }
 
-template <typename Message>
-Status RecordingWriter::put(RecordTopic topic, const Message& message, uint64_t log_ns,
-                            void (ViewerChannels::*take)(const Message&, uint64_t,
-                                                         const ViewerChannels::Emit&)) {
-  Status done = put_bytes(topic, log_ns, message.SerializeAsString());
-  if (!done) return done;
-  // As in the daemon's recordings, one that is too large is left out: a session is whole without it.
-  (viewers_.*take)(message, log_ns, [&](RecordTopic made_for, const google::protobuf::MessageLite& made) {
-    const std::string bytes = made.SerializeAsString();
-    if (done && bytes.size() <= kMaxMessageBytes) done = put_bytes(made_for, log_ns, bytes);
+// As in the daemon's recordings, a message that is too large is left out: a session is complete without it.
+template <typename Make>
+Status RecordingWriter::put_for_viewers(uint64_t log_ns, const Make& make) {
+  Status done;
+  make([&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (done && made.ByteSizeLong() <= kMaxMessageBytes) done = put(topic, made, log_ns);
   });
   return done;
 }
 
 Status RecordingWriter::write(const v1::OpenSession& open, uint64_t log_ns) {
-  return put(RecordTopic::kOpen, open, log_ns, &ViewerChannels::take_open);
+  if (Status done = put(RecordTopic::kOpen, open, log_ns); !done) return done;
+  snapshot_.take_open(open);
+  viewers_.take_open(open);
+  return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.emit_still(log_ns, emit); });
 }
 Status RecordingWriter::write(const v1::SessionOpened& opened, uint64_t log_ns) {
-  return put_bytes(RecordTopic::kOpened, log_ns, opened.SerializeAsString());
+  return put(RecordTopic::kOpened, opened, log_ns);
 }
 Status RecordingWriter::write(const v1::Tick& tick, uint64_t log_ns) {
-  return put(RecordTopic::kTick, tick, log_ns, &ViewerChannels::take_tick);
+  snapshot_.take_tick(tick, {});
+  return put(RecordTopic::kTick, tick, log_ns);
 }
 Status RecordingWriter::write(const v1::CameraReply& reply, uint64_t log_ns) {
-  return put(RecordTopic::kReply, reply, log_ns, &ViewerChannels::take_reply);
+  if (Status done = put(RecordTopic::kReply, reply, log_ns); !done) return done;
+  snapshot_.take_reply(reply);
+  return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_reply(reply, log_ns, emit); });
 }
 Status RecordingWriter::write(const v1::TickError& rejection, uint64_t log_ns) {
-  return put(RecordTopic::kRejection, rejection, log_ns, &ViewerChannels::take_rejection);
+  if (Status done = put(RecordTopic::kRejection, rejection, log_ns); !done) return done;
+  snapshot_.take_rejection(rejection);
+  return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_rejection(rejection, log_ns, emit); });
 }
 Status RecordingWriter::write(const v1::Fault& fault, uint64_t log_ns) {
-  return put(RecordTopic::kFault, fault, log_ns, &ViewerChannels::take_fault);
+  if (Status done = put(RecordTopic::kFault, fault, log_ns); !done) return done;
+  return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_fault(fault, log_ns, emit); });
 }
 Status RecordingWriter::write(const v1::Gap& gap, uint64_t log_ns) {
-  return put(RecordTopic::kGap, gap, log_ns, &ViewerChannels::take_gap);
+  if (Status done = put(RecordTopic::kGap, gap, log_ns); !done) return done;
+  return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_gap(gap, log_ns, emit); });
 }
 
 Status RecordingWriter::attach(const RecordedFile& file, uint64_t log_ns) {

@@ -19,8 +19,8 @@ class RecordingWriter {
   static Result<std::unique_ptr<RecordingWriter>> create(const std::string& path, v1::RecordingInfo info);
   RecordingWriter(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info);
 
-  // First the opening, then the rest, in the order in which they are to be read. What viewers are shown is made of them,
-  // but for messages over kMaxMessageBytes.
+  // First the opening, then the rest, in the order in which they are to be read. Messages for viewers are made of them; of
+  // those, ones over kMaxMessageBytes are left out.
   Status write(const v1::OpenSession& open, uint64_t log_ns);
   Status write(const v1::SessionOpened& opened, uint64_t log_ns);
   Status write(const v1::Tick& tick, uint64_t log_ns);
@@ -34,13 +34,14 @@ class RecordingWriter {
   Status finish() { return file_.finish(); }
 
  private:
-  template <typename Message>
-  Status put(RecordTopic topic, const Message& message, uint64_t log_ns,
-             void (ViewerChannels::*take)(const Message&, uint64_t, const ViewerChannels::Emit&));
-  Status put_bytes(RecordTopic topic, uint64_t log_ns, const std::string& bytes);
+  Status put(RecordTopic topic, const google::protobuf::MessageLite& message, uint64_t log_ns);
+  // Writes what `make` emits.
+  template <typename Make>
+  Status put_for_viewers(uint64_t log_ns, const Make& make);
 
   SessionFile file_;
-  ViewerChannels viewers_;
+  SessionSnapshot snapshot_;
+  ViewerChannels viewers_{snapshot_};
   std::array<uint32_t, kRecordTopics> sequences_{};
 };
 

@@ -22,7 +22,7 @@ std::string hex(uint64_t hash) {
   return formatted("%016lx", static_cast<unsigned long>(hash));
 }
 
-ordered_json json_of(const NamedDifference& difference) {
+ordered_json json_of(const FieldDifference& difference) {
   return {{"field", difference.path}, {"a", difference.a}, {"b", difference.b}};
 }
 

@@ -16,12 +16,12 @@ const IgnoredFields& fields_beside_the_input() {
   return fields;
 }
 
-// One recording as two rows in the order of sequences.
+// One recording as two queues in the order of sequences.
 class Side {
  public:
   explicit Side(const Recording& recording) : source_(recording) {}
 
-  // The next of each row; null: at the end.
+  // The front of each queue; null: at the end.
   const v1::CameraReply* reply() { return front(replies_); }
   const v1::Tick* tick() { return front(ticks_); }
   void pop_reply() { replies_.pop_front(); }
@@ -53,8 +53,8 @@ class Side {
   uint64_t log_ns_ = 0, missing_ = 0;
 };
 
-// Walks a row of both up to the sequence `limit`: the ones that only one of them has are counted, pairs go to `pair`. `next`
-// answers the front of a row and `pop` takes it.
+// Walks one queue of both sides up to the sequence `limit`. Messages of only one side are counted, pairs go to `pair`.
+// `next` returns the front of a queue, and `pop` removes it.
 template <typename Message, typename Pair>
 void join(Side& a, Side& b, const Message* (Side::*next)(), void (Side::*pop)(), uint64_t limit,
           uint64_t& only_a, uint64_t& only_b, Pair pair) {
@@ -97,7 +97,7 @@ Result<RecordingComparison> compare_recordings(const Recording& a, const Recordi
   };
   const auto compare_reply = [&](const v1::CameraReply& reply_a, const v1::CameraReply& reply_b) {
     comparison.replies.add(reply_a, reply_b);
-    compare_ticks(reply_a.sequence());  // with them, so that neither row grows long
+    compare_ticks(reply_a.sequence());  // with the replies, so that no queue grows long
     if (progress) progress(static_cast<double>(side_a.log_ns() - a.start_ns()) * 1e-9);
   };
   constexpr uint64_t kAll = std::numeric_limits<uint64_t>::max();

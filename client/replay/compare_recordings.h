@@ -1,4 +1,4 @@
-// Two recordings against each other: ticks by their sequence, and replies by the sequence of the newest tick that they answer.
+// Compares two recordings: ticks by their sequence, and replies by the sequence of the newest tick that they answer.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,9 @@
 namespace sightline {
 
 struct InputComparison {
-  uint64_t ticks = 0, equal = 0;  // that both have
+  uint64_t ticks = 0, equal = 0;  // in both
   uint64_t only_a = 0, only_b = 0;
-  std::optional<NamedDifference> opening;  // of what the sessions were opened with
+  std::optional<FieldDifference> opening;  // between the openings
   std::optional<ReplyDifference> first;    // tick
 };
 
@@ -27,9 +27,9 @@ struct RecordingComparison {
   bool equal() const { return replies.all_equal() && only_a == 0 && only_b == 0; }
 };
 
-// Reads both once, side by side. `progress` is told the log time in seconds since the start of `a`. Of the openings, how the
-// session is recorded does not count, and of ticks `step`: a replay at a daemon says there what the recording says in its
-// replies. Fails when the convention of `a` is none.
+// Reads both once, side by side. `progress` is called with the log time in seconds since the start of `a`. Two kinds of
+// fields do not count: how the session is recorded, in the openings, and `step` in the ticks, where a replay at a daemon
+// puts what the recording has in its replies. Fails when the convention of `a` is invalid.
 Result<RecordingComparison> compare_recordings(const Recording& a, const Recording& b,
                                                const std::function<void(double)>& progress = {});
 

@@ -6,20 +6,8 @@
 
 #include "client/scenario/scenario_session.h"
 #include "server/base/hash.h"
-#include "server/wire/from_proto_values.h"
 
 namespace sightline {
-
-Result<Convention> convention_of(const v1::OpenSession& open) {
-  Convention convention;
-  if (Status ok = read_convention(open.convention(), "open.", convention); !ok)
-    return tl::unexpected(ok.error());
-  glm::dvec3 origin(0.0);
-  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok)
-    return tl::unexpected(ok.error());
-  convention.origin_m = vector_from_client(convention, origin);
-  return convention;
-}
 
 const IgnoredFields& fields_beside_the_reply() {
   static const IgnoredFields fields =
@@ -41,23 +29,16 @@ bool ReplyComparison::add(const v1::CameraReply& a, const v1::CameraReply& b) {
 
 void ReplyComparison::note(const v1::CameraReply& a, const v1::CameraReply& b) {
   note_pose(a, b);
-  if (!first_)
-    if (auto field = first_difference(a, b, fields_beside_the_reply()))
-      first_ = {a.sequence(), a.time_s(), *field};
   for_each_difference(a, b, fields_beside_the_reply(), [&](const FieldDifference& difference) {
-    key_.clear();
-    for (const FieldStep& step : difference.path) key_.push_back(step.field);
-    FieldDeviation& deviation = deviations_[key_];
-    if (deviation.replies == 0) {
-      deviation.field = general_name(difference.path);
-      deviation.first_sequence = a.sequence();
-    }
-    // A list's elements count once a reply.
+    if (!first_) first_ = {a.sequence(), a.time_s(), difference};
+    FieldDeviation& deviation = deviations_[difference.general];
+    if (deviation.replies == 0) deviation.first_sequence = a.sequence();
+    // The elements of a list count once a reply.
     if (deviation.replies == 0 || deviation.last_sequence != a.sequence()) ++deviation.replies;
+    deviation.field = difference.general;
     deviation.last_sequence = a.sequence();
     deviation.is_number |= difference.deviation.has_value();
     deviation.largest = std::max(deviation.largest, difference.deviation.value_or(0.0));
-    return true;
   });
 }
 
@@ -76,7 +57,6 @@ void ReplyComparison::note_pose(const v1::CameraReply& a, const v1::CameraReply&
 std::vector<FieldDeviation> ReplyComparison::deviations() const {
   std::vector<FieldDeviation> all;
   for (const auto& [key, deviation] : deviations_) all.push_back(deviation);
-  std::sort(all.begin(), all.end(), [](const auto& x, const auto& y) { return x.field < y.field; });
   return all;
 }
 

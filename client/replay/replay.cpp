@@ -28,7 +28,7 @@ std::vector<bool> refused_ticks(const RecordedStep& step) {
   std::vector<bool> refused(step.ticks.size(), false);
   for (const v1::TickError& rejection : step.rejections) {
     if (!refuses(rejection)) continue;
-    // The newest with that number: one that repeats the number of a good tick stands behind it.
+    // The newest tick with that number: a tick that repeats the number of a good one stands after it.
     for (size_t i = step.ticks.size(); i-- > 0;)
       if (!refused[i] && step.ticks[i].sequence() == rejection.sequence()) {
         refused[i] = true;
@@ -54,8 +54,8 @@ bool ReplayFeed::next(FedStep& step) {
   return true;
 }
 
-// The last `merged_ticks` + 1 of the ticks that were taken belong to the reply. What was taken before them was answered by
-// replies that are missing; how they were merged is not known, so each has its own step.
+// The last `merged_ticks` + 1 accepted ticks belong to the reply. The ticks before them were answered by missing replies.
+// How they were merged is not known, so each has a step of its own.
 void ReplayFeed::split(RecordedStep& recorded) {
   const std::vector<bool> refused = refused_ticks(recorded);
   const auto accepted = static_cast<size_t>(std::count(refused.begin(), refused.end(), false));
@@ -75,7 +75,7 @@ void ReplayFeed::split(RecordedStep& recorded) {
     --left;
     if (lost == 0) continue;
     --lost;
-    if (now.ticks.back().step_control().merge_into_next()) continue;  // never had a reply: what a file begins with
+    if (now.ticks.back().step_control().merge_into_next()) continue;  // a snapshot tick never had a reply
     now.has_reply = false;
     ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
   }
@@ -122,21 +122,21 @@ Status Replay::open() {
   asked_ = recording_.open_session();
   put_over(settings_, asked_);
   if (mirror_)
-    if (Status done = open_place(*mirror_, *mirror_scenes_); !done) return done;
-  if (Status done = open_place(place_, scenes_); !done) return done;
+    if (Status done = open_backend(*mirror_, *mirror_scenes_); !done) return done;
+  if (Status done = open_backend(backend_, scenes_); !done) return done;
   feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
   return {};
 }
 
-Status Replay::open_place(ReplayPlace& place, ReplayScenes& scenes) {
-  scenes.bring_to([&](std::span<const std::byte> file) { return place.bring(file); });
+Status Replay::open_backend(ReplayBackend& backend, SceneFiles& scenes) {
+  scenes.bring_to([&](std::span<const std::byte> file) { return backend.bring(file); });
   v1::OpenSession open = asked_;
-  open.clear_recording();        // whether the replay is recorded is the place's affair
-  open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);  // nothing is left out but what the recording says
+  open.clear_recording();        // the backend decides whether it records
+  open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);  // the recording alone decides the level of each step
   if (Status named = scenes.name_by_hash(open); !named) return named;
-  auto opened = place.open(open);
+  auto opened = backend.open(open);
   if (!opened) return tl::unexpected(std::move(opened.error()));
-  if (&place == &place_) opened_ = std::move(*opened);
+  if (&backend == &backend_) opened_ = std::move(*opened);
   return {};
 }
 
@@ -159,11 +159,11 @@ Result<bool> Replay::next(ReplayedStep& step) {
   bool gone = false;
   for (int attempt = 0;; ++attempt) {
     Status taken = gone ? catch_up() : Status();
-    if (taken) taken = take(place_, scenes_, *peeked_, step.answer);
+    if (taken) taken = take(backend_, scenes_, *peeked_, step.answer);
     if (taken) break;
     gone = true;
     if (taken.error().code != ErrorCode::kUnavailable || attempt == kMostRestartsAtOneStep ||
-        !place_.wait_until_back())
+        !backend_.wait_until_back())
       return tl::unexpected(taken.error());
     ++restarts_;
   }
@@ -179,15 +179,15 @@ Result<bool> Replay::next(ReplayedStep& step) {
   return true;
 }
 
-// Everything that was taken before it went away, as fast as it answers.
+// Repeats all steps that were taken before the backend went away, as fast as it answers.
 Status Replay::catch_up() {
-  if (Status opened = open_place(place_, scenes_); !opened) return opened;
+  if (Status opened = open_backend(backend_, scenes_); !opened) return opened;
   feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
   uint64_t hash = 0;
   FedStep step;
   ReplayAnswer answer;
   for (uint64_t i = 0; i < taken_ && feed_->next(step); ++i) {
-    if (Status taken = take(place_, scenes_, step, answer); !taken) return taken;
+    if (Status taken = take(backend_, scenes_, step, answer); !taken) return taken;
     remember(answer, hash);
   }
   restarts_equal_ &= hash == hash_;
@@ -196,24 +196,24 @@ Status Replay::catch_up() {
   return {};
 }
 
-// Only where it may be needed again.
+// Only for backends that can go away.
 void Replay::remember(const ReplayAnswer& answer, uint64_t& hash) {
-  if (place_.session() || !answer.has_reply) return;
+  if (backend_.session() || !answer.has_reply) return;
   hash = hash64_bytes(std::as_bytes(std::span(plain_.bytes_of(answer.reply))), hash);
 }
 
-Status Replay::take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& step, ReplayAnswer& answer) {
+Status Replay::take(ReplayBackend& backend, SceneFiles& scenes, const FedStep& step, ReplayAnswer& answer) {
   const std::vector<v1::Tick>& ticks = step.step.ticks;
   answer.rejections.clear();
   answer.has_reply = false;
-  if (ticks.empty() || (step.answer == StepAnswer::kNone && !place.session())) return {};
+  if (ticks.empty() || (step.answer == StepAnswer::kNone && !backend.session())) return {};
   const int level = step.step.quality_level();
-  if (std::none_of(ticks.begin(), ticks.end(), ReplayScenes::named_in))
-    return place.take(ticks, level, answer);
+  if (std::none_of(ticks.begin(), ticks.end(), SceneFiles::named_in))
+    return backend.take(ticks, level, answer);
   renamed_ = ticks;
   for (v1::Tick& tick : renamed_)
     if (Status named = scenes.name_by_hash(tick); !named) return named;
-  return place.take(renamed_, level, answer);
+  return backend.take(renamed_, level, answer);
 }
 
 }  // namespace sightline

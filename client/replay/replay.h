@@ -1,7 +1,7 @@
-// A recorded session taken again, step by step: the same ticks, merged as they were, each step at its recorded level of
-// economy.
+// Takes a recorded session again, step by step: the same ticks, merged as they were, each step at its recorded level of
+// degradation.
 //
-//   Replay replay(recording, *place, scenes, {});
+//   Replay replay(recording, *backend, scenes, {});
 //   replay.open();
 //   ReplayedStep step;
 //   while (auto more = replay.next(step)) { if (!*more) break; ... }
@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "client/recordings/recording.h"
-#include "client/replay/place.h"
-#include "client/replay/scenes.h"
+#include "client/replay/backend.h"
+#include "client/recordings/scene_files.h"
 #include "client/replay/settings.h"
 #include "client/replay/source.h"
 #include "server/base/transform.h"
@@ -24,21 +24,21 @@
 
 namespace sightline {
 
-// How a recorded step stands to its reply.
+// Whether the reply of a recorded step is known.
 enum class StepAnswer {
-  kRecorded,  // it is in the recording
-  kLost,      // the step was taken, and its reply is in a gap
-  kNone,      // the recording ends before it
+  kRecorded,  // the reply is in the recording
+  kLost,      // the step was taken, but its reply is missing
+  kNone,      // the recording ends before the reply
 };
 
-// A step of the recording as it is taken again: the ticks that the recording says were refused stand before those that were
-// not, and each reply that is missing has its own step.
+// A step of the recording as it is taken again. Ticks that were refused stand before the others. Each missing reply has a
+// step of its own.
 struct FedStep {
   RecordedStep step;
   StepAnswer answer = StepAnswer::kRecorded;
 };
 
-// Makes the steps; all that is changed about the input is changed here. Single-threaded.
+// Makes the steps, and makes all changes of the input. Single-threaded.
 class ReplayFeed {
  public:
   ReplayFeed(const Recording& recording, const Convention& convention,
@@ -47,14 +47,14 @@ class ReplayFeed {
 
   bool next(FedStep& step);
 
-  // Observed cameras that only followed the recorded replies: under other settings they would drag the camera along the old
-  // way, so they are left out. Without other settings all are kept.
+  // Observed cameras that only followed the recorded replies. Under other settings they would pull the camera onto the old
+  // path, so they are left out. Without other settings all are kept.
   uint64_t observed_left_out() const { return observed_left_out_; }
   uint64_t observed_kept() const { return observed_kept_; }
   const RecordedReport& report() const { return source_.report(); }
 
   static constexpr double kFollowsM = 1e-3, kFollowsDeg = 0.1;
-  static constexpr size_t kFollowedReplies = 16;  // a client shows a reply some ticks after it was made
+  static constexpr size_t kFollowedReplies = 16;  // a client shows a reply a few ticks late
 
  private:
   void split(RecordedStep& step);
@@ -65,63 +65,63 @@ class ReplayFeed {
   const Convention convention_;
   const std::vector<ReplaySetting>& settings_;
   std::deque<FedStep> ready_;
-  RecordedStep held_;                // refused ticks behind the last reply: they belong before the next
-  std::deque<Pose> recorded_poses_;  // of the newest replies
+  RecordedStep held_;                // refused ticks after the last reply; they belong to the next step
+  std::deque<Pose> recorded_poses_;  // of the newest replies, oldest first
   uint64_t observed_left_out_ = 0, observed_kept_ = 0;
 };
 
-// Whether nothing of the tick was applied: a step that failed is told as a Rejection too, without a field.
+// True when nothing of the tick was applied. A failed step is reported as a Rejection too, but without a field.
 bool refuses(const v1::TickError& rejection);
 
-// Which of a step's ticks the recording says were refused; a tick whose step failed was not.
+// For each tick of the step, whether the recording says that it was refused. A tick whose step failed was not refused.
 std::vector<bool> refused_ticks(const RecordedStep& step);
 
 struct ReplayedStep {
   FedStep recorded;  // with its ticks as they were sent
   ReplayAnswer answer;
-  uint64_t log_ns() const;  // of its newest tick, in the recording
+  uint64_t log_ns() const;  // log time of its newest tick in the recording
 };
 
 // Single-threaded. Everything handed over must outlive it.
 class Replay {
  public:
-  Replay(const Recording& recording, ReplayPlace& place, ReplayScenes& scenes,
+  Replay(const Recording& recording, ReplayBackend& backend, SceneFiles& scenes,
          std::vector<ReplaySetting> settings)
-      : recording_(recording), place_(place), scenes_(scenes), settings_(std::move(settings)) {}
+      : recording_(recording), backend_(backend), scenes_(scenes), settings_(std::move(settings)) {}
 
-  // Beside, a place that is told the same and only mirrors it; before open().
-  void mirror_on(ReplayPlace& mirror, ReplayScenes& scenes) { mirror_ = &mirror, mirror_scenes_ = &scenes; }
+  // Adds a backend that receives the same messages and only mirrors the scene. Call it before open().
+  void mirror_on(ReplayBackend& mirror, SceneFiles& scenes) { mirror_ = &mirror, mirror_scenes_ = &scenes; }
 
   Status open();
-  // As opened, with the other settings; scenes as the recording names them.
+  // The opening, with the changed settings; scenes are named as in the recording.
   const v1::OpenSession& asked() const { return asked_; }
   const v1::SessionOpened& opened() const { return opened_; }
   const Convention& convention() const { return convention_; }
 
-  // The tick that comes next, by log time; none at the end.
+  // The log time of the next tick; empty at the end.
   std::optional<uint64_t> next_log_ns();
-  // Takes the next step. False: there is none. A place that goes away is waited for, and all steps so far are taken
-  // again there.
+  // Takes the next step. Returns false when there is none. A backend that goes away is waited for, and all steps so far are
+  // then taken again.
   Result<bool> next(ReplayedStep& step);
 
   const ReplayFeed& feed() const { return *feed_; }
-  // How often the place had to be come back to, and whether the steps that were then taken again answered as before.
+  // How often the backend went away, and whether the repeated steps gave the same replies as before.
   uint64_t restarts() const { return restarts_; }
   bool restarts_equal() const { return restarts_equal_; }
 
  private:
-  Status open_place(ReplayPlace& place, ReplayScenes& scenes);
+  Status open_backend(ReplayBackend& backend, SceneFiles& scenes);
   bool peek();
-  Status take(ReplayPlace& place, ReplayScenes& scenes, const FedStep& step, ReplayAnswer& answer);
+  Status take(ReplayBackend& backend, SceneFiles& scenes, const FedStep& step, ReplayAnswer& answer);
   Status catch_up();
   void remember(const ReplayAnswer& answer, uint64_t& hash);
 
   const Recording& recording_;
-  ReplayPlace& place_;
-  ReplayScenes& scenes_;
+  ReplayBackend& backend_;
+  SceneFiles& scenes_;
   const std::vector<ReplaySetting> settings_;
-  ReplayPlace* mirror_ = nullptr;
-  ReplayScenes* mirror_scenes_ = nullptr;
+  ReplayBackend* mirror_ = nullptr;
+  SceneFiles* mirror_scenes_ = nullptr;
   Convention convention_;
   v1::OpenSession asked_;
   v1::SessionOpened opened_;
@@ -129,7 +129,7 @@ class Replay {
   std::optional<FedStep> peeked_;
   std::vector<v1::Tick> renamed_;  // scratch
   uint64_t taken_ = 0;             // steps
-  uint64_t hash_ = 0;              // of their replies, chained; places that can come back only
+  uint64_t hash_ = 0;              // chained hash of their replies; only for backends that can come back
   PlainReply plain_;
   uint64_t restarts_ = 0;
   bool restarts_equal_ = true;

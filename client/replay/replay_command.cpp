@@ -14,11 +14,11 @@
 #include "client/base/progress_bar.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
-#include "client/replay/figures.h"
-#include "client/replay/tally.h"
+#include "client/report/figures.h"
+#include "client/replay/result.h"
 #include "client/replay/truth.h"
 #include "client/base/text_table.h"
-#include "client/drive/trace.h"
+#include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
@@ -29,7 +29,7 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-// Writes what a replay answers as a recording of its own, at the times of the one that it was made of.
+// Writes the replies of a replay as a new recording, at the log times of the old one.
 class ReplayOutput {
  public:
   static Result<std::unique_ptr<ReplayOutput>> create(const std::string& path, const Recording& recording,
@@ -105,16 +105,16 @@ class Command {
     auto recording = Recording::open(options_.file);
     if (!recording) return tl::unexpected(std::move(recording.error()));
     recording_.emplace(std::move(*recording));
-    if (Status done = make_place(); !done) return done;
+    if (Status done = make_backend(); !done) return done;
     scenes_.emplace(*recording_, scene_options(!options_.server.empty()));
-    replay_.emplace(*recording_, *place_, *scenes_, settings_);
-    if (options_.truth && !place_is_here()) {
-      mirror_ = make_mirror_place();
+    replay_.emplace(*recording_, *backend_, *scenes_, settings_);
+    if (options_.truth && !is_local()) {
+      mirror_ = make_mirror_backend();
       mirror_scenes_.emplace(*recording_, scene_options(false));
       replay_->mirror_on(*mirror_, *mirror_scenes_);
     }
     if (Status done = replay_->open(); !done) return done;
-    tally_.emplace(replay_->convention(), never_equal());
+    result_.emplace(replay_->convention(), never_equal());
     if (!settings_.empty() || options_.truth) {
       recorded_figures_.emplace(replay_->convention());
       replayed_figures_.emplace(replay_->convention());
@@ -127,18 +127,18 @@ class Command {
     return {};
   }
 
-  bool place_is_here() const { return options_.server.empty(); }
+  bool is_local() const { return options_.server.empty(); }
 
-  ReplaySceneOptions scene_options(bool may_be_there) const {
+  SceneFileOptions scene_options(bool may_be_there) const {
     return {.folder = options_.scene_dir, .files = options_.scenes, .may_be_there = may_be_there};
   }
 
-  Status make_place() {
-    if (!place_is_here()) {
+  Status make_backend() {
+    if (!is_local()) {
       const std::chrono::duration<double> wait(options_.wait_s);
-      auto place = connect_place(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait));
-      if (!place) return tl::unexpected(std::move(place.error()));
-      place_ = std::move(*place);
+      auto backend = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait));
+      if (!backend) return tl::unexpected(std::move(backend.error()));
+      backend_ = std::move(*backend);
       return {};
     }
     const std::string wanted =
@@ -154,11 +154,11 @@ class Command {
       return tl::unexpected(std::move(error));
     }
     sampler_text_ = sampler->device->renderer();
-    place_ = make_local_place(std::move(sampler->device));
+    backend_ = make_local_backend(std::move(sampler->device));
     return {};
   }
 
-  // Why replies need not be equal; empty: they must be.
+  // The reason why replies need not be equal; empty: they must be equal.
   std::string never_equal() const {
     if (!settings_.empty()) return kOtherSettings;
     if (replay_->opened().sampler() != recording_->info().sampler())
@@ -175,7 +175,7 @@ class Command {
     out_ << "recording   " << options_.file << ": session " << info.session_id() << ", seed " << info.seed()
          << ", " << info.sampler() << formatted(", %.2f s", recording_->duration_s());
     if (!info.server_version().empty()) out_ << ", by " << info.server_version();
-    out_ << "\nreplay      " << (place_is_here() ? "in this process" : "at " + options_.server) << ", "
+    out_ << "\nreplay      " << (is_local() ? "in this process" : "at " + options_.server) << ", "
          << replay_->opened().sampler();
     if (!sampler_text_.empty()) out_ << " (" << sampler_text_ << ")";
     out_ << '\n';
@@ -235,7 +235,7 @@ class Command {
     std::this_thread::sleep_until(paced_from_ + std::chrono::duration_cast<Clock::duration>(after));
   }
 
-  // Enter: one step; "n 10": so many; "q" or the end of the input: no more.
+  // Enter: one step. "n 10": ten steps. "q" or the end of the input: stop.
   bool ask_for_step() {
     while (steps_granted_ == 0) {
       bar_.clear();
@@ -257,7 +257,7 @@ class Command {
   }
 
   Status take_step() {
-    tally_->add(step_);
+    result_->add(step_);
     if (output_)
       if (Status written = output_->write(step_); !written) return written;
     if (step_.recorded.answer != StepAnswer::kRecorded || !step_.answer.has_reply) return {};
@@ -266,7 +266,7 @@ class Command {
       replayed_figures_->add(step_.answer.reply);
     }
     if (truth_)
-      truth_->add(*(mirror_ ? *mirror_ : *place_).session(), step_.recorded.step.reply, step_.answer.reply);
+      truth_->add(*(mirror_ ? *mirror_ : *backend_).session(), step_.recorded.step.reply, step_.answer.reply);
     return {};
   }
 
@@ -297,14 +297,14 @@ class Command {
     for (const auto& target : reply.targets())
       out_ << formatted("  %lu %.2f", static_cast<unsigned long>(target.id()), target.visible_share());
     out_ << formatted("  S_V %u of %u  ", reply.candidate_counts().all_visible(), reply.candidate_counts().total())
-         << name_of(reply.status()) << ' ' << name_of(reply.reason());
+         << short_name(reply.status()) << ' ' << short_name(reply.reason());
     if (step_.recorded.answer == StepAnswer::kRecorded)
       out_ << (reply_hash(reply) == reply_hash(step_.recorded.step.reply) ? "  equal" : "  differs");
     out_ << '\n' << std::flush;
   }
 
   int report() {
-    const uint64_t replies = tally_->replies().compared();
+    const uint64_t replies = result_->replies().compared();
     out_ << formatted("speed       %lu replies in %.2f s: %.0f a second, %.1f times real time\n",
                       static_cast<unsigned long>(replies), took_s_,
                       static_cast<double>(replies) / std::max(took_s_, 1e-9),
@@ -313,9 +313,10 @@ class Command {
       out_ << "observed    " << replay_->feed().observed_left_out()
            << " cameras that only followed the recorded replies left out, " << replay_->feed().observed_kept()
            << " kept\n";
-    tally_->print(out_);
+    result_->print(out_);
     if (recorded_figures_) {
-      std::vector<FigureRow> rows = side_by_side(*recorded_figures_, *replayed_figures_);
+      const ReplyFigures* const runs[] = {&*recorded_figures_, &*replayed_figures_};
+      std::vector<FigureRow> rows = reply_rows(runs);
       if (truth_)
         for (FigureRow& row : truth_->rows()) rows.push_back({"true: " + row.label, std::move(row.values)});
       const std::vector<std::string> columns{"recorded", "replayed"};
@@ -324,7 +325,7 @@ class Command {
         out_ << "true: " << truth_->pictures() << " pictures of each judged by a 512 x 512 re-render\n";
     }
     if (output_) out_ << "written     " << options_.out << '\n';
-    return settings_.empty() && tally_->verdict() == ReplayVerdict::kDiffers ? 1 : 0;
+    return settings_.empty() && result_->verdict() == ReplayVerdict::kDiffers ? 1 : 0;
   }
 
   const ReplayCommandOptions& options_;
@@ -334,11 +335,11 @@ class Command {
   std::vector<ReplaySetting> settings_;
   std::optional<Recording> recording_;
   std::string sampler_text_;
-  std::unique_ptr<ReplayPlace> place_, mirror_;
-  std::optional<ReplayScenes> scenes_, mirror_scenes_;
+  std::unique_ptr<ReplayBackend> backend_, mirror_;
+  std::optional<SceneFiles> scenes_, mirror_scenes_;
   std::optional<Replay> replay_;
-  std::optional<ReplayTally> tally_;
-  std::optional<ReplayFigures> recorded_figures_, replayed_figures_;
+  std::optional<ReplayResult> result_;
+  std::optional<ReplyFigures> recorded_figures_, replayed_figures_;
   std::optional<ReplayTruth> truth_;
   std::unique_ptr<ReplayOutput> output_;
   ReplayedStep step_;

@@ -1,5 +1,5 @@
-// `sightline replay FILE`: takes the steps of a recording again and says whether they are answered as they were; or with
-// other settings, what they change.
+// `sightline replay FILE`: takes the steps of a recording again and compares the replies. With other settings, it shows
+// what they change.
 #pragma once
 
 #include <istream>
@@ -16,24 +16,24 @@ namespace sightline {
 struct ReplayCommandOptions {
   std::string file = {};
   std::string server = {};          // host:port or unix:/path; empty: in this process
-  double wait_s = 30.0;             // for a server that is not there, or went away
-  std::optional<double> rate = {};  // 1: as fast as it was; none: as fast as possible
-  bool by_hand = false;             // step by step, as the input says
-  double start_s = 0.0;  // from here at that rate, or by hand; everything before as fast as possible
+  double wait_s = 30.0;             // for a server that is not there or went away
+  std::optional<double> rate = {};  // times real time; none: as fast as possible
+  bool by_hand = false;             // one step at a time, on commands from the input
+  double start_s = 0.0;  // from here on at `rate` or by hand; everything before as fast as possible
   double end_s = std::numeric_limits<double>::infinity();
   std::string sampler = "recorded";  // or "auto", "egl", "embree"
-  size_t threads = 0;                // that the maps of a step are taken on, Embree's; 0: replay_threads()
+  size_t threads = 0;                // for the depth maps of a step, Embree only; 0: replay_threads()
   std::string scene_dir = {};
   std::vector<std::string> scenes = {};  // files
   std::vector<std::string> set = {};     // KEY=VALUE
   bool truth = false;
   size_t truth_every = 6;
-  std::string out = {};  // a recording of what was answered; empty: none
+  std::string out = {};  // a recording of the new replies; empty: none
   bool progress = false;
 };
 
-// 0: all replies equal, or alike where they cannot be equal (client/README.md), or settings were changed; 1: they differ, or it
-// failed, with the reason on `err`; 2: what was asked for makes no sense.
+// Exit status 0: all replies are equal, or alike where they cannot be equal (client/README.md), or settings were changed.
+// 1: they differ, or the replay failed with the reason on `err`. 2: the options are invalid.
 int run_replay_command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out,
                        std::ostream& err);
 

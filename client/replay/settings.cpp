@@ -1,12 +1,11 @@
 #include "client/replay/settings.h"
 
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cctype>
-#include <charconv>
-#include <optional>
 #include <string_view>
 
 namespace sightline {
@@ -37,7 +36,7 @@ std::string short_name(const EnumValueDescriptor& value) {
   return value.name().substr(first.size() - std::string_view("UNSPECIFIED").size());
 }
 
-// Without UNSPECIFIED, which cannot be asked for.
+// Value 0 means "unspecified" and cannot be set.
 std::string names_of(const EnumDescriptor& values) {
   std::string names;
   for (int i = 1; i < values.value_count(); ++i)
@@ -57,68 +56,69 @@ const EnumValueDescriptor* value_named(const EnumDescriptor& values, const std::
   return nullptr;
 }
 
-template <typename Number>
-std::optional<Number> number_in(const std::string& text) {
-  Number number{};
-  const char* end = text.data() + text.size();
-  const auto [stopped, trouble] = std::from_chars(text.data(), end, number);
-  if (trouble != std::errc() || stopped != end) return std::nullopt;
-  return number;
+// Keeps protobuf's parser from logging.
+class Quiet final : public google::protobuf::io::ErrorCollector {
+ public:
+  void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
+};
+
+// Sets the field of `message` from the text of a value. False: it is none of the field's type.
+bool set_value(const FieldDescriptor& field, const std::string& text, Message& message) {
+  Quiet quiet;
+  google::protobuf::TextFormat::Parser parser;
+  parser.RecordErrorsTo(&quiet);
+  const bool is_number = field.cpp_type() <= FieldDescriptor::CPPTYPE_FLOAT;
+  if (is_number && text.find_first_not_of("0123456789+-.eE") != std::string::npos) return false;
+  std::string value = text;
+  if (field.type() == FieldDescriptor::TYPE_ENUM) {
+    const EnumValueDescriptor* known = value_named(*field.enum_type(), text);
+    if (!known) return false;
+    value = known->name();
+  }
+  return parser.ParseFieldValueFromString(value, &field, &message);
 }
 
-std::optional<bool> truth_in(const std::string& text) {
-  if (text == "true" || text == "1") return true;
-  if (text == "false" || text == "0") return false;
-  return std::nullopt;
-}
-
-// Says what the value must be, if `text` is something else.
-std::optional<std::string> trouble_with(const FieldDescriptor& field, const std::string& text) {
+// The rule for the value of a field, for error messages.
+std::string wanted_of(const FieldDescriptor& field) {
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_DOUBLE:
-      if (!number_in<double>(text)) return "must be a number";
-      return std::nullopt;
+      return "must be a number";
     case FieldDescriptor::CPPTYPE_UINT32:
-      if (!number_in<uint32_t>(text)) return "must be a whole number, 0 or more";
-      return std::nullopt;
     case FieldDescriptor::CPPTYPE_UINT64:
-      if (!number_in<uint64_t>(text)) return "must be a whole number, 0 or more";
-      return std::nullopt;
+      return "must be a whole number, 0 or more";
     case FieldDescriptor::CPPTYPE_BOOL:
-      if (!truth_in(text)) return "must be true or false";
-      return std::nullopt;
+      return "must be true or false";
     case FieldDescriptor::CPPTYPE_ENUM:
-      if (!value_named(*field.enum_type(), text)) return "must be one of " + names_of(*field.enum_type());
-      return std::nullopt;
+      return "must be one of " + names_of(*field.enum_type());
     default:
       return "cannot be set";
   }
 }
 
-void set_value(const FieldDescriptor& field, const std::string& text, Message& message) {
-  const google::protobuf::Reflection& reflection = *message.GetReflection();
-  switch (field.cpp_type()) {
-    case FieldDescriptor::CPPTYPE_DOUBLE:
-      return reflection.SetDouble(&message, &field, *number_in<double>(text));
-    case FieldDescriptor::CPPTYPE_UINT32:
-      return reflection.SetUInt32(&message, &field, *number_in<uint32_t>(text));
-    case FieldDescriptor::CPPTYPE_UINT64:
-      return reflection.SetUInt64(&message, &field, *number_in<uint64_t>(text));
-    case FieldDescriptor::CPPTYPE_BOOL:
-      return reflection.SetBool(&message, &field, *truth_in(text));
-    case FieldDescriptor::CPPTYPE_ENUM:
-      return reflection.SetEnum(&message, &field, value_named(*field.enum_type(), text));
-    default:
-      assert(false);  // read_replay_setting lets nothing else through
+// The message that a setting is in.
+Message& part_of(const ReplaySetting& setting, v1::OpenSession& open) {
+  switch (setting.part) {
+    case ReplaySetting::Part::kSettings:
+      return *open.mutable_settings();
+    case ReplaySetting::Part::kTuning:
+      return *open.mutable_tuning();
+    case ReplaySetting::Part::kLimits:
+      return *open.mutable_limits();
+    case ReplaySetting::Part::kLens:
+      return *open.mutable_lens();
+    case ReplaySetting::Part::kSeed:
+      break;
   }
+  return open;
 }
 
-void put_into(const ReplaySetting& setting, Message& part) {
+bool put_into(const ReplaySetting& setting, Message& part) {
   Message* at = &part;
   for (const FieldDescriptor* field : setting.path) {
     if (field == setting.path.back()) return set_value(*field, setting.value, *at);
     at = at->GetReflection()->MutableMessage(at, field);
   }
+  return false;
 }
 
 std::vector<std::string> words_of(std::string_view key) {
@@ -129,7 +129,7 @@ std::vector<std::string> words_of(std::string_view key) {
   return words;
 }
 
-// The message that a key begins in; "settings." may be left out.
+// The message that a key begins in. "settings." may be left out.
 const Descriptor& part_of(std::vector<std::string>& words, ReplaySetting::Part& part) {
   using Part = ReplaySetting::Part;
   const auto begins = [&](const char* word) { return words.size() > 1 && words.front() == word; };
@@ -179,33 +179,19 @@ Result<ReplaySetting> read_replay_setting(const std::string& text) {
     if (Status found = find_path(part, words, setting); !found)
       return tl::unexpected(std::move(found.error()));
   }
-  if (const auto trouble = trouble_with(*setting.path.back(), setting.value))
-    return invalid(setting.key, *trouble + ", got \"" + setting.value + "\"");
+  v1::OpenSession trial;
+  if (!put_into(setting, part_of(setting, trial)))
+    return invalid(setting.key, wanted_of(*setting.path.back()) + ", got \"" + setting.value + "\"");
   return setting;
 }
 
 void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open) {
-  for (const ReplaySetting& setting : settings) switch (setting.part) {
-      case ReplaySetting::Part::kSettings:
-        put_into(setting, *open.mutable_settings());
-        break;
-      case ReplaySetting::Part::kTuning:
-        put_into(setting, *open.mutable_tuning());
-        break;
-      case ReplaySetting::Part::kLimits:
-        put_into(setting, *open.mutable_limits());
-        break;
-      case ReplaySetting::Part::kLens:
-        put_into(setting, *open.mutable_lens());
-        break;
-      case ReplaySetting::Part::kSeed:
-        put_into(setting, open);
-        break;
-    }
+  for (const ReplaySetting& setting : settings) put_into(setting, part_of(setting, open));
 }
 
-// A preset in the tick starts settings and tuning anew, and a lens replaces the former one whole. So what was asked for is put
-// over every such tick again. No preset is put where the tick names none: that would end what other ticks set before it.
+// A preset in a tick resets all settings and tuning, and a lens replaces the whole former lens. So the changed settings are added
+// again to every such tick. A preset is only changed where the tick names one: otherwise it would reset what earlier ticks
+// set.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
   const bool anew = tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED;
   for (const ReplaySetting& setting : settings) {

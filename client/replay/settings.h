@@ -1,4 +1,4 @@
-// Other settings on a recorded session, as a person types them: "max_distance_m=8", "preset=PAPER",
+// Changed settings for a recorded session, as typed: "max_distance_m=8", "preset=PAPER",
 // "tuning.aggregate.filter.n=10", "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2".
 #pragma once
 
@@ -12,23 +12,24 @@
 
 namespace sightline {
 
-// One of them, found and read.
+// One setting, looked up and checked.
 struct ReplaySetting {
   enum class Part { kSettings, kTuning, kLimits, kLens, kSeed };
   std::string key;  // as typed
   Part part = Part::kSettings;
-  std::vector<const google::protobuf::FieldDescriptor*> path;  // from the part's message down to the value
+  std::vector<const google::protobuf::FieldDescriptor*> path;  // fields from the part's message down to the value
   std::string value;                                           // a value of that field's type
 };
 
-// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field when there is no such setting; the message then lists the
-// names that there are. Fails likewise when the value is not of the setting's type. Ranges are checked when the session opens.
+// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field when there is no such setting (the message lists the
+// known ones), or when the value has the wrong type (the message says which one is allowed). Ranges are checked when the
+// session opens.
 Result<ReplaySetting> read_replay_setting(const std::string& text);
 
-// Puts them over what the session was opened with.
+// Changes the opening of a session.
 void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open);
 
-// A later tick that says something of settings, tuning, limits or lens: it still holds for all that `settings` do not name.
+// Changes a later tick that carries settings, tuning, limits or a lens. Fields that `settings` do not name keep the tick's values.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick);
 
 }  // namespace sightline

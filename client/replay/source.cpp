@@ -47,7 +47,7 @@ void StepSource::read(const Recording& recording, const RecordedRange& range) {
   changed_.notify_all();
 }
 
-// False: nobody wants more.
+// Returns false when no more is wanted.
 bool StepSource::hand_over(std::vector<RecordedStep>& batch) {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return given_up_ || batches_.size() < kWaiting; });

@@ -1,4 +1,4 @@
-// The steps of a recording one after the other, unpacked and decoded ahead by a thread of its own.
+// The steps of a recording in order. A thread of its own reads and decodes ahead.
 #pragma once
 
 #include <condition_variable>
@@ -11,30 +11,30 @@
 
 namespace sightline {
 
-// One thread takes. The recording must outlive it; its head and its files may be read meanwhile.
+// For one consumer thread. The recording must outlive it; its head and its files may be read meanwhile.
 class StepSource {
  public:
   explicit StepSource(const Recording& recording, RecordedRange range = {});
-  // Gives up what has not been read.
+  // Stops reading.
   ~StepSource();
   StepSource(const StepSource&) = delete;
   StepSource& operator=(const StepSource&) = delete;
 
-  // The next step, oldest first; the last one may be without a reply (RecordedStep::has_reply). False: there is no more.
+  // Returns the next step, oldest first; false at the end. The last one may have no reply (RecordedStep::has_reply).
   bool next(RecordedStep& step);
-  // What the reading met; whole once next() has answered false.
+  // Report of the reading; complete once next() has returned false.
   const RecordedReport& report() const { return report_; }
 
  private:
   void read(const Recording& recording, const RecordedRange& range);
   bool hand_over(std::vector<RecordedStep>& batch);
 
-  // Steps a batch, and batches that wait: some ten seconds of a session ahead.
+  // Steps in a batch, and batches that may wait: about ten seconds of a session at 60 Hz.
   static constexpr size_t kBatch = 32, kWaiting = 16;
 
   std::vector<RecordedStep> taken_;
   size_t next_taken_ = 0;
-  RecordedReport report_;  // the reader's until ended_
+  RecordedReport report_;  // written by the reader until ended_
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -42,7 +42,7 @@ class StepSource {
   std::deque<std::vector<RecordedStep>> batches_;
   bool ended_ = false, given_up_ = false;
 
-  std::jthread reader_;  // last: everything else is there when it starts
+  std::jthread reader_;  // last, so that everything else exists when it starts
 };
 
 }  // namespace sightline

@@ -4,7 +4,6 @@
 #include <future>
 
 #include "client/truth/metrics.h"
-#include "client/replay/figures.h"
 
 namespace sightline {
 namespace {
@@ -75,7 +74,7 @@ RunMetrics ReplayTruth::metrics_of(const Run& run) const {
 }
 
 std::vector<FigureRow> ReplayTruth::rows() const {
-  return figure_rows(metrics_of(recorded_), metrics_of(replayed_));
+  return truth_rows(metrics_of(recorded_), metrics_of(replayed_));
 }
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// What two cameras over one session really saw and touched: the recorded one and the replayed one, in the same mirror.
+// Judges what the recorded and the replayed camera of one session truly saw and touched, in the same mirror.
 #pragma once
 
 #include <map>
@@ -6,23 +6,23 @@
 #include <vector>
 
 #include "client/truth/judge.h"
-#include "client/drive/report.h"
+#include "client/report/figures.h"
 #include "server/sample/embree_scene.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
 
-// Not thread-safe; pictures of the two cameras are taken at the same time.
+// Not thread-safe. The pictures of the two cameras are rendered in parallel.
 class ReplayTruth {
  public:
-  // `picture_every` >= 1: of every n-th step a picture of 512 x 512 is judged; bodies at every step.
+  // `picture_every` >= 1: a picture of 512 x 512 is judged at every n-th step; collisions at every step.
   explicit ReplayTruth(size_t picture_every);
 
-  // Both replies are of the newest tick that `session` was told; always the same session.
+  // Both replies must answer the newest tick of `session`, which must be the same at every call.
   void add(const Session& session, const v1::CameraReply& recorded, const v1::CameraReply& replayed);
   size_t pictures() const { return pictures_; }
-  // Recorded, replayed.
+  // One column for the recorded run, one for the replayed run.
   std::vector<FigureRow> rows() const;
 
  private:
@@ -37,8 +37,8 @@ class ReplayTruth {
   EmbreeDevice device_;
   EmbreeScene occluders_, colliders_;
   Run recorded_, replayed_;
-  std::map<uint64_t, std::string> names_;  // of all that were targets
-  CameraLimits limits_;                    // the widest that held at any time
+  std::map<uint64_t, std::string> names_;  // of every target so far
+  CameraLimits limits_;                    // the widest at any time
   size_t pictures_ = 0;
 };
 

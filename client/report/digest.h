@@ -1,5 +1,5 @@
-// A recording read through once, without its scene: which replies become frames of a page, what happened when, and the
-// figures of all replies, whether they become frames or not.
+// Reads a recording once, without its scene. Decides which replies become frames of a page, lists the events, and sums up
+// the figures of all replies, frames or not.
 #pragma once
 
 #include <cstdint>
@@ -9,53 +9,39 @@
 #include <vector>
 
 #include "client/recordings/recording.h"
-#include "client/page/session_page.h"
+#include "client/report/figures.h"
 #include "server/session/convention.h"
 
 namespace sightline {
 
 // Something that happened at or before a reply.
 struct DigestMark {
-  size_t reply = 0;  // index among those of the range
+  size_t reply = 0;  // index among the replies of the range
   std::string kind;  // "rejection", "fault", "gap" or "change"
   std::string text;
 };
 
-struct TargetSums {
-  size_t replies = 0;  // that say something of it
-  double visible = 0.0, filtered = 0.0, distance_m = 0.0;
-};
-
-// Of all replies of the range.
-struct DigestFigures {
-  size_t ticks = 0, replies = 0;
-  std::map<uint64_t, TargetSums> targets;    // by id
-  size_t with_targets = 0, all_visible = 0;  // replies that say something of a target; of them, all VISIBLE
-  std::map<std::string, size_t> statuses, reasons;
-  double travel_m = 0.0;  // between poses; cuts do not count
-  size_t cuts = 0, merged_ticks = 0, degraded = 0, recording_degraded = 0;
-  uint64_t rejections = 0, faults = 0, missing = 0;  // `missing`: messages that gaps speak of
-  std::vector<std::vector<double>> stage_us;  // by stage of page_stages(), each as long as there are replies
-  std::vector<double> total_us, queue_us,
-      answer_ms;  // answer: from the arrival of the newest tick to its reply
-};
-
 struct RecordingDigest {
-  std::vector<bool> kept;  // by reply of the range: whether it becomes a frame
-  size_t frames = 0;       // how many do
+  explicit RecordingDigest(const Convention& convention) : replies(convention) {}
+
+  std::vector<bool> kept;  // for each reply of the range, whether it becomes a frame
+  size_t frames = 0;       // replies that become frames
   size_t changes = 0,
-         kept_changes = 0;  // of replies with a change or a cut: all, and those that become frames
+         kept_changes = 0;  // replies with a change or a cut: all of them, and those that become frames
   uint64_t first_log_ns = 0;
   bool has_candidates = false;
-  size_t candidates = 0;          // most of one reply
+  size_t candidates = 0;          // the largest number in one reply
   std::vector<DigestMark> marks;  // at most kMaxMarks
   uint64_t left_out_marks = 0;
-  DigestFigures figures;
+  ReplyFigures replies;           // all replies of the range
+  std::vector<double> answer_ms;  // from the arrival of a tick to its reply, for replies whose tick is known
+  uint64_t ticks = 0, rejections = 0, faults = 0;
+  uint64_t missing = 0;  // messages that gaps report as lost
   RecordedReport read;
 };
 
 inline constexpr size_t kMaxMarks = 2000;
-// Where instances stood, of all frames of a page together: when there are more, frames are left out.
+// Poses of instances in all frames of a page together. When there would be more, frames are left out.
 inline constexpr size_t kMaxPagePoses = 2'000'000;
 
 struct DigestOptions {
@@ -64,13 +50,23 @@ struct DigestOptions {
   std::function<void(size_t replies)> progress = {};
 };
 
-// Replies with a change of status, reason or flags, cuts, the first and the last are kept before others; the others
-// evenly spaced. Poses in ticks count as well: see kMaxPagePoses.
+// Keeps the first and the last reply, and those with a cut or a change of status, reason or flags, before others. The
+// others are thinned evenly. The number of poses in the ticks limits the frames too: see kMaxPagePoses.
 RecordingDigest digest_recording(const Recording& recording, const Convention& convention,
                                  const DigestOptions& options);
 
-// Ready to be read.
-std::vector<PageFigure> figures_of(const DigestFigures& figures,
-                                   const std::map<uint64_t, std::string>& names);
+// One line of JSON with the names of the .proto file; empty when the message cannot be printed.
+std::string json_of(const google::protobuf::Message& message);
+
+// The figures of the page, ready to be read. `names`: of targets, by id.
+std::vector<FigureRow> figures_of(const RecordingDigest& digest, const std::map<uint64_t, std::string>& names);
+
+// Facts for the head of the page, name and value each.
+std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recording,
+                                                          const RecordingDigest& digest);
+
+// Warnings that a reader needs before trusting the page, one sentence each: the file is unfinished, damaged or only a part,
+// messages are missing, frames were left out.
+std::vector<std::string> notices_of(const Recording& recording, const RecordingDigest& digest);
 
 }  // namespace sightline

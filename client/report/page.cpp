@@ -1,21 +1,17 @@
 #include "client/report/page.h"
 
-#include <google/protobuf/util/json_util.h>
-#include <google/protobuf/util/message_differencer.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
+#include <unordered_map>
 
-#include "client/page/asset_names.h"
 #include "client/page/contact_sheet.h"
 #include "client/page/page_reply.h"
-#include "client/report/cast.h"
+#include "client/report/instance_timeline.h"
 #include "client/report/digest.h"
-#include "client/report/facts.h"
-#include "client/report/stand_ins.h"
-#include "server/wire/from_proto_values.h"
+#include "client/report/placeholders.h"
+#include "server/scene/mirror.h"
 #include "server/wire/settings_to_proto.h"
 
 namespace sightline {
@@ -24,23 +20,20 @@ namespace {
 constexpr size_t kMostTargets = 32;
 constexpr int kJpegQuality = 82;
 
-Result<Convention> convention_of(const v1::OpenSession& open) {
-  Convention convention;
-  glm::dvec3 origin(0.0);
-  if (Status ok = read_convention(open.convention(), "open.", convention); !ok)
-    return tl::unexpected(ok.error());
-  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok)
-    return tl::unexpected(ok.error());
-  convention.origin_m = vector_from_client(convention, origin);
-  return convention;
-}
-
-std::string json_of(const google::protobuf::Message& message) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.preserve_proto_field_names = true;
-  std::string json;
-  if (!google::protobuf::util::MessageToJsonString(message, &json, options).ok()) json.clear();
-  return json;
+// Names of drawables without a binding, by the id that `instantiate` gives them. A node's GPU instances are numbered:
+// "crate #2".
+std::unordered_map<uint64_t, std::string> asset_names(const SceneAsset& asset) {
+  std::unordered_map<uint64_t, std::string> names;
+  uint64_t k = 0;
+  for (const AssetNode& node : asset.nodes) {
+    if (node.mesh < 0 || !asset.meshes[static_cast<size_t>(node.mesh)]) continue;
+    const size_t count = std::max<size_t>(1, node.gpu_instances.size());
+    for (size_t i = 0; i < count; ++i) {
+      std::string& name = names[kAssetIdBit | k++] = node.name;
+      if (count > 1) name.append(" #").append(std::to_string(i + 1));
+    }
+  }
+  return names;
 }
 
 std::string seconds(double time_s) {
@@ -54,7 +47,7 @@ bool is_drawable(const PageFrame& frame) {
          std::isfinite(frame.vertical_fov_rad);
 }
 
-// Plays a recording through, and makes the page on the way.
+// Applies a recording to a session, and makes the page from it.
 class Maker {
  public:
   Maker(const Recording& recording, const RecordingPageOptions& options, SamplerDevice& sampler)
@@ -98,35 +91,35 @@ class Maker {
       held_.push_back(*asset);
       return to_hex((*asset)->hash);
     });
-    stand_ins_.emplace(scenes_, convention_);
+    placeholders_.emplace(scenes_, convention_);
     return open_session();
   }
 
   Status open_session() {
     v1::OpenSession request = recording_.open_session();
-    stand_ins_->replace(request, false);
+    placeholders_->replace(request, false);
     auto session = LocalSession::open(request, world_);
     if (!session) {
       notice("The scene does not fit the session, which is shown without it: " + to_string(session.error()) +
              ".");
-      stand_ins_->replace(request, true);
+      placeholders_->replace(request, true);
       whole_scene_ = false;
       session = LocalSession::open(request, world_);
     }
     if (!session) return tl::unexpected(session.error());
     session_ = std::move(*session);
     const auto told = recording_.opened();
-    whole_scene_ = whole_scene_ && stand_ins_->missed().empty();
+    whole_scene_ = whole_scene_ && placeholders_->missed().empty();
     if (whole_scene_ && told.mirror_hash() != 0 && told.mirror_hash() != session_->opened().mirror_hash()) {
       notice(
           "The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
       whole_scene_ = false;
     }
-    cast_.emplace(names(request.scene()));
+    timeline_.emplace(names(request.scene()));
     return {};
   }
 
-  // `scene` as the session was opened with it here: by hash, or not at all.
+  // `scene` is the scene of the session in this process: by hash, or empty.
   std::unordered_map<uint64_t, std::string> names(const v1::SceneRef& scene) const {
     std::unordered_map<uint64_t, std::string> names;
     for (const auto& asset : held_)
@@ -181,10 +174,10 @@ class Maker {
     });
   }
 
-  // What was refused then is refused now; its refusal stands behind it in the file.
+  // A tick that was refused then should be refused now too; its recorded rejection stands after it in the file.
   void apply(v1::Tick& tick, uint64_t log_ns) {
     newest_tick_ = {tick.sequence(), log_ns};
-    stand_ins_->replace(tick);
+    placeholders_->replace(tick);
     v1::TickError rejection;
     if (session_->apply(tick, rejection)) return;
     refused_now_.insert(tick.sequence());
@@ -201,7 +194,7 @@ class Maker {
   }
 
   void step_again(const v1::CameraReply& reply, v1::CameraReply& again) {
-    const Status stepped = session_->step(economy_level_of(reply), again);
+    const Status stepped = session_->step(quality_level_of(reply), again);
     v1::Candidates cells;
     cells.Swap(again.mutable_candidates());
     again.clear_candidates();
@@ -229,7 +222,7 @@ class Maker {
     if (options_.cells != PageCells::kNone)
       add_page_cells(digest_.has_candidates ? reply : again, convention_, page_.targets, frame);
     thin_cells(frame);
-    cast_->take_in(session.mirror(), page_.frames.size());
+    timeline_->take_in(session.mirror(), page_.frames.size());
     if (picture_frames_.contains(page_.frames.size())) add_picture(frame);
     page_.frames.push_back(std::move(frame));
   }
@@ -278,7 +271,7 @@ class Maker {
     }
   }
 
-  // Cells of every n-th frame stay: n doubles whenever there are more than a page holds.
+  // Keeps the cells of every n-th frame. n doubles whenever a page would hold too many.
   void thin_cells(PageFrame& frame) {
     const auto forget = [](PageFrame& of) { of.cells = {}, of.chosen_cell = -1; };
     if (page_.frames.size() % cell_step_ != 0) return forget(frame);
@@ -294,7 +287,7 @@ class Maker {
     }
   }
 
-  // What the camera saw, and how much of each target truly was to be seen.
+  // Adds a picture of what the camera saw, and the true visible share of each target.
   void add_picture(PageFrame& frame) {
     const Session& session = session_->session();
     occluders_.take_in(session.mirror());
@@ -347,13 +340,13 @@ class Maker {
     page_.flags = page_flags();
     for (PageFrame& frame : page_.frames)
       while (frame.sights.size() < page_.targets.size()) frame.sights.emplace_back().present = false;
-    cast_->give(page_);
+    timeline_->give(page_);
     add_marks();
     std::map<uint64_t, std::string> names;
     for (const PageTarget& target : page_.targets) names[target.id] = target.name;
     page_.columns = {"recording"};
-    page_.figures = figures_of(digest_.figures, names);
-    page_.facts = recording_facts(recording_, digest_);
+    page_.figures = figures_of(digest_, names);
+    page_.facts = facts_of(recording_, digest_);
     add_notices();
   }
 
@@ -369,12 +362,11 @@ class Maker {
   }
 
   void add_notices() {
-    for (const std::string& missed : stand_ins_->missed())
+    for (const std::string& missed : placeholders_->missed())
       notice(
-          "A scene file is missing; balls stand for what it held, and what was hidden by it is not to be "
-          "seen. " +
+          "A scene file is missing; balls replace its instances, and nothing is occluded by it. " +
           missed + ".");
-    for (std::string& text : recording_notices(recording_, digest_)) notice(std::move(text));
+    for (std::string& text : notices_of(recording_, digest_)) notice(std::move(text));
     std::erase_if(refused_now_, [this](uint64_t sequence) { return refused_.contains(sequence); });
     if (!refused_now_.empty())
       notice(std::to_string(refused_now_.size()) +
@@ -394,18 +386,18 @@ class Maker {
 
   Convention convention_;
   LocalWorld world_;
-  ReplayScenes scenes_;
+  SceneFiles scenes_;
   std::vector<std::shared_ptr<const SceneAsset>> held_;
-  std::optional<StandIns> stand_ins_;
+  std::optional<Placeholders> placeholders_;
   std::unique_ptr<LocalSession> session_;
-  std::optional<RecordingCast> cast_;
-  bool whole_scene_ = true;  // false: what hides what is not as it was
+  std::optional<InstanceTimeline> timeline_;
+  bool whole_scene_ = true;  // false: occlusion is not as it was
 
-  RecordingDigest digest_;
+  RecordingDigest digest_{Convention{}};
   std::set<size_t> picture_frames_;
   bool steps_again_ = false;
-  std::pair<uint64_t, uint64_t> newest_tick_;  // its sequence, and when it came: log time
-  size_t reply_ = 0;                           // of the range, to come next
+  std::pair<uint64_t, uint64_t> newest_tick_;  // its sequence and its log time
+  size_t reply_ = 0;                           // index of the next reply of the range
   std::set<uint64_t> refused_, refused_now_, left_out_targets_;
   std::string first_refusal_;
   size_t without_pose_ = 0, cells_ = 0, cell_step_ = 1;

@@ -1,39 +1,38 @@
-// A recording as a page: the session is played through in this process, and what it was told and what it answered then
-// become frames.
+// Makes a page from a recording. The recorded ticks are applied to a session in this process, and each recorded reply
+// becomes a frame.
 #pragma once
 
 #include <functional>
 #include <optional>
 #include <string>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/recording.h"
-#include "client/replay/scenes.h"
+#include "client/recordings/scene_files.h"
 #include "client/page/session_page.h"
 
 namespace sightline {
 
-// Where candidate cells come from when replies were recorded without them.
+// The source of candidate cells.
 enum class PageCells {
-  kAuto,      // recorded ones; else every step is taken again, as long as replies are equal
-  kRecorded,  // recorded ones or none
+  kAuto,      // as recorded; without recorded ones, every step is taken again as long as replies are equal
+  kRecorded,  // as recorded, or none
   kNone,
 };
 
 struct RecordingPageOptions {
   RecordedRange range;
   PageCells cells = PageCells::kAuto;
-  ReplaySceneOptions scenes;
+  SceneFileOptions scenes;
   size_t max_frames = 20'000;  // at least 2
-  size_t pictures = 40;        // of what the camera saw, evenly spaced; 0: none
+  size_t pictures = 40;        // pictures of what the camera saw, evenly spaced; 0: none
   int picture_width = 480;     // pixels; the height follows from the lens
-  // Called often: what is being done, and how far it is.
+  // Called often with the present activity and its progress.
   std::function<void(const char* what, size_t done, size_t of)> progress = {};
 };
 
-// `sampler` takes steps again: cells come of it only where it is of the recording's kind. Fails when the range holds no
-// reply, and when even without its scene the session cannot be opened; everything else that is missing or strange becomes a
-// notice of the page.
+// `sampler` takes steps again for candidate cells, if it is of the recording's kind. Fails when the range holds no reply,
+// and when the session cannot be opened even without its scene. All other problems become notices of the page.
 Result<SessionPage> recording_page(const Recording& recording, const RecordingPageOptions& options,
                                    SamplerDevice& sampler);
 

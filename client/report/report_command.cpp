@@ -18,7 +18,8 @@ namespace {
 const std::map<std::string, PageCells> kCells = {
     {"auto", PageCells::kAuto}, {"recorded", PageCells::kRecorded}, {"none", PageCells::kNone}};
 
-// Of the recording's kind where it is to be had here; else one that plays, but takes no step again.
+// Returns a sampler of the recording's kind when this machine has it. Otherwise one that can open the session, but whose
+// steps are not comparable.
 std::unique_ptr<SamplerDevice> sampler_like(const std::string& kind, PageCells cells) {
   if (kind == "egl" && cells == PageCells::kAuto)
     if (auto egl = choose_sampler_device(SamplerChoice::kEgl, {})) return std::move(egl->device);
@@ -34,7 +35,7 @@ Status write_report(const ReportOptions& options, std::ostream& out, ProgressBar
   const auto recording = Recording::open(options.recording);
   if (!recording) return tl::unexpected(recording.error());
   const std::string path = page_path(options);
-  // Found out now rather than after the work.
+  // Fails now rather than after the work.
   const bool is_new = !std::filesystem::exists(path);
   if (!std::ofstream(path, std::ios::app)) return fail(ErrorCode::kUnavailable, path, "cannot be written");
   RecordingPageOptions page_options = options.page;

@@ -89,7 +89,7 @@ Result<std::unique_ptr<ByteSink>> create_file_sink(const std::string& path) {
 }
 
 Result<std::unique_ptr<ByteSource>> open_file_source(const std::string& path) {
-  // Without O_NONBLOCK opening a pipe that nobody writes to would wait for ever.
+  // Without O_NONBLOCK, opening a pipe without a writer would block for ever.
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) return tl::unexpected(system_error("open", path, errno));
   struct stat status = {};

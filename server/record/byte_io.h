@@ -1,4 +1,4 @@
-// Where a recording is written to and read from. Bytes are handed over as std::string_view, which says nothing of text.
+// Where a recording is written to and read from. A std::string_view stands for bytes here, not for text.
 #pragma once
 
 #include <cstdint>
@@ -51,11 +51,10 @@ class MemorySource final : public ByteSource {
   std::string_view bytes_;
 };
 
-// A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: what was written is
-// there after a kill, not after a power cut.
+// A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: written bytes survive a
+// kill of the process, but not a power cut.
 Result<std::unique_ptr<ByteSink>> create_file_sink(const std::string& path);
-// Fails with kNotFound or kUnavailable; folders and pipes are kInvalidArgument. The size is that of the moment of
-// opening.
+// Fails with kNotFound or kUnavailable; folders and pipes are kInvalidArgument. Its size is fixed when it is opened.
 Result<std::unique_ptr<ByteSource>> open_file_source(const std::string& path);
 
 }  // namespace sightline

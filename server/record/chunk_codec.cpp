@@ -55,8 +55,8 @@ Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
 }
 
 Result<std::string_view> ChunkUnpacker::unpack_zstd(const mcap::Chunk& chunk) {
-  // The frame's own claim is looked at first, so that a lie costs no memory; a frame without one is held by `raw_`'s
-  // size.
+  // The size that the frame claims is checked first, so that a false claim costs no memory. A frame without a claim is
+  // limited by the size of `raw_`.
   const unsigned long long claimed = ZSTD_getFrameContentSize(chunk.records.data(), chunk.records.size());
   const bool lies = claimed != ZSTD_CONTENTSIZE_UNKNOWN && claimed > chunk.uncompressed_size;
   if (claimed == ZSTD_CONTENTSIZE_ERROR || lies)

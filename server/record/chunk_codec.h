@@ -1,5 +1,5 @@
-// A chunk's records, packed and unpacked: zstd (RFC 8878), or as they are. lz4, the third that MCAP knows, is refused
-// by name.
+// Packs and unpacks the records of a chunk: with zstd (RFC 8878), or uncompressed. MCAP's third compression, lz4, is
+// refused by name.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,8 @@ class ChunkPacker {
   explicit ChunkPacker(int zstd_level);
   ~ChunkPacker();
 
-  // Fills `compression`, `records`, size and CRC of the chunk; `records` is a view that lasts until the next call, of
-  // `raw` itself where packing is off.
+  // Fills `compression`, `records`, size and CRC of the chunk. `records` is a view that is valid until the next call; with
+  // level 0 it is a view of `raw`.
   Status pack(std::string_view raw, mcap::Chunk& out);
 
  private:
@@ -42,10 +42,9 @@ class ChunkUnpacker {
   explicit ChunkUnpacker(uint64_t max_bytes);
   ~ChunkUnpacker();
 
-  // The chunk's records, valid until the next call. At most max_bytes are ever allocated and never more than the
-  // chunk declares are written, whatever the packed bytes would grow to. Fails with kResourceExhausted over the
-  // limit, kUnsupported for a compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes
-  // or a wrong CRC.
+  // The chunk's records, valid until the next call. Allocates at most max_bytes, and writes no more than the chunk
+  // declares, however far the packed bytes would expand. Fails with kResourceExhausted over the limit, kUnsupported for a
+  // compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes or a wrong CRC.
   Result<std::string_view> unpack(const mcap::Chunk& chunk);
 
  private:

@@ -1,10 +1,9 @@
-// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every
-// record is <opcode, 1 byte> <length of the content, 8 bytes> <content>; integers are little-endian; a string is its
-// length in 4 bytes, then the bytes; arrays and maps are their length in bytes in 4, then the elements. Times are
-// nanoseconds of one clock a file, in recordings of ours since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 says that
-// there is none.
+// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every record
+// is <opcode, 1 byte> <length of the body, 8 bytes> <body>. Integers are little-endian. A string is its length in 4 bytes,
+// then its bytes. Arrays and maps are their length in bytes, in 4 bytes, then the elements. Times are nanoseconds, in our
+// recordings since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 means that there is none.
 //
-// Here is only the translation: what follows what in a file is up to mcap_writer.h, mcap_scanner.h and mcap_reader.h.
+// This file only translates records. mcap_writer.h, mcap_scanner.h and mcap_reader.h know their order in a file.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +18,7 @@ namespace sightline::mcap {
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 inline constexpr uint64_t kRecordHeadBytes = 9;  // opcode and length
 inline constexpr uint64_t kFooterContentBytes = 20;
-// A whole Footer record and the magic after it: what stands at the end of a finished file.
+// A whole Footer record and the magic after it, the end of a finished file.
 inline constexpr uint64_t kTailBytes = kRecordHeadBytes + kFooterContentBytes + kMagic.size();
 
 enum class Opcode : uint8_t {
@@ -41,17 +40,20 @@ enum class Opcode : uint8_t {
 };
 
 struct Header {
+  static constexpr Opcode kOpcode = Opcode::kHeader;
   std::string profile;  // empty: none
-  std::string library;  // who wrote it, for people
+  std::string library;  // the program that wrote the file, as text
 };
 
 struct Footer {
+  static constexpr Opcode kOpcode = Opcode::kFooter;
   uint64_t summary_start = 0;         // from the start of the file; 0: no summary
   uint64_t summary_offset_start = 0;  // the same; 0: no summary offsets
   uint32_t summary_crc = 0;           // from summary_start up to this field
 };
 
 struct Schema {
+  static constexpr Opcode kOpcode = Opcode::kSchema;
   uint16_t id = 0;  // not 0
   std::string name;
   std::string encoding;  // "protobuf": data is a serialised google.protobuf.FileDescriptorSet
@@ -60,6 +62,7 @@ struct Schema {
 };
 
 struct Channel {
+  static constexpr Opcode kOpcode = Opcode::kChannel;
   uint16_t id = 0;
   uint16_t schema_id = 0;  // 0: no schema
   std::string topic;
@@ -68,8 +71,9 @@ struct Channel {
   bool operator==(const Channel&) const = default;
 };
 
-// `data` is a view of whatever the message was decoded from or is to be encoded from.
+// `data` is a view of the bytes that the message was decoded from or will be encoded from.
 struct Message {
+  static constexpr Opcode kOpcode = Opcode::kMessage;
   uint16_t channel_id = 0;
   uint32_t sequence = 0;
   uint64_t log_time_ns = 0;
@@ -78,6 +82,7 @@ struct Message {
 };
 
 struct Chunk {
+  static constexpr Opcode kOpcode = Opcode::kChunk;
   uint64_t start_time_ns = 0;  // least and greatest log time inside; both 0 without messages
   uint64_t end_time_ns = 0;
   uint64_t uncompressed_size = 0;
@@ -87,11 +92,13 @@ struct Chunk {
 };
 
 struct MessageIndex {
+  static constexpr Opcode kOpcode = Opcode::kMessageIndex;
   uint16_t channel_id = 0;
   std::vector<std::pair<uint64_t, uint64_t>> records;  // log time, offset in the uncompressed chunk
 };
 
 struct ChunkIndex {
+  static constexpr Opcode kOpcode = Opcode::kChunkIndex;
   uint64_t start_time_ns = 0;
   uint64_t end_time_ns = 0;
   uint64_t chunk_start = 0;   // from the start of the file
@@ -104,6 +111,7 @@ struct ChunkIndex {
 };
 
 struct Attachment {
+  static constexpr Opcode kOpcode = Opcode::kAttachment;
   uint64_t log_time_ns = 0;
   uint64_t create_time_ns = 0;
   std::string name;
@@ -113,6 +121,7 @@ struct Attachment {
 };
 
 struct AttachmentIndex {
+  static constexpr Opcode kOpcode = Opcode::kAttachmentIndex;
   uint64_t offset = 0;
   uint64_t length = 0;  // of the whole record
   uint64_t log_time_ns = 0;
@@ -123,6 +132,7 @@ struct AttachmentIndex {
 };
 
 struct Statistics {
+  static constexpr Opcode kOpcode = Opcode::kStatistics;
   uint64_t message_count = 0;
   uint16_t schema_count = 0;
   uint32_t channel_count = 0;
@@ -135,71 +145,49 @@ struct Statistics {
 };
 
 struct Metadata {
+  static constexpr Opcode kOpcode = Opcode::kMetadata;
   std::string name;
   std::map<std::string, std::string> values;
 };
 
 struct MetadataIndex {
+  static constexpr Opcode kOpcode = Opcode::kMetadataIndex;
   uint64_t offset = 0;
   uint64_t length = 0;
   std::string name;
 };
 
 struct SummaryOffset {
+  static constexpr Opcode kOpcode = Opcode::kSummaryOffset;
   Opcode group_opcode = Opcode::kSchema;
   uint64_t group_start = 0;
   uint64_t group_length = 0;
 };
 
 struct DataEnd {
+  static constexpr Opcode kOpcode = Opcode::kDataEnd;
   uint32_t data_crc = 0;  // of the file from its first byte to the last before this record
 };
 
 // CRC-32 of `bytes`, going on from that of what came before.
 uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
 
-// Each appends one whole record. A string or array of 4 GiB or more is a misuse (asserted).
-void append_record(std::string& out, const Header& record);
-void append_record(std::string& out, const Footer& record);
-void append_record(std::string& out, const Schema& record);
-void append_record(std::string& out, const Channel& record);
-void append_record(std::string& out, const Message& record);
-void append_record(std::string& out, const Chunk& record);
-void append_record(std::string& out, const MessageIndex& record);
-void append_record(std::string& out, const ChunkIndex& record);
-void append_record(std::string& out, const Attachment& record);
-void append_record(std::string& out, const AttachmentIndex& record);
-void append_record(std::string& out, const Statistics& record);
-void append_record(std::string& out, const Metadata& record);
-void append_record(std::string& out, const MetadataIndex& record);
-void append_record(std::string& out, const SummaryOffset& record);
-void append_record(std::string& out, const DataEnd& record);
+// Appends one whole record, of any of the kinds above. A string or array of 4 GiB or more is a misuse (asserted).
+template <typename Record>
+void append_record(std::string& out, const Record& record);
 
-// Each reads the content of one record (no opcode, no length). False when it is too short for what it declares; `out`
-// is then unspecified. Bytes after the known fields are left alone, as the specification asks. Never allocates more
-// than a small multiple of the content.
-bool decode(std::string_view content, Header& out);
-bool decode(std::string_view content, Footer& out);
-bool decode(std::string_view content, Schema& out);
-bool decode(std::string_view content, Channel& out);
-bool decode(std::string_view content, Message& out);
-bool decode(std::string_view content, Chunk& out);
-bool decode(std::string_view content, MessageIndex& out);
-bool decode(std::string_view content, ChunkIndex& out);
-bool decode(std::string_view content, Attachment& out);
-bool decode(std::string_view content, AttachmentIndex& out);
-bool decode(std::string_view content, Statistics& out);
-bool decode(std::string_view content, Metadata& out);
-bool decode(std::string_view content, MetadataIndex& out);
-bool decode(std::string_view content, SummaryOffset& out);
-bool decode(std::string_view content, DataEnd& out);
+// Reads the content of one record (no opcode, no length). Returns false when the content is too short for what it
+// declares; `out` is then unspecified. Bytes after the known fields are ignored, as the specification asks. Never
+// allocates more than a small multiple of the content.
+template <typename Record>
+bool decode(std::string_view content, Record& out);
 
 // Reads what an attachment says before its data, from the first bytes of its content; `offset` and `length` are left
 // alone. False when they are too few.
 bool decode_head(std::string_view content_start, AttachmentIndex& out);
 
-// Takes the record at the front of `bytes` off it. False at the end, or when what is left is too short for the record
-// that it begins; `bytes` then stays.
+// Removes the record at the front of `bytes`. Returns false, and leaves `bytes`, at the end or when the rest is too short
+// for the record that it begins.
 struct RecordView {
   Opcode opcode = Opcode::kHeader;
   std::string_view content;

@@ -1,4 +1,4 @@
-// What could not be read of a file, and what a reader lets a file make it do.
+// What could not be read of a file, and the limits on what a file can make its reader do.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace sightline {
 
-// A file is untrusted: nothing that it declares makes a reader hold more than this.
+// A file is untrusted: nothing that it declares makes a reader hold more than these limits.
 struct McapLimits {
   uint64_t max_chunk_bytes = uint64_t{64} << 20;   // a chunk's records, unpacked
-  uint64_t max_record_bytes = uint64_t{80} << 20;  // any record but an attachment, as it stands in the file
+  uint64_t max_record_bytes = uint64_t{80} << 20;  // any record but an attachment, as stored
   uint64_t max_attachment_bytes = uint64_t{1} << 30;  // only when one is asked for
   uint64_t max_summary_bytes = uint64_t{64} << 20;
   uint64_t max_definition_bytes = uint64_t{64} << 20;  // all schemas and channels together
@@ -23,10 +23,10 @@ struct McapTrouble {
   Error error;
 };
 
-// Counts are of what is known to be missing; whatever stood in a gap is counted in bytes alone.
+// Counts cover what is known to be missing. Unreadable stretches are counted in bytes only.
 struct McapLoss {
   uint64_t chunks = 0;
-  uint64_t messages = 0;                    // of lost chunks whose index is there, and single ones
+  uint64_t messages = 0;                    // in lost chunks whose index is there, and outside chunks
   uint64_t bytes = 0;                       // of the file, that no sound record covers
   uint64_t troubles = 0;                    // all of them
   std::vector<McapTrouble> first_troubles;  // at most kKeptTroubles

@@ -28,7 +28,7 @@ Result<std::string> load(const ByteSource& source, uint64_t offset, uint64_t cou
   return bytes;
 }
 
-// Loads the record that an index says is there; its content is a view of `bytes`.
+// Loads the record that an index points to; the result is a view of `bytes`.
 Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, uint64_t length,
                                      Opcode opcode, uint64_t limit, std::string& bytes) {
   Result<std::string> loaded = load(source, offset, length, limit);
@@ -216,7 +216,7 @@ Result<bool> McapReader::take_summary() {
   return true;
 }
 
-// Whether the summary says enough, and only what can be.
+// Checks that the summary is complete and possible.
 Status McapReader::check_summary() const {
   const auto inside = [&](uint64_t offset, uint64_t length) {
     return offset >= mcap::kMagic.size() && offset <= source_->size() && length <= source_->size() - offset;
@@ -251,7 +251,7 @@ void McapReader::go_through() {
   ScannedRecord record;
   mcap::Statistics& counted = info_.statistics;
   uint64_t room = limits_.max_definition_bytes;
-  McapInfo unproven;  // schemas and channels that no CRC covers; those of a chunk come before them
+  McapInfo unproven;  // schemas and channels outside chunks, which no CRC covers; definitions in chunks win over them
   const auto take = [&](const mcap::RecordView& part, uint64_t offset, McapInfo& definitions) {
     mcap::Message message;
     if (!learn(part, definitions, room)) info_.loss.note(offset, broken("record", kUnfit));

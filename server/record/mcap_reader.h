@@ -5,10 +5,10 @@
 //   reader->info()                                    what is in it: topics, schemas, counts, times
 //   reader->read({.start_ns = t}, [](const McapMessage& m) { ...; return true; });
 //
-// With a summary only the tail of the file is read at first, and then the chunks that a query needs. Without one, or
-// with one that does not fit the file, the file is gone through once and the same index made. Damage costs the chunks
-// that it lies in: what is lost is counted, not passed over in silence. Nothing that a file declares is believed
-// before it is checked against the file's size and the limits (mcap_loss.h).
+// With a summary, only the tail of the file is read at first, and then the chunks that a query needs. Without a summary, or
+// with one that does not fit the file, the whole file is scanned once to make the same index. Damage costs the chunks that
+// it lies in, and losses are counted. Everything that a file declares is checked against the file's size and the limits
+// (mcap_loss.h).
 #pragma once
 
 #include <cstdint>
@@ -32,12 +32,12 @@ struct McapInfo {
   std::vector<mcap::ChunkIndex> chunks;        // in the order of the file
   std::vector<mcap::AttachmentIndex> attachments;
   std::vector<mcap::MetadataIndex> metadata;
-  mcap::Statistics statistics;  // of the summary, or counted
+  mcap::Statistics statistics;  // from the summary, or counted
   bool has_statistics = false;  // false: the summary has none
-  bool from_summary = false;    // false: the file was gone through
+  bool from_summary = false;    // false: the file was scanned
   bool finished = false;        // its data have an end
-  bool loose_messages = false;  // gone through, and there are messages outside chunks
-  McapLoss loss;                // what was found wrong on opening
+  bool loose_messages = false;  // the file was scanned and has messages outside chunks
+  McapLoss loss;                // found on opening
 };
 
 struct McapQuery {
@@ -57,10 +57,10 @@ struct McapMessage {
 struct McapReadReport {
   uint64_t messages = 0;  // handed over
   uint64_t chunks_read = 0;
-  McapLoss loss;  // of this reading, beside what info() tells
+  McapLoss loss;  // of this call; McapInfo::loss has the losses on opening
 };
 
-// Reading changes nothing in it: may be used from several threads when the source may.
+// Reading does not change it: it may be used from several threads when the source may.
 class McapReader {
  public:
   // `source` must outlive the reader. Fails with kDataLoss when the bytes do not begin as MCAP does, and when reading
@@ -69,8 +69,8 @@ class McapReader {
 
   const McapInfo& info() const { return info_; }
 
-  // Hands every message of the query to `visit`, in the order of the file (in recordings of ours the order in which
-  // things happened), until it answers false. Messages outside chunks are found only in a file without a summary.
+  // Calls `visit` with every message of the query, in the order of the file, until it returns false. In our recordings that
+  // is the order of events. Messages outside chunks are found only in a file without a summary.
   McapReadReport read(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit) const;
 
   // The bytes of an attachment of info(). kDataLoss on a wrong CRC or place, kResourceExhausted over the limit.

@@ -148,7 +148,7 @@ class Copy {
   std::map<uint16_t, mcap::Channel> known_channels_;
   McapRecovery& done_;
   std::optional<McapWriter> writer_;
-  std::map<uint16_t, uint16_t> schemas_;  // written: the copy's id by that of the source
+  std::map<uint16_t, uint16_t> schemas_;  // written: id in the copy by id in the source
   std::map<uint16_t, uint16_t> channels_;
   uint64_t offset_ = 0;
 };

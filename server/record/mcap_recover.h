@@ -21,11 +21,11 @@ struct McapRecovery {
 
 using RecoveryNote = std::function<std::optional<mcap::Metadata>(const McapRecovery&)>;
 
-// Copies to `sink` every message, attachment and metadata of `source` that stands in a whole chunk or record, in the
-// order of the file, with its own times and sequence; then the summary, so that the copy is a finished file. A chunk
-// is whole when its CRC is right; of a chunk that is not, nothing is taken. `options.profile` and `.library` are
-// replaced by those of the source. `note`, when there is one, is asked at the end for metadata that the copy is to carry.
-// Fails with kDataLoss when not even one record of the source is sound, and as the sink fails.
+// Copies to `sink` every message, attachment and metadata of `source` in whole chunks and records, in the order of the
+// file, with their own times and sequences. Then it writes the summary, so that the copy is a finished file. A chunk is
+// whole when its CRC is right; nothing is copied from other chunks. `options.profile` and `.library` are replaced by the
+// values of the source. `note`, if given, is called at the end for metadata to add to the copy. Fails with kDataLoss when
+// not even one record of the source is sound, and when the sink fails.
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
                                   McapWriterOptions options, const RecoveryNote& note = {});
 

@@ -1,6 +1,6 @@
-// Goes straight through the data section of an MCAP file, with no help from its summary: for files that were not
-// finished, or were damaged. Whatever does not hold together is noted and passed over; after it the scanner looks for
-// the next chunk or attachment whose CRC is right and goes on from there.
+// Scans the data section of an MCAP file from front to back without its summary: for files that were not finished, or were
+// damaged. Damage is noted and skipped: the scanner looks for the next chunk or attachment whose CRC is right, and
+// continues there.
 //
 //   McapScanner scanner(source, {});
 //   ScannedRecord record;
@@ -37,8 +37,8 @@ class McapScanner {
   // `source` must outlive the scanner. Attachments are read and their CRC checked only when `with_attachments`.
   McapScanner(const ByteSource& source, McapLimits limits, bool with_attachments);
 
-  // The next sound record, in the order of the file; false at the end. Indexes of messages, chunks and the like are
-  // passed over, and so are records of kinds that this version of the format does not know.
+  // The next sound record, in the order of the file; false at the end. Indexes are skipped, and so are records of kinds
+  // that this version of the format does not know.
   bool next(ScannedRecord& out);
 
   const McapLoss& loss() const { return loss_; }

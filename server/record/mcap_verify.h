@@ -1,5 +1,5 @@
-// Holds an MCAP file against itself: every CRC, every index entry, every count, and what its messages' numbers say is
-// missing.
+// Checks an MCAP file against itself: every CRC, every index entry, every count, and the gaps in the numbers of its
+// messages.
 #pragma once
 
 #include <map>
@@ -10,12 +10,12 @@
 
 namespace sightline {
 
-// What the sequence and the log times of one topic tell.
+// The sequence numbers and the log times of one topic.
 struct TopicVerdict {
   uint64_t messages = 0;
   uint64_t missing =
-      0;  // sequence numbers jumped over; a publisher that does not count sends 0, which is no gap
-  uint64_t out_of_order = 0;   // sequence or log time below that of the message before
+      0;  // sequence numbers that are skipped; a publisher that does not count sends 0, which is no gap
+  uint64_t out_of_order = 0;   // sequence or log time lower than in the message before
   uint64_t start_time_ns = 0;  // of the first and the last message, by log time
   uint64_t end_time_ns = 0;
   uint64_t longest_silence_ns = 0;  // between two that follow each other

@@ -6,10 +6,10 @@
 //   writer.write(channel, now_ns, now_ns, bytes);  ...
 //   writer.finish();
 //
-// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages; the file ends with a
-// summary: schemas, channels, statistics, the indexes of chunks, attachments and metadata, and where to find them. A
-// file that is cut off before finish() lacks the summary and the open chunk, no more: schemas and channels stand
-// before the chunk that first uses them as well as in it, so that no damaged chunk takes them along.
+// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages. The file ends with a summary:
+// schemas, channels, statistics, and the indexes of chunks, attachments and metadata. A file that is cut off before
+// finish() lacks only the summary and the open chunk. Schemas and channels stand both in the chunk that first uses them and
+// before it, so that a damaged chunk does not lose them.
 #pragma once
 
 #include <chrono>
@@ -26,15 +26,15 @@
 
 namespace sightline {
 
-// A reader with the default limits takes whatever is within these.
+// A reader with the default limits accepts everything within these limits.
 inline constexpr uint64_t kMaxMessageBytes = uint64_t{32} << 20;
 inline constexpr uint64_t kMaxAttachmentBytes = uint64_t{1} << 30;
 
 struct McapWriterOptions {
   std::string profile = {};
   std::string library = "sightline";
-  // A chunk is closed by the message that brings it to so many bytes (unpacked), or that is logged so much later than
-  // its first. Smaller: less is lost by a kill; larger: fewer bytes on the disk.
+  // A message closes the chunk when the chunk reaches this size (unpacked), or this age by log time. Smaller chunks lose
+  // less when the process is killed; larger ones take fewer bytes on the disk.
   uint64_t chunk_bytes = uint64_t{1} << 20;  // [1, 32 MiB]
   std::chrono::nanoseconds chunk_time{500'000'000};
   int zstd_level = 1;  // [1, 19]; 0: not packed
@@ -64,7 +64,7 @@ class McapWriter {
   Status attach(mcap::Attachment attachment);
   Status add_metadata(const mcap::Metadata& metadata);
 
-  // Hands everything that was taken to the sink. For whoever knows that time passes while no message comes.
+  // Hands all messages so far to the sink. Call it when time passes without messages.
   Status end_chunk();
   // Log time of the open chunk's first message; none: no message waits.
   bool has_open_chunk() const { return open_messages_ > 0; }
@@ -73,11 +73,11 @@ class McapWriter {
   // Closes the chunk and writes the summary. Afterwards only bytes_written() may be called.
   Status finish();
 
-  // How the sink fares: the error that sticks, once there is one.
+  // The first error of the sink, which all later calls repeat; or success.
   const Status& status() const { return trouble_; }
   // Handed to the sink.
   uint64_t bytes_written() const { return position_; }
-  // What finish() would add to them at most, with the open chunk.
+  // An upper bound of the bytes that finish() would add, with the open chunk.
   uint64_t bytes_to_finish() const;
 
  private:

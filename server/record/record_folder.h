@@ -1,6 +1,6 @@
-// A bounded ring of recordings in one folder: the oldest go when there are too many bytes of them, when they are too
-// old, or when the disk has too little left for everybody else. Only files that bear our name are counted and
-// removed, and never one that is being written.
+// A bounded ring of recordings in one folder. The oldest files are removed when all of them take too many bytes, when they
+// are too old, or when the disk has too little space left. Only files with our name pattern are counted and removed, and
+// never one that is being written.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +20,11 @@ struct RecordFile {
   uint64_t modified_ns = 0;  // since 1970 (UTC)
 };
 
-// The few things that a ring of files asks of a file system, so that a test can take any of them away.
+// The few calls that the ring makes to a file system, so that a test can make any of them fail.
 class RecordFileSystem {
  public:
   virtual ~RecordFileSystem() = default;
-  // With its parents; fine when it exists.
+  // Creates the folder with its parents; succeeds when it exists.
   virtual Status make_folder(const std::string& folder) = 0;
   virtual Result<std::unique_ptr<ByteSink>> create(const std::string& folder, const std::string& name) = 0;
   virtual Result<std::vector<RecordFile>> list(const std::string& folder) = 0;
@@ -37,9 +37,9 @@ std::unique_ptr<RecordFileSystem> system_files();
 
 struct RecordLimits {
   uint64_t max_total_bytes = uint64_t{4} << 30;     // of all recordings in the folder
-  uint64_t max_file_bytes = uint64_t{256} << 20;    // then the session goes on in the next part
-  uint64_t max_age_s = 0;                           // 0: no matter how old
-  uint64_t free_reserve_bytes = uint64_t{1} << 30;  // of the disk, never touched
+  uint64_t max_file_bytes = uint64_t{256} << 20;    // then the session continues in the next part
+  uint64_t max_age_s = 0;                           // 0: files of any age stay
+  uint64_t free_reserve_bytes = uint64_t{1} << 30;  // kept free on the disk
 };
 
 // Not thread-safe.
@@ -48,17 +48,16 @@ class RecordFolder {
   // `files` must outlive it.
   RecordFolder(std::string folder, RecordLimits limits, RecordFileSystem& files);
 
-  // A new file; the folder is made when it is not there.
+  // Creates a new file, and the folder when it is missing.
   Result<std::unique_ptr<ByteSink>> create(const std::string& name);
-  // It has not been removed under the writer's hands.
+  // False when the file was removed while it was written.
   bool exists(const std::string& name) const { return files_.exists(folder_, name); }
 
-  // A file that is of no use to anybody.
+  // Removes a file that holds nothing.
   Status remove(const std::string& name) { return files_.remove(folder_, name); }
 
-  // Removes what is over the limits, the oldest first. Fails with kResourceExhausted when the disk's reserve is
-  // touched all the same or nothing but files being written is left and they are over the total, and as the file
-  // system fails.
+  // Removes the oldest files until the rest is within the limits. Fails with kResourceExhausted when only files that are
+  // being written are left and the disk's reserve or the total is still exceeded. Fails as the file system fails.
   Status make_room(uint64_t now_ns, const std::set<std::string>& being_written);
 
   uint64_t removed_files() const { return removed_; }
@@ -74,7 +73,7 @@ class RecordFolder {
 // "sightline-20261121T193054.123Z-<session>-p001.mcap": sorts by time. Bytes of the session that are not letters,
 // digits, - or _ become _, and no more than 64 of them are taken.
 std::string recording_name(uint64_t start_time_ns, const std::string& session_id, uint32_t part);
-// Whether a file is one that a RecordFolder may remove.
+// True for files that a RecordFolder may remove.
 bool is_recording_name(const std::string& name);
 
 }  // namespace sightline

@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// In the place of a size: nothing more before the ring's end.
+// A size that marks the rest of the ring, up to its end, as unused.
 constexpr uint32_t kWrap = ~uint32_t{0};
 
 uint64_t padded(uint64_t size) {
@@ -59,7 +59,8 @@ void RecordRing::pop() {
 }
 
 bool RecordRing::half_full() {
-  // The consumer's cache line is only looked at when what is known of it is not enough to say no.
+  // The consumer's cache line is read only when the last known value does not already prove that the ring is less than half
+  // full.
   const uint64_t written = written_.load(std::memory_order_relaxed);
   if (written - known_read_ > capacity_ / 2) known_read_ = read_.load(std::memory_order_acquire);
   return written - known_read_ > capacity_ / 2;

@@ -1,5 +1,5 @@
-// A queue of serialised messages from one thread to another in a ring of bytes, without locks: putting one never
-// waits. A message is serialised straight into it.
+// A lock-free queue of serialised messages from one thread to another, in a ring of bytes. The producer never waits. A
+// message is serialised straight into the ring.
 //
 //   producer: char* at = ring.reserve(size);  if (at) { fill; ring.commit(head); }
 //   consumer: while (const RecordEntry* e = ring.front()) { ...; ring.pop(); }
@@ -15,7 +15,7 @@ namespace sightline {
 struct RecordHead {
   uint32_t size = 0;  // of the message, bytes
   uint16_t topic = 0;
-  uint16_t beside = 0;  // 1: the message is not in the ring; its owners know where
+  uint16_t beside = 0;  // 1: the message is in LargeMessages (record_session.h)
   uint32_t sequence = 0;
   uint32_t unused2 = 0;
   uint64_t log_time_ns = 0;
@@ -34,8 +34,7 @@ class RecordRing {
   // Rounded up to a power of two, at least 4096. Pages are touched only as they are first used.
   explicit RecordRing(size_t capacity_bytes);
 
-  // Room for a message of `size` bytes, in one piece; null when there is none now. Larger than max_message() never
-  // fits.
+  // Room for a message of `size` bytes, in one piece; null when there is none now. A message over max_message() never fits.
   char* reserve(size_t size);
   // Hands over what was reserved last; `head.size` may be less than was reserved.
   void commit(const RecordHead& head);
@@ -53,7 +52,7 @@ class RecordRing {
   const size_t capacity_;
   const std::unique_ptr<char[]> bytes_;
 
-  // Counted in bytes ever since the start. A message is [tail, head) long; apart by a cache line.
+  // Both count bytes since the start. They stand in cache lines of their own.
   alignas(64) std::atomic<uint64_t> written_{0};
   uint64_t known_read_ = 0;   // producer's
   uint64_t reserved_at_ = 0;  // producer's

@@ -1,5 +1,5 @@
-// What the two ends of a recorded session share: the one that a session has (session_recorder.cpp) and the one that
-// writes (recorder.cpp). For these two alone; server/record/recorder.h is what others use.
+// The data that the two ends of a recorded session share: the session's end (session_recorder.cpp) and the writer's end
+// (recorder.cpp). Internal to these two files; others use server/record/recorder.h.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ struct Attached {
   std::shared_ptr<const std::string> data;
 };
 
-// Messages that the ring has no room for, in the order of their entries in it.
+// Messages that are too large for the ring, in the order of their entries in it.
 class LargeMessages {
  public:
   bool put(std::string message) {
@@ -46,7 +46,7 @@ class LargeMessages {
   uint64_t bytes_ = 0;
 };
 
-// What a session asked to be attached. It only grows.
+// The files that a session attached. The list only grows.
 class AttachedFiles {
  public:
   bool add(std::shared_ptr<const Attached> file) {
@@ -68,41 +68,41 @@ class AttachedFiles {
  private:
   mutable std::mutex mutex_;
   std::vector<std::shared_ptr<const Attached>> files_;  // guarded by mutex_
-  // Written under it, read without.
+  // written under mutex_, read without it
   std::atomic<size_t> count_{0};
   std::atomic<uint64_t> bytes_{0};
 };
 
-// Calls the writer before its time.
-struct Bell {
-  // Waits for nobody: one that comes as the writer is about to sleep is heard at the end of its period.
-  void ring() {
-    if (!rung.load(std::memory_order_relaxed) && !rung.exchange(true)) heard.notify_one();
+// Wakes the writer before its period ends.
+struct Waker {
+  // Never waits. A call just before the writer goes to sleep takes effect at the end of the writer's period.
+  void wake() {
+    if (!called.load(std::memory_order_relaxed) && !called.exchange(true)) condition.notify_one();
   }
-  void ring_surely() {
+  void wake_surely() {
     const std::lock_guard lock(mutex);
-    rung.store(true);
-    heard.notify_one();
+    called.store(true);
+    condition.notify_one();
   }
   void wait(std::chrono::nanoseconds timeout) {
     std::unique_lock lock(mutex);
-    heard.wait_for(lock, timeout, [this] { return rung.load(); });
-    rung.store(false);
+    condition.wait_for(lock, timeout, [this] { return called.load(); });
+    called.store(false);
   }
 
-  std::atomic<bool> rung{false};
+  std::atomic<bool> called{false};
   std::mutex mutex;
-  std::condition_variable heard;
+  std::condition_variable condition;
 };
 
-// What both ends share.
+// One session.
 struct Session {
-  Session(v1::RecordingInfo told, const RecordSettings& settings, std::shared_ptr<Bell> of_writer)
+  Session(v1::RecordingInfo told, const RecordSettings& settings, std::shared_ptr<Waker> of_writer)
       : info(std::move(told)),
         max_message_bytes(settings.max_message_bytes),
         ring(settings.queue_bytes),
-        bell(std::move(of_writer)) {}
-  // What is larger goes beside the ring, or is refused there.
+        waker(std::move(of_writer)) {}
+  // Larger messages go to `large`, or are refused there.
   size_t max_in_ring() const { return std::min<size_t>(ring.max_message(), max_message_bytes); }
 
   // constant after construction
@@ -110,22 +110,22 @@ struct Session {
   const uint64_t max_message_bytes;
 
   RecordRing ring;
-  std::atomic<bool> closed{false};   // by the recorder: nothing more comes
-  std::atomic<bool> failing{false};  // by the writer: there is no file
-  // By the recorder, for want of room in the queue and for their size.
+  std::atomic<bool> closed{false};   // set by the recorder: nothing more comes
+  std::atomic<bool> failing{false};  // set by the writer: there is no file
+  // Counted by the recorder: the queue was full, or the message too large.
   std::atomic<uint64_t> dropped_queue_full{0};
   std::atomic<uint64_t> dropped_too_large{0};
   std::atomic<uint64_t> dropped_by_writer{0};
   LargeMessages large;
   AttachedFiles attached;
-  const std::shared_ptr<Bell> bell;
+  const std::shared_ptr<Waker> waker;
 
-  // The writer's alone, of the file that it writes:
-  size_t attachments_done = 0;    // of `attached`, that are in it or are not to be
+  // Used by the writer only, for the file that it writes:
+  size_t attachments_done = 0;    // files of `attached` bytes of attachments in it, or will not be
   uint64_t attachment_bytes = 0;  // that are in it
 };
 
-// A gap without messages says nothing: the first that are added give it its reason and where it begins.
+// Adds lost messages to a gap. The first ones added give the gap its reason and its beginning.
 inline void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns,
                        uint64_t last_ns) {
   if (gap.messages() == 0) {

@@ -1,4 +1,4 @@
-// What is recorded on which topic, and the schemas that describe it.
+// The topics of a recording, their message types, and the schemas that describe them.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ class Descriptor;
 
 namespace sightline {
 
-// The value is the place in all_record_topics().
+// The value is the index in all_record_topics().
 enum class RecordTopic : uint16_t {
   kInfo,        // RecordingInfo; first in every file
   kOpen,        // OpenSession
@@ -23,11 +23,11 @@ enum class RecordTopic : uint16_t {
   kRejection,   // Rejection
   kFault,       // Fault
   kGap,         // Gap
-  kVisibility,  // VisibilitySample, made of replies
-  // Made for viewers, of ticks and replies; see viewer_channels.h.
-  kFrames,        // foxglove.FrameTransforms: everything that has moved
-  kStaticFrames,  // foxglove.FrameTransforms: what has not
-  kShapes,        // foxglove.SceneUpdate: the shapes that the client named
+  kVisibility,  // VisibilitySample, made from replies
+  // Made for viewers, from ticks and replies; see viewer_channels.h.
+  kFrames,        // foxglove.FrameTransforms: instances that have moved
+  kStaticFrames,  // foxglove.FrameTransforms: instances that have not
+  kShapes,        // foxglove.SceneUpdate: the shapes that the client sent
   kSight,         // foxglove.SceneUpdate: the camera's frustum, and a line to every target
   kCameraPose,    // foxglove.PoseInFrame
   kCalibration,   // foxglove.CameraCalibration
@@ -42,11 +42,11 @@ struct RecordTopicInfo {
 };
 
 const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics();
-// None: not one of ours.
+// Empty for the name of another topic.
 std::optional<RecordTopic> record_topic_of(std::string_view name);
 
-// A serialised google.protobuf.FileDescriptorSet of the message's file and all that it imports, imports first: what
-// MCAP asks of a schema with the encoding "protobuf".
+// A serialised google.protobuf.FileDescriptorSet of the message's file and all its imports, imports first, as MCAP asks of
+// a schema with the encoding "protobuf".
 std::string descriptor_set_of(const google::protobuf::Descriptor& message);
 
 }  // namespace sightline

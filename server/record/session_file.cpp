@@ -41,7 +41,7 @@ SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo
     : sink_(std::move(sink)),
       chunk_time_ns_(static_cast<uint64_t>(options.chunk_time.count())),
       writer_(*sink_, std::move(options)) {
-  // Trouble sticks to the writer: the first write() tells.
+  // The writer keeps its first error, and the first write() returns it.
   (void)writer_.add_metadata(metadata_of(info));
   const std::string bytes = info.SerializeAsString();
   (void)write({RecordTopic::kInfo, 1, now_ns, now_ns, bytes}, now_ns);
@@ -85,7 +85,7 @@ Status SessionFile::tend(uint64_t now_ns) {
   return done;
 }
 
-// The open chunk goes before it.
+// The open chunk is written before it.
 Status SessionFile::attach(const mcap::Attachment& attachment) {
   const Status done = writer_.attach(attachment);
   if (done) chunk_ended();

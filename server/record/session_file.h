@@ -1,4 +1,4 @@
-// One file of one session: its topics as MCAP channels, what stands at its head, and the end of chunks by the clock.
+// One file of one session: its topics as MCAP channels, the info at its head, and chunks that are closed by the clock.
 #pragma once
 
 #include <array>
@@ -16,23 +16,23 @@ namespace sightline {
 // One message on its way into a file.
 struct RecordMessage {
   RecordTopic topic = RecordTopic::kInfo;
-  uint32_t sequence = 0;  // of its topic; numbers that are missing were dropped
+  uint32_t sequence = 0;  // within its topic; missing numbers are dropped messages
   uint64_t log_time_ns = 0;
   uint64_t publish_time_ns = 0;
   std::string_view bytes;  // serialised
 };
 
-// Messages that are lost together. Times as in RecordMessage: of the first that is missing, and of the last.
+// Messages that are lost together, with the log times of the first and the last of them.
 struct LostMessages {
   uint64_t messages = 0;
-  uint64_t told_of = 0;  // besides, lost before: by the Gaps among them
+  uint64_t told_of = 0;  // more messages, lost before, that Gaps among these report
   uint64_t first_time_ns = 0;
   uint64_t last_time_ns = 0;
 
   void add(const LostMessages& later);
 };
 
-// What a recording lacks when it lacks this message: a Gap tells of others, that were lost before it was made.
+// The messages that a recording lacks when it lacks this one. A lost Gap adds the messages that it reports.
 LostMessages lost_with(const RecordMessage& message);
 
 // Not thread-safe.
@@ -44,13 +44,13 @@ class SessionFile {
 
   Status write(const RecordMessage& message, uint64_t now_ns);
   Status attach(const mcap::Attachment& attachment);
-  // Closes the chunk when its first message has waited for `chunk_time`. To be called at least that often.
+  // Closes the chunk when its first message has waited for `chunk_time`. Call it at least that often.
   Status tend(uint64_t now_ns);
   Status finish() { return writer_.finish(); }
 
-  // Taken, and not handed to the sink yet: what is lost when it fails.
+  // Messages taken but not yet handed to the sink. They are lost when the sink fails.
   const LostMessages& waiting() const { return waiting_; }
-  // What was taken so far stands elsewhere too: nobody misses it.
+  // The messages so far need not be reported when they are lost, since they stand elsewhere too.
   void forget_waiting() { waiting_ = {}; }
   uint64_t bytes() const { return writer_.bytes_written(); }
   const Status& status() const { return writer_.status(); }
@@ -67,7 +67,7 @@ class SessionFile {
   std::map<std::string, uint16_t> schemas_;         // by the message's name
   LostMessages waiting_;
   uint64_t chunks_ = 0;
-  std::optional<uint64_t> chunk_since_ns_;  // by the clock; none: no message waits
+  std::optional<uint64_t> chunk_since_ns_;  // by the clock; empty: no message waits
 };
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// The end that a session has: it puts messages into its queue and waits for nobody.
+// The session's end: it puts messages into its queue and never waits.
 #include <google/protobuf/message_lite.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_v
 
 char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
   assert(topic <= RecordTopic::kGap);
-  // The number is used up even when the message is dropped, so that it is missed.
+  // A dropped message uses up its number, so that the loss shows.
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
@@ -51,7 +51,7 @@ char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size
 
 bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::string serialised) {
   if (reserve(topic, times, 0) == nullptr) return false;
-  // An entry that is not committed is none.
+  // Without commit() the entry does not exist.
   const bool too_large = serialised.size() > session_->max_message_bytes;
   if (too_large || !session_->large.put(std::move(serialised))) {
     drop(times, too_large ? v1::Gap::REASON_TOO_LARGE : v1::Gap::REASON_QUEUE_FULL);
@@ -64,11 +64,11 @@ bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::s
 void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, bool beside) {
   session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
                          sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
-  if (session_->ring.half_full()) session_->bell->ring();
+  if (session_->ring.half_full()) session_->waker->wake();
 }
 
-// What is missing stands before what comes after it. Only with room for a message behind it, or a queue that is full
-// would fill with gaps.
+// A Gap stands before the message that follows the loss. It is only written when there is room for that message too;
+// otherwise a full queue would fill with Gaps.
 bool SessionRecorder::record_gap(RecordTimes times) {
   if (session_->ring.half_full()) return false;
   const size_t size = gap_.ByteSizeLong();

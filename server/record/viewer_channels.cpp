@@ -2,18 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <string>
 
 #include "foxglove/camera.pb.h"
+#include "foxglove/frames.pb.h"
+#include "foxglove/scene.pb.h"
 #include "server/wire/from_proto_values.h"
-#include "server/record/tick_fold.h"
 #include "server/wire/short_name.h"
 
 namespace sightline {
 namespace {
 
 constexpr char kWorld[] = "world", kCamera[] = "camera", kOptical[] = "camera_optical";
-// The picture that the calibration speaks of; the lens says nothing of pixels.
+// Width of the picture in the calibration; a lens has no pixels.
 constexpr int kPictureWidth = 1280;
 constexpr double kFrustumDepthM = 1.0;
 
@@ -78,7 +79,7 @@ Pose pose_of(const v1::Pose3& wire) {
   return pose;
 }
 
-// Canonical to the viewer's world, which is that of the convention ROS.
+// Converts from the canonical frame to the viewer's world, which follows the convention ROS.
 Pose to_viewer(const Pose& canonical) {
   const Convention viewer = ros_convention();
   return {position_to_client(viewer, canonical.position_m), rotation_to_client(viewer, canonical.rotation)};
@@ -119,9 +120,11 @@ void add_cylinder(foxglove::SceneEntity& entity, const glm::dvec3& size_m) {
   set(*cylinder.mutable_color(), kShapeColour);
 }
 
-// `scale`: canonical, per axis. Long axes are along the client's up, which is the viewer's Z.
-void add_shape(foxglove::SceneEntity& entity, const v1::Shape& wire, const Convention& c,
-               const glm::dvec3& scale) {
+// Long axes are along the client's up, which is the viewer's Z.
+void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Convention& c) {
+  const v1::Shape& wire = instance.shape();
+  const glm::dvec3 scale =
+      scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
   const auto sized = [&](double x, double y, double z) {  // canonical units of the client's length
     return extent_to_viewer(scale * glm::dvec3(x, y, z) * c.metres_per_unit);
   };
@@ -191,99 +194,77 @@ void add_frustum(foxglove::SceneEntity& entity, double vertical_fov_rad, double 
   }
 }
 
+// Nodes of the scene file have no known place before they move.
+bool has_place(const SessionSnapshot::Instance& instance) {
+  return instance.moved || instance.given;
+}
+
+void emit_log(foxglove::Log::Level level, const std::string& name, const std::string& text, uint64_t time_ns,
+              const ViewerChannels::Emit& emit) {
+  foxglove::Log log;
+  set_time(*log.mutable_timestamp(), time_ns);
+  log.set_level(level);
+  log.set_name(name);
+  log.set_message(text);
+  emit(RecordTopic::kLog, log);
+}
+
 }  // namespace
 
-void ViewerChannels::take_open(const v1::OpenSession& open, uint64_t time_ns, const Emit& emit) {
-  Convention told;
-  client_ = read_convention(open.convention(), "", told) ? told : gltf_convention();
-  instances_.clear();
-  waiting_.clear();
-  waiting_bytes_ = 0;
-  still_due_ = false;
+void ViewerChannels::take_open(const v1::OpenSession& open) {
+  Convention read;
+  client_ = read_convention(open.convention(), "", read) ? read : gltf_convention();
   take_lens(open.lens());
-  for (const v1::NewInstance& instance : open.instances()) add_instance(instance);
-  emit_still(time_ns, emit);
 }
 
-void ViewerChannels::take_tick(const v1::Tick& tick, uint64_t, const Emit&) {
-  waiting_.push_back(tick);
-  waiting_bytes_ += tick.ByteSizeLong();
-  while (waiting_.size() > TickFold::kMaxWaiting ||
-         (waiting_bytes_ > TickFold::kMaxWaitingBytes && waiting_.size() > 1))
-    show_oldest();
-}
-
-void ViewerChannels::show_oldest() {
-  const v1::Tick tick = std::move(waiting_.front());
-  waiting_.pop_front();
-  waiting_bytes_ -= tick.ByteSizeLong();
-  if (tick.has_lens()) take_lens(tick.lens());
-  if (tick.has_delta()) take_delta(tick.delta());
-  move_instances(tick.transforms());
-  still_due_ |= tick.has_delta();
-}
-
-// What no session takes must not become the height of a picture, even where the refusal was lost.
+// A lens that every session refuses must not decide the height of a picture, even where the rejection was lost.
 void ViewerChannels::take_lens(const v1::Lens& wire) {
   Lens lens;
   if (read_lens(wire, client_, "lens", lens)) aspect_ = lens.aspect;
 }
 
-void ViewerChannels::take_delta(const v1::SceneDelta& delta) {
-  for (const uint64_t id : delta.removed_ids()) instances_.erase(id);
-  for (const v1::NewInstance& instance : delta.added_instances()) add_instance(instance);
-}
-
-void ViewerChannels::add_instance(const v1::NewInstance& wire) {
-  if (instances_.size() >= kMaxInstances) return;
-  Instance& instance = instances_[wire.id()];
-  instance.world_from_instance = to_viewer(pose_from_client(client_, pose_of(wire.pose())));
-  instance.shape.Clear();
-  instance.has_shape = wire.has_shape();
-  const glm::dvec3 scale = wire.has_scale() ? vector_of(wire.scale()) : glm::dvec3(1.0);
-  if (instance.has_shape) add_shape(instance.shape, wire.shape(), client_, scale_from_client(client_, scale));
-}
-
-void ViewerChannels::move_instances(const v1::Transforms& wire) {
-  const bool rotated = wire.rotations_size() == 4 * wire.ids_size();
-  if (wire.positions_size() != 3 * wire.ids_size()) return;
-  for (int i = 0; i < wire.ids_size(); ++i) {
-    // Nodes of the scene file are not named before they move.
-    if (instances_.size() >= kMaxInstances && !instances_.contains(wire.ids(i))) continue;
-    Instance& instance = instances_[wire.ids(i)];
-    Pose client{{wire.positions(3 * i), wire.positions(3 * i + 1), wire.positions(3 * i + 2)}, {1, 0, 0, 0}};
-    if (rotated)
-      client.rotation = glm::normalize(glm::dquat(wire.rotations(4 * i + 3), wire.rotations(4 * i),
-                                                  wire.rotations(4 * i + 1), wire.rotations(4 * i + 2)));
-    Pose moved = to_viewer(pose_from_client(client_, client));
-    if (!rotated) moved.rotation = instance.world_from_instance.rotation;
-    instance.world_from_instance = moved;
-    instance.moves = true;
+template <typename Visit>
+void ViewerChannels::for_each_shown(Visit visit) const {
+  size_t shown = 0;
+  for (const auto& [id, instance] : session_.instances()) {
+    if (!instance.there() || !has_place(instance)) continue;
+    if (++shown > kMaxInstances) return;
+    visit(id, instance);
   }
 }
 
-void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) const {
+// In the viewer's world.
+Pose ViewerChannels::place_of(const SessionSnapshot::Instance& instance) const {
+  Pose pose = instance.given ? pose_of(instance.given->pose()) : Pose{};
+  if (instance.moved) pose.position_m = {instance.position[0], instance.position[1], instance.position[2]};
+  const auto& r = instance.rotation;
+  if (instance.turned) pose.rotation = glm::normalize(glm::dquat(r[3], r[0], r[1], r[2]));
+  return to_viewer(pose_from_client(client_, pose));
+}
+
+void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) {
+  shown_deltas_ = session_.deltas();
   foxglove::FrameTransforms frames;
-  // The viewer's camera looks along +X; a picture's frame along +Z with +Y down.
+  // The viewer's camera looks along +X; the frame of a picture looks along +Z, with +Y down.
   add_frame(frames, time_ns, kCamera, kOptical, {{0, 0, 0}, {0.5, -0.5, 0.5, -0.5}});
   foxglove::SceneUpdate shapes;
   foxglove::SceneEntityDeletion& all = *shapes.add_deletions();
   set_time(*all.mutable_timestamp(), time_ns);
   all.set_type(foxglove::SceneEntityDeletion::ALL);
-  for (const auto& [id, instance] : instances_) {
-    if (!instance.moves) add_frame(frames, time_ns, kWorld, frame_of(id), instance.world_from_instance);
-    if (!instance.has_shape) continue;
+  for_each_shown([&](uint64_t id, const SessionSnapshot::Instance& instance) {
+    if (!instance.moved) add_frame(frames, time_ns, kWorld, frame_of(id), place_of(instance));
+    if (!instance.given || !instance.given->has_shape()) return;
     foxglove::SceneEntity& entity = *shapes.add_entities();
-    entity = instance.shape;
     start_entity(entity, time_ns, frame_of(id), frame_of(id));
-  }
+    add_shape(entity, *instance.given, client_);
+  });
   emit(RecordTopic::kStaticFrames, frames);
   emit(RecordTopic::kShapes, shapes);
 }
 
 void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) {
-  while (!waiting_.empty() && waiting_.front().sequence() <= reply.sequence()) show_oldest();
-  if (std::exchange(still_due_, false)) emit_still(time_ns, emit);
+  if (session_.lens()) take_lens(*session_.lens());
+  if (session_.deltas() != shown_deltas_) emit_still(time_ns, emit);
   const Pose camera = camera_to_client(ros_convention(), camera_from_client(client_, pose_of(reply.pose())));
   emit_frames(camera, time_ns, emit);
   foxglove::PoseInFrame pose;
@@ -313,8 +294,9 @@ void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, 
 void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const {
   foxglove::FrameTransforms frames;
   add_frame(frames, time_ns, kWorld, kCamera, camera);
-  for (const auto& [id, instance] : instances_)
-    if (instance.moves) add_frame(frames, time_ns, kWorld, frame_of(id), instance.world_from_instance);
+  for_each_shown([&](uint64_t id, const SessionSnapshot::Instance& instance) {
+    if (instance.moved) add_frame(frames, time_ns, kWorld, frame_of(id), place_of(instance));
+  });
   emit(RecordTopic::kFrames, frames);
 }
 
@@ -344,9 +326,9 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
   foxglove::SceneEntity& lines = *sight.add_entities();
   start_entity(lines, time_ns, kWorld, "sight");
   for (const v1::TargetVisibility& target : reply.targets()) {
-    const auto instance = instances_.find(target.id());
-    if (instance == instances_.end()) continue;
-    const glm::dvec3 place = instance->second.world_from_instance.position_m;
+    const auto instance = session_.instances().find(target.id());
+    if (instance == session_.instances().end() || !has_place(instance->second)) continue;
+    const glm::dvec3 place = place_of(instance->second).position_m;
     const Colour colour = colour_of(target.state());
     add_line(add_lines(lines, colour, 1.5), camera.position_m, place);
     foxglove::TextPrimitive& text = *lines.add_texts();
@@ -361,35 +343,19 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
   emit(RecordTopic::kSight, sight);
 }
 
-void ViewerChannels::take_rejection(const v1::TickError& rejection, uint64_t time_ns, const Emit& emit) {
-  const auto refused =
-      find_refused(waiting_, rejection, [](const v1::Tick& tick) { return tick.sequence(); });
-  if (refused != waiting_.end()) {
-    waiting_bytes_ -= refused->ByteSizeLong();
-    waiting_.erase(refused);
-  }
+void ViewerChannels::take_rejection(const v1::TickError& rejection, uint64_t time_ns, const Emit& emit) const {
   emit_log(foxglove::Log::WARNING, "tick",
            "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns,
            emit);
 }
 
-void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit) {
+void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit) const {
   emit_log(foxglove::Log::ERROR, fault.stage(), fault.message(), time_ns, emit);
 }
 
-void ViewerChannels::take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit) {
+void ViewerChannels::take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit) const {
   emit_log(foxglove::Log::WARNING, "record",
            std::to_string(gap.messages()) + " messages are missing: " + gap.text(), time_ns, emit);
-}
-
-void ViewerChannels::emit_log(int level, const std::string& name, const std::string& text, uint64_t time_ns,
-                              const Emit& emit) const {
-  foxglove::Log log;
-  set_time(*log.mutable_timestamp(), time_ns);
-  log.set_level(static_cast<foxglove::Log::Level>(level));
-  log.set_name(name);
-  log.set_message(text);
-  emit(RecordTopic::kLog, log);
 }
 
 }  // namespace sightline

@@ -182,7 +182,7 @@ void open_and_seek(const std::string& path) {
 void measure_fold() {
   constexpr uint64_t kTicks = 60 * 600;
   constexpr int kMovers = 10'000;
-  TickFold fold;
+  SessionSnapshot fold;
   v1::OpenSession open;
   for (uint64_t n = 1; n <= kMovers; ++n) open.add_instances()->set_id(n);
   fold.take_open(open);

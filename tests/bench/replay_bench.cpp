@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "client/replay/compare_replies.h"
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
 #include "client/scenario/scenario.h"
@@ -184,8 +184,8 @@ struct StageTimes {
 Status time_replay(const Recording& recording, size_t threads) {
   auto sampler = make_sampler(recording.info().sampler(), threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
-  const auto place = make_local_place(std::move(sampler));
-  ReplayScenes scenes(recording, {});
+  const auto place = make_local_backend(std::move(sampler));
+  SceneFiles scenes(recording, {});
   Replay replay(recording, *place, scenes, {});
   const auto start = Clock::now();
   if (Status opened = replay.open(); !opened) return opened;

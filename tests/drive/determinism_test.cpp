@@ -1,5 +1,5 @@
-// What a session is answered depends on what it was told and on nothing else: not on how many threads the daemon has, not on
-// what it does for others meanwhile, not on which run it is.
+// The replies of a session depend only on its messages: not on the daemon's number of threads, not on its other sessions,
+// not on the run.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -80,7 +80,7 @@ std::string name_of_preset(const testing::TestParamInfo<v1::Settings::Preset>& i
 INSTANTIATE_TEST_SUITE_P(Presets, Determinism, testing::Values(v1::Settings::PRESET_SIGHTLINE, v1::Settings::PRESET_PAPER),
                          name_of_preset);
 
-// The hash must be able to tell two runs apart.
+// The hash must differ between two different runs.
 TEST(Determinism, AnotherPresetIsAnotherTrace) {
   const auto hall = scenes::make_hall({.seed = 1, .duration_s = 2.0});
   const test::DaemonProcess daemon;

@@ -28,7 +28,7 @@ Result<std::vector<PlayedFrame>> play_on(const std::string& address, std::span<c
   return play(scenario, **session, options);
 }
 
-// What stands behind every judgement.
+// Checks the data that every judgement uses.
 struct Reference {
   GeometryStore store;
   EmbreeDevice device;

@@ -1,4 +1,4 @@
-// From a scene file to camera poses, through a daemon: what the whole must hold, judged by Embree.
+// End to end: from a scene file to camera poses, through a daemon, judged by Embree.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

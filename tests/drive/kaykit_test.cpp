@@ -26,8 +26,8 @@ fs::path assets_folder() {
   return fs::path(SIGHTLINE_SOURCE_DIR) / "../shared/assets/kaykit-dungeon";
 }
 
-// One asset as one mesh: every drawable at its place. Parts that hang on another one (a door in its frame)
-// are left out, so that doorways are open.
+// One asset as one mesh: every drawable at its place. Parts that are attached to another one (the leaf in a door frame) are
+// left out, so that doorways are open.
 MeshData baked(const fs::path& file, GeometryStore& store) {
   const auto asset = read_gltf_file(file, store);
   if (!asset) throw std::runtime_error(file.string() + ": " + to_string(asset.error()));
@@ -45,8 +45,8 @@ MeshData baked(const fs::path& file, GeometryStore& store) {
   return mesh;
 }
 
-// Four rooms of 3 x 3 floor tiles of 4 m in a row along +X, a doorway between each two, props along the
-// walls, a pillar in the middle. Two walkers go from the first room to the last, round the pillars.
+// Four rooms in a row along +X, each of 3 x 3 floor tiles of 4 m. There is a doorway between each two, props along the
+// walls and a pillar in the middle. Two walkers go from the first room to the last, round the pillars.
 class Level {
  public:
   explicit Level(fs::path folder) : folder_(std::move(folder)) {}

@@ -353,8 +353,8 @@ class PlantedViolations(unittest.TestCase):
         self.expect_found("server/gl/gl_object.h:", "may see OpenGL", "seen from client/command/main.cpp")
 
     def test_embree_beside_its_sampler(self):
-        self.plant("client/evaluate/truth.h", "#include <embree3/rtcore.h>")
-        self.expect_found("client/evaluate/truth.h:1:", "may see Embree")
+        self.plant("client/truth/truth.h", "#include <embree3/rtcore.h>")
+        self.expect_found("client/truth/truth.h:1:", "may see Embree")
 
     def test_the_service_in_a_client(self):
         self.plant("client/bench/stream.h", '#include "server/service/listener.h"')

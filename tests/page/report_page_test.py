@@ -138,10 +138,10 @@ class ReportTest(Browsing):
         self.find("#tab-run").click()
         lines = self.find("#panel-run").text.splitlines()
         shares = [t["visible_share"] for reply in self.file.replies for t in reply["targets"] if t["id"] == "10"]
-        self.assertIn(f"visible share: target 10 {100 * sum(shares) / len(shares):.1f} %", lines)
+        self.assertIn(f"visible share: target 10 {100 * sum(shares) / len(shares):.2f} %", lines)
         places = [self.file.position(i) for i in range(len(self.file.replies))]
         travel = sum(math.dist(a, b) for a, b in zip(places, places[1:]))
-        self.assertIn(f"camera travel {travel:.1f} m", lines)
+        self.assertIn(f"camera travel {travel:.2f} m", lines)
         self.assertIn(f"ticks merged into a later reply {sum(reply['merged_ticks'] for reply in self.file.replies)}", lines)
 
     def test_instances_are_drawn_in_their_frames_alone(self):

@@ -1,5 +1,5 @@
-// libFuzzer: every reader of MCAP on whatever bytes. Built and run by tests/record/fuzz.sh with clang, not with
-// everything else.
+// libFuzzer: every reader of MCAP on arbitrary bytes. Built and run by tests/record/fuzz.sh with clang, not with everything
+// else.
 #include <cstdint>
 #include <cstdlib>
 
@@ -27,7 +27,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   MemorySink sink;
   const Result<McapRecovery> done = recover_mcap(source, sink, limits, {});
   if (!done) return 0;
-  // What is recovered is sound and has as many messages as was said.
+  // A recovered file is sound and has as many messages as reported.
   const MemorySource copy(sink.bytes());
   const Result<McapVerdict> verdict = verify_mcap(copy, {});
   if (!verdict || !verdict->sound()) std::abort();

@@ -49,7 +49,7 @@ Readings read_every_way(const std::string& bytes, McapLimits limits = {}) {
   return readings;
 }
 
-// What recover makes is a sound file, whatever it was made of.
+// recover makes a sound file from any input.
 std::vector<PlainMessage> recovered(const std::string& bytes, McapRecovery* done = nullptr) {
   const MemorySource source(bytes);
   MemorySink sink;

@@ -1,5 +1,5 @@
-// What is written is what is read, with the index and without it. That the bytes are MCAP is held elsewhere, by the
-// format's own reader (official_reader_test.py).
+// A file reads as it was written, with the index and without it. That the bytes are MCAP is held elsewhere, by the format's
+// own reader (official_reader_test.py).
 #include <gtest/gtest.h>
 
 #include <filesystem>

@@ -34,7 +34,7 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
     EXPECT_EQ(found.topics.at(1), "/sightline/open");
     EXPECT_EQ(found.missing, 0u);
     if (found.ticks.empty()) continue;
-    // Whoever has only this part has all ticks: those before it in one, the rest as they were.
+    // This part alone has all ticks: the earlier ones in one tick, the rest as they were.
     EXPECT_EQ(found.ticks, numbers(found.snapshot_ticks + 1, found.ticks.back()));
     // A tick that was not answered yet stands in both.
     const bool again = !all.empty() && found.ticks.front() == all.back();

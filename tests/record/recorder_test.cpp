@@ -63,7 +63,7 @@ TEST(Recorder, AFullQueueDropsCountsAndSaysSoInTheFile) {
   Studio studio({.queue_bytes = 4096});
   auto recorder = studio.open();
   uint64_t taken = 0, dropped = 0;
-  for (int i = 0; i < 500; ++i) (studio.tick(*recorder) ? taken : dropped) += 1;  // nobody takes them out
+  for (int i = 0; i < 500; ++i) (studio.tick(*recorder) ? taken : dropped) += 1;  // the writer does not run
   EXPECT_GT(dropped, 300u);
   EXPECT_TRUE(recorder->degraded());
   EXPECT_EQ(recorder->dropped(), dropped);

@@ -64,7 +64,7 @@ struct Studio {
 };
 
 struct Contents {
-  std::vector<uint64_t> ticks;  // their own sequence; without one that stands for others
+  std::vector<uint64_t> ticks;  // their own sequence, without the snapshot tick
   uint64_t snapshot_ticks = 0;
   uint64_t replies = 0;
   uint64_t gap_messages = 0;

@@ -1,4 +1,4 @@
-// What viewers are shown of a session whose messages are not sound.
+// Messages for viewers of a session whose own messages are not sound.
 #include "server/record/viewer_channels.h"
 
 #include <gmock/gmock.h>
@@ -21,13 +21,19 @@ TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
     if (topic == RecordTopic::kCalibration)
       heights.push_back(dynamic_cast<const foxglove::CameraCalibration&>(made).height());
   };
-  ViewerChannels viewers;
-  viewers.take_open({}, 1, emit);
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open({});
+  viewers.take_open({});
+  v1::CameraReply reply;
   for (const double aspect : {0.0, 2.0, 1e-300, -1.0, std::nan(""), 1e300, 0.0}) {
     v1::Tick tick;
+    tick.set_sequence(reply.sequence() + 1);
+    reply.set_sequence(tick.sequence());
     tick.mutable_lens()->set_aspect(aspect);
-    viewers.take_tick(tick, 1, emit);
-    viewers.take_reply({}, 1, emit);
+    session.take_tick(tick, {});
+    session.take_reply(reply);
+    viewers.take_reply(reply, 1, emit);
   }
   EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
 }
@@ -41,8 +47,11 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
       frames.push_back(
           static_cast<size_t>(dynamic_cast<const foxglove::FrameTransforms&>(made).transforms_size()));
   };
-  ViewerChannels viewers;
-  viewers.take_open({}, 1, emit);
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open({});
+  viewers.take_open({});
+  viewers.emit_still(1, emit);
   const auto tell = [&](uint64_t sequence, uint64_t id) {
     v1::Tick tick;
     tick.set_sequence(sequence);
@@ -51,17 +60,19 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
     added.mutable_shape()->mutable_sphere()->set_radius(1.0);
     tick.mutable_transforms()->add_ids(id);
     for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_positions(1.0);
-    viewers.take_tick(tick, 1, emit);
+    session.take_tick(tick, {});
   };
   const auto refuse = [&](uint64_t sequence, const char* field) {
     v1::TickError rejection;
     rejection.set_sequence(sequence);
     rejection.add_field_violations()->set_field(field);
+    session.take_rejection(rejection);
     viewers.take_rejection(rejection, 1, emit);
   };
   const auto reply = [&](uint64_t sequence) {
     v1::CameraReply message;
     message.set_sequence(sequence);
+    session.take_reply(message);
     viewers.take_reply(message, 1, emit);
   };
   tell(1, 11), tell(2, 12), refuse(2, "tick.delta.added_instances[0].id"), tell(3, 13), tell(3, 14),

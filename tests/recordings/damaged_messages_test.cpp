@@ -9,12 +9,9 @@
 #include <sstream>
 
 #include "client/replay/compare_command.h"
-#include "client/recordings/cut_command.h"
-#include "client/recordings/dump_command.h"
-#include "client/recordings/info_command.h"
+#include "client/recordings/commands.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
-#include "client/recordings/verify_command.h"
 #include "server/base/random.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/report/recorded_yard.h"
@@ -75,7 +72,7 @@ class DamagedMessages : public testing::Test {
   // A new one each time: verbs do not write over files.
   std::string fresh() { return (folder_ / std::to_string(++files_)).string(); }
 
-  // Counts what ended well; whatever did not has said why.
+  // Counts the commands that succeeded; the others must have given a reason.
   template <typename Options, typename Run>
   void run(const char* verb, const Options& options, const Run& command) {
     std::ostringstream out, err;

@@ -1,4 +1,4 @@
-// What verify says of a session: of what goes together, of what does not, and of every part by itself.
+// The verdict of verify on sessions: consistent ones, inconsistent ones, and every part by itself.
 #include <functional>
 #include <optional>
 
@@ -120,13 +120,13 @@ TEST_F(Verbs, MissingNumbersNeedAGap) {
   const Said none = told(0);
   EXPECT_EQ(none.status, 1);
   EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps tell of 0"));
-  // What was lost before a later part began excuses nothing in it.
+  // Losses before a later part do not excuse losses in it.
   EXPECT_EQ(told(3, 2, 9).status, 0);
   EXPECT_EQ(told(0, 2, 9).status, 1);
 }
 
-// As the recorder writes heads: what viewers are shown, the tick that stands for others or what says that it is too large, those
-// that wait, and what was lost.
+// A head as the recorder writes it: messages for viewers, the snapshot tick or the Gap that replaces it, the waiting ticks,
+// and a Gap for losses.
 TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
   using Tell = std::function<void(Numbered&)>;
   const auto nothing = [](Numbered&) {};

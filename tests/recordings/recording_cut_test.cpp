@@ -45,7 +45,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   EXPECT_EQ(part.open_session().SerializeAsString(), whole.open_session().SerializeAsString());
   EXPECT_EQ(part.opened().SerializeAsString(), whole.opened().SerializeAsString());
 
-  // What is in the range is as it was, of every topic.
+  // Messages of all topics in the range are unchanged.
   std::vector<PlainMessage> expected = messages_of(hall()), got = messages_of(bytes);
   const auto outside = [](const PlainMessage& m) {
     return m.log_time_ns < kRecordedStartNs + 700'000'000 ||
@@ -96,7 +96,7 @@ TEST_F(Verbs, ACutOfACutIsTheCut) {
   EXPECT_EQ(messages_of(b), messages_of(c));
 }
 
-// Numbers do not begin with the cut, though no tick stands for others.
+// Numbers do not begin with the cut, although it has no snapshot tick.
 TEST_F(Verbs, ACutFromWithinBeforeTheFirstReplyIsSound) {
   Told told;
   for (uint64_t i = 1; i <= 20; ++i) told.tick(i), told.refuse(i);

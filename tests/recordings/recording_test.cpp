@@ -1,4 +1,4 @@
-// What is written is read again, and steps that are taken again answer the same.
+// A recording reads as it was written, and repeated steps give the same replies.
 #include "client/recordings/recording.h"
 
 #include <gtest/gtest.h>

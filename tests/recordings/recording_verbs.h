@@ -1,4 +1,4 @@
-// The verbs on recordings as the command runs them, and a session that is told to a file message by message.
+// Runs the commands on recordings, and writes a session to a file message by message.
 #pragma once
 
 #include <gmock/gmock.h>
@@ -13,13 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "client/recordings/cut_command.h"
-#include "client/recordings/dump_command.h"
-#include "client/recordings/info_command.h"
+#include "client/recordings/commands.h"
 #include "client/recordings/recording.h"
 #include "client/recordings/writer.h"
-#include "client/recordings/recover_command.h"
-#include "client/recordings/verify_command.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/record/small_file.h"
 #include "tests/replay/recorded_hall.h"
@@ -95,7 +91,7 @@ class Verbs : public testing::Test {
   const TemporaryFolder folder_;
 };
 
-// A session that is told message by message.
+// A recording that is written message by message.
 struct Told {
   explicit Told(v1::RecordingInfo info = {}) {
     if (info.part() == 0) info.set_part(1);

@@ -1,5 +1,5 @@
-// A recording that is kept, and the replies that it must give for ever: whatever changes a bit of a step shows here, and then
-// either is wrong or the hashes below are made anew, on purpose.
+// The golden recording, and the replies that it must always give. A change of one bit in a step shows here. Then either the
+// change is wrong, or the hashes below are updated on purpose.
 //
 // What "the same sampler" means is in README.md beside this file. The hash was the same for every instruction set that
 // Embree can choose, for the C library with and without fused multiply-adds, and for llvmpipe with 128 and 256 bits: nothing
@@ -35,7 +35,7 @@ const std::string& golden() {
 }
 
 test::Replayed replay_golden(std::unique_ptr<SamplerDevice> sampler) {
-  const auto place = make_local_place(std::move(sampler));
+  const auto place = make_local_backend(std::move(sampler));
   return test::replay_on(*place, test::open_recording(golden()));
 }
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
 
 namespace sightline::test {
@@ -20,8 +20,8 @@ struct RecordedHallOptions {
   bool attach_scene = true;
   v1::Settings settings = {};
   tuning::v1alpha1::Tuning tuning = {};
-  // Changes the opening, and tick i before it is told and recorded, given the newest reply. A tick that is then refused is
-  // recorded with its refusal, and gets no step.
+  // Changes the opening, and tick i before it is applied and recorded, given the newest reply. A tick that is then refused
+  // is recorded with its refusal, and gets no step.
   std::function<void(v1::OpenSession&)> change_open = {};
   std::function<void(int, const v1::CameraReply&, v1::Tick&)> change = {};
 };

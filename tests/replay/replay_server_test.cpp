@@ -28,7 +28,7 @@ tuning::v1alpha1::Tuning light() {
 
 Replayed replay_at(const std::string& address, const RecordedHall& hall,
                    const std::function<void(uint64_t)>& before_step = {}) {
-  auto place = connect_place(address, 20s);
+  auto place = connect_backend(address, 20s);
   EXPECT_TRUE(place.has_value()) << to_string(place.error());
   return test::replay_on(**place, open_recording(hall.bytes), {}, {}, {}, before_step);
 }
@@ -72,7 +72,7 @@ TEST(ReplayAtDaemon, RefusedTicksAreRefusedThereToo) {
   EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
 }
 
-// What the daemon answered before it was killed and what its successor answers are one chain.
+// The replies of the killed daemon and of its successor form one chain.
 TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
   const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 240, .tuning = light()});
   test::TemporaryFolder folder;
@@ -101,9 +101,9 @@ TEST(ReplayAtDaemon, ThatStaysAwayIsAnErrorThatSaysSo) {
   const RecordedHall hall = record_hall(*make_embree_sampler_device(), {.ticks = 20, .tuning = light()});
   const Recording recording = open_recording(hall.bytes);
   DaemonProcess daemon;
-  auto place = connect_place(daemon.address(), 1s);
+  auto place = connect_backend(daemon.address(), 1s);
   ASSERT_TRUE(place.has_value());
-  ReplayScenes scenes(recording, {});
+  SceneFiles scenes(recording, {});
   Replay replay(recording, **place, scenes, {});
   ASSERT_TRUE(replay.open().has_value());
   ReplayedStep step;

@@ -1,4 +1,4 @@
-// Settings that a person types are put over those of a recorded session.
+// Settings as typed, applied to the messages of a session.
 #include "client/replay/settings.h"
 
 #include <gmock/gmock.h>

@@ -1,4 +1,4 @@
-// Recorded sessions taken again in this process: equal to the bit where they can be, and told apart where they are not.
+// Recorded sessions replayed in this process: equal to the bit where they can be, and reported where they differ.
 #include "client/replay/replay.h"
 
 #include <gmock/gmock.h>
@@ -163,7 +163,7 @@ TEST_F(ReplayHere, FoldedStartNeedNotBeEqual) {
   EXPECT_EQ(replay_here(other_seed, {"seed=3"}).verdict, ReplayVerdict::kDiffers);
 }
 
-// A cut from the middle begins with a tick that stands for all before and that no reply answers.
+// A cut from the middle begins with a snapshot tick that no reply answers.
 TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 90});
   MemorySink sink;
@@ -265,8 +265,8 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
   EXPECT_EQ(replay_here(bare.bytes, {}, {}, {.folder = scenes_folder.path()}).hash, hall.hash);
 
   const Recording recording = open_recording(bare.bytes);
-  const auto place = make_local_place(make_embree_sampler_device());
-  ReplayScenes scenes(recording, {});
+  const auto place = make_local_backend(make_embree_sampler_device());
+  SceneFiles scenes(recording, {});
   Replay replay(recording, *place, scenes, {});
   const Status opened = replay.open();
   ASSERT_FALSE(opened.has_value());
@@ -332,10 +332,11 @@ TEST_F(ReplayCommand, OtherSettingsShowBothRunsAndTheTruth) {
                  .out = again}),
             0)
       << err_.str();
-  for (const char* line : {"recorded      replayed", "travel", "peak speed", "0.50 m/s", "true: r_N",
+  EXPECT_THAT(out_.str(), testing::ContainsRegex("recorded +replayed"));
+  for (const char* line : {"travel", "peak speed", "0.50 m/s", "true: r_N",
                            "true: body collisions", "2 pictures of each"})
     EXPECT_THAT(out_.str(), HasSubstr(line));
-  // What was written holds the other settings, and replays to the same without them.
+  // The written recording has the changed settings, and replays equal without --set.
   ASSERT_EQ(run({.file = again}), 0) << err_.str();
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
 }

@@ -11,7 +11,7 @@
 
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
-#include "client/replay/tally.h"
+#include "client/replay/result.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/recordings/string_sink.h"
 
@@ -56,19 +56,19 @@ struct Replayed {
   std::string text;  // as the command prints it
 };
 
-inline Replayed replay_on(ReplayPlace& place, const Recording& recording,
+inline Replayed replay_on(ReplayBackend& place, const Recording& recording,
                           const std::vector<std::string>& set = {}, const std::string& never_equal = {},
-                          ReplaySceneOptions scene_options = {},
+                          SceneFileOptions scene_options = {},
                           const std::function<void(uint64_t)>& before_step = {}) {
   std::vector<ReplaySetting> settings;
   for (const std::string& text : set) settings.push_back(read_replay_setting(text).value());
-  ReplayScenes scenes(recording, std::move(scene_options));
+  SceneFiles scenes(recording, std::move(scene_options));
   Replay replay(recording, place, scenes, settings);
   Replayed done;
   const Status opened = replay.open();
   EXPECT_TRUE(opened.has_value()) << to_string(opened.error());
   if (!opened) return done;
-  ReplayTally tally(replay.convention(), never_equal);
+  ReplayResult tally(replay.convention(), never_equal);
   ReplayedStep step;
   for (uint64_t i = 0;; ++i) {
     if (before_step) before_step(i);
@@ -93,9 +93,9 @@ inline Replayed replay_on(ReplayPlace& place, const Recording& recording,
 }
 
 inline Replayed replay_here(const std::string& bytes, const std::vector<std::string>& set = {},
-                            const std::string& never_equal = {}, ReplaySceneOptions scene_options = {},
+                            const std::string& never_equal = {}, SceneFileOptions scene_options = {},
                             size_t threads = 1) {
-  const auto place = make_local_place(make_embree_sampler_device(threads));
+  const auto place = make_local_backend(make_embree_sampler_device(threads));
   return replay_on(*place, open_recording(bytes), set, never_equal, std::move(scene_options));
 }
 

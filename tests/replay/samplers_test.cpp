@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// Takes all maps twice: hands on those of the first sampler, and counts texels in which the other sees another thing. So each
-// step is compared from the very memory that the first led to.
+// Makes every map twice. It returns the map of the first sampler, and counts the texels in which the other map sees another
+// instance. So each step is compared from the very memory that the first led to.
 struct Agreement {
   uint64_t texels = 0, same = 0;     // by what is seen there
   uint64_t maps = 0, same_maps = 0;  // in every texel
@@ -96,7 +96,7 @@ TEST_F(TwoSamplers, SeeTheSameInNearlyEveryMapOfASession) {
 // A second of open loop: the recorded ticks lead both.
 TEST_F(TwoSamplers, CamerasStayTogetherForASecond) {
   const test::RecordedHall hall = test::record_hall(*embree_, {.ticks = 60});
-  const auto place = make_local_place(std::move(egl_));
+  const auto place = make_local_backend(std::move(egl_));
   const test::Replayed replayed =
       test::replay_on(*place, test::open_recording(hall.bytes), {}, "another sampler");
   EXPECT_EQ(replayed.replies, 60u);

@@ -13,7 +13,7 @@ namespace {
 constexpr uint64_t kStartNs = 1'700'000'000'000'000'000;
 const glm::dvec3 kOriginM(1000, 20, -500);
 
-// The yard is thought of in the canonical frame and told in the client's.
+// The yard is defined in the canonical frame and sent in the client's convention.
 class Yard {
  public:
   explicit Yard(const RecordedYardOptions& options) : options_(options) {

@@ -1,12 +1,12 @@
 // A recording in which much happens: a yard in the client's own shapes, made in this process without a daemon. Targets
-// change, instances come, go, hide and move, ticks are refused and merged, settings change; it can be told in any
+// change, instances come, go, hide and move, ticks are refused and merged, settings change; it can be recorded in any
 // convention.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
 #include "tests/recordings/string_sink.h"
 
@@ -22,7 +22,7 @@ struct RecordedYardOptions {
   int points = 8;             // surface points of a target
 };
 
-// What of the eventful yard happens at which tick.
+// The ticks at which the events of the yard happen.
 inline constexpr int kYardRefused = 20, kYardCrateComes = 30, kYardFault = 40, kYardTargetsChange = 60,
                      kYardGap = 70, kYardPillarHides = 80, kYardCrateGoes = 90, kYardSettings = 95,
                      kYardPillarShows = 110;

@@ -1,4 +1,4 @@
-// What a page says of a recording, held against the recording itself and against what was told to the session.
+// Compares the page of a recording with the recording and with the messages of its session.
 #include "client/report/page.h"
 
 #include <gmock/gmock.h>
@@ -10,7 +10,7 @@
 
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
-#include "client/report/stand_ins.h"
+#include "client/report/placeholders.h"
 #include "server/sample/embree_sampler.h"
 #include "server/wire/short_name.h"
 #include "tests/replay/recorded_hall.h"
@@ -91,8 +91,8 @@ class ReportPage : public testing::Test {
   }
 
   static std::string figure(const SessionPage& page, const std::string& name) {
-    for (const PageFigure& row : page.figures)
-      if (row.name == name) return row.values.at(0);
+    for (const FigureRow& row : page.figures)
+      if (row.label == name) return row.values.at(0);
     return "no figure " + name;
   }
 };
@@ -246,7 +246,7 @@ TEST_F(ReportPage, StepsTakenAgainGiveTheCellsThatWereNotRecorded) {
   }
 }
 
-// A reply that nobody gave, in the middle.
+// An invented reply in the middle.
 TEST_F(ReportPage, CellsEndWhereTheRecordingDiffersFromTheStepsTakenAgain) {
   const RecordedYard yard = record_yard(*sampler_, {.eventful = false});
   const SessionPage page = page_of(rewritten(yard.bytes, [](v1::CameraReply& reply) {
@@ -289,7 +289,7 @@ TEST_F(ReportPage, RepliesThatMakeNoSenseAreLeftOutOrShownAsFarAsTheyDo) {
   EXPECT_GE(page.frames.size(), 56u);
   EXPECT_EQ(page.targets.size(), 32u);
   for (size_t i = 1; i < page.frames.size(); ++i) EXPECT_GE(page.frames[i].time_s, page.frames[i - 1].time_s);
-  // Where nobody knows an instance of that id, there is no place to aim at.
+  // An unknown instance has no aim point.
   EXPECT_TRUE(std::isnan(page.frames.back().sights[31].aim_m.x) || !page.frames.back().sights[31].present);
 }
 
@@ -351,9 +351,9 @@ TEST_F(ReportPage, FiguresAreThoseOfAllReplies) {
     travel += std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
   }
   char text[64];
-  std::snprintf(text, sizeof text, "%.1f %%", 100 * visible / static_cast<double>(yard.replies.size()));
+  std::snprintf(text, sizeof text, "%.2f %%", 100 * visible / static_cast<double>(yard.replies.size()));
   EXPECT_EQ(figure(page, "visible share: target 10"), text);
-  std::snprintf(text, sizeof text, "%.1f m", travel);
+  std::snprintf(text, sizeof text, "%.2f m", travel);
   EXPECT_EQ(figure(page, "camera travel"), text);
   EXPECT_EQ(figure(page, "ticks merged into a later reply"), std::to_string(merged));
   EXPECT_GT(merged, 0u);
@@ -462,7 +462,7 @@ TEST_F(ReportPage, AMissingSceneLeavesWhatIsKnown) {
     EXPECT_EQ(page.targets[k].name, whole.targets[k].name);
     const auto balls = instances_of(page, page.targets[k].id);
     ASSERT_EQ(balls.size(), 1u);
-    EXPECT_NEAR(balls[0]->geometry->radius_m, kStandInRadiusM, 1e-3);
+    EXPECT_NEAR(balls[0]->geometry->radius_m, kPlaceholderRadiusM, 1e-3);
   }
   EXPECT_EQ(page.frames[20].camera.position_m, whole.frames[20].camera.position_m);
 }

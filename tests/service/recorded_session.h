@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/recording.h"
 #include "tests/service/daemon.h"
 #include "tests/service/service_world.h"

@@ -2,7 +2,7 @@
 // same steps taken without a service.
 #include <gtest/gtest.h>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/recordings/recording.h"
 #include "tests/service/service_world.h"
 

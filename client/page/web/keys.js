@@ -1,4 +1,4 @@
-// What each key does; the help lists the same table.
+// The function of each key. The help lists the same table.
 
 export function makeKeys({ player, events, view, timeline, press, help }) {
   const event = (forward) => {

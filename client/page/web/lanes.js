@@ -1,5 +1,5 @@
-// What each lane of the time line draws. A column of pixels that many frames share shows the worst of them: a short
-// loss of sight is never smoothed away.
+// Draws the lanes of the time line. A column of pixels that many frames share shows the worst of them: a short loss of
+// sight is never smoothed away.
 import { colour, fixed, plain, targetColour } from './dom.js';
 import { isTrouble, look, sightAt, stageTotalUs } from './session.js';
 
@@ -66,8 +66,8 @@ function pictures(session) {
   return lane;
 }
 
-// One target: the share seen as a filled line in the colour of its state, over the last steps as a line in its own
-// colour, the truth as dots.
+// One target. The visible share is a filled line in the colour of the state, the filtered share a line in the target's own
+// colour, the truth dots.
 function share(session, target, k) {
   const count = session.targets.length,
     height = count > 2 ? 24 : 30;
@@ -102,7 +102,7 @@ function share(session, target, k) {
           if (!(session.true_share[at] >= truth))
             truth = Number.isNaN(session.true_share[at]) ? truth : session.true_share[at];
         }
-        // No target then: the line ends, and begins anew.
+        // It is no target then: the line ends, and a new one begins later.
         if (!present) return filtered.push(null);
         context.globalAlpha = 0.5;
         context.fillStyle = fill[WORST_FIRST[worst]];
@@ -158,7 +158,7 @@ function words(session, column, label) {
   };
 }
 
-// What happened, each as a diamond: trouble above notes, so that none hides behind another.
+// Events as diamonds. Trouble is drawn above notes, so that it is never covered.
 function events(session) {
   const height = 16,
     half = 4;

@@ -134,7 +134,7 @@ function wireKeys(keys) {
   document.addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || get('help').open) return;
     const owner = event.target.closest('select, button, [role="tab"]');
-    // What has the focus keeps the keys that mean something to it.
+    // The focused element keeps the keys that it uses itself.
     if (owner && (event.key === ' ' || (owner.tagName === 'SELECT' && event.key.startsWith('Arrow')))) return;
     const found = keys.table.find(([names]) =>
       names.includes(event.key.length === 1 ? event.key.toLowerCase() : event.key),

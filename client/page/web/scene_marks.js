@@ -1,4 +1,4 @@
-// What a step knew, drawn into the scene: paths, the camera and its frustum, candidate cells, sight lines.
+// Draws the data of a step into the scene: paths, the camera and its frustum, candidate cells, sight lines.
 import * as THREE from 'three';
 import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
@@ -6,7 +6,8 @@ import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
 import { colour, targetColour } from './dom.js';
 import { LOOKS, cellCount, cellRowAt, eachCell, frameAt, look, sightAt, worstLook } from './session.js';
 
-// Of a longer session than twice this, paths reach so far before and after what is shown: all of them would hide the rest.
+// In sessions longer than twice this, paths reach this far before and after the shown frame. Whole paths would cover the
+// scene.
 const PATH_S = 60;
 
 function fatLines(width, options = {}) {

@@ -29,25 +29,8 @@ export class SceneMeshes {
 
   // The matrix of an instance as it stands, columns x, y, z and origin.
   matrixOf(index) {
-    const t = this.session.instance_transforms.subarray(12 * index, 12 * index + 12);
-    return new THREE.Matrix4().set(
-      t[0],
-      t[3],
-      t[6],
-      t[9],
-      t[1],
-      t[4],
-      t[7],
-      t[10],
-      t[2],
-      t[5],
-      t[8],
-      t[11],
-      0,
-      0,
-      0,
-      1,
-    );
+    const column = (i, w) => [...this.session.instance_transforms.subarray(12 * index + 3 * i, 12 * index + 3 * i + 3), w];
+    return new THREE.Matrix4().fromArray([0, 1, 2, 3].flatMap((i) => column(i, i === 3 ? 1 : 0)));
   }
 
   addStill() {
@@ -146,7 +129,7 @@ export class SceneMeshes {
     return Math.max(100, 1.5 * box.getSize(new THREE.Vector3()).length());
   }
 
-  // Whether nothing that stands still lies between two points.
+  // True when no still instance lies between two points.
   isOpen(a, b) {
     this.group.updateMatrixWorld(true);
     const way = b.clone().sub(a),
@@ -154,7 +137,7 @@ export class SceneMeshes {
     return ray.intersectObjects(this.stillMeshes, false).length === 0;
   }
 
-  // Whether the first target starts under a roof.
+  // True when the first target starts under a roof.
   hasRoof() {
     if (!this.session.targets.length) return false;
     const sight = sightAt(this.session, 0, 0);
@@ -182,7 +165,7 @@ export class SceneMeshes {
     });
   }
 
-  // What stands still for a while: a matrix of zeros hides one of many.
+  // Still instances with a limited life: a zero matrix hides one of an instanced mesh.
   showPassing(frame) {
     for (const { drawn, index } of this.stillTargets) drawn.visible = lives(this.session, index, frame);
     for (const each of this.passing) {

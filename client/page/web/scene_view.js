@@ -10,8 +10,8 @@ const INSET_SHARE = 0.28,
   PICK_PIXELS = 14,
   ABOVE_TARGETS_M = 1.1;
 const UP = new THREE.Vector3(0, 1, 0);
-// Where to look from at first, in this order: radians about the way from the targets to the camera, then how far away
-// and how far up, in distances between the two.
+// First viewpoints to try, in this order: angle in radians about the line from the targets to the camera, then distance and
+// height, in units of the length of that line.
 const SIDES = [
   [0.65, 1.55, 0.95],
   [-0.65, 1.55, 0.95],
@@ -57,7 +57,7 @@ export class SceneView {
     return new THREE.Vector3().fromArray(this.session.camera, 7 * frame);
   }
 
-  // The middle of the targets; the camera's place when there are none, or nobody knows where they are.
+  // The middle of the targets; the camera's position when there are none, or their positions are unknown.
   middle(frame = this.player.frame) {
     const { session } = this,
       sum = new THREE.Vector3();
@@ -67,7 +67,7 @@ export class SceneView {
     return sum.divideScalar(placed.length);
   }
 
-  // What the view from outside turns around: between targets and camera.
+  // The outside view turns around this point between targets and camera.
   focus() {
     return this.middle().lerp(this.place(), 0.4);
   }
@@ -266,7 +266,7 @@ export class SceneView {
     return found;
   }
 
-  // Where the 3D cameras are, for whoever asks: tests, and a person at the console.
+  // The state of the 3D cameras, for tests and the console.
   state() {
     const pose = ({ position, quaternion }) => ({ position: position.toArray(), rotation: quaternion.toArray() });
     return {

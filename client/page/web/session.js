@@ -57,7 +57,7 @@ export function frameAt(session, time_s) {
   return low;
 }
 
-// Whether an instance is there in a frame.
+// True when an instance exists in a frame.
 export function lives(session, index, frame) {
   const { life } = session.instances[index];
   return !life || (frame >= life[0] && frame < life[1]);
@@ -73,7 +73,7 @@ export function targetOf(session, index) {
   return session.targets.findIndex(({ id }) => id === session.instances[index].id);
 }
 
-// What one frame knew of one target. Placed: it is known where it is.
+// One target in one frame. Placed: it is known where it is.
 export function sightAt(session, frame, target) {
   const at = frame * session.targets.length + target;
   const aim = session.aim_m.subarray(3 * at, 3 * at + 3);
@@ -176,7 +176,7 @@ export function eventFrames(session) {
   return events;
 }
 
-// What happened at frames [first, end).
+// The events at frames [first, end).
 export function marksAt(session, first, end = first + 1) {
   return session.marks.filter(({ frame }) => frame >= first && frame < end);
 }

@@ -102,7 +102,7 @@ export class Timeline {
     this.drawCursor();
   }
 
-  // Calls visit(x, width, first, end) for each stretch of whole pixels with the frames that begin on its first one: a
+  // Calls visit(x, width, first, end) for each stretch of whole pixels with the frames that begin on its first pixel. A
   // frame lasts until the next, so stretches meet and never overlap.
   eachColumn(visit) {
     const right = this.width - 8;
@@ -111,7 +111,7 @@ export class Timeline {
       const first = this.firstFrameFrom(this.timeAt(x)),
         end = this.firstFrameFrom(this.timeAt(x + 1));
       if (end <= first) continue;
-      // What has begun before the window is seen from its edge on.
+      // A frame that began before the window is drawn from its edge on.
       if (!open && first > 0 && x > GUTTER) visit(GUTTER, x - GUTTER, first - 1, first);
       if (open) visit(open.x, x - open.x, open.first, open.end);
       open = { x, first, end };

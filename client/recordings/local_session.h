@@ -1,5 +1,5 @@
-// A session in this process that is told what a daemon is told and answers what a daemon answers: wire messages in, wire
-// messages out, no network, no clock. Replays and reports step it.
+// A session in this process that answers as a daemon does: wire messages in, wire messages out, no network, no clock.
+// Replays and reports step it.
 #pragma once
 
 #include <memory>
@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-// What the sessions of a process share. The sampler device must outlive it.
+// Shared by the sessions of a process. The sampler device must outlive it.
 struct LocalWorld {
   // `scene_folder` may be empty: then scenes can only be named by hash (LocalWorld::scenes.add_uploaded).
   LocalWorld(std::string scene_folder, SamplerDevice& sampler_device)
@@ -30,22 +30,22 @@ struct LocalWorld {
 // Single-threaded.
 class LocalSession {
  public:
-  // Fails as opening at a daemon does, with the same fields. `world` must outlive it. Without a clock stage times are 0.
+  // Fails as opening a session at a daemon does, with the same field paths. `world` must outlive it. Without a clock stage
+  // times are 0.
   static Result<std::unique_ptr<LocalSession>> open(const v1::OpenSession& request, LocalWorld& world,
                                                     StageClock clock = {});
 
   // As a daemon's, without an id.
   const v1::SessionOpened& opened() const { return opened_; }
 
-  // Applies a tick whole; or answers why not, as the daemon's Rejection says it, and changes nothing.
-  // False: refused, and `rejection` is filled.
+  // Applies a whole tick and returns true; or changes nothing, fills `rejection` as a daemon would, and returns false.
   bool apply(const v1::Tick& tick, v1::TickError& rejection);
 
-  // One step for the newest applied tick, at a level of economy (server/step/quality_level.h). Clears and fills `reply`.
-  // Fails only when the sampler does.
+  // Takes one step for the newest applied tick, at the given level of degradation. Clears and fills `reply`. Fails only
+  // when the sampler does.
   Status step(int quality_level, v1::CameraReply& reply);
 
-  // Of every reply from now on, beside what the opening asked for.
+  // Every reply from now on has candidates, in addition to what the opening asked for.
   void want_candidates() { wanted_.candidates = true; }
 
   const Session& session() const { return *session_; }

@@ -1,13 +1,65 @@
+#include "client/replay/backend.h"
+
 #include <algorithm>
-#include <chrono>
 #include <thread>
 #include <utility>
 
-#include "client/replay/place.h"
 #include "client/cpp/sightline_client.h"
+#include "server/base/cpu_budget.h"
+#include "server/sample/embree_sampler.h"
 
 namespace sightline {
 namespace {
+
+int64_t monotonic_ns() {
+  return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+}
+
+class LocalBackend final : public ReplayBackend {
+ public:
+  LocalBackend(std::unique_ptr<SamplerDevice> sampler, bool steps)
+      : sampler_(std::move(sampler)), world_("", *sampler_), steps_(steps) {}
+
+  Result<std::string> bring(std::span<const std::byte> file) override {
+    auto asset = world_.scenes.add_uploaded(file);
+    if (!asset) return tl::unexpected(std::move(asset.error()));
+    held_.push_back(*asset);
+    return to_hex((*asset)->hash);
+  }
+
+  Result<v1::SessionOpened> open(const v1::OpenSession& open) override {
+    session_.reset();
+    waiting_ = false;
+    return keep_opened(LocalSession::open(open, world_, monotonic_ns), session_);
+  }
+
+  Status take(std::span<const v1::Tick> ticks, int quality_level, ReplayAnswer& answer) override {
+    for (const v1::Tick& tick : ticks) {
+      v1::TickError rejection;
+      if (session_->apply(tick, rejection))
+        waiting_ = true;
+      else
+        answer.rejections.push_back(std::move(rejection));
+    }
+    if (!steps_ || !waiting_) return {};
+    if (Status stepped = session_->step(quality_level, answer.reply); !stepped) return stepped;
+    answer.has_reply = true;
+    waiting_ = false;
+    return {};
+  }
+
+  const Session* session() const override { return session_ ? &session_->session() : nullptr; }
+
+ private:
+  const std::unique_ptr<SamplerDevice> sampler_;
+  LocalWorld world_;
+  const bool steps_;
+  std::vector<std::shared_ptr<const SceneAsset>> held_;  // files that were brought, for ticks that name them later
+  std::unique_ptr<LocalSession> session_;
+  bool waiting_ = false;  // a tick was applied and no step taken since
+};
+
+// ---- at a daemon ----
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
@@ -16,10 +68,10 @@ constexpr auto kOpenTimeout = 5min, kUploadTimeout = 10min;  // scenes may be la
 constexpr auto kReplyTimeout = 60s;
 constexpr auto kRetryPause = 100ms;
 
-class ServerPlace final : public ReplayPlace {
+class ServerBackend final : public ReplayBackend {
  public:
-  ServerPlace(std::string address, std::chrono::nanoseconds patience, Client client)
-      : address_(std::move(address)), patience_(patience), client_(std::move(client)) {}
+  ServerBackend(std::string address, std::chrono::nanoseconds timeout, Client client)
+      : address_(std::move(address)), timeout_(timeout), client_(std::move(client)) {}
 
   Result<std::string> bring(std::span<const std::byte> file) override {
     auto reply = client_.upload_scene(file, kUploadTimeout);
@@ -48,10 +100,10 @@ class ServerPlace final : public ReplayPlace {
     return {};
   }
 
-  // A new connection: the old one may wait long before it tries again.
+  // Makes a new connection, since the old one may wait long before it tries again.
   bool wait_until_back() override {
     session_.reset();
-    for (const auto deadline = Clock::now() + patience_; Clock::now() < deadline;) {
+    for (const auto deadline = Clock::now() + timeout_; Clock::now() < deadline;) {
       if (auto client = Client::connect(address_, 1s)) {
         client_ = std::move(*client);
         return true;
@@ -70,7 +122,7 @@ class ServerPlace final : public ReplayPlace {
     while (true) {
       Status sent = session_->send(tick_);
       if (sent || sent.error().code != ErrorCode::kResourceExhausted) return sent;
-      // More ticks than the connection holds: answers are taken meanwhile, so that none is dropped.
+      // There are more ticks than the connection holds. Answers are received meanwhile, so that none is dropped.
       auto event = session_->receive(1ms);
       if (!event) return tl::unexpected(std::move(event.error()));
       if (*event) take_event(std::move(**event), answer);
@@ -85,17 +137,17 @@ class ServerPlace final : public ReplayPlace {
     } else if (auto* rejection = std::get_if<v1::TickError>(&event)) {
       unanswered_ -= std::min<size_t>(unanswered_, 1);
       answer.rejections.push_back(std::move(*rejection));
-    }  // a drain: what was sent is still answered, and the end of the stream says the rest
+    }  // a drain: the ticks so far are still answered, and then the stream ends
   }
 
-  // When the tick that asks for a step is refused those before it wait for the next one.
+  // When the tick that asks for a step is refused, the ticks before it wait for the next step.
   bool done(std::span<const v1::Tick> ticks, const ReplayAnswer& answer) const {
     if (unanswered_ == 0) return true;
     return !answer.rejections.empty() && answer.rejections.back().sequence() == ticks.back().sequence();
   }
 
   const std::string address_;
-  const std::chrono::nanoseconds patience_;
+  const std::chrono::nanoseconds timeout_;
   Client client_;
   std::unique_ptr<ClientSession> session_;
   size_t unanswered_ = 0;  // ticks
@@ -104,11 +156,23 @@ class ServerPlace final : public ReplayPlace {
 
 }  // namespace
 
-Result<std::unique_ptr<ReplayPlace>> connect_place(const std::string& address,
-                                                   std::chrono::nanoseconds patience) {
-  auto client = Client::connect(address, patience);
+size_t replay_threads() {
+  return static_cast<size_t>(std::min(cpu_budget(), 4));
+}
+
+std::unique_ptr<ReplayBackend> make_local_backend(std::unique_ptr<SamplerDevice> sampler) {
+  return std::make_unique<LocalBackend>(std::move(sampler), true);
+}
+
+std::unique_ptr<ReplayBackend> make_mirror_backend() {
+  return std::make_unique<LocalBackend>(make_embree_sampler_device(), false);
+}
+
+Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
+                                                   std::chrono::nanoseconds timeout) {
+  auto client = Client::connect(address, timeout);
   if (!client) return tl::unexpected(std::move(client.error()));
-  return std::make_unique<ServerPlace>(address, patience, std::move(*client));
+  return std::make_unique<ServerBackend>(address, timeout, std::move(*client));
 }
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-#include "client/report/cast.h"
+#include "client/report/instance_timeline.h"
 
 #include <utility>
 
@@ -15,7 +15,7 @@ bool stands_where(const Pose& a, const Pose& b) {
 
 }  // namespace
 
-void RecordingCast::take_in(const SceneMirror& mirror, size_t frame) {
+void InstanceTimeline::take_in(const SceneMirror& mirror, size_t frame) {
   if (mirror.static_version() != static_version_ || mirror.moving_version() != moving_version_)
     compare(mirror, frame);
   static_version_ = mirror.static_version(), moving_version_ = mirror.moving_version();
@@ -25,10 +25,10 @@ void RecordingCast::take_in(const SceneMirror& mirror, size_t frame) {
   }
 }
 
-void RecordingCast::move(const Instance& instance, size_t frame) {
+void InstanceTimeline::move(const Instance& instance, size_t frame) {
   size_t& open = present_.at(instance.id);
   if (!parts_[open].moving) {
-    // Told to be where it is: it has not moved yet.
+    // The client sent the pose that it already has: it has not moved.
     if (stands_where(parts_[open].start, instance.pose)) return;
     moved_.insert(instance.id);
     if (frame - parts_[open].shown.first_frame > kRestFrames) {
@@ -45,8 +45,8 @@ void RecordingCast::move(const Instance& instance, size_t frame) {
   if (part.rest_frames >= kRestFrames) rest(instance, frame);
 }
 
-// What it has done for a while becomes a part of its own that stands.
-void RecordingCast::rest(const Instance& instance, size_t frame) {
+// The resting frames become a part of their own without movement.
+void InstanceTimeline::rest(const Instance& instance, size_t frame) {
   Part& part = parts_[present_.at(instance.id)];
   const size_t since = frame + 1 - part.rest_frames;
   part.poses.resize(part.poses.size() - part.rest_frames);
@@ -54,14 +54,14 @@ void RecordingCast::rest(const Instance& instance, size_t frame) {
   begin(instance, since);
 }
 
-bool RecordingCast::is_same(const Part& part, const Instance& instance) const {
-  // One that was added anew under the same id stands still again.
+bool InstanceTimeline::is_same(const Part& part, const Instance& instance) const {
+  // An instance that was removed and added again under the same id is not moving at first.
   const bool goes_on = instance.moving || (!part.moving && stands_where(part.start, instance.pose));
   return goes_on && part.shown.geometry == instance.geometry && part.shown.occludes == instance.occludes() &&
          part.linear == instance.linear;
 }
 
-void RecordingCast::compare(const SceneMirror& mirror, size_t frame) {
+void InstanceTimeline::compare(const SceneMirror& mirror, size_t frame) {
   for (auto it = present_.begin(); it != present_.end();) {
     const Instance* instance = mirror.find(it->first);
     if (instance && is_shown(*instance) && is_same(parts_[it->second], *instance)) {
@@ -75,7 +75,7 @@ void RecordingCast::compare(const SceneMirror& mirror, size_t frame) {
     if (is_shown(instance) && !present_.contains(instance.id)) begin(instance, frame);
 }
 
-void RecordingCast::begin(const Instance& instance, size_t frame) {
+void InstanceTimeline::begin(const Instance& instance, size_t frame) {
   present_[instance.id] = parts_.size();
   Part& part = parts_.emplace_back();
   const auto named = names_.find(instance.id);
@@ -89,7 +89,7 @@ void RecordingCast::begin(const Instance& instance, size_t frame) {
   part.start = instance.pose;
 }
 
-void RecordingCast::give(SessionPage& page) {
+void InstanceTimeline::give(SessionPage& page) {
   for (Part& part : parts_) {
     part.shown.moves = moved_.contains(part.shown.id);
     if (part.moving) {

@@ -1,4 +1,4 @@
-#include "client/replay/tally.h"
+#include "client/replay/result.h"
 
 #include <algorithm>
 #include <numbers>
@@ -31,7 +31,7 @@ const char* to_string(ReplayVerdict verdict) {
   return "";
 }
 
-void ReplayTally::add(const ReplayedStep& step) {
+void ReplayResult::add(const ReplayedStep& step) {
   const RecordedStep& recorded = step.recorded.step;
   gaps_ += recorded.missing > 0;
   missing_ += recorded.missing;
@@ -51,8 +51,8 @@ void ReplayTally::add(const ReplayedStep& step) {
   equal_before_gap_ += equal;
 }
 
-// Refused ticks may stand a step later in the replay than in the recording (FedStep).
-void ReplayTally::add_rejections(const ReplayedStep& step) {
+// The replay may refuse a tick one step later than the recording did (FedStep).
+void ReplayResult::add_rejections(const ReplayedStep& step) {
   for (const v1::TickError& rejection : step.recorded.step.rejections)
     if (refuses(rejection)) refused_recorded_.push_back(rejection.sequence());
   for (const v1::TickError& rejection : step.answer.rejections) {
@@ -67,11 +67,11 @@ void ReplayTally::add_rejections(const ReplayedStep& step) {
   }
 }
 
-bool ReplayTally::expected_equal() const {
+bool ReplayResult::expected_equal() const {
   return never_equal_.empty() && gaps_ == 0 && lost_replies_ == 0;
 }
 
-ReplayVerdict ReplayTally::verdict() const {
+ReplayVerdict ReplayResult::verdict() const {
   const bool same_steps = only_recorded_ == 0 && refused_recorded_.empty() && refused_only_replayed_ == 0;
   if (replies_.all_equal() && same_steps) return ReplayVerdict::kEqual;
   if (expected_equal() || (never_equal_.empty() && compared_before_gap_ > equal_before_gap_))
@@ -81,7 +81,7 @@ ReplayVerdict ReplayTally::verdict() const {
   return near ? ReplayVerdict::kAlike : ReplayVerdict::kDiffers;
 }
 
-void ReplayTally::print(std::ostream& out) const {
+void ReplayResult::print(std::ostream& out) const {
   std::string count = formatted("%s compared, %s equal", counted(replies_.compared()).c_str(),
                                 counted(replies_.equal()).c_str());
   if (only_recorded_ > 0) count.append(", ").append(counted(only_recorded_)).append(" not answered again");

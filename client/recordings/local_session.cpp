@@ -1,4 +1,4 @@
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 
 #include <utility>
 

@@ -1,17 +1,11 @@
-#include "client/recordings/verify_command.h"
-
-#include <unistd.h>
-
-#include <CLI/CLI.hpp>
-#include <iostream>
-#include <memory>
+// `sightline verify`: whether recordings are whole and consistent.
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "client/recordings/check.h"
+#include "client/recordings/commands.h"
 #include "client/recordings/summary.h"
 #include "client/base/text_table.h"
-#include "client/recordings/watched_source.h"
 #include "server/record/mcap_verify.h"
 
 namespace sightline {
@@ -158,15 +152,6 @@ int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ost
     print_verdict(out, path, *verdict);
   }
   return status;
-}
-
-Verb add_verify_verb(CLI::App& app) {
-  const auto options = std::make_shared<VerifyOptions>();
-  options->progress = isatty(STDERR_FILENO) != 0;
-  CLI::App* verify = app.add_subcommand("verify", "Say whether recordings are whole and go together");
-  verify->add_option("files", options->files, "MCAP files")->required();
-  verify->add_flag("--json", options->json, "One JSON object a line for each file");
-  return {verify, [options] { return run_verify_command(*options, std::cout, std::cerr); }};
 }
 
 }  // namespace sightline

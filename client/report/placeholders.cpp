@@ -1,4 +1,4 @@
-#include "client/report/stand_ins.h"
+#include "client/report/placeholders.h"
 
 #include <algorithm>
 
@@ -11,7 +11,8 @@ bool of_a_file(uint64_t id) {
   return (id & kAssetIdBit) != 0;
 }
 
-// Transforms of instances that there are; the others would be refused, and the whole tick with them.
+// Keeps the transforms of the client's own instances. The scene's nodes do not exist, and naming them would refuse the
+// whole tick.
 void keep_clients_own(v1::Transforms& transforms) {
   v1::Transforms kept;
   const bool turns = transforms.rotations_size() == 4 * transforms.ids_size();
@@ -35,14 +36,14 @@ void drop_of_a_file(List& list, IdOf id_of) {
 
 }  // namespace
 
-v1::Shape StandIns::ball() const {
+v1::Shape Placeholders::ball() const {
   v1::Shape shape;
-  shape.mutable_sphere()->set_radius(kStandInRadiusM / convention_.metres_per_unit);
+  shape.mutable_sphere()->set_radius(kPlaceholderRadiusM / convention_.metres_per_unit);
   return shape;
 }
 
-// Asked once for each file.
-bool StandIns::find(v1::NewInstance& instance) {
+// Looks for each file once.
+bool Placeholders::find(v1::NewInstance& instance) {
   const v1::MeshRef& mesh = instance.mesh();
   const std::string& key = mesh.has_scene_hash() ? mesh.scene_hash() : mesh.scene_name();
   bool& lacks = lacks_[key];
@@ -56,7 +57,7 @@ bool StandIns::find(v1::NewInstance& instance) {
   return found.has_value();
 }
 
-bool StandIns::find_scene(v1::OpenSession& open) {
+bool Placeholders::find_scene(v1::OpenSession& open) {
   v1::OpenSession alone;
   *alone.mutable_scene() = open.scene();
   const Status found = scenes_.name_by_hash(alone);
@@ -65,25 +66,25 @@ bool StandIns::find_scene(v1::OpenSession& open) {
   return found.has_value();
 }
 
-void StandIns::replace(v1::NewInstance& instance) {
+void Placeholders::replace(v1::NewInstance& instance) {
   if (instance.has_mesh() && !find(instance)) *instance.mutable_shape() = ball();
 }
 
-void StandIns::replace(v1::OpenSession& open, bool without_scene) {
+void Placeholders::replace(v1::OpenSession& open, bool without_scene) {
   for (v1::NewInstance& instance : *open.mutable_instances()) replace(instance);
   if (!open.has_scene()) return;
   without_scene_ = without_scene || !find_scene(open);
   if (!without_scene_) return;
   for (const v1::NodeBinding& binding : open.scene().bindings()) {
-    v1::NewInstance& stand_in = *open.add_instances();
-    stand_in.set_id(binding.id());
-    *stand_in.mutable_shape() = ball();
+    v1::NewInstance& placeholder = *open.add_instances();
+    placeholder.set_id(binding.id());
+    *placeholder.mutable_shape() = ball();
   }
   open.clear_scene();
   drop_of_a_file(*open.mutable_targets(), [](const v1::Target& target) { return target.id(); });
 }
 
-void StandIns::replace(v1::Tick& tick) {
+void Placeholders::replace(v1::Tick& tick) {
   if (tick.has_delta())
     for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_added_instances()) replace(instance);
   if (!without_scene_) return;

@@ -1,4 +1,4 @@
-// What a replay came to, against the recording.
+// The result of a replay, compared with the recording.
 #pragma once
 
 #include <cstdint>
@@ -12,25 +12,25 @@
 
 namespace sightline {
 
-// Replies that need not be equal are alike while the camera is within what nobody takes for a jump (client/truth/metrics.h, kPopM and
-// kPopRad) of where it was.
+// Replies that need not be equal are alike while the camera is nearer to its recorded pose than a visible jump (kPopM and
+// kPopRad of client/truth/metrics.h).
 enum class ReplayVerdict { kEqual, kAlike, kDiffers };
 
-// A reason why no reply need be equal: then the result is no verdict.
+// The reason for changed settings: the result is then no verdict.
 inline constexpr const char* kOtherSettings = "other settings";
 
 // Not thread-safe.
-class ReplayTally {
+class ReplayResult {
  public:
-  // `never_equal`: why no reply need be equal ("another sampler"); empty: all must be, up to the first gap.
-  ReplayTally(const Convention& convention, std::string never_equal)
+  // `never_equal`: why no reply need be equal ("another sampler"). Empty: all must be equal, up to the first gap.
+  ReplayResult(const Convention& convention, std::string never_equal)
       : replies_(convention), never_equal_(std::move(never_equal)) {}
 
   void add(const ReplayedStep& step);
 
   const ReplyComparison& replies() const { return replies_; }
   ReplayVerdict verdict() const;
-  // Lines "replies     3600 compared, ...", the verdict last.
+  // Prints lines like "replies 3600 compared, ...", the verdict last.
   void print(std::ostream& out) const;
 
  private:
@@ -41,7 +41,7 @@ class ReplayTally {
   const std::string never_equal_;
   uint64_t only_recorded_ = 0, only_replayed_ = 0;  // replies
   uint64_t refused_both_ = 0, refused_only_replayed_ = 0;
-  std::vector<uint64_t> refused_recorded_;  // sequences that the replay has not refused yet
+  std::vector<uint64_t> refused_recorded_;  // sequences that the replay has not refused so far
   std::optional<v1::TickError> first_new_refusal_;
   uint64_t faults_ = 0, gaps_ = 0, missing_ = 0, lost_replies_ = 0, unanswered_ticks_ = 0;
   std::string first_fault_;

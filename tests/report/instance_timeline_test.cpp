@@ -1,6 +1,6 @@
-// What a cast says of each frame, against a plain note of what the mirror was in it: random comings, goings, movements and
+// Compares an InstanceTimeline with a plain log of the mirror at each frame, over random additions, removals, movements and
 // rests.
-#include "client/report/cast.h"
+#include "client/report/instance_timeline.h"
 
 #include <gtest/gtest.h>
 
@@ -96,7 +96,7 @@ class World {
       attributes.visible = !one_in(2), attributes.occludes = !one_in(3);
       delta.change.push_back({id, attributes});
     }
-    // Stretches of movement and rest; a resting one may be told where it is all the same.
+    // Stretches of movement and rest. A resting instance may still get its unchanged pose.
     if (one_in(50)) moves_[id] = !moves_[id];
     if (!moves_[id] && !one_in(2)) return;
     update.ids.push_back(id);
@@ -109,11 +109,11 @@ class World {
   const std::shared_ptr<const Geometry> low_ = tent(1.0f), high_ = tent(4.0f);
 };
 
-TEST(RecordingCast, EveryFrameIsAsTheMirrorWas) {
+TEST(InstanceTimeline, EveryFrameIsAsTheMirrorWas) {
   for (uint32_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     World world(seed);
-    RecordingCast cast({{1, "one"}});
+    InstanceTimeline cast({{1, "one"}});
     std::vector<Note> notes;
     for (size_t frame = 0; frame < 600; ++frame) {
       world.frame();
@@ -142,7 +142,7 @@ TEST(RecordingCast, EveryFrameIsAsTheMirrorWas) {
 }
 
 // A thousand things that were moved once must not cost a pose in every frame.
-TEST(RecordingCast, WhatRestsCostsNoPoses) {
+TEST(InstanceTimeline, WhatRestsCostsNoPoses) {
   SceneMirror mirror;
   SceneDelta delta;
   for (uint64_t id = 1; id <= 100; ++id) {
@@ -150,7 +150,7 @@ TEST(RecordingCast, WhatRestsCostsNoPoses) {
     instance.id = id, instance.geometry = tent(1.0f);
   }
   ASSERT_TRUE(mirror.apply(delta, {}).has_value());
-  RecordingCast cast({});
+  InstanceTimeline cast({});
   for (size_t frame = 0; frame < 2000; ++frame) {
     TransformUpdate update;
     if (frame % 1000 == 500)

@@ -1,4 +1,4 @@
-#include "client/replay/scenes.h"
+#include "client/recordings/scene_files.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -30,14 +30,14 @@ bool is_scene_name(const std::string& name) {
   return name.ends_with(".glb") || name.ends_with(".gltf");
 }
 
-// Relative and without a way out of its folder.
+// A relative path that does not leave its folder.
 bool stays_inside(const std::string& name) {
   const fs::path path(name);
   return !path.empty() && path.is_relative() &&
          std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
 }
 
-// The hash that a library knows the scene by: of the file and of what it refers to.
+// The hash by which a scene library knows the scene. It covers the file and the files that it refers to.
 Result<std::string> content_hash(const Bytes& file, const ReadBeside& read_beside) {
   if (is_binary(file)) return to_hex(hash_bytes(file));
   GeometryStore store;
@@ -46,7 +46,7 @@ Result<std::string> content_hash(const Bytes& file, const ReadBeside& read_besid
   return to_hex((*asset)->hash);
 }
 
-// An upload is one file: buffers that stand beside a .gltf go into it.
+// An upload is one file, so external buffers of a .gltf are put into it.
 Result<Bytes> in_one_file(Bytes file, const ReadBeside& read_beside) {
   if (is_binary(file)) return file;
   const char* text = reinterpret_cast<const char*>(file.data());
@@ -80,12 +80,12 @@ Error missing(const std::string& name, const std::string& hash) {
 
 }  // namespace
 
-void ReplayScenes::bring_to(Bring bring) {
+void SceneFiles::bring_to(Bring bring) {
   bring_ = std::move(bring);
   brought_.clear();
 }
 
-Result<Bytes> ReplayScenes::attachment(const std::string& name) const {
+Result<Bytes> SceneFiles::attachment(const std::string& name) const {
   for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
     if (index.name != name) continue;
     const auto text = recording_.reader().attachment(index);
@@ -96,7 +96,7 @@ Result<Bytes> ReplayScenes::attachment(const std::string& name) const {
   return fail(ErrorCode::kNotFound, name, "is not attached to the recording");
 }
 
-void ReplayScenes::add_attachments(const Wanted& wanted, std::vector<Place>& places) const {
+void SceneFiles::add_attachments(const Wanted& wanted, std::vector<Place>& places) const {
   for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
     const std::string& name = index.name;
     const bool named = !wanted.name.empty() && name == std::string(kAttachedScene).append(wanted.name);
@@ -110,7 +110,7 @@ void ReplayScenes::add_attachments(const Wanted& wanted, std::vector<Place>& pla
   }
 }
 
-void ReplayScenes::add_files(const Wanted& wanted, std::vector<Place>& places) const {
+void SceneFiles::add_files(const Wanted& wanted, std::vector<Place>& places) const {
   const auto add = [&](const fs::path& path) {
     places.push_back(
         {[path] { return read_file(path.string()); },
@@ -132,15 +132,15 @@ void ReplayScenes::add_files(const Wanted& wanted, std::vector<Place>& places) c
     if (is_scene_name(it->path().string()) && it->is_regular_file(trouble)) add(it->path());
 }
 
-std::vector<ReplayScenes::Place> ReplayScenes::places_of(const Wanted& wanted) const {
+std::vector<SceneFiles::Place> SceneFiles::places_of(const Wanted& wanted) const {
   std::vector<Place> places;
   add_attachments(wanted, places);
   add_files(wanted, places);
   return places;
 }
 
-// Of files that are only looked through for a hash, what cannot be read is passed over.
-Result<std::string> ReplayScenes::bring_first(const std::vector<Place>& places, const Wanted& wanted) {
+// When files are only searched for a hash, unreadable ones are skipped.
+Result<std::string> SceneFiles::bring_first(const std::vector<Place>& places, const Wanted& wanted) {
   for (const Place& place : places) {
     auto file = place.read();
     if (!file && wanted.hash.empty()) return tl::unexpected(std::move(file.error()));
@@ -158,7 +158,7 @@ Result<std::string> ReplayScenes::bring_first(const std::vector<Place>& places, 
   return tl::unexpected(missing(wanted.name, wanted.hash));
 }
 
-Result<std::string> ReplayScenes::bring(const Wanted& wanted) {
+Result<std::string> SceneFiles::bring(const Wanted& wanted) {
   const std::string key = wanted.name.empty() ? wanted.hash : "name:" + wanted.name;
   if (const auto known = brought_.find(key); known != brought_.end()) return known->second;
   auto hash = bring_first(places_of(wanted), wanted);
@@ -166,7 +166,7 @@ Result<std::string> ReplayScenes::bring(const Wanted& wanted) {
   return hash;
 }
 
-Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
+Status SceneFiles::name_by_hash(v1::OpenSession& open) {
   if (open.has_scene() && open.scene().source_case() != v1::SceneRef::SOURCE_NOT_SET) {
     const auto hash = bring({open.scene().name(), open.scene().hash()});
     if (!hash) return tl::unexpected(hash.error());
@@ -177,20 +177,20 @@ Status ReplayScenes::name_by_hash(v1::OpenSession& open) {
   return {};
 }
 
-bool ReplayScenes::named_in(const v1::Tick& tick) {
+bool SceneFiles::named_in(const v1::Tick& tick) {
   const auto& added = tick.delta().added_instances();
   return std::any_of(added.begin(), added.end(),
                      [](const v1::NewInstance& instance) { return instance.has_mesh(); });
 }
 
-Status ReplayScenes::name_by_hash(v1::Tick& tick) {
+Status SceneFiles::name_by_hash(v1::Tick& tick) {
   if (!named_in(tick)) return {};
   for (v1::NewInstance& instance : *tick.mutable_delta()->mutable_added_instances())
     if (Status named = name_by_hash(instance); !named) return named;
   return {};
 }
 
-Status ReplayScenes::name_by_hash(v1::NewInstance& instance) {
+Status SceneFiles::name_by_hash(v1::NewInstance& instance) {
   if (!instance.has_mesh() || instance.mesh().source_case() == v1::MeshRef::SOURCE_NOT_SET) return {};
   v1::MeshRef& mesh = *instance.mutable_mesh();
   const auto hash = bring({mesh.scene_name(), mesh.scene_hash()});

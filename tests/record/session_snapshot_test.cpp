@@ -1,5 +1,5 @@
-// One tick for many: a session that is told the fold stands where the session stands that was told every tick.
-#include "server/record/tick_fold.h"
+// One tick for many: a session that receives the snapshot tick is in the same state as one that received every tick.
+#include "server/record/session_snapshot.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/replay/local_session.h"
+#include "client/recordings/local_session.h"
 #include "client/scenario/scenario.h"
 #include "client/scenario/scenario_session.h"
 #include "scenes/hall.h"
@@ -280,7 +280,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     return tick;
   }
 
-  // To the truth and the fold, as a daemon does: some ticks, then what was refused of them, then one reply.
+  // Feeds the session and the snapshot as a daemon does: some ticks, then their rejections, then one reply.
   void play(int ticks) {
     std::vector<v1::TickError> refused;
     for (int i = 0; i < ticks; ++i) {
@@ -304,8 +304,8 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     if (applied_ > 0) fold_.take_reply(reply_);
   }
 
-  // Whoever keeps its rotation has it normalised at every move; who was never turned is told floats beside those who
-  // were.
+  // An instance that keeps its rotation has it normalised at every move. One that was never turned gets its rotation as
+  // floats when others were turned.
   double rotations_within() const { return turning_ == Turning::kAtTimes ? 2e-7 : 1e-15; }
 
   void expect_same(const Session& a, const Session& b, bool velocities) {
@@ -340,7 +340,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     tick.mutable_delta()->clear_base_revision();
     return tick;
   }
-  static std::vector<uint64_t> sequences(const TickFold& fold) {
+  static std::vector<uint64_t> sequences(const SessionSnapshot& fold) {
     std::vector<uint64_t> out;
     for (const WaitingTick& waiting : fold.waiting()) out.push_back(waiting.tick.sequence());
     return out;
@@ -370,7 +370,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
   Turning turning_ = Turning::kAlways;
   CounterRandom dice_{1, 0, RandomPurpose::kTest};
   std::unique_ptr<LocalSession> truth_;
-  TickFold fold_;
+  SessionSnapshot fold_;
   uint64_t sequence_ = 0, newest_ = 0, newest_stamp_ = 0, stamps_ = 0, applied_ = 0, refusals_ = 0;
   double time_s_ = 0;
   v1::CameraReply reply_;
@@ -397,7 +397,7 @@ TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
   EXPECT_TRUE(tick.observed_camera().cut());
   EXPECT_EQ(tick.observed_camera().pose().SerializeAsString(), reply_.pose().SerializeAsString());
 
-  // From here on both are told the same: velocities that are derived are the same again.
+  // Both receive the same ticks from here on, so derived velocities are equal again.
   for (int i = 0; i < 10; ++i) {
     const v1::Tick more = next(true);
     const bool applied = truth_->apply(more, rejection);
@@ -412,7 +412,7 @@ INSTANTIATE_TEST_SUITE_P(
                      testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNREAL), testing::Range(1, 9)));
 
 TEST_F(Fold, WhatIsNotAnsweredWaits) {
-  TickFold fold;
+  SessionSnapshot fold;
   fold.take_open(open_);
   for (uint64_t i = 1; i <= 5; ++i) fold.take_tick(numbered(i), {static_cast<uint32_t>(i), i, i});
   EXPECT_EQ(fold.ticks(), 0u);
@@ -430,7 +430,7 @@ TEST_F(Fold, WhatIsNotAnsweredWaits) {
 
 TEST_F(Fold, OfTwoWithOneNumberTheRefusedOneGoes) {
   const auto told = [&](const char* field) {
-    TickFold fold;
+    SessionSnapshot fold;
     fold.take_open(open_);
     v1::Tick first = numbered(4), second = numbered(4);
     first.mutable_lens()->set_aspect(1);
@@ -447,22 +447,22 @@ TEST_F(Fold, OfTwoWithOneNumberTheRefusedOneGoes) {
 }
 
 TEST_F(Fold, WhatWaitsIsBounded) {
-  TickFold fold;
+  SessionSnapshot fold;
   fold.take_open(open_);
   for (uint64_t i = 1; i <= 2000; ++i) fold.take_tick(numbered(i), {});
-  EXPECT_THAT(fold.waiting(), SizeIs(TickFold::kMaxWaiting));
-  EXPECT_EQ(fold.ticks(), 2000 - TickFold::kMaxWaiting);
+  EXPECT_THAT(fold.waiting(), SizeIs(SessionSnapshot::kMaxWaiting));
+  EXPECT_EQ(fold.ticks(), 2000 - SessionSnapshot::kMaxWaiting);
   v1::Tick large = numbered(2001);
   for (int i = 0; i < 400'000; ++i) large.mutable_transforms()->add_positions(i);
   for (uint64_t i = 0; i < 10; ++i) {
     large.set_sequence(2001 + i);
     fold.take_tick(large, {});
   }
-  EXPECT_LE(fold.waiting().size(), TickFold::kMaxWaitingBytes / large.ByteSizeLong() + 1);
+  EXPECT_LE(fold.waiting().size(), SessionSnapshot::kMaxWaitingBytes / large.ByteSizeLong() + 1);
 }
 
 TEST_F(Fold, WhatCameAndWentLeavesNothing) {
-  TickFold fold;
+  SessionSnapshot fold;
   fold.take_open(open_);
   for (uint64_t i = 1; i <= 100; ++i) {
     v1::Tick tick = numbered(i);
@@ -502,7 +502,7 @@ TEST_F(Fold, AfterLostTicksItIsStillOneThatASessionTakes) {
 TEST_F(Fold, AFoldCanBeFoldedOn) {
   for (int batch = 0; batch < 20; ++batch) play(3);
   const v1::Tick first = fold_.tick();
-  TickFold second;
+  SessionSnapshot second;
   second.take_open(open_);
   second.take_folded(first, fold_.ticks(), {});
   EXPECT_EQ(second.ticks(), fold_.ticks());
