@@ -100,6 +100,7 @@ TEST_F(DriveCommandTest, PrintsALineASecondAndATableAndWritesItsFiles) {
     EXPECT_THAT(text, HasSubstr(part));
   EXPECT_TRUE(err_.str().empty()) << err_.str();
   EXPECT_GT(std::filesystem::file_size(options_.out + "/contact.png"), 10'000u);
+  EXPECT_GT(std::filesystem::file_size(options_.out + "/comparison.png"), 5'000u);
   EXPECT_TRUE(std::filesystem::exists(options_.out + "/metrics.json"));
 }
 

@@ -24,7 +24,7 @@ NOT_RUN = (
     (r"^docker ", "needs docker"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
-    (r"^sightline evaluate --suite", "takes minutes"),
+    (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
     (r"^sightline bench", "measures for a minute, or needs a daemon's process id"),
 )
 DEFAULT_ADDRESS = "127.0.0.1:50151"
