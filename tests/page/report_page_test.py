@@ -8,6 +8,12 @@ import subprocess
 from browsing import Browsing, By, Keys, MAKE_RECORDING, OUT, READER, SIGHTLINE
 
 
+def words(value, prefix):
+    """An enum value of the contract as the page shows it: TRACKING_STATUS_PARTIAL_VIEW -> "partial view"."""
+    assert value.startswith(prefix), value
+    return value.removeprefix(prefix).lower().replace("_", " ")
+
+
 class Reader:
     """Replies of a recording as the format's own reader has them, and as a person would put them into the canonical frame."""
 
@@ -74,10 +80,10 @@ class ReportTest(Browsing):
         self.assertAlmostEqual(self.number("fov"), self.file.fov_degrees(frame), delta=0.0051)
         speed = math.hypot(*(reply["velocity"][axis] for axis in "xyz")) / 100
         self.assertAlmostEqual(self.number("speed"), speed, delta=0.0051)
-        for field, key in (("status", "status"), ("reason", "reason")):
-            self.assertEqual(self.text(field), reply[key].lower().replace("_", " "))
+        for field, prefix in (("status", "TRACKING_STATUS_"), ("reason", "MOVE_REASON_")):
+            self.assertEqual(self.text(field), words(reply[field], prefix))
         for field in ("all_visible", "some_visible", "none_visible"):
-            self.assertEqual(self.text(field), str(reply["counts"][field]))
+            self.assertEqual(self.text(field), str(reply["candidate_counts"][field]))
         self.assertEqual(self.text("merged"), str(reply["merged_ticks"]))
         self.assertEqual("degraded" in self.text("flags"), reply["flags"]["degraded"])
         for i, stage in enumerate(("scene", "bound", "sample", "aggregate", "move")):
@@ -96,7 +102,7 @@ class ReportTest(Browsing):
         self.assertAlmostEqual(self.number(f"visible-{k}"), 100 * seen["visible_share"], delta=0.051)
         self.assertAlmostEqual(self.number(f"filtered-{k}"), 100 * seen["filtered_share"], delta=0.051)
         self.assertAlmostEqual(self.number(f"distance-{k}"), seen["distance"] / 100, delta=0.0051)
-        self.assertEqual(self.text(f"state-{k}"), seen["state"].lower().replace("_", " "))
+        self.assertEqual(self.text(f"state-{k}"), words(seen["state"], "TARGET_STATE_"))
 
     def test_scrubbing_moves_the_camera_of_the_3d_view(self):
         line = self.find("#timeline")
@@ -162,7 +168,7 @@ class ReportTest(Browsing):
         for frame in (10, 77, 130):
             self.go(frame)
             self.assertEqual(self.text("cells_of"), str(frame))
-            self.assertEqual(self.view()["cells"], self.file.replies[frame]["counts"]["total"])
+            self.assertEqual(self.view()["cells"], self.file.replies[frame]["candidate_counts"]["total"])
 
     def test_notices_stand_above_and_can_be_closed(self):
         self.assertIn("2 messages were not recorded", self.find("#notices").text)
