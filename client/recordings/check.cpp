@@ -32,7 +32,7 @@ class SessionCheck {
   explicit SessionCheck(const Recording& recording)
       : start_ns_(recording.start_ns()),
         from_start_(begins_with_session(recording)),
-        fold_next_(recording.info().snapshot_ticks() > 0),
+        snapshot_next_(recording.info().snapshot_ticks() > 0),
         in_head_(!from_start_),
         ticks_count_(from_start_) {}
 
@@ -92,7 +92,7 @@ class SessionCheck {
   }
 
   void take_tick(const v1::Tick& tick) {
-    if (std::exchange(fold_next_, false)) {
+    if (std::exchange(snapshot_next_, false)) {
       last_applied_ = tick.sequence();
       return;
     }
@@ -159,7 +159,7 @@ class SessionCheck {
 
   const uint64_t start_ns_;
   const bool from_start_;
-  bool fold_next_;         // the next tick is a snapshot
+  bool snapshot_next_;     // the next tick is a snapshot
   bool unsure_ = false;    // something is missing since the last reply
   // The head of a later part repeats the unanswered ticks. Refused ticks have numbers too, but stand only in the part
   // before. So numbers say nothing about missing ticks until the first tick that is certainly not a repeated one.

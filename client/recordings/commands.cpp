@@ -183,7 +183,8 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
       << " attachments\n"
       << "begins      "
       << (done->snapshot_ticks == 0 ? std::string("where the recording begins")
-                                  : "after " + grouped(done->snapshot_ticks) + " ticks, folded into one")
+                                  : "after " + grouped(done->snapshot_ticks) +
+                                        " ticks, given as one snapshot tick")
       << '\n';
   const bool lost = done->loss.chunks + done->loss.messages > 0;
   if (!lost) return 0;

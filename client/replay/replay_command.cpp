@@ -165,7 +165,7 @@ class Command {
       return "recorded with " + recording_->info().sampler() + ", replayed with " +
              replay_->opened().sampler();
     if (recording_->info().snapshot_ticks() > 0)
-      return formatted("the file begins with %lu ticks folded into one",
+      return formatted("the file begins with a snapshot of %lu ticks",
                        static_cast<unsigned long>(recording_->info().snapshot_ticks()));
     return {};
   }

@@ -53,7 +53,7 @@ TEST(OcclusionSmoother, AreALowPassAndStartAnew) {
   EXPECT_GT(back, 300);
 }
 
-// Fewer or more places than the lattice has cells, none of them its own.
+// The candidates are not lattice cells, and there are fewer or more of them.
 TEST(OcclusionSmoother, PlacesThatAreNotTheLatticesHaveAPastByTheirIndex) {
   Lattice lattice;
   Bound bound;

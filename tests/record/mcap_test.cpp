@@ -1,5 +1,5 @@
-// A file reads as it was written, with the index and without it. That the bytes are MCAP is held elsewhere, by the format's
-// own reader (official_reader_test.py).
+// A file reads back as it was written, with and without its index. official_reader_test.py checks with the format's own
+// reader that the bytes are MCAP.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -18,7 +18,7 @@ using test::CountedSource;
 using test::kSecondNs;
 using test::PlainMessage;
 
-// Takes so many bytes and then no more.
+// Accepts this many bytes and then no more.
 class FullSink final : public ByteSink {
  public:
   explicit FullSink(size_t room) : room_(room) {}

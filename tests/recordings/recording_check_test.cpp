@@ -1,4 +1,4 @@
-// The verdict of verify on sessions: consistent ones, inconsistent ones, and every part by itself.
+// What verify says about sessions: consistent ones, inconsistent ones, and every part by itself.
 #include <functional>
 #include <optional>
 
@@ -157,7 +157,7 @@ TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
   }
 }
 
-// The rejection stands in the part before, the reply to the tick before it in this one.
+// The rejection is in the earlier part, and the reply to the tick before it in this one.
 TEST_F(Verbs, NumbersOfRefusedTicksAreNotMissedBehindAHead) {
   const auto told = [&](uint32_t last_tick) {
     Numbered file(2, 5);
@@ -235,7 +235,7 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
   EXPECT_GT(began_waiting, 0u);
 }
 
-// Refused ticks have numbers, and stand in the part where they were refused alone.
+// Refused ticks have numbers, but only the part in which they were refused holds them.
 TEST_F(Verbs, APartMayBeginAnywhereAmongRefusedTicks) {
   test::PretendedFiles disk;
   record_session(

@@ -1,4 +1,4 @@
-// Which sampler a daemon takes: the decision by itself, and as the daemon on this machine makes it.
+// Which sampler a daemon takes: the decision by itself, and the daemon's choice on this machine.
 #include "server/sample/sampler_choice.h"
 
 #include <gtest/gtest.h>

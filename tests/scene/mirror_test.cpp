@@ -372,7 +372,7 @@ TEST(MirrorIdentity, IsUnique) {
   EXPECT_NE(SceneMirror().identity(), SceneMirror().identity());
 }
 
-// Random walks of a mirror, in any order.
+// Random walks of several instances of a mirror, in any order.
 TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   std::vector<NewInstance> all;

@@ -1,4 +1,4 @@
-// The daemon from outside: flags, listeners, and its end.
+// The daemon from outside: its flags, its listeners, and how it ends.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 

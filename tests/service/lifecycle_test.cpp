@@ -54,7 +54,7 @@ TEST(Lifecycle, HealthIsToldToThoseWhoWatch) {
   HealthWatch gone(world, kService);
   EXPECT_EQ(server.next(), 1);
   EXPECT_EQ(service.next(), 1);
-  EXPECT_EQ(unknown.next(), 3);  // SERVICE_UNKNOWN: one may come yet
+  EXPECT_EQ(unknown.next(), 3);  // SERVICE_UNKNOWN: the service may be added later
   EXPECT_EQ(gone.next(), 1);
   gone.cancel();
   EXPECT_EQ(gone.next(), -1);
@@ -136,7 +136,7 @@ TEST(Lifecycle, AStopCancelsWhatDoesNotEnd) {
   EXPECT_EQ(world.streams.size(), 0u);
 }
 
-// A peer that speaks HTTP/2 well enough to be a client, then answers nothing: not even pings.
+// A peer that speaks HTTP/2 well enough to be a client and then answers nothing, not even pings.
 TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   const ServiceWorld world({.keepalive_time = std::chrono::milliseconds(200),
                             .keepalive_timeout = std::chrono::milliseconds(200)});
@@ -149,8 +149,8 @@ TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   const std::string hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
                           33);  // preface, empty SETTINGS
   ASSERT_EQ(::send(fd, hello.data(), hello.size(), 0), static_cast<ssize_t>(hello.size()));
-  const timeval patience{30, 0};
-  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+  const timeval timeout{30, 0};
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof(timeout));
   char buffer[512];
   ssize_t got = 1;
   while (got > 0) got = ::recv(fd, buffer, sizeof(buffer), 0);

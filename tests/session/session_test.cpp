@@ -128,7 +128,7 @@ TEST(SessionVelocity, ToldOnesAreTakenAsTold) {
   Game game;
   game.apply(game.tick(0.5).move(kAnn, {5, 1, 0}).at_speed({0, 0, 7}));
   EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
-  game.apply(game.tick(0.5));  // not named: it keeps what was told
+  game.apply(game.tick(0.5));  // not named: it keeps its last velocity
   EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
 }
 
