@@ -1,9 +1,9 @@
 // Hall (the scene of the paper's Table 2): two targets walk side by side through the nave of a colonnade and turn sharply, while
 // curtains are drawn across the nave between them and their camera.
 //
-// In Table 2, a camera that takes the nearest visible candidate loses both targets in one frame of eight. A camera that looks 0.3 s
-// ahead and keeps away from occluded candidates never does. The occluder must therefore be sudden and wide, but avoidable for a camera
-// that knows it 0.3 s before:
+// In Table 2, a camera that takes the nearest visible candidate loses both targets in one frame of eight. A camera that
+// looks 0.3 s ahead and keeps away from occluded candidates never does. The occluder must therefore be sudden and wide.
+// A camera that knows it 0.3 s before must still be able to avoid it:
 //   sudden       a curtain comes at 4 m/s and covers both targets within 0.15 s of touching the first. It stops 0.8 m beyond the
 //                line to them: a camera at rest that accelerates at 10 m/s^2 sees one of them again after 0.4 s.
 //   predictable  it is drawn straight out of an aisle and moves in sight for over half a second before it hides anything. A curtain
