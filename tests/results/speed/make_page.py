@@ -71,14 +71,14 @@ def step_claims(rows, ratios):
 
 
 def peers_part(rows, ratios):
-    text = """## A step, and what one would write instead
+    text = """## A step and simpler methods
 
-The scene is the city (280 K triangles, two targets), with one point for each target, maps of r x r texels and about r³ candidates (the lattice's
-count, which (b) and (c) test as well). Our figure is a whole step, from bound to move; the peers only find what is visible and decide nothing.
+The scene is the city (280 K triangles, two targets), with one point for each target, maps of r x r texels and about r³ candidates (the number in
+the lattice). (b) and (c) test the same candidates. Our figure is a whole step, from bound to move; the peers only find what is visible and decide nothing.
 (a) draws the whole scene into one map for each target and reads it back by glReadPixels, as the paper did. (b) and (c) trace one ray for each
 candidate and target: (b) by Embree's rtcOccluded1 through one flat scene of high quality, (c) by Bullet's rayTest through the collision world that a
 game already has. *default* is our default strategy, which looks ahead, searches for other viewpoints and samples eight points of each target.
-*alone* is without the others in turn, which displace it from the caches. Times are medians in milliseconds, with the 95th percentile in brackets.
+*alone* runs without the other contenders, which displace it from the caches. Times are medians in milliseconds, with the 95th percentile in brackets.
 
 """
     radii = distinct(select(rows, section="peers"), "x")
