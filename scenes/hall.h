@@ -1,4 +1,4 @@
-// Hall (the scene of the paper's Table 2): two targets walk side by side through the nave of a colonnade and turn sharply, while
+// Hall (the scene of the paper's Table 2): two targets walk side by side through the nave of a colonnade and turn sharply. Meanwhile
 // curtains are drawn across the nave between them and their camera.
 //
 // In Table 2, a camera that takes the nearest visible candidate loses both targets in one frame of eight. A camera that
@@ -12,7 +12,7 @@
 //                of a curtain near the targets would cover more than a camera can leave in time.
 //   apart        it comes on a straight leg, 1 s after the turn before it and 1.5 s after the last curtain has gone. A camera that is
 //                still returning at 3 m/s could not turn back in time.
-// A prediction over a long time is wrong at sharp turns and when the curtain stops: at 0.5 s it predicts that the curtain goes on
+// A prediction over a long time is wrong at sharp turns and when the curtain stops. At 0.5 s it predicts that the curtain goes on
 // by 2 m. The targets stay side by side across the nave when they turn, so that neither hides the other from behind. They walk
 // between the rows of columns, so that no column is between them and a camera in the nave.
 #pragma once

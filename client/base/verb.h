@@ -9,8 +9,8 @@ class App;
 
 namespace sightline {
 
-// Exit status of the command when its flags cannot be used. 0 means done. 1 means that it failed, or that the answer is
-// "no": the recordings differ, or the file is damaged.
+// Exit status of the command when its flags cannot be used. Done is 0. Failure is 1, and so is the answer "no" (the
+// recordings differ, the file is damaged).
 inline constexpr int kWrongFlags = 2;
 
 // Each sub-command has a function add_..._verb(app), which adds it to the command line. `run` returns the exit status.

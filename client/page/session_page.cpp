@@ -44,7 +44,7 @@ Status check_frame(const SessionPage& session, size_t i) {
   return {};
 }
 
-// The frames of an instance's life, clipped to those of the session.
+// The frames of an instance's life, clipped to the session's frames.
 std::pair<size_t, size_t> life_of(const PageInstance& instance, const SessionPage& session) {
   const size_t end = std::min(instance.end_frame, session.frames.size());
   return {std::min(instance.first_frame, end), end};

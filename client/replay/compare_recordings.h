@@ -28,8 +28,8 @@ struct RecordingComparison {
 };
 
 // Reads both once, side by side. `progress` is called with the log time in seconds since the start of `a`. Two kinds of
-// fields do not count. In the openings, these are the fields about how the session is recorded. In the ticks, it is
-// `step`, which a replay at a daemon fills with values from the recorded replies. Fails when the convention of `a` is
+// fields do not count: the fields of the openings about how the session is recorded, and `step` of the ticks. A replay
+// at a daemon fills `step` with values from the recorded replies. Fails when the convention of `a` is invalid.
 // invalid.
 Result<RecordingComparison> compare_recordings(const Recording& a, const Recording& b,
                                                const std::function<void(double)>& progress = {});

@@ -170,7 +170,7 @@ TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
   EXPECT_EQ(look_at_all(look_up_all, c, {}, found_passing)[0], kUnknownSight);
 }
 
-// Tests the portable and the vectorised lookup, where the machine has the second. Whatever either is sure of must agree
+// Tests the portable and the vectorised lookup, where the machine has the second. Where either is sure, it must agree
 // with the definition.
 TEST(LookUp, ThePlainWayAndTheFastOneSayTheSame) {
   CounterRandom random(8, 0, RandomPurpose::kTest);

@@ -148,7 +148,7 @@ double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const 
   return nearest;
 }
 
-// Whether the ray sees the position at `distance`; nothing when the depths are too close to decide.
+// Returns whether the ray sees the position at `distance`; nothing when the depths are too close to decide.
 std::optional<bool> shows(const std::vector<Box>& boxes, const glm::dvec3& eye, const glm::dvec3& direction,
                           double distance) {
   constexpr double kHairM = 1e-3;

@@ -142,7 +142,7 @@ TEST(ShareWindow, FollowsASmallChangeWithinTheWindow) {
   EXPECT_EQ(steps, 8);
 }
 
-// Half of the points are seen, at random: the noise of the mean is well below that of one step.
+// Half of the points are seen, at random: the noise of the mean is well below the noise of one step.
 TEST(ShareWindow, HasLessNoiseThanAStep) {
   CounterRandom random(52, 0, RandomPurpose::kTest);
   ShareWindow window;

@@ -1,4 +1,4 @@
-// What verify says about sessions: consistent ones, inconsistent ones, and every part by itself.
+// The verdict of verify on sessions: consistent ones, inconsistent ones, and every part by itself.
 #include <functional>
 #include <optional>
 

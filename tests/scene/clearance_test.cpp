@@ -136,8 +136,8 @@ TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   EXPECT_EQ(field.collider_count(), 1u);
 }
 
-// Static geometry is kept from one gather to the next. A field that follows the camera must equal a fresh one, whatever
-// changes on the way.
+// Static geometry is kept from one gather to the next. A field that follows the camera must equal a fresh one after every
+// change on the way.
 TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
   const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
   for (uint64_t seed = 0; seed < 10; ++seed) {

@@ -187,7 +187,7 @@ TEST(Meshopt, TheQuaternionFilterTurnsInstances) {
   }
 }
 
-// The fallback holds other triangles, so the result shows which of the two was read.
+// The fallback holds other triangles, so the result shows what was read.
 TEST(Meshopt, ThePackedDataIsReadAndTheFallbackIsNotEvenOpened) {
   PackedFile file;
   const MeshData mesh = hills(4);

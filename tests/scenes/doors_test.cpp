@@ -50,8 +50,8 @@ TEST_P(Doors, StayOpenLongerWhenSet) {
   EXPECT_GE(times_cut_off(bytes, 4.5), 1);
 }
 
-// Doors between the room that the targets have just left and the one that they are in: shut 2 s after the second target
-// passed, unless a target returns.
+// The door between the room that the targets have just left and their present room is shut 2 s after the second target
+// passed it, unless a target returns.
 TEST_P(Doors, CloseBehindBothTargets) {
   Stage stage(make_doors({.seed = GetParam()}));
   EmbreeDevice device;

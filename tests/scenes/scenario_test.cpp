@@ -1,5 +1,5 @@
-// What every generated scenario promises. It is checked through the server's reader, mirror and clearance query, and
-// with Embree for independent distances and visibility.
+// Every generated scenario keeps these promises. They are checked through the server's reader, mirror and clearance
+// query, and with Embree for independent distances and visibility.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -208,7 +208,7 @@ TEST_P(Overload, EqualSessionsGetEqualSharesOfThreeTimesTooMuch) {
   }
 }
 
-// By deadlines alone, the session with the highest tick rate would always be the most urgent.
+// If deadlines alone decided, the session with the highest tick rate would always be the most urgent.
 TEST_P(Overload, AGreedySessionTakesNothingFromThoseThatAskForLittle) {
   const unsigned threads = GetParam();
   std::vector<Player> players;

@@ -408,7 +408,7 @@ TEST(Step, RobustMoveShelters) {
   EXPECT_LT(depth(Strategy::kBasic), depth(Strategy::kMinCost));
 }
 
-// A target walks past pillars, parallel to the picture. With prediction, the camera moves before the target is lost.
+// A target walks past pillars, parallel to the picture. Prediction moves the camera before the target is lost.
 TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
   const auto hidden_frames = [](double prediction_s) {
     World world;

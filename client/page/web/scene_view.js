@@ -10,8 +10,8 @@ const INSET_SHARE = 0.28,
   PICK_PIXELS = 14,
   ABOVE_TARGETS_M = 1.1;
 const UP = new THREE.Vector3(0, 1, 0);
-// First viewpoints to try, in this order. Each is an angle in radians about the line from the targets to the camera,
-// then a distance and a height in units of the length of that line.
+// First viewpoints to try, in this order. The angle is in radians about the line from the targets to the camera.
+// Distance and height are in units of the length of that line.
 const SIDES = [
   [0.65, 1.55, 0.95],
   [-0.65, 1.55, 0.95],

@@ -32,7 +32,7 @@ class GridCity {
 
   const SceneMirror& mirror() const { return mirror_; }
   const std::vector<Target>& targets() const { return targets_; }
-  // By target: the tables of its shape.
+  // The tables of the targets' shapes, by target.
   const std::vector<const ExtentTable*>& tables() const { return tables_; }
   // The camera's start: behind the targets and above them.
   Pose camera() const;
