@@ -52,10 +52,10 @@ class SessionCheck {
 
   SessionVerdict finish() {
     if (verdict_.missing > told_missing_)
-      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps tell of " +
+      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps report " +
            number(told_missing_));
     if (verdict_.undecodable > 0)
-      note(number(verdict_.undecodable) + " messages are not what their topics say");
+      note(number(verdict_.undecodable) + " messages cannot be decoded as their topics require");
     return std::move(verdict_);
   }
 
@@ -107,7 +107,7 @@ class SessionCheck {
     if (refused != pending_.end())
       pending_.erase(refused);
     else if (!unsure_ && rejection.sequence() != 0)
-      note("refuses tick " + number(rejection.sequence()) + ", which does not stand before it");
+      note("refuses tick " + number(rejection.sequence()) + ", which is not among the unanswered ticks");
   }
 
   // Before the first reply of a later part, only ticks can have been lost between numbered messages, and their numbers do

@@ -154,7 +154,7 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
       << " whole chunks, " << grouped(done->attachments) << " attachments, " << grouped(done->metadata)
       << " metadata\n"
       << "finished    "
-      << (done->was_finished ? "it was" : "it was not: what stood behind its last chunk is not known") << '\n'
+      << (done->was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
       << "lost        " << loss_text(done->loss) << '\n';
   print_troubles(out, done->loss);
   return 0;

@@ -108,7 +108,7 @@ int32_t expected_sight(const Case& c, const glm::dvec3& place) {
   return sight.occluder != kNoOccluder && c.passes[sight.occluder] ? kPassingSight : kHiddenSight;
 }
 
-TEST(LookUp, SaysOfEveryPlaceWhatTheDefinitionSays) {
+TEST(LookUp, AgreesWithTheDefinitionForEveryCandidate) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
   LookUp look_up_all;
   std::array<size_t, 4> found{};
@@ -161,7 +161,7 @@ TEST(LookUp, PlacesThatAreNoNumbersAreUnknownAndLeaveTheOthersAsTheyAre) {
   for (size_t i = 0; i < c.places.size(); ++i) EXPECT_EQ(sights[i], expected_sight(c, c.places[i])) << i;
 }
 
-TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
+TEST(LookUp, NoMapsOrNoCandidatesGiveNoSights) {
   LookUp look_up_all;
   Case c;
   bool found_passing = false;
@@ -172,7 +172,7 @@ TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
 
 // Tests the portable and the vectorised lookup, where the machine has the second. Where either is sure, it must agree
 // with the definition.
-TEST(LookUp, ThePlainWayAndTheFastOneSayTheSame) {
+TEST(LookUp, PortableAndVectorisedLookupsAgree) {
   CounterRandom random(8, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 100; ++trial) {
     Case c = random_case(random);

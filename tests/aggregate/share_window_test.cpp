@@ -61,7 +61,7 @@ class PlainWindow {
   std::map<uint64_t, std::vector<Step>> by_id_;
 };
 
-TEST(ShareWindow, EqualsAPlainListWhateverComesAndGoes) {
+TEST(ShareWindow, EqualsAPlainListWhenTargetsComeAndGo) {
   CounterRandom random(51, 0, RandomPurpose::kTest);
   ShareWindow window;
   PlainWindow plain;

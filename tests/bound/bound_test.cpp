@@ -75,7 +75,7 @@ TEST(Bound, AlwaysHoldsTheCameraItself) {
 }
 
 // Random balls and points, some inside the ball or at its centre. Each promise of the header is checked by itself.
-TEST(ExtendTowards, ReachesAsFarAsToldAndKeepsAway) {
+TEST(ExtendTowards, ReachesTheGivenDistanceAndKeepsAway) {
   CounterRandom random(4, 0, RandomPurpose::kTest);
   const auto vec = [&](double size) {
     return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size));

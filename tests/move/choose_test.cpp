@@ -46,7 +46,7 @@ Case two_targets() {
   return c;
 }
 
-TEST(Choose, TakesTheNearestPlaceThatSeesAll) {
+TEST(Choose, TakesTheNearestCandidateThatSeesAll) {
   Case c = two_targets();
   c.place({0, 0, 5.1}, 0b01);
   c.place({0, 0, 6}, 0b11);
@@ -90,7 +90,7 @@ TEST(Choose, AgreesWithBruteForceOnRandomSets) {
 
 // Searching outwards from the desired position must find the same candidate as trying all of them. The random sets have runs and single
 // candidates, optional targets, targets without weight, limits, predictions, ties, and candidates that cannot be reached.
-TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
+TEST(Choose, SearchingOutwardsFindsWhatTryingAllFinds) {
   CounterRandom random(64, 0, RandomPurpose::kTest);
   std::array<int, 4> reasons{};
   for (int trial = 0; trial < 3000; ++trial) {
@@ -134,7 +134,7 @@ TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
   for (int k = 0; k < 4; ++k) EXPECT_GT(reasons[static_cast<size_t>(k)], 20) << k;
 }
 
-TEST(Choose, PassesOverPlacesThatTheBodyCannotReach) {
+TEST(Choose, SkipsCandidatesThatTheBodyCannotReach) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b11);
@@ -169,7 +169,7 @@ TEST(Choose, EscapesWhenNothingIsSeen) {
   EXPECT_EQ(c.choose().reason, MoveReason::kHorizonGrown);
 }
 
-TEST(Choose, HoldsWhenEveryPlaceThatSeesIsOutOfReach) {
+TEST(Choose, HoldsWhenEverySeeingCandidateIsOutOfReach) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b01);
@@ -188,7 +188,7 @@ TEST(Choose, TargetsWithoutWeightAreNotSteeredFor) {
   EXPECT_EQ(c.choose().reason, MoveReason::kNoTargets);
 }
 
-TEST(Choose, PlacesOutsideTheLimitsComeLast) {
+TEST(Choose, CandidatesOutsideTheLimitsComeLast) {
   Case c = two_targets();
   c.desired = {0, 0, 0.5};
   c.settings.min_distance_m = 1.5;
@@ -200,7 +200,7 @@ TEST(Choose, PlacesOutsideTheLimitsComeLast) {
 }
 
 // Both candidates see all targets now, but only one of them will see them where they are going.
-TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
+TEST(Choose, PrefersTheCandidateThatKeepsSeeingAllTargets) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b11);

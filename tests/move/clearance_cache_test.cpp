@@ -82,7 +82,7 @@ TEST(ClearanceCache, IsTheClearanceWhileTheLatticeTravels) {
   }
 }
 
-TEST(ClearanceCache, IsTheClearanceWhenTheLatticeIsLaidAnew) {
+TEST(ClearanceCache, IsTheClearanceAfterTheLatticeIsLaidAgain) {
   Place place;
   for (const double radius : {1.25, 0.4, 2.5, 1.25, 0.05, 1.25}) {
     place.bound.radius_m = radius;

@@ -100,7 +100,7 @@ Found look_at_all(const Field& field) {
   return found;
 }
 
-TEST(Goal, IsTheOneOfLeastCostAsIfAllWaysWereKnown) {
+TEST(Goal, IsTheCandidateOfLeastCostAmongAllRoutes) {
   Draw draw(71);
   EdgeDepths depths;
   RouteFinder routes;

@@ -325,7 +325,7 @@ TEST(EdgeDistance, CountsNothingBeyondTheCandidates) {
 
 // One end of a row of candidates is hidden. The goal is the other end, although the row stops there. When nothing is
 // hidden, the goal is the candidate nearest to the desired position.
-TEST(Robust, GoesAwayFromWhatIsHiddenAndElseToTheDesiredPlace) {
+TEST(Robust, LeavesHiddenCandidatesAndElseGoesToTheDesiredPosition) {
   Cells c;
   std::vector<glm::dvec3> places;
   for (int x = 0; x < 7; ++x) {

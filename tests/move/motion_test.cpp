@@ -31,7 +31,7 @@ TEST(Motion, PathObeysTheLimitsWhateverTheGoalAndTheTimeStepDo) {
 }
 
 // Limits can be lowered below the camera's present speed.
-TEST(Motion, WhatIsOverItsLimitIsBrakedAndNeverLetJump) {
+TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
   CounterRandom random(43, 0, RandomPurpose::kTest);
   const auto within = [&](double most) {
     return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most));

@@ -60,7 +60,7 @@ PredictionSettings lasting_acceleration() {
   return settings;
 }
 
-TEST(Predict, ConstantAccelerationAndConstantTurnAreForetoldExactlyWhateverTheTimeSteps) {
+TEST(Predict, ConstantAccelerationAndTurnArePredictedExactlyAtAnyTimeSteps) {
   for (uint64_t seed = 0; seed < 200; ++seed) {
     CounterRandom random(seed, 0, RandomPurpose::kTest);
     const ClosedForm motion = random_motion(random);
@@ -327,7 +327,7 @@ TEST(Predict, ConfidenceFallsWithTimeAheadAndIsOneHalfAtTheUsableTime) {
   EXPECT_NEAR(predictor.confidence(usable), 0.5, 1e-12);
 }
 
-TEST(Predict, ARotationThatCannotBeForetoldShortensTheTimeToo) {
+TEST(Predict, AnUnpredictableRotationShortensTheTimeToo) {
   CounterRandom random(14, 0, RandomPurpose::kTest);
   MotionPredictor predictor;
   for (int i = 0; i < 200; ++i)

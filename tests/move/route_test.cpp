@@ -143,7 +143,7 @@ TEST(Route, WhatIsSettledIsFinal) {
   EXPECT_GT(open, 1000u);
 }
 
-TEST(Route, ARouteLeadsOverNeighboursAndCostsWhatIsSaid) {
+TEST(Route, ARouteLeadsOverNeighboursAtTheReportedCost) {
   Draw draw(12);
   Ways finder;
   size_t longest = 0;

@@ -69,7 +69,7 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
 }
 
 // It was taken from the queue while there was no file, or was waiting in a chunk that could not be written.
-TEST(Recorder, WhatALostGapToldOfIsToldAgain) {
+TEST(Recorder, LossesOfALostGapAreReportedAgain) {
   for (const bool in_a_chunk : {false, true}) {
     Studio studio({.queue_bytes = 4096, .for_viewers = false});
     auto recorder = studio.open();

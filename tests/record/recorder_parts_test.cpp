@@ -43,7 +43,7 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
   EXPECT_EQ(all, numbers(1, 300));
 }
 
-TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
+TEST(Recorder, UnansweredTicksAreAlsoAtTheHeadOfTheNextPart) {
   Studio studio({.limits = {.free_reserve_bytes = 0}});
   auto recorder = studio.open();
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
@@ -68,7 +68,7 @@ TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
 }
 
 // Every tick is small, but all their changes together are larger than a message may be.
-TEST(Recorder, APartWhoseSnapshotIsTooLargeSaysSoInItsPlace) {
+TEST(Recorder, APartWithATooLargeSnapshotReportsAGapInstead) {
   constexpr uint64_t kInstances = 200;
   Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
                  .chunk_bytes = 500,
@@ -112,7 +112,7 @@ TEST(Recorder, APartWhoseSnapshotIsTooLargeSaysSoInItsPlace) {
 }
 
 // A message for viewers can be too large when it is made, and again at the head of a later part.
-TEST(Recorder, WhatIsMadeForViewersAndIsTooLargeIsCountedAndMissedByNobody) {
+TEST(Recorder, TooLargeViewerMessagesAreCountedButNotReportedMissing) {
   constexpr uint64_t kMany = 30;
   Studio studio({.limits = {.free_reserve_bytes = 0}, .max_message_bytes = 1000});
   auto recorder = studio.open();

@@ -119,7 +119,7 @@ TEST_F(Verbs, MissingNumbersNeedAGap) {
   EXPECT_EQ(told(2).status, 1);
   const Said none = told(0);
   EXPECT_EQ(none.status, 1);
-  EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps tell of 0"));
+  EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps report 0"));
   // Losses before a later part do not excuse losses in it.
   EXPECT_EQ(told(3, 2, 9).status, 0);
   EXPECT_EQ(told(0, 2, 9).status, 1);

@@ -78,7 +78,7 @@ TEST_F(Recorded, StepsTakenAgainAnswerTheSameBits) {
 }
 
 // The rejection itself fits. The log line that is made from it for viewers is longer, and does not.
-TEST(RecordingWriterTest, WhatIsMadeForViewersAndIsTooLargeIsLeftOut) {
+TEST(RecordingWriterTest, TooLargeViewerMessagesAreLeftOut) {
   v1::TickError rejection;
   rejection.set_message(std::string(kMaxMessageBytes - 10, 'x'));
   ASSERT_LE(rejection.ByteSizeLong(), kMaxMessageBytes);

@@ -69,7 +69,7 @@ TEST(ReplaySettings, PresetReplacesOnlyPresets) {
   EXPECT_EQ(with.tuning().sample().points(), 3u);
 }
 
-TEST(ReplaySettings, WhatIsWrongIsNamedWithWhatThereIs) {
+TEST(ReplaySettings, ErrorsNameTheKeyAndTheAllowedOnes) {
   const auto error = [](const char* text) {
     const auto setting = read_replay_setting(text);
     EXPECT_FALSE(setting.has_value()) << text;

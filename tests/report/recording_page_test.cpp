@@ -122,8 +122,8 @@ TEST_F(ReportPage, FramesAreTheRepliesOfTheFile) {
 
 TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
   const auto told_in = [&](v1::Convention::Preset convention) {
-    // The order of a shape's triangles decides which of its points are sampled; only the aim point does not depend on
-    // it.
+    // The order of a shape's triangles decides which of its points are sampled; the aim point is the same in any
+    // order.
     return page_of(record_yard(*sampler_, {.convention = convention, .points = 0}).bytes);
   };
   const SessionPage gltf = told_in(v1::Convention::PRESET_GLTF);

@@ -35,7 +35,7 @@ Result<EglDeviceInfo> must_not_be_asked() {
   return absent();
 }
 
-TEST(SamplerChoice, WhatIsNamedIsTakenUnseen) {
+TEST(SamplerChoice, ANamedSamplerIsTakenWithoutAProbe) {
   for (const SamplerChoice named : {SamplerChoice::kEgl, SamplerChoice::kEmbree})
     EXPECT_EQ(decide_sampler(named, {}, must_not_be_asked)->sampler, named);
 }

@@ -276,7 +276,7 @@ TEST(Geometry, ALargeMeshGivesTheSameTreeEveryTime) {
             0);
 }
 
-TEST(Geometry, BytesAreToldByPart) {
+TEST(Geometry, BytesAreReportedByPart) {
   const auto g = build(random_soup(12, 500));
   EXPECT_EQ(g->bytes_by_part().source, 1500u * 12 + 1500u * 4);
   EXPECT_EQ(g->bytes_by_part().clusters, sizeof(Geometry) + g->occluding.size() * sizeof(TreeNode));
@@ -327,7 +327,7 @@ TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   EXPECT_EQ(a->hash, build(random_soup(1, 100))->hash);
 }
 
-TEST(GeometryStore, LetsGoOfWhatNobodyHolds) {
+TEST(GeometryStore, FreesGeometryThatNoOwnerHolds) {
   GeometryStore store;
   auto a = store.intern(random_soup(1, 100)).value();
   const std::weak_ptr<const Geometry> watch = a;

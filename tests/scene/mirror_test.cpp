@@ -373,7 +373,7 @@ TEST(MirrorIdentity, IsUnique) {
 }
 
 // Random walks of several instances of a mirror, in any order.
-TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
+TEST(MirrorHash, DoesNotDependOnTheOrderOfUpdates) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   std::vector<NewInstance> all;
   for (uint64_t id = 1; id <= 50; ++id) {

@@ -169,7 +169,7 @@ TEST(Scheduler, ATaskWithoutMapsIsFinishedWithoutTheDevice) {
   EXPECT_EQ(held.device.batches(), (std::vector<size_t>{1}));
 }
 
-TEST(Scheduler, EachLearnsWhatBecameOfItsOwnMaps) {
+TEST(Scheduler, EachTaskGetsTheResultOfItsOwnMaps) {
   HeldScheduler held(4);
   held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1),
       held.post("fine", 2, kLater + 2);

@@ -48,7 +48,7 @@ class HealthWatch {
   std::unique_ptr<grpc::ClientReader<grpc::health::v1::HealthCheckResponse>> reader_;
 };
 
-TEST(Lifecycle, HealthIsToldToThoseWhoWatch) {
+TEST(Lifecycle, HealthIsSentToItsWatchers) {
   const ServiceWorld world;
   HealthWatch server(world, ""), service(world, kService), unknown(world, "no.such.Service");
   HealthWatch gone(world, kService);
@@ -81,7 +81,7 @@ TEST(Lifecycle, ReflectionListsTheService) {
   EXPECT_NE(reply.bytes.find("grpc.health.v1.Health"), std::string::npos);
 }
 
-TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
+TEST(Lifecycle, DrainNotifiesOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
   ServiceWorld world;
   Stream stream(world.channel());
   stream.open(open_with_boxes(2));
@@ -107,7 +107,7 @@ TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
   EXPECT_TRUE(stream.finish().ok());
 }
 
-TEST(Lifecycle, AStreamIsToldOfADrainEvenBeforeItOpens) {
+TEST(Lifecycle, AStreamHearsOfADrainEvenBeforeItOpens) {
   ServiceWorld world;
   Stream stream(world.channel());
   while (world.streams.size() == 0) std::this_thread::yield();
@@ -158,7 +158,7 @@ TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   ::close(fd);
 }
 
-TEST(Lifecycle, ServerInfoTellsWhatRuns) {
+TEST(Lifecycle, ServerInfoDescribesTheServer) {
   const ServiceWorld world({.max_sessions = 3});
   const v1::GetServerInfoResponse info = world.info();
   EXPECT_EQ(info.sampler(), "embree");

@@ -188,7 +188,7 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
 
 // Replies fill the transport's window, then the session's steps stop, then its inbox fills, and then its ticks are no
 // longer read.
-TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
+TEST(Merge, AClientThatNeverReadsIsHeldBackAndNoOtherIs) {
   const ServiceWorld world;
   v1::OpenSession greedy = open_with_boxes(kBoxes);
   greedy.mutable_tuning()->mutable_sample()->set_resolution(64);

@@ -47,7 +47,7 @@ TEST(Share, EstimatesTheVisiblePixelsWithLessNoiseThanAStep) {
   EXPECT_LT(error, 0.7 * step_error);
 }
 
-TEST(Share, IsTheSameWhateverTheFilterOfTheCandidates) {
+TEST(Share, DoesNotDependOnTheFilterOfTheCandidates) {
   const auto shares = [](FilterMode mode) {
     Still world;
     world.settings.aggregate.filter.mode = mode;
