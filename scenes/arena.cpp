@@ -113,7 +113,7 @@ Motion circle(double radius_m, double speed_mps, double phase_turns, double dura
   return motion;
 }
 
-// Between the outermost nodes and the wall: a slow cart that one can bump into, and two quick screens.
+// Between the outermost nodes and the wall: a slow cart that a camera can bump into, and two quick screens.
 void add_movers(ScenarioBuilder& scene, double duration_s, CounterRandom& random) {
   const int cart = scene.add_mesh("cart", standing_box(1.5, 1.75, 0.875), colors::kMetal);
   const int screen = scene.add_mesh("screen", standing_box(2.5, 3.0, 0.125), colors::kCurtain);

@@ -1,4 +1,4 @@
-// Buildings whose windows are recesses in the wall, so that their triangles are what a real facade has.
+// Buildings whose windows are recesses in the wall, so that they have as many triangles as a real facade.
 #pragma once
 
 #include "server/scene/geometry.h"

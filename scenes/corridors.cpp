@@ -37,7 +37,7 @@ glm::dvec2 middle_of(const Crossing& c) {
   return {c.first * kPitch_m, c.second * kPitch_m};
 }
 
-// Which passages there are, each by its end towards -x or -z and whether it leads towards +z.
+// The passages that exist, each by its end towards -x or -z and whether it leads towards +z.
 class Passages {
  public:
   void open(const Crossing& from, size_t side) {
@@ -57,7 +57,8 @@ class Passages {
   std::set<std::pair<Crossing, bool>> passages_;
 };
 
-// Always on towards +x, and between two such legs once or twice to one side: it can never meet itself.
+// The path always goes on towards +x. Between two such legs it goes once or twice to one side, so it can never meet
+// itself.
 class WayMaker {
  public:
   explicit WayMaker(CounterRandom& random) : random_(random) {
@@ -77,7 +78,7 @@ class WayMaker {
   const Passages& passages() const { return passages_; }
   Passages& passages() { return passages_; }
   const Polyline& corners() const { return corners_; }
-  // The same way, walked `ahead_s` earlier.
+  // The same path, walked `ahead_s` earlier.
   TimedPath path(double ahead_s) const {
     std::vector<double> times_s = times_s_;
     for (double& time_s : times_s) time_s -= ahead_s;
@@ -85,7 +86,7 @@ class WayMaker {
   }
 
  private:
-  // In passages: one, or one time in three two.
+  // The length of a leg in passages: one, or two in one of three cases.
   uint32_t leg() { return random_.next_below(3) == 0 ? 2 : 1; }
 
   void advance(size_t side, uint32_t passages) {
@@ -106,7 +107,7 @@ class WayMaker {
   std::vector<double> times_s_{0};
 };
 
-// One passage long, to where nothing is yet.
+// Opens dead ends: passages from a crossing to positions that have no crossing.
 void open_blind_passages(Passages& passages, double share, CounterRandom& random) {
   const std::set<Crossing> crossings = passages.crossings();
   for (const Crossing& c : crossings)

@@ -18,8 +18,8 @@ constexpr int kColumns = 7;
 constexpr double kColumnRadius_m = 0.5;
 constexpr double kTick_s = 0.1;  // of plans; a walker turns only at a tick
 constexpr double kMoverKeysPerSecond = 30.0;
-// Between the axes of two bodies. Plans have sharp corners and walkers round them, by up to 0.17 m: 0.6 m
-// remain.
+// The least distance between the axes of two bodies in a plan. Plans have sharp corners, and walkers round them by up
+// to 0.17 m, so 0.6 m remain.
 constexpr double kApart_m = 0.95;
 constexpr double kNear_m = 6.0;  // movers stay about the targets
 constexpr double kSlowest_mps = 1.0, kFastest_mps = 1.6;
@@ -115,7 +115,7 @@ class CrowdPlanner {
     return true;
   }
 
-  // In a square around the targets' middle.
+  // A random position in a square around the targets' middle.
   glm::dvec2 near_targets(size_t tick, double reach_m) {
     const glm::dvec2 middle = (bodies_[0][tick] + bodies_[1][tick]) / 2.0;
     const double x = snapped_in(random_, -reach_m, reach_m), z = snapped_in(random_, -reach_m, reach_m);
@@ -124,7 +124,7 @@ class CrowdPlanner {
 
   bool add_leg(double reach_m) {
     for (int attempt = 0; attempt < 40; ++attempt) {
-      // Towards where the targets will be in about three seconds.
+      // A position near where the targets will be in about three seconds.
       const size_t then = std::min(plan_.size() + 30, ticks() - 1);
       const glm::dvec2 to = near_targets(then, reach_m), from = corners_.back();
       const double distance_m = length(to - from);

@@ -45,13 +45,13 @@ MeshData fence_mesh(CounterRandom& random, const FenceOptions& options, double s
   return mesh;
 }
 
-// Where the fence is `turns` periods after its left stop.
+// The position of the fence `turns` periods after its left stop.
 double place_m(const FenceOptions& options, double turns) {
   const double part = turns - std::floor(turns);
   return options.amplitude_m * (part < 0.5 ? 4 * part - 1 : 3 - 4 * part);
 }
 
-// Straight from stop to stop, after a moment at rest.
+// Keys of straight motion from stop to stop, after a moment at rest.
 Motion to_and_fro(const FenceOptions& options, double phase_turns) {
   Motion motion;
   const auto add = [&](double time_s) {
@@ -75,7 +75,7 @@ Motion standing(const glm::dvec3& position_m, double duration_s) {
   return motion;
 }
 
-// Up out of the ground, and there to stay.
+// Adds the board, which comes up out of the ground and stays.
 void add_board(ScenarioBuilder& scene, const FenceOptions& options) {
   const double hidden_y_m = -kBoardHeight_m - 0.5;
   Motion motion;

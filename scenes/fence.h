@@ -2,14 +2,14 @@
 // camera. It tests temporal stability: each picket hides a part of a target for a moment only, so a camera that reacts to every
 // picket never rests.
 //
-// A filter of 6 in 10 calms the camera when it sees both targets in at least 6 of any 10 steps. The fence is made for that:
-//   sparse  A picket of 4 cm follows 75 to 90 cm of air. One sampled point of a target in twenty is hidden, and both targets are
-//           visible in nine steps of ten. With 33 % of wood, two points in five would always be hidden, the share would vary within
+// A filter of 6 in 10 calms the camera when it sees both targets in at least 6 of any 10 steps. The fence is made for that.
+//   Sparse  A picket of 4 cm follows 75 to 90 cm of air. One sampled point of a target in twenty is hidden, and both targets are
+//           visible in nine steps of ten. With 33 % of wood, two points in five would always be hidden. The share would vary within
 //           any window, and every filter would move the camera more than none.
-//   fast    At 3 m/s, a picket passes the width of a target within 9 steps of 1/60 s, so hidden steps are spread out.
-//   sharp   The fence bounces off its stops at full speed. A pendulum would linger at its turns and keep a picket before one target
+//   Fast    At 3 m/s, a picket passes the width of a target within 9 steps of 1/60 s, so hidden steps are spread out.
+//   Sharp   The fence bounces off its stops at full speed. A pendulum would linger at its turns and keep a picket before one target
 //           for a third of a second.
-//   late    The fence stands still for the first quarter of a second, with air before both targets. A filter counts over the steps
+//   Late    The fence stands still for the first quarter of a second, with air before both targets. A filter counts over the steps
 //           that it has, and at the start one hidden step would be all of them.
 #pragma once
 

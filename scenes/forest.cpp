@@ -43,13 +43,13 @@ constexpr std::array<TreePlan, 4> kHighTrees{{{0.25, 4.5, 1.5, 2.5, 4.0, false},
 constexpr std::array<TreePlan, 2> kLowTrees{
     {{0.125, 1.0, 0.8125, 0.5, 3.5, true}, {0.1875, 1.0, 0.6875, 0.375, 2.5, false}}};
 
-// The way of the pair's middle.
+// The path of the pair's middle.
 Polyline wind(double length_m, CounterRandom& random) {
   Polyline way{{0.0, 0.0}};
   double heading_turns = 0;
   while (length(way) < length_m) {
     way.push_back(way.back() + circle_point(heading_turns) * random.next_in(3.0, 5.0));
-    // To the other side of +x more often than not, so that it winds.
+    // Turns to the other side of +x more often than not, so that the path winds.
     const double bend_turns = random.next_in(kStraightest_turns, kSharpest_turns);
     const bool to_left = random.next_unit() < (heading_turns > 0 ? 0.75 : 0.25);
     heading_turns =
@@ -58,7 +58,7 @@ Polyline wind(double length_m, CounterRandom& random) {
   return way;
 }
 
-// To the left (side 1) or right (-1) of the way, at a distance that changes from corner to corner.
+// An offset to the left (side 1) or right (-1) of the path, at a distance that changes from corner to corner.
 Polyline beside(const Polyline& way, double side, CounterRandom& random) {
   std::vector<double> distances_m;
   for (size_t k = 0; k < way.size(); ++k)
@@ -97,7 +97,7 @@ class Planter {
     for (const auto& tree : kLowTrees) add_meshes(tree);
   }
 
-  // `kind`: of the high trees, then of the low ones.
+  // `kind`: first the high trees, then the low ones.
   void plant(size_t kind, const glm::dvec2& p, double turns) {
     InstanceAttributes passable;
     passable.collides = false;
@@ -147,8 +147,8 @@ Bounds ground_of(const std::array<Motion, 2>& walks) {
   return {glm::floor(bounds.low - margin_m), glm::ceil(bounds.high + margin_m)};
 }
 
-// One tree in each cell of a square grid, anywhere in the cell, unless it would block a path or
-// far off.
+// Plants one tree in each cell of a square grid, anywhere in the cell, unless it would block a path or is far from all
+// of them.
 void add_trees(ScenarioBuilder& scene, const std::array<Motion, 2>& walks, const glm::dvec2& eye_m,
                const ForestOptions& options, CounterRandom& random) {
   Planter planter(scene);

@@ -53,7 +53,7 @@ double side_of(int row) {
   return 2 * row - 1;
 }
 
-// The way of the pair.
+// The path of the pair.
 struct Way {
   Polyline middle;
   std::vector<double> times_s;
@@ -103,7 +103,7 @@ class WayMaker {
   int lane_ = 0;
 };
 
-// The way of one of the pair: side by side across the nave, on whichever leg they are.
+// The path of one of the pair. The two walk side by side across the nave, on every leg.
 Polyline beside(Polyline middle, double z_m) {
   for (glm::dvec2& corner : middle) corner.y += z_m;
   return middle;
@@ -151,7 +151,7 @@ void add_inner_walls(ScenarioBuilder& scene, int bays, const HallOptions& option
                          {boundary * kBay_m, 0, side_of(row) * (kHalfNave_m + kAisle_m / 2)});
 }
 
-// A curtain: where it is drawn across the nave, from which side, where its edge stops, and when it stands.
+// A curtain: its position across the nave, its side, where its edge stops, and when it comes to rest.
 struct Curtain {
   double x_m;
   double side;
@@ -178,14 +178,14 @@ Motion drawn(const Curtain& curtain) {
   return motion;
 }
 
-// True when the pair walks along the hall all that time.
+// True when the pair walks along the hall during the whole time.
 bool goes_straight(const TimedPath& middle, double from_s, double to_s) {
   for (double time_s = from_s; time_s <= to_s; time_s += 0.05)
     if (std::abs(middle.velocity_mps(time_s).y) > 1e-3) return false;
   return true;
 }
 
-// It hangs between columns, not in them.
+// A curtain hangs between columns, not in them.
 bool is_between_columns(double x_m) {
   return std::abs(x_m - std::floor(x_m / kBay_m + 0.5) * kBay_m) > kHalfBase_m + 0.0625;
 }

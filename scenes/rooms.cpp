@@ -60,7 +60,7 @@ void add_furniture(ScenarioBuilder& scene, int tries_per_room, const std::vector
     }
 }
 
-// Where no furniture may stand: the targets' ways, the doors, the camera's place.
+// The positions where no furniture may stand: the targets' paths, the doors, the camera's start.
 std::vector<glm::dvec2> places_kept_free(const std::array<Motion, 2>& walks, const RoomDoors& doors,
                                          const glm::dvec3& eye_m) {
   std::vector<glm::dvec2> places{{eye_m.x, eye_m.z}};

@@ -27,7 +27,7 @@ struct Motion {
   void add(double time_s, const glm::dvec3& position_m, const glm::dquat& rotation);
 };
 
-// Keys over [0, duration_s] of a walker on the floor who faces the direction of travel. Targets have 60 a second.
+// Keys over [0, duration_s] of a walker on the floor that faces its direction of travel. Targets have 60 a second.
 Motion walk(const TimedPath& path, double duration_s, double keys_per_second = kKeysPerSecond);
 
 // "column", 3 -> "column-3".

@@ -9,7 +9,7 @@ class App;
 
 namespace sightline {
 
-// Exit status of the command when its flags cannot be used. 0 means done; 1 means that it failed, or that the answer is "no" (the
+// Exit status of the command when its flags cannot be used. Done is 0. Failure is 1, and so is the answer "no" (the
 // recordings differ, the file is damaged).
 inline constexpr int kWrongFlags = 2;
 

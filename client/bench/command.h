@@ -48,9 +48,9 @@ struct BenchOptions {
 // Adds the sub-command with its flags and manual. The flags write to `options`.
 void add_bench_flags(CLI::App& app, BenchOptions& options);
 
-// The result as client/README.md describes it. Errors: kNotFound: a scene or a daemon program is missing. kUnavailable: the daemon
-// does not start, answer or stay alive. kResourceExhausted: a session was refused for want of room. kInvalidArgument: settings or
-// scene are not valid.
+// The result as client/README.md describes it. kNotFound: a scene or a daemon program is missing. kUnavailable: the
+// daemon does not start, answer or stay alive. kResourceExhausted: the daemon had no room for a session.
+// kInvalidArgument: settings or scene are not valid.
 Result<BenchJson> run_bench(const BenchOptions& options, std::ostream& err);
 
 // 0 when a result was reported, stable or not; else 1 with the reason on `err`.

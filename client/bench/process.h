@@ -1,4 +1,4 @@
-// The daemon's process: starting it, and watching what it uses.
+// The daemon's process: starting it, and measuring the resources that it uses.
 #pragma once
 
 #include <sys/types.h>

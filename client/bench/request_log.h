@@ -1,5 +1,5 @@
-// Records what became of every tick of one session. A reply settles the ticks that it covers; each tick counts from the time at
-// which it was due.
+// Records the outcome of every tick of one session. A reply settles the ticks that it covers; each tick counts from the
+// time at which it was due.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +37,7 @@ class RequestLog {
   // Counts all pending ticks as lost.
   void give_up();
 
-  // When the oldest pending tick was due; INT64_MAX when none is pending.
+  // The due time of the oldest pending tick; INT64_MAX when none is pending.
   int64_t oldest_pending_ns() const;
   const TickCounts& counts() const { return counts_; }
 

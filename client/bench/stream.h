@@ -1,5 +1,5 @@
-// One session under load: a bidirectional stream, the log of its ticks, and what was measured of them. Uses gRPC's asynchronous
-// API with one thread; see protocol.h for what is said.
+// One session under load: a bidirectional stream, the log of its ticks, and the measurements of them. Uses gRPC's
+// asynchronous API with one thread; protocol.h has the messages.
 #pragma once
 
 #include <grpcpp/generic/generic_stub.h>
@@ -64,9 +64,9 @@ class BenchStream {
 
   // Lengths of the last tick and of the last reply; 0 before the first.
   MessageSizes last_sizes() const { return {last_tick_bytes_, last_reply_bytes_}; }
-  // When the oldest unanswered tick was due; INT64_MAX when every tick has its answer.
+  // The due time of the oldest unanswered tick; INT64_MAX when every tick has its answer.
   int64_t oldest_pending_ns() const;
-  // Takes what was measured in one window. Windows must be taken in order, and each once.
+  // Takes the measurements of one window. Windows must be taken in order, and each once.
   BenchWindow take_window(int window);
   // The counts since the stream began.
   TickCounts counts() const;

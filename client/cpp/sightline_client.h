@@ -13,9 +13,10 @@
 // Threads: any number of threads may use a Client at once. On a session, one thread at a time may send and one other may receive.
 // Lifetime: a session keeps its connection alive, so the Client may be destroyed first.
 //
-// An Error from the server has the code of its gRPC status, the first field path of its google.rpc.BadRequest
-// ("open.targets[1].weight") in `field`, and what is wrong with that field in `message`. When a deadline passes the error is kUnavailable with
-// the field "deadline"; when a server cannot be reached, kUnavailable with the field "address".
+// An Error from the server has the code of its gRPC status. `field` is the first field path of its
+// google.rpc.BadRequest ("open.targets[1].weight"), and `message` says what is wrong with that field. When a deadline
+// passes, the error is kUnavailable with the field "deadline". When a server cannot be reached, it is kUnavailable with
+// the field "address".
 #pragma once
 
 #include <chrono>
@@ -36,7 +37,8 @@ namespace sightline {
 // The address on which `sightlined` listens by default.
 inline constexpr const char* kDefaultAddress = "127.0.0.1:50151";
 
-// What a server sends on an open session. A TickError means that nothing of one tick was applied; the session goes on.
+// The messages of a server on an open session. A TickError means that nothing of one tick was applied; the session goes
+// on.
 using SessionEvent = std::variant<v1::CameraReply, v1::TickError, v1::Drain>;
 
 // The Error that a failed call with this cause would return; for logs.
@@ -65,10 +67,10 @@ class ClientSession {
   // the stream has ended: the error that ended it.
   Status send(const v1::Tick& tick);
 
-  // Changes settings, tuning or limits of the session with the next tick that is sent, like the fields of these names in that tick. Fields that
-  // are set replace those of the session; a preset resets settings and tuning first. Several changes before one tick apply in order, and
-  // what that tick itself holds comes last. When the tick is refused, so are its changes, and the TickError names the
-  // field ("tick.settings...."). Must be called on the thread that sends.
+  // Changes settings, tuning or limits of the session with the next tick that is sent. They act like the fields of
+  // these names in that tick: every field that is set replaces the session's value. A preset resets settings and tuning
+  // first. Several changes before one tick apply in order, then the tick's own fields. When the tick is refused, so are
+  // its changes, and the TickError names the field ("tick.settings...."). Must be called on the thread that sends.
   void change(const v1::Settings& settings);
   void change(const tuning::v1alpha1::Tuning& tuning);
   void change(const v1::CameraLimits& limits);
@@ -80,8 +82,9 @@ class ClientSession {
   // Number of events that were dropped because they were not received in time.
   size_t dropped_events() const;
 
-  // Tells the server that no more ticks follow, lets it answer those that it has, and waits for the end of the stream. Answers that come
-  // until then can still be received. After `timeout` the stream is cancelled, and the result is kUnavailable.
+  // Ends the session in order: no more ticks follow, the server answers those that it has, and the stream ends. Answers
+  // that arrive until then can still be received. After `timeout` the stream is cancelled, and the result is
+  // kUnavailable.
   Status close(std::chrono::nanoseconds timeout);
 
  private:
@@ -115,7 +118,7 @@ class Client {
                                             std::chrono::nanoseconds timeout);
   // The names of all scenes in the server's scene folder, sorted by bytes; fetches as many pages as there are.
   Result<std::vector<std::string>> list_scenes(std::chrono::nanoseconds timeout);
-  // What the server is, and what it has done since its start.
+  // The server's build and configuration, and its counters since its start.
   Result<v1::GetServerInfoResponse> server_info(std::chrono::nanoseconds timeout);
   Result<v1::GetServerStatsResponse> server_stats(std::chrono::nanoseconds timeout);
 

@@ -10,9 +10,10 @@
 
 namespace sightline {
 
-// Indices of up to `count` frames to show, in order of time. Each is the middle of a run of judged frames in which the follow
-// camera sees less than 5 % of some target while Sightline sees at least 95 % of every target; the longest runs are taken. Where there is no such
-// run: the one frame at which their least visible shares differ most. Both spans judge the same frames; empty when none was judged.
+// Indices of up to `count` frames to show, in order of time. Each is the middle of a run of judged frames that shows
+// the difference; the longest runs are taken. In such a run the follow camera sees less than 5 % of some target, and
+// Sightline sees at least 95 % of every target. Without such a run, the result is the frame at which their least
+// visible shares differ most. Both spans judge the same frames; the result is empty when none was judged.
 std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline, size_t count);
 
 // The follow camera's pictures in a row, and Sightline's of the same moments in a row below, each `width` pixels wide. Both spans

@@ -60,7 +60,7 @@ class Drive {
     play_.duration_s = options_.duration_s > 0 ? options_.duration_s : scenario_->duration_s();
     play_.lockstep = options_.lockstep;
     play_.on_frame = [this](const auto& frames) { say_frame(frames); };
-    // Found out now rather than after the run.
+    // Reported now rather than after the run.
     std::error_code trouble;
     std::filesystem::create_directories(options_.out, trouble);
     if (trouble) return fail(ErrorCode::kUnavailable, options_.out, trouble.message());

@@ -1,4 +1,4 @@
-// `sightline drive SCENARIO.glb`: plays a scenario against a server and says how well the camera did.
+// `sightline drive SCENARIO.glb`: plays a scenario against a server and reports how well the camera did.
 #pragma once
 
 #include <ostream>

@@ -20,8 +20,8 @@ struct PlayedFrame {
 struct PlayOptions {
   double rate_hz = 60.0;    // ticks a second of scenario time, (0, 1000]
   double duration_s = 0.0;  // of scenario time; the first tick is at 0
-  // true: each tick waits for the reply to the tick before; the outcome does not depend on the machine's speed. false:
-  // ticks are sent by the clock, whether or not replies keep up.
+  // When true, each tick waits for the reply to the tick before, so the outcome does not depend on the machine's speed.
+  // When false, ticks are sent by the clock, whether or not replies keep up.
   bool lockstep = false;
   // Called after each reply with all frames so far.
   std::function<void(const std::vector<PlayedFrame>&)> on_frame;

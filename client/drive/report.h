@@ -15,7 +15,7 @@ namespace sightline {
 // "   3.0 s  (1.20, 2.00, 5.31)  guard 1.00  thief 0.87  S_N 10  S_P 40  S_V 293  TRACKING ...  0.52 ms"
 std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
 
-// How long answers took; of the run alone.
+// Latencies of the run itself, without the baseline.
 std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
 
 // One column for the run and, where it was judged, one for `follow`; then latencies.

@@ -23,7 +23,7 @@ SpringArmPolicy::SpringArmPolicy(const PolicySite& site, std::unique_ptr<Scenari
 
 double SpringArmPolicy::free_arm_m(const glm::dvec3& center_m) {
   const double wanted = glm::length(follow_.offset_m());
-  // Sightline's body keeps the same skin, so that rounding makes no touch of a rest against a wall.
+  // Sightline's body keeps the same distance, so that rounding cannot turn a rest against a wall into a touch.
   const double sphere = settings_.sphere_m + kBodySkinM;
   colliders_.gather(world_->mirror(), center_m, wanted + 2 * sphere, target_slots_);
   return wanted * colliders_.free_fraction(center_m, center_m + follow_.offset_m(), sphere);

@@ -20,7 +20,7 @@ struct ContactSheetOptions {
 Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
                       const ContactSheetOptions& options = {});
 
-// One panel of it.
+// Draws one panel of the sheet.
 Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width);
 
 // A scene in its present state.

@@ -17,7 +17,7 @@ uint32_t flag_bits(const v1::StepFlags& flags) {
   return bits;
 }
 
-// SIZE_MAX: none of the page's.
+// The page's index of a target; SIZE_MAX when it is none of the page's.
 size_t index_of(uint64_t id, std::span<const PageTarget> targets) {
   const auto found =
       std::find_if(targets.begin(), targets.end(), [id](const PageTarget& t) { return t.id == id; });
@@ -92,7 +92,7 @@ void add_page_cells(const v1::CameraReply& reply, const Convention& convention,
       if ((candidates.visible_masks(i) >> k & 1u) != 0 && bit_of[k] < 32)
         cell.visible_targets |= 1u << bit_of[k];
   }
-  // Without any, `chosen` would be 0.
+  // Without any candidates, `chosen` would be 0.
   frame.chosen_cell = candidates.chosen_index() < count ? std::max(-1, candidates.chosen_index()) : -1;
 }
 

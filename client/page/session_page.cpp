@@ -26,7 +26,7 @@ std::string at(const char* list, size_t i, const char* member = "") {
   return std::string(list).append("[").append(std::to_string(i)).append("]").append(member);
 }
 
-// ---- what a page may be made from ----
+// ---- limits of a page's input ----
 
 Status check_frame(const SessionPage& session, size_t i) {
   const PageFrame& frame = session.frames[i];
@@ -44,7 +44,7 @@ Status check_frame(const SessionPage& session, size_t i) {
   return {};
 }
 
-// The frames of an instance's life that the session has.
+// The frames of an instance's life, clipped to the session's frames.
 std::pair<size_t, size_t> life_of(const PageInstance& instance, const SessionPage& session) {
   const size_t end = std::min(instance.end_frame, session.frames.size());
   return {std::min(instance.first_frame, end), end};
@@ -113,7 +113,7 @@ class Meshes {
                      {"step", {step.x, step.y, step.z}}});
     for (const glm::vec3& p : geometry.positions)
       for (int axis = 0; axis < 3; ++axis) positions_.push_back(quantized(p[axis], low[axis], step[axis]));
-    // Differences deflate to a fraction of what indices do.
+    // Differences compress to a fraction of what indices do.
     int64_t before = 0;
     for (const uint32_t index : geometry.indices) {
       indices_.push_back(static_cast<int32_t>(index - before));
@@ -155,7 +155,7 @@ void write_scene(const SessionPage& session, Json& page, PageData& data) {
 
 // ---- the frames, a column a number ----
 
-// Words that come again and again, stored once.
+// Words that occur again and again are stored once.
 class Words {
  public:
   uint32_t index_of(const std::string& word) {
@@ -181,7 +181,7 @@ void append(std::vector<T>& row, const Pose& pose) {
     row.push_back(static_cast<T>(value));
 }
 
-// Mover after mover: where one stands from frame to frame differs least.
+// Stored mover after mover, because the position of one mover changes little from frame to frame.
 void write_movers(const SessionPage& session, Json& page, PageData& data) {
   std::vector<float> poses;
   Json movers = Json::array();
@@ -362,7 +362,7 @@ Json directory_of(const PageData& data) {
   return directory;
 }
 
-// JSON that may stand inside a <script>: no "<" can end it. Text that is no UTF-8 is shown as it can be.
+// JSON that may stand inside a <script>: no "<" can end it. Invalid UTF-8 is replaced.
 std::string inside_script(const Json& json) {
   std::string text;
   for (const char c : json.dump(-1, ' ', false, Json::error_handler_t::replace)) {

@@ -32,7 +32,7 @@ class SessionCheck {
   explicit SessionCheck(const Recording& recording)
       : start_ns_(recording.start_ns()),
         from_start_(begins_with_session(recording)),
-        fold_next_(recording.info().snapshot_ticks() > 0),
+        snapshot_next_(recording.info().snapshot_ticks() > 0),
         in_head_(!from_start_),
         ticks_count_(from_start_) {}
 
@@ -52,10 +52,10 @@ class SessionCheck {
 
   SessionVerdict finish() {
     if (verdict_.missing > told_missing_)
-      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps tell of " +
+      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps report " +
            number(told_missing_));
     if (verdict_.undecodable > 0)
-      note(number(verdict_.undecodable) + " messages are not what their topics say");
+      note(number(verdict_.undecodable) + " messages cannot be decoded as their topics require");
     return std::move(verdict_);
   }
 
@@ -92,7 +92,7 @@ class SessionCheck {
   }
 
   void take_tick(const v1::Tick& tick) {
-    if (std::exchange(fold_next_, false)) {
+    if (std::exchange(snapshot_next_, false)) {
       last_applied_ = tick.sequence();
       return;
     }
@@ -107,7 +107,7 @@ class SessionCheck {
     if (refused != pending_.end())
       pending_.erase(refused);
     else if (!unsure_ && rejection.sequence() != 0)
-      note("refuses tick " + number(rejection.sequence()) + ", which does not stand before it");
+      note("refuses tick " + number(rejection.sequence()) + ", which is not among the unanswered ticks");
   }
 
   // Before the first reply of a later part, only ticks can have been lost between numbered messages, and their numbers do
@@ -159,7 +159,7 @@ class SessionCheck {
 
   const uint64_t start_ns_;
   const bool from_start_;
-  bool fold_next_;         // the next tick is a snapshot
+  bool snapshot_next_;     // the next tick is a snapshot
   bool unsure_ = false;    // something is missing since the last reply
   // The head of a later part repeats the unanswered ticks. Refused ticks have numbers too, but stand only in the part
   // before. So numbers say nothing about missing ticks until the first tick that is certainly not a repeated one.

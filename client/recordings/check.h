@@ -29,11 +29,13 @@ struct SessionVerdict {
   bool sound() const { return troubles == 0; }
 };
 
-// Checks three rules. The numbers of applied ticks increase strictly, and so do those of replies. A reply is for the newest
-// applied tick of the file, and its merged_ticks counts the applied ticks between that one and the reply before. No more
-// messages are missing by the numbers of their topics than Gaps report. After missing messages, only rules that must still
-// hold are checked. At the head of a later part, the numbers of ticks that were refused earlier are missing, and a Gap
-// reports earlier losses; neither says anything about the rest of the part.
+// Checks three rules. The numbers of applied ticks increase strictly, and so do those of replies. A reply is for the
+// newest applied tick of the file, and its merged_ticks counts the applied ticks between that one and the reply before.
+// No more messages are missing by the numbers of their topics than Gaps report.
+//
+// After missing messages, only rules that must still hold are checked. At the head of a later part, the numbers of
+// ticks that were refused earlier are missing, and a Gap reports earlier losses. Neither says anything about the rest
+// of the part.
 SessionVerdict check_session(const Recording& recording);
 
 }  // namespace sightline

@@ -154,7 +154,7 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
       << " whole chunks, " << grouped(done->attachments) << " attachments, " << grouped(done->metadata)
       << " metadata\n"
       << "finished    "
-      << (done->was_finished ? "it was" : "it was not: what stood behind its last chunk is not known") << '\n'
+      << (done->was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
       << "lost        " << loss_text(done->loss) << '\n';
   print_troubles(out, done->loss);
   return 0;
@@ -183,7 +183,8 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
       << " attachments\n"
       << "begins      "
       << (done->snapshot_ticks == 0 ? std::string("where the recording begins")
-                                  : "after " + grouped(done->snapshot_ticks) + " ticks, folded into one")
+                                  : "after " + grouped(done->snapshot_ticks) +
+                                        " ticks, given as one snapshot tick")
       << '\n';
   const bool lost = done->loss.chunks + done->loss.messages > 0;
   if (!lost) return 0;

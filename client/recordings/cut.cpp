@@ -30,8 +30,8 @@ class Cutter {
         end_ns_(log_time_after(recording.start_ns(), range.end_s)),
         writer_(sink, {.profile = recording.container().header.profile,
                        .library = recording.container().header.library}),
-        fold_next_(recording.info().snapshot_ticks() > 0) {
-    fold_.take_open(recording.open_session());
+        snapshot_next_(recording.info().snapshot_ticks() > 0) {
+    snapshot_.take_open(recording.open_session());
   }
 
   Result<RecordingCut> run() {
@@ -105,9 +105,9 @@ class Cutter {
       case RecordTopic::kTick:
         return parsed<v1::Tick>(m, [&](v1::Tick& tick) { take_tick(tick, m.message); });
       case RecordTopic::kReply:
-        return parsed<v1::CameraReply>(m, [&](const v1::CameraReply& reply) { fold_.take_reply(reply); });
+        return parsed<v1::CameraReply>(m, [&](const v1::CameraReply& reply) { snapshot_.take_reply(reply); });
       case RecordTopic::kRejection:
-        return parsed<v1::TickError>(m, [&](const v1::TickError& refused) { fold_.take_rejection(refused); });
+        return parsed<v1::TickError>(m, [&](const v1::TickError& refused) { snapshot_.take_rejection(refused); });
       case RecordTopic::kGap:
         return parsed<v1::Gap>(m, [&](const v1::Gap& gap) { take_gap(gap, m); });
       default:
@@ -133,10 +133,10 @@ class Cutter {
   void take_tick(v1::Tick& tick, const mcap::Message& m) {
     tick_channel_id_ = m.channel_id;
     const TickStamp stamp{m.sequence, m.log_time_ns, m.publish_time_ns};
-    if (std::exchange(fold_next_, false))
-      fold_.take_folded(tick, recording_.info().snapshot_ticks(), stamp);
+    if (std::exchange(snapshot_next_, false))
+      snapshot_.take_snapshot_tick(tick, recording_.info().snapshot_ticks(), stamp);
     else
-      fold_.take_tick(std::move(tick), stamp);
+      snapshot_.take_tick(std::move(tick), stamp);
   }
 
   // The snapshot tick does not contain what Gaps report: one Gap for all of them, with the reason of the first.
@@ -151,19 +151,19 @@ class Cutter {
   }
 
   void write_head() {
-    const bool folded = fold_.ticks() > 0;
-    const uint64_t now_ns = folded ? fold_.stamp().log_ns : start_ns_;
-    done_.snapshot_ticks = fold_.ticks();
+    const bool has_snapshot = snapshot_.ticks() > 0;
+    const uint64_t now_ns = has_snapshot ? snapshot_.stamp().log_ns : start_ns_;
+    done_.snapshot_ticks = snapshot_.ticks();
     if (auto& info = kept_[static_cast<size_t>(RecordTopic::kInfo)]) {
       v1::RecordingInfo told = recording_.info();
-      told.set_snapshot_ticks(fold_.ticks());
+      told.set_snapshot_ticks(snapshot_.ticks());
       info->bytes = told.SerializeAsString();
     }
     auto gap = std::exchange(kept_[static_cast<size_t>(RecordTopic::kGap)], std::nullopt);
     for (const auto& kept : kept_)
       if (kept) write_kept(*kept, now_ns);
-    if (folded) write_tick(fold_.tick(), fold_.stamp());
-    for (const WaitingTick& waiting : fold_.waiting()) write_tick(waiting.tick, waiting.stamp);
+    if (has_snapshot) write_tick(snapshot_.tick(), snapshot_.stamp());
+    for (const WaitingTick& waiting : snapshot_.waiting()) write_tick(waiting.tick, waiting.stamp);
     if (!gap) return;
     gap->bytes = lost_.SerializeAsString();
     write_kept(*gap, now_ns);
@@ -224,9 +224,9 @@ class Cutter {
   const RecordedRange range_;
   const uint64_t start_ns_, end_ns_;
   McapWriter writer_;
-  bool fold_next_;  // the next tick is a snapshot
+  bool snapshot_next_;  // the next tick is a snapshot
   bool within_ = false;
-  SessionSnapshot fold_;
+  SessionSnapshot snapshot_;
   v1::Gap lost_;  // before the range
   uint16_t tick_channel_id_ = 0;
   std::array<std::optional<KeptMessage>, kRecordTopics> kept_{};  // in the order of a head

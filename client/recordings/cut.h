@@ -18,11 +18,11 @@ struct RecordingCut {
 // stretch of the file. It begins with the first message that was logged at `start_s` or later. It ends before the first
 // message after it that was logged at `end_s` or later. So replies stay with their ticks.
 //
-// With `start_s` 0 the cut is the beginning of the recording, message for message. Otherwise its head holds the opening,
-// the newest shapes and still frames for viewers, a snapshot tick of all ticks before (server/record/session_snapshot.h),
-// the ticks that were not answered yet, and a Gap when messages were missing by then. All ticks before the range are read
-// for it. Attachments and metadata are copied, and the part keeps its number. The metadata `sightline.cut` names the
-// source.
+// With `start_s` 0 the cut is the beginning of the recording, message for message. Otherwise the cut begins with a
+// head: the opening, the newest shapes and still frames for viewers, and a snapshot tick of all earlier ticks
+// (server/record/session_snapshot.h). Ticks that were not answered yet follow, and a Gap when messages were missing by
+// then. All ticks before the range are read for the snapshot tick. Attachments and metadata are copied, and the part
+// keeps its number. The metadata `sightline.cut` names the source.
 //
 // Fails with kInvalidArgument (fields "start_s", "end_s") when nothing is in the range, as an attachment cannot be read,
 // and when the sink fails. The sink then holds no complete file.

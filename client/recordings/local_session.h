@@ -35,7 +35,7 @@ class LocalSession {
   static Result<std::unique_ptr<LocalSession>> open(const v1::OpenSession& request, LocalWorld& world,
                                                     StageClock clock = {});
 
-  // As a daemon's, without an id.
+  // The same message as a daemon's, without an id.
   const v1::SessionOpened& opened() const { return opened_; }
 
   // Applies a whole tick and returns true; or changes nothing, fills `rejection` as a daemon would, and returns false.

@@ -68,9 +68,9 @@ void take_gaps(const McapReader& reader, RecordingSummary& out) {
 
 void take_session(const Recording& recording, RecordingSummary& out) {
   out.session = recording.info();
-  const uint64_t folded = recording.info().snapshot_ticks() > 0 ? 1 : 0;
+  const uint64_t snapshots = recording.info().snapshot_ticks() > 0 ? 1 : 0;
   const auto less = [](uint64_t a, uint64_t b) { return a > b ? a - b : 0; };
-  out.ticks = less(messages_of(out, RecordTopic::kTick), folded);
+  out.ticks = less(messages_of(out, RecordTopic::kTick), snapshots);
   out.replies = messages_of(out, RecordTopic::kReply);
   out.rejections = messages_of(out, RecordTopic::kRejection);
   out.faults = messages_of(out, RecordTopic::kFault);
@@ -132,7 +132,7 @@ void print_session(std::ostream& out, const RecordingSummary& s) {
       << (info.snapshot_ticks() == 0
               ? std::string(info.part() > 1 ? "within the session, without what came before"
                                             : "with the session")
-              : "after " + counted(info.snapshot_ticks(), "tick") + ", folded into one")
+              : "after " + counted(info.snapshot_ticks(), "tick") + ", given as one snapshot tick")
       << '\n';
   out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, "
       << grouped(s.merged) << " merged or not answered, " << grouped(s.rejections) << " refused\n"

@@ -1,5 +1,5 @@
-// Writes a recording message by message, in the caller's own time: what a replay answered, a cut of another recording.
-// The daemon's own way, which never waits, is server/record/recorder.h; both write the same files.
+// Writes a recording message by message, in the caller's own time: the replies of a replay, or a cut of another
+// recording. The daemon writes the same files with server/record/recorder.h, which never waits.
 #pragma once
 
 #include <array>
@@ -15,12 +15,12 @@ namespace sightline {
 // Not thread-safe. Errors of the file stick: every later call says the same.
 class RecordingWriter {
  public:
-  // A new file: kAlreadyExists when there is one. `info` is written as it is but for its `version`.
+  // Creates a new file: kAlreadyExists when there is one. `info` is written unchanged except for its `version`.
   static Result<std::unique_ptr<RecordingWriter>> create(const std::string& path, v1::RecordingInfo info);
   RecordingWriter(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info);
 
-  // First the opening, then the rest, in the order in which they are to be read. Messages for viewers are made of them; of
-  // those, ones over kMaxMessageBytes are left out.
+  // First the opening, then the rest, in reading order. Messages for viewers are made from these. Viewer messages over
+  // kMaxMessageBytes are left out.
   Status write(const v1::OpenSession& open, uint64_t log_ns);
   Status write(const v1::SessionOpened& opened, uint64_t log_ns);
   Status write(const v1::Tick& tick, uint64_t log_ns);
@@ -30,7 +30,7 @@ class RecordingWriter {
   Status write(const v1::Gap& gap, uint64_t log_ns);
   Status attach(const RecordedFile& file, uint64_t log_ns);
 
-  // The summary; nothing may be written after it. Without it the file is one that a kill left.
+  // Writes the summary; nothing may be written after it. Without it the file looks like one whose writer was killed.
   Status finish() { return file_.finish(); }
 
  private:

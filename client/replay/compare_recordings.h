@@ -28,8 +28,9 @@ struct RecordingComparison {
 };
 
 // Reads both once, side by side. `progress` is called with the log time in seconds since the start of `a`. Two kinds of
-// fields do not count: how the session is recorded, in the openings, and `step` in the ticks, where a replay at a daemon
-// puts what the recording has in its replies. Fails when the convention of `a` is invalid.
+// fields do not count: the fields of the openings about how the session is recorded, and `step` of the ticks. A replay
+// at a daemon fills `step` with values from the recorded replies. Fails when the convention of `a` is invalid.
+// invalid.
 Result<RecordingComparison> compare_recordings(const Recording& a, const Recording& b,
                                                const std::function<void(double)>& progress = {});
 

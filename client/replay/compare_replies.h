@@ -1,4 +1,4 @@
-// Compares the replies of two runs: how many are equal, where the runs part, and how far.
+// Compares the replies of two runs: how many are equal, where the first difference is, and how large differences are.
 #pragma once
 
 #include <cstdint>

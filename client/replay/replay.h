@@ -24,7 +24,7 @@
 
 namespace sightline {
 
-// Whether the reply of a recorded step is known.
+// States whether the reply of a recorded step is known.
 enum class StepAnswer {
   kRecorded,  // the reply is in the recording
   kLost,      // the step was taken, but its reply is missing

@@ -165,7 +165,7 @@ class Command {
       return "recorded with " + recording_->info().sampler() + ", replayed with " +
              replay_->opened().sampler();
     if (recording_->info().snapshot_ticks() > 0)
-      return formatted("the file begins with %lu ticks folded into one",
+      return formatted("the file begins with a snapshot of %lu ticks",
                        static_cast<unsigned long>(recording_->info().snapshot_ticks()));
     return {};
   }
@@ -181,12 +181,12 @@ class Command {
     out_ << '\n';
     for (const std::string& warning : replay_->opened().warnings()) out_ << "warning     " << warning << '\n';
     if (!recording_->container().finished)
-      out_ << "note        the file was not finished: what was written last is missing\n";
+      out_ << "note        the file was not finished: the last messages are missing\n";
     for (const std::string& text : options_.set) out_ << "set         " << text << '\n';
     if (options_.start_s > 0)
       out_ << formatted(
-          "start       at %.3f s; everything before is stepped as fast as possible, so that what the session "
-          "remembers is exact\n",
+          "start       at %.3f s; everything before is stepped as fast as possible, so that the session's "
+          "state is exact\n",
           options_.start_s);
   }
 
@@ -249,7 +249,7 @@ class Command {
         return false;
       } else if (word != "n" || !(words >> steps_granted_)) {
         steps_granted_ = 0;
-        out_ << "Enter: one step; n 10: ten steps; q: enough\n";
+        out_ << "Enter: one step; n 10: ten steps; q: stop\n";
       }
     }
     --steps_granted_;
@@ -275,8 +275,8 @@ class Command {
     restarts_told_ = replay_->restarts();
     bar_.clear();
     out_ << formatted(
-                "restart     the server was gone at tick %lu; opened anew, and everything so far taken "
-                "again: %s\n",
+                "restart     the server was gone at tick %lu; the session was opened again and all steps were "
+                "repeated: %s\n",
                 static_cast<unsigned long>(step_.answer.reply.sequence()),
                 replay_->restarts_equal() ? "the same replies" : "not the same replies")
          << std::flush;
@@ -362,8 +362,8 @@ Verb add_replay_verb(CLI::App& app) {
   const auto options = std::make_shared<ReplayCommandOptions>();
   options->progress = isatty(STDERR_FILENO) != 0;
   CLI::App* command = app.add_subcommand("replay",
-                                         "Take the steps of a recording again: are they answered as they "
-                                         "were? Or, with other settings, what changes?");
+                                         "Take the steps of a recording again and compare the replies; "
+                                         "with --set, show what other settings change");
   command->add_option("file", options->file, "A recording (.mcap)")->required()->check(CLI::ExistingFile);
   CLI::Option* server = command->add_option("--server", options->server,
                                             "host:port or unix:/path of a daemon (default: in this process)");
@@ -406,7 +406,7 @@ Verb add_replay_verb(CLI::App& app) {
   command->add_option("--truth-every", options->truth_every, "Judge the picture of every n-th step")
       ->check(CLI::Range(size_t{1}, size_t{1000000}))
       ->capture_default_str();
-  command->add_option("--out", options->out, "Write what was answered as a recording");
+  command->add_option("--out", options->out, "Write the new replies to this new recording");
   return {command, [options] { return run_replay_command(*options, std::cin, std::cout, std::cerr); }};
 }
 

@@ -32,8 +32,8 @@ struct ReplayCommandOptions {
   bool progress = false;
 };
 
-// Exit status 0: all replies are equal, or alike where they cannot be equal (client/README.md), or settings were changed.
-// 1: they differ, or the replay failed with the reason on `err`. 2: the options are invalid.
+// Exit status 0: all replies are equal, or alike where they cannot be equal (client/README.md). Also 0 when settings
+// were changed. 1: they differ, or the replay failed with the reason on `err`. 2: the options are invalid.
 int run_replay_command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out,
                        std::ostream& err);
 

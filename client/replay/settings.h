@@ -21,9 +21,9 @@ struct ReplaySetting {
   std::string value;                                           // a value of that field's type
 };
 
-// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field when there is no such setting (the message lists the
-// known ones), or when the value has the wrong type (the message says which one is allowed). Ranges are checked when the
-// session opens.
+// Reads KEY=VALUE. Fails with kInvalidArgument and the key as field. Either there is no such setting, and the message
+// lists the known ones. Or the value has the wrong type, and the message says which one is allowed. Ranges are checked
+// when the session opens.
 Result<ReplaySetting> read_replay_setting(const std::string& text);
 
 // Changes the opening of a session.

@@ -79,7 +79,7 @@ class Maker {
     if (options_.progress) options_.progress(what, done, of);
   }
 
-  // ---- 1: the session as it was opened, with what there is of its scene ----
+  // ---- 1: the session as it was opened, with the scene files that are available ----
 
   Status open() {
     auto convention = convention_of(recording_.open_session());

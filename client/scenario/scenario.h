@@ -30,7 +30,7 @@ struct ScenarioActor {
   bool required = true;
 };
 
-// The motion of one actor at one time. The pose has no scale, like that of a NodeBinding's instance.
+// The motion of one actor at one time. The pose has no scale, as in a NodeBinding.
 struct ActorMotion {
   Pose pose;
   glm::dvec3 velocity_mps{0.0};
@@ -38,9 +38,8 @@ struct ActorMotion {
 
 class Scenario {
  public:
-  // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, a
-  // role on a node without a name or with one that is not unique, a weight that is not a number >= 0, no
-  // camera, or two.
+  // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, no camera, or
+  // more than one. Also a role on a node whose name is missing or not unique, and a weight that is not a number >= 0.
   static Result<Scenario> from_asset(std::shared_ptr<const SceneAsset> asset);
   // Reads the file first.
   static Result<Scenario> read(const std::string& path, GeometryStore& store);

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// In picture heights from the middle; none outside the picture.
+// In picture heights from the middle of the picture; none when the position is outside of it.
 std::optional<glm::dvec2> point_in_picture(const CameraFrame& frame, const glm::dvec3& point_m) {
   const glm::dvec3 p = inverse_transform_point(frame.camera, point_m);
   if (p.z >= 0) return std::nullopt;

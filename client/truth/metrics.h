@@ -22,9 +22,10 @@ struct TargetMetrics {
   size_t pictures = 0;              // taken while it was a target
 };
 
-// Loss of sight. An episode is a maximal run of judged pictures in which no pixel of one target is visible, whether off screen or
-// hidden; episodes of different targets count separately. An episode lasts from its first picture to the next one with a visible
-// pixel. The target is reacquired in the first picture that shows 95 % of it. When no such picture follows, the last one counts.
+// Loss of sight. An episode is a maximal run of judged pictures in which no pixel of one target is visible, whether it
+// is off screen or hidden. Episodes of different targets count separately. An episode lasts from its first picture to
+// the next one with a visible pixel. The target is reacquired in the first picture that shows 95 % of it. When no such
+// picture follows, the last one counts.
 struct EpisodeMetrics {
   size_t count = 0;
   double p95_length_s = 0.0;
@@ -82,8 +83,8 @@ struct MotionSample {
 // One sample a frame. The camera is taken to be at rest before the first.
 std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames);
 
-// True when `sample` breaks a limit by more than rounding explains: 1e-6 of the limit for positions, and 1e-4 for angles, whose
-// second differences over a short step cancel most of a double's digits.
+// True when `sample` breaks a limit by more than rounding explains: 1e-6 of the limit for positions, and 1e-4 for
+// angles. Second differences of angles over a short step cancel most of a double's digits.
 bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
 
 // The visibility of a target in one picture.

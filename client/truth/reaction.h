@@ -3,9 +3,10 @@
 //
 // An occlusion begins at a frame at which the straight line from the camera to a target's aim point becomes blocked. It is
 // sustained when the line would stay blocked for kSustainedS if the camera kept its offset (world axes) from the targets' centre.
-// Shorter ones are not counted. The camera has reacted at the first later frame at which the target is visible
-// again, or at which the camera's velocity relative to the targets' centre differs by more than kReactionMps from its value
-// before the onset. A camera at rest that accelerates at 10 m/s^2 reaches that difference after 0.025 s.
+// Shorter ones are not counted. The camera has reacted at the first later frame at which the target is visible again,
+// or at which the camera has changed its velocity. That is a difference of more than kReactionMps in the velocity
+// relative to the targets' centre, compared with the time before the onset. A camera at rest that accelerates at 10
+// m/s^2 reaches that difference after 0.025 s.
 #pragma once
 
 #include <span>

@@ -4,14 +4,14 @@
 // counted from the bottom, is the ray through this point of the plane z = -1:
 //   ((2 (x + 0.5) / size - 1) aspect tan(fov / 2), (2 (y + 0.5) / size - 1) tan(fov / 2))
 // It sees what lies beyond the near plane. Below, a "pixel" is one such sample. Each target has two counts:
-//   alone pixels    pixels that the target would cover if nothing else were drawn;
-//   visible pixels  those alone pixels at which no occluder is nearer than the target.
+//   Alone pixels    pixels that the target would cover if nothing else were drawn.
+//   Visible pixels  those alone pixels at which no occluder is nearer than the target.
 // Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; a target that the
 // picture's edge cuts is judged by the part inside. Other targets occlude. A target that does not occlude (Instance::occludes) is
 // never drawn and has no pixels.
 //
 // A frame is classified as in the paper:
-//   r_N  fully hidden: no pixel of any target is visible;
+//   r_N  fully hidden: no pixel of any target is visible.
 //   r_P  partly hidden: not r_N, and some target has a hidden pixel or no pixel at all. With a tolerance of 5 %, some target has
 //        more than 5 % of its pixels hidden, or no pixel.
 #pragma once

@@ -69,7 +69,7 @@ void SessionSnapshot::take_tick(v1::Tick tick, const TickStamp& stamp) {
     apply_oldest();
 }
 
-void SessionSnapshot::take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
+void SessionSnapshot::take_snapshot_tick(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
   apply(tick, stamp);
   ticks_ += ticks > 0 ? ticks - 1 : 0;
 }

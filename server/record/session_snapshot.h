@@ -88,7 +88,7 @@ class SessionSnapshot {
   void take_open(const v1::OpenSession& open);
   void take_tick(v1::Tick tick, const TickStamp& stamp);
   // The snapshot tick of `ticks` others, which a later part begins with. It counts at once.
-  void take_folded(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp);
+  void take_snapshot_tick(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp);
   void take_reply(const v1::CameraReply& reply);
   void take_rejection(const v1::TickError& rejection);
 

@@ -26,7 +26,7 @@ StepSettings degrade(const StepSettings& settings, int level);
 // Whether `level` changes any of these settings.
 bool degrades(const StepSettings& settings, int level);
 
-// What `level` changes of these settings, in words: "points 8 -> 4, survey resolution 8 -> 4"; empty when nothing.
+// What `level` changes of these settings, in words: "points 8 -> 4, viewpoint resolution 8 -> 4"; empty when nothing.
 std::string describe_degradation(const StepSettings& settings, int level);
 
 // About what a step costs at `level`, as a share of what it costs at level 0, (0, 1]: a first guess, until it has been measured.

@@ -21,7 +21,7 @@ glm::dvec3 random_vector(CounterRandom& random, double size) {
   return {random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size)};
 }
 
-// Returns whether a straight line from eye to point crosses a box, by slabs: shares nothing with maps.
+// Returns whether a straight line from eye to point crosses a box, by the slab method. It shares no code with the maps.
 bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center,
                 const glm::dvec3& half) {
   double enter = 0, leave = 1;
@@ -43,7 +43,7 @@ std::vector<MapRange> one_each(size_t targets) {
 
 class ComposeManyTargets : public testing::TestWithParam<int> {};
 
-// Candidates at texel centres have no quantisation: there the maps must say exactly what straight lines say.
+// Candidates at texel centres are not quantised, so the maps must agree exactly with straight lines there.
 TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
   const int n = GetParam();
   CounterRandom random(21, n, RandomPurpose::kTest);
@@ -98,7 +98,7 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
 }
 INSTANTIATE_TEST_SUITE_P(Targets, ComposeManyTargets, testing::Values(1, 2, 3, 8, 32));
 
-// Three points of one target, of which a place sees two.
+// One target has three points, and the candidate sees two of them.
 TEST(Compose, ATargetIsSeenWhenEnoughOfItsPointsAre) {
   MapView view;
   view.width = view.height = 1;

@@ -103,7 +103,7 @@ TEST(JointFilter, OnlyTheTargetsAskedForMakeUpTheState) {
 
 // ---- the per-target filter ----
 
-// The same rules over lists; remembers every step.
+// The same rules over lists of all steps.
 class PlainSwitch {
  public:
   PlainSwitch(const FilterSettings& settings, const FilterSteps& steps)
@@ -193,7 +193,7 @@ TEST(TargetFilter, EqualsThePlainRulesOnRandomPasts) {
 }
 
 TEST(TargetFilter, KeepsATargetThatWasSeenInEveryStepWhileAnotherFlickers) {
-  // The joint filter calls the place N: V and P_A each make up half of the steps, and 0.5 < alpha.
+  // The joint filter classifies the candidate as N: V and P_A each make up half of the steps, and 0.5 < alpha.
   PlainPast always(60, Seen::kVisible), flickers;
   for (int i = 0; i < 60; ++i) flickers.push_back(i % 2 == 0 ? Seen::kVisible : Seen::kHidden);
   EXPECT_EQ(joint({always, flickers}, 10, 0.6), 0u);
@@ -248,7 +248,7 @@ TEST(TargetFilter, StaysOnForTheHoldOnceATargetIsSeenAgain) {
   }
 }
 
-// How many steps of occlusion pass until the filter says so.
+// The number of steps of occlusion after which the filter reports the target as hidden.
 int reaction_steps(PlainPast before, const FilterSettings& settings, double dt_s) {
   const size_t begin = before.size();
   before.insert(before.end(), 200, Seen::kHidden);

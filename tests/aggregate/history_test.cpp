@@ -78,7 +78,7 @@ TEST(VisibilityHistory, HoldsWhatListsHoldWhateverIsPushedLeftOutHandedOverAndRe
       plain.begin_step();
       for (uint32_t slot = 0; slot < kSlots; ++slot) {
         if (random.next_below(80) == 0) ++owner[slot];
-        // Slot 0 is there always, the last ones are away for longer and longer.
+        // Slot 0 is pushed in every step; the higher the slot, the longer its absences.
         if (random.next_below(1 + slot * slot * 4) > 3) continue;
         const uint32_t visible = random.next_u32(), known = random.next_u32() | random.next_u32();
         history.push(slot, owner[slot], visible, known);

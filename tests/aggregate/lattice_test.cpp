@@ -53,7 +53,8 @@ TEST(Lattice, AddressesOfCoveredCellsAreDistinct) {
   EXPECT_EQ(distinct.size(), lattice.addresses().size());
 }
 
-// The plain reference: a map from place to its owner's number. While a place stays in the bound it must never lose its address.
+// The reference: a map from lattice point to the number of its owner. A point must keep its address while it stays in
+// the bound.
 TEST(Lattice, ACellKeepsItsAddressWhileItStaysInTheMovingBound) {
   Lattice lattice;
   std::map<Place, uint64_t> inside;
@@ -98,7 +99,7 @@ TEST(Lattice, LaidOutItHasThePointsThatItHasWhenCovered) {
   EXPECT_EQ(covered.addresses().size(), covered.size());
 }
 
-// Where a row's end falls on a lattice point, or a row only touches the ball, rounding decides whether it is inside.
+// When a row ends on a lattice point or only touches the ball, rounding decides whether the point is inside.
 TEST(Lattice, RowsEndWhereTheBallDoesToTheBit) {
   CounterRandom random(31, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 300; ++trial) {

@@ -1,4 +1,5 @@
-// Many places at once: what they see is what the plain definition says of each, to the bit, where rounding could decide too.
+// Looking up many candidates at once gives the same bits as the plain definition applied to each, also where rounding
+// could decide.
 #include "server/aggregate/look_up.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +37,7 @@ float random_distance(CounterRandom& random, double near_m) {
   return static_cast<float>(near_m * random.next_in(0.2, 2.0));
 }
 
-// Views of a ball as the plan lays them: one map where the eye is far, up to six where it is near or inside.
+// Views of a ball as the plan arranges them: one map when the eye is far away, up to six when it is near or inside.
 Case random_case(CounterRandom& random) {
   Case c;
   const double size = std::exp(random.next_in(-2, 4));
@@ -61,7 +62,7 @@ Case random_case(CounterRandom& random) {
   return c;
 }
 
-// On the rays between texels and through their middles, at the texel's very distance: where the last bit decides.
+// Candidates on the rays between texels and through texel centres, exactly at the texel's depth: the last bit decides.
 void add_places_on_edges(CounterRandom& random, Case& c) {
   for (const DepthMap& map : c.maps)
     for (int i = 0; i < 200; ++i) {
@@ -81,7 +82,7 @@ void add_places_on_edges(CounterRandom& random, Case& c) {
   c.places.push_back(view.eye_m + 1e-9 * view.world_from_view[2]);
 }
 
-// All places, tile by tile.
+// All candidates, tile by tile.
 std::vector<uint8_t> look_at_all(LookUp& look_up_all, const Case& c, std::span<const uint8_t> passes, bool& any_passing) {
   std::vector<uint8_t> sights;
   look_up_all.set_places(c.places);
@@ -107,7 +108,7 @@ int32_t expected_sight(const Case& c, const glm::dvec3& place) {
   return sight.occluder != kNoOccluder && c.passes[sight.occluder] ? kPassingSight : kHiddenSight;
 }
 
-TEST(LookUp, SaysOfEveryPlaceWhatTheDefinitionSays) {
+TEST(LookUp, AgreesWithTheDefinitionForEveryCandidate) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
   LookUp look_up_all;
   std::array<size_t, 4> found{};
@@ -160,7 +161,7 @@ TEST(LookUp, PlacesThatAreNoNumbersAreUnknownAndLeaveTheOthersAsTheyAre) {
   for (size_t i = 0; i < c.places.size(); ++i) EXPECT_EQ(sights[i], expected_sight(c, c.places[i])) << i;
 }
 
-TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
+TEST(LookUp, NoMapsOrNoCandidatesGiveNoSights) {
   LookUp look_up_all;
   Case c;
   bool found_passing = false;
@@ -169,8 +170,9 @@ TEST(LookUp, NoMapsAndNoPlacesAreNoSights) {
   EXPECT_EQ(look_at_all(look_up_all, c, {}, found_passing)[0], kUnknownSight);
 }
 
-// Both ways of looking are tested where the machine has the fast one: what either is sure of is as the definition says.
-TEST(LookUp, ThePlainWayAndTheFastOneSayTheSame) {
+// Tests the portable and the vectorised lookup, where the machine has the second. Where either is sure, it must agree
+// with the definition.
+TEST(LookUp, PortableAndVectorisedLookupsAgree) {
   CounterRandom random(8, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 100; ++trial) {
     Case c = random_case(random);

@@ -13,7 +13,7 @@ namespace {
 
 // The bound moves over the lattice. The reference keeps a low-pass value for each lattice point and drops it when the point is out of the
 // bound for a step.
-TEST(OcclusionSmoother, AreALowPassAndStartAnew) {
+TEST(OcclusionSmoother, AreALowPassAndStartAgain) {
   CounterRandom random(81, 0, RandomPurpose::kTest);
   using Key = std::array<long, 3>;
   Lattice lattice;
@@ -53,8 +53,8 @@ TEST(OcclusionSmoother, AreALowPassAndStartAnew) {
   EXPECT_GT(back, 300);
 }
 
-// Fewer or more places than the lattice has cells, none of them its own.
-TEST(OcclusionSmoother, PlacesThatAreNotTheLatticesHaveAPastByTheirIndex) {
+// The candidates are not lattice cells, and there are fewer or more of them.
+TEST(OcclusionSmoother, CandidatesOffTheLatticeHaveAHistoryByIndex) {
   Lattice lattice;
   Bound bound;
   bound.radius_m = 1.0;

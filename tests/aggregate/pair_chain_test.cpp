@@ -81,7 +81,7 @@ TEST(PairChain, SaysWhyATargetIsLeftOut) {
   EXPECT_EQ(make_pair_chain(in_line, ball({0, 0, 8}, 0.5), kResolution, chain), PairGap::kOnLine);
 }
 
-// Which targets can be reached over complete pairs, by the closure of the relation.
+// The targets that are connected through complete pairs, by the transitive closure.
 bool connected(const Layout& layout) {
   const size_t n = layout.points.size();
   std::vector<std::vector<bool>> reaches(n, std::vector<bool>(n));
@@ -130,8 +130,8 @@ struct Box {
   glm::dvec3 center, half;
 };
 
-// How far along origin + t direction the nearest box begins, by slabs, each box grown by `margin` on all sides; infinity when none
-// is met.
+// The distance along origin + t direction to the nearest box, by the slab method, with each box grown by `margin` on
+// all sides. Infinity when no box is hit.
 double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const glm::dvec3& direction,
                  double margin) {
   double nearest = std::numeric_limits<double>::infinity();
@@ -148,7 +148,7 @@ double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const 
   return nearest;
 }
 
-// Returns whether a ray shows a position at `distance`, or nothing when it is too close to tell.
+// Returns whether the ray sees the position at `distance`; nothing when the depths are too close to decide.
 std::optional<bool> shows(const std::vector<Box>& boxes, const glm::dvec3& eye, const glm::dvec3& direction,
                           double distance) {
   constexpr double kHairM = 1e-3;
@@ -159,7 +159,8 @@ std::optional<bool> shows(const std::vector<Box>& boxes, const glm::dvec3& eye, 
   return grown;
 }
 
-// The texel in whose cell a place falls, found among all of them; nothing when a hair decides between two.
+// The texel into whose cell a position falls, found by trying every texel; nothing when it lies on the border of two
+// cells.
 std::optional<glm::ivec2> texel_of(const MapView& view, const glm::dvec3& place) {
   const glm::dvec3 offset = place - view.eye_m, forward = -view.world_from_view[2];
   const glm::dvec3 at = offset / glm::dot(offset, forward);
@@ -177,7 +178,7 @@ std::optional<glm::ivec2> texel_of(const MapView& view, const glm::dvec3& place)
   return std::nullopt;
 }
 
-// Boxes between the targets and the ball, none so near a target that its near plane cuts it.
+// Boxes between the targets and the ball. None is so near a target that the target's near plane cuts it.
 struct Scene {
   std::vector<Box> boxes;
   GeometryStore store;
@@ -212,7 +213,8 @@ std::vector<DepthMap> take_maps(const Scene& scene, const PairChain& chain, size
 
 class PairChainOf : public testing::TestWithParam<int> {};
 
-// The two targets of the first volume by straight lines; every other by the ray of the texel that the candidate falls into.
+// The two targets of the first volume are judged by straight lines; every other one by the ray of the texel that the
+// candidate falls into.
 TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
   const size_t n = GetParam();
   CounterRandom random(42, n, RandomPurpose::kTest);
@@ -258,7 +260,7 @@ TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
 }
 INSTANTIATE_TEST_SUITE_P(Targets, PairChainOf, testing::Values(2, 3, 4, 8));
 
-// The general operator projects into the same maps: for any place, not only for the candidates.
+// The general operator projects into the same maps, and takes any position, not only the candidates.
 TEST(PairChain, AgreesWithTheGeneralOperatorOverTheSameMaps) {
   CounterRandom random(43, 0, RandomPurpose::kTest);
   for (const size_t n : {2, 3, 8, 32}) {

@@ -48,7 +48,7 @@ TEST(PairVolume, RaysOfEqualRowsMeetAtTheClosedFormPoint) {
     const int xa = random.next_below(7), xb = random.next_below(7), y = random.next_below(7);
     const glm::dvec3 point =
         meet(volume, column_of_a(volume, xa + 0.5), column_of_b(volume, xb + 0.5), row(volume, y + 0.5));
-    // Checked against the two rays as the maps define them, not against the formula.
+    // Checked against the two rays that the maps define, not against the formula.
     const double scale = glm::distance(point, c.a) + glm::distance(point, c.b);
     EXPECT_LT(distance_to_line(point, c.a, texel_direction(views[0], xa, y)), 1e-6 * scale);
     EXPECT_LT(distance_to_line(point, c.b, texel_direction(views[1], xb, y)), 1e-6 * scale);
@@ -94,8 +94,8 @@ TEST(PairVolume, WindowsAreTightAroundTheBall) {
   EXPECT_NEAR(top, volume.y_top, 0.01 * volume.y_top);
 }
 
-// The definition by brute force. In the plane through the line AB and the centre, every ray of A inside its window must meet every ray of B
-// inside its own, in front of both.
+// The definition by brute force, in the plane through the line AB and the centre. Every ray of A inside its window must
+// meet every ray of B inside B's window, in front of both.
 TEST(PairVolume, CompletenessAgreesWithTracingTheOutermostRays) {
   CounterRandom random(15, 0, RandomPurpose::kTest);
   int complete = 0, incomplete = 0;
@@ -104,7 +104,7 @@ TEST(PairVolume, CompletenessAgreesWithTracingTheOutermostRays) {
     const glm::dvec3 center(random.next_in(-3, 6), 0, random.next_in(0.3, 6));
     const double radius = random.next_in(0.05, 2.0);
     const Bound bound = ball(center, radius);
-    if (radius >= center.z) continue;  // touches the line: its own case
+    if (radius >= center.z) continue;  // the ball touches the line, which is a case of its own
     // The outermost rays: A's tangent on the side away from B, and B's on the side away from A.
     const auto tangent = [&](const glm::dvec3& eye, double side) {
       const glm::dvec3 to = center - eye;
@@ -170,7 +170,7 @@ TEST(PairVolume, CandidatesAreThePointsInTheBallAndCompareAtTheirOwnTexels) {
   CandidateSet pair;
   compose_pair(volume, map_a, map_b, c.bound, 0.001, pair);
   ASSERT_GT(pair.size(), 20u);
-  // The general operator, by projection, must say the same of the same points.
+  // The general operator, which projects, must give the same answer for the same points.
   CandidateSet general;
   for (const auto& p : pair.position_m) {
     EXPECT_TRUE(c.bound.contains(p));

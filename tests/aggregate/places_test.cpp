@@ -1,4 +1,4 @@
-// Places of runs and single ones, against the plain list of them.
+// Candidates given as runs or one by one, compared with a plain list.
 #include "server/aggregate/places.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-// A list, and the same places one by one.
+// A list of candidates, and the same candidates one by one.
 struct Case {
   PlaceList list;
   std::vector<glm::dvec3> place_m;

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// Everything that ever was added, kept as a list by id: the definition, word by word.
+// The definition, literally: all samples that were ever added, in a list for each id.
 class PlainWindow {
  public:
   void begin_step(const std::vector<uint64_t>& ids, double dt_s) {
@@ -45,7 +45,7 @@ class PlainWindow {
     double at_s;
     uint32_t seen, points;
   };
-  // The newest two against the rest.
+  // Compares the newest two samples with the rest.
   static bool differ(const std::vector<Step>& steps) {
     double s1 = 0, n1 = 0, s2 = 0, n2 = 0;
     for (size_t i = 0; i < steps.size(); ++i)
@@ -61,7 +61,7 @@ class PlainWindow {
   std::map<uint64_t, std::vector<Step>> by_id_;
 };
 
-TEST(ShareWindow, EqualsAPlainListWhateverComesAndGoes) {
+TEST(ShareWindow, EqualsAPlainListWhenTargetsComeAndGo) {
   CounterRandom random(51, 0, RandomPurpose::kTest);
   ShareWindow window;
   PlainWindow plain;
@@ -75,7 +75,7 @@ TEST(ShareWindow, EqualsAPlainListWhateverComesAndGoes) {
           ids.insert(ids.begin() + random.next_below(static_cast<uint32_t>(ids.size()) + 1), id);
     }
     if (random.next_below(200) == 0) window.forget(), plain.forget();
-    // From many steps a window to one step of several.
+    // The window spans from many short steps down to less than one long step.
     const double dt_s =
         random.next_below(20) == 0 ? 0.3 : random.next_in(0.0, step % 1000 < 500 ? 0.005 : 0.03);
     window.begin_step(ids, dt_s);
@@ -118,7 +118,7 @@ TEST(ShareWindow, IsTheNewestStepAloneAfterForgettingOrAPauseOfAWindow) {
   EXPECT_EQ(window.share(0), 0.625);
 }
 
-// Two steps that differ from all before are no chance.
+// Two steps in a row that differ from all before are not chance.
 TEST(ShareWindow, FollowsACleanChangeInTwoSteps) {
   ShareWindow window;
   for (int i = 0; i < 30; ++i) step(window, 1.0 / 60, 8, 8);
@@ -128,7 +128,7 @@ TEST(ShareWindow, FollowsACleanChangeInTwoSteps) {
   EXPECT_EQ(window.share(0), 0.0);
 }
 
-// One point of eight more or fewer is within chance: the old steps count until they are out of the window.
+// A difference of one point in eight is within chance, so the old steps count until they leave the window.
 TEST(ShareWindow, FollowsASmallChangeWithinTheWindow) {
   ShareWindow window;
   for (int i = 0; i < 30; ++i) step(window, 1.0 / 60, 5, 8);
@@ -142,7 +142,7 @@ TEST(ShareWindow, FollowsASmallChangeWithinTheWindow) {
   EXPECT_EQ(steps, 8);
 }
 
-// Points at random, half of them seen: the noise of the mean is well below one step's.
+// Half of the points are seen, at random: the noise of the mean is well below the noise of one step.
 TEST(ShareWindow, HasLessNoiseThanAStep) {
   CounterRandom random(52, 0, RandomPurpose::kTest);
   ShareWindow window;

@@ -1,4 +1,5 @@
-// Composer::add_hidden: the share of the targets that is expected to be hidden from a place, from several samplings of them.
+// Composer::add_hidden: the weighted share of the targets that a candidate is expected not to see, from several
+// samplings.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -11,7 +12,7 @@ namespace {
 
 using namespace test;
 
-// Some targets with some points each, every point with maps of all directions made by hand.
+// Some targets with some points each. Every point has hand-made maps of all directions.
 struct Sampling {
   std::vector<RoundMaps> round;  // by point
   std::vector<DepthMap> maps;
@@ -35,7 +36,7 @@ struct Sampling {
   }
   SampledPoints view() const { return {maps, maps_of_point, points_of_target, 1.0}; }
 
-  // The share that is hidden by moving occluders (slot 1), or by all others.
+  // The share that is hidden by moving occluders (slot 1) when `by_moving`, else by all others.
   double hidden(const glm::dvec3& place, const std::vector<double>& weights, double bias, bool by_moving) {
     double sum = 0, total = 0;
     for (size_t t = 0; t < weights.size(); ++t) {
@@ -51,7 +52,7 @@ struct Sampling {
   }
 };
 
-// The second of the two occluders passes.
+// The second of the two occluders is one that moves past.
 const std::vector<uint8_t> kPasses = {0, 1};
 
 std::vector<glm::dvec3> random_places(CounterRandom& random, size_t count) {

@@ -49,7 +49,7 @@ struct Fixture {
              : settings.mode == FilterMode::kJoint ? settings.n
                                                    : filter_steps(settings, kDt).window;
   }
-  // The share of the window in which a cell saw a target.
+  // The share of the steps in the window in which a cell saw a target.
   float share(size_t cell, size_t target) {
     return visible_share(volume.history().records(lattice.addresses()[cell])[target], window).share();
   }
@@ -94,7 +94,7 @@ TEST(TemporalVolume, IsThePlainFilterOfEveryPlaceUnderAMovingBound) {
   PlainWorld world;
   int returned = 0, forgotten_with_past = 0;
   for (int step = 0; step < 400; ++step) {
-    // To and fro, so that cells leave and come back, some after others had their address.
+    // The bound moves back and forth, so that cells leave and return, some after another cell used their address.
     const Bound bound = ball({1.7 * std::sin(0.05 * step), 0.3 * std::sin(0.013 * step), 0.1}, 1.0);
     const FilterSettings settings = joint(1 + static_cast<int>(random.next_below(64)), random.next_unit());
     f.lattice.cover(bound, 125);
@@ -151,7 +151,7 @@ TEST(TemporalVolume, TargetsKeepTheirPastByIdWhereverTheyStandInTheList) {
   Fixture f;
   for (int i = 0; i < 20; ++i) f.step(0b01, {});
   f.ids = {300, 200, 100};  // 300 is new
-  f.step(0b001, {});        // 300 is seen, the one that was seen so far is hidden, just now
+  f.step(0b001, {});        // now 300 is seen, and the one that was seen before is hidden
   EXPECT_EQ(f.out[0], 0b101u);
   EXPECT_FLOAT_EQ(f.share(0, 0), 1.0f);
   EXPECT_FLOAT_EQ(f.share(0, 1), 0.0f);

@@ -37,7 +37,8 @@ std::vector<float> shares(const ViewpointMap& viewpoints, size_t target) {
   return all;
 }
 
-// Every side in equal turns, level to steep, four distances of which the third is the one given, and no place twice.
+// Viewpoints are spread evenly over all azimuths, from level to steep, at four distances of which the third is the
+// given one. No viewpoint occurs twice.
 TEST(ViewpointMap, PlacesStandRoundTheCentre) {
   const ViewpointMap viewpoints = viewpoints_of({1}, 7.0);
   std::set<long> azimuths, elevations, distances;
@@ -85,8 +86,8 @@ TEST(ViewpointMap, KnowsAsLongAsTheTargetThatLookedForTheShortestTime) {
   EXPECT_EQ(viewpoints.target_count(), 0u);
 }
 
-// The reference is a low-pass of hand-made maps, looked up without the code under test. Two targets take turns, from a new point each time.
-// Their centre moves, 10 km from the origin.
+// The reference is a low-pass of hand-made maps that are read without the code under test. Two targets take turns, seen
+// from a new point each time. Their centre moves, 10 km from the origin.
 class ViewpointMapLearning : public testing::TestWithParam<int> {};
 TEST_P(ViewpointMapLearning, IsALowPassOfWhatTheTargetSees) {
   CounterRandom random(51, static_cast<uint64_t>(GetParam()), RandomPurpose::kTest);
@@ -141,7 +142,7 @@ TEST(ViewpointMap, APlaceThatNoMapShowsStaysAsItWas) {
   for (const float share : shares(viewpoints, 0)) hidden += share == 0.0f;
   EXPECT_GT(hidden, 10u);
   EXPECT_LT(hidden, ViewpointMap::kViewpoints / 2);
-  // The eye at a place itself: it has no direction.
+  // The eye is at the position itself, so there is no direction.
   ViewpointMap at_place = viewpoints_of({1}, 6.0);
   RoundMaps there(at_place.offset_m(17), 4);
   for (DepthMap& map : there.maps) map.distance_m.assign(map.distance_m.size(), 0.0f);
@@ -226,7 +227,7 @@ TEST(ViewpointMap, BesideIsTheMeanOfThePlacesNextToItAtThatDistance) {
     }
 }
 
-// Rays: a wall on one side of the target hides it from there and from nowhere else.
+// By rays: a wall on one side of the target hides it from that side and from no other.
 TEST(ViewpointMap, LearnsFromRaysThatAWallHidesOneSide) {
   GeometryStore store;
   SceneMirror mirror;

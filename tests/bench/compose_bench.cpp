@@ -1,5 +1,5 @@
-// Composition: many candidates looked up in many maps at once, and one by one as the definition says. The ratio of the two is what
-// counts; both are taken in turn, in one process.
+// Times composition: many candidates looked up in many maps at once, and one by one as the definition says. Both are
+// timed alternately in one process, and the ratio of the two is the result.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kBias = 0.001;
 
-// Points around the origin that look at a ball of places 8 m off, each past walls at half the way or none.
+// Points around the origin that look at a ball of candidates 8 m away; a wall stands half-way before some of them.
 struct Scene {
   std::vector<DepthMap> maps;
   std::vector<MapRange> maps_of_point, points_of_target;

@@ -1,7 +1,7 @@
-// Measures the cost of the temporal volume in a step (paper 5): pushing every cell of a lattice and filtering it, by mode,
-// number of candidates, window and targets. The time must follow the candidates and not the window: O(g^3),
-// not O(n g^3). `plain` is the paper's sum over n steps as one would write it first. It does less (no gaps,
-// no shares, no switches; two targets), so compare how the two grow with n.
+// Measures the cost of the temporal volume in a step (paper 5): pushing every cell of a lattice and filtering it. Rows
+// vary the mode, the number of candidates, the window and the targets. The time must follow the candidates and not the
+// window: O(g^3), not O(n g^3). `plain` computes the paper's sum over n steps directly. It does less (no gaps, no
+// shares, no switches; two targets), so compare how the two grow with n.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -81,7 +81,7 @@ void per_target(benchmark::State& state) {
   run(state, settings);
 }
 
-// Two targets: the last n states of a cell in a ring, counted again in every step.
+// Two targets: the last n states of a cell in a ring, summed again in every step.
 void plain(benchmark::State& state) {
   const Lattice lattice = covered(static_cast<int>(state.range(0)));
   const size_t cells = lattice.addresses().size();

@@ -1,9 +1,9 @@
 // Loads scenes of several sizes and prints for each part the seconds to load it and the bytes for each triangle.
 //   load_bench [--csv FILE] [TRIANGLES ...]      by default 280000 2800000 10000000
-// Seconds are the least of three loads, on the wall clock with every core there is, and of processor time over all of
-// them, which says more on a machine that does other work too. The file comes from the page cache.
-// Bytes are what the parts report of themselves; "resident" is what the process holds more than before, as the system
-// counts it, once the file's own bytes are gone again.
+// Wall-clock seconds are the least of three loads that use every core. Processor time is summed over all cores, and
+// says more on a machine that does other work too. The file comes from the page cache. Bytes are what the parts report
+// about themselves. "resident" is the growth of the process's resident memory after the file's own bytes have been
+// freed.
 #include <malloc.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -55,8 +55,8 @@ uint32_t cells_for(size_t triangles) {
   return static_cast<uint32_t>(std::lround(std::sqrt(0.5 * static_cast<double>(triangles))));
 }
 
-// Half of the triangles in one landscape, half in 64 different meshes that stand on it: a file is neither one mesh nor
-// as many as there are cores.
+// Half of the triangles are in one landscape, half in 64 different meshes that stand on it. So the file is neither a
+// single mesh nor one mesh for each core.
 std::vector<std::byte> make_landscape(size_t triangles) {
   scenes::GlbWriter writer;
   const auto hills = [](float x, float z) { return 8.0f * std::sin(0.03f * x) * std::cos(0.041f * z); };
@@ -165,7 +165,7 @@ constexpr const char* kColumns =
     "egl_bytes,egl_resident\n";
 
 void measure(const std::string& path, std::FILE* csv, const std::function<void(const SceneMirror&, size_t)>& take) {
-  // The first load is the one that is weighed: later ones find memory that it left.
+  // Memory is measured at the first load, because later ones reuse memory that it freed.
   const size_t before = resident_bytes();
   auto scene = std::make_unique<Scene>();
   Seconds best = load_scene(path, *scene);
@@ -187,7 +187,7 @@ void measure(const std::string& path, std::FILE* csv, const std::function<void(c
   take(scene->mirror, triangles);
 }
 
-// A child each, so that what one part leaves behind is not counted as the next one's.
+// Each part runs in a child process, so that memory which one part leaves behind does not count for the next.
 void in_child(const std::function<void()>& work) {
   std::fflush(nullptr);
   const pid_t child = fork();

@@ -36,7 +36,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Things go round, each on its own circle, so that no two ticks have the same bytes.
+// Every instance moves on its own circle, so that no two ticks have the same bytes.
 void fill(v1::Tick& tick, uint64_t i) {
   tick.Clear();
   tick.set_sequence(i);
@@ -178,14 +178,15 @@ void open_and_seek(const std::string& path) {
               static_cast<unsigned long long>(of_chunks));
 }
 
-// Measures the writer's cost of knowing how a next part would begin, and of beginning one, in a session with many movers.
+// Measures what the writer spends to keep the head of the next part ready, and to begin a part, in a session with many
+// movers.
 void measure_fold() {
   constexpr uint64_t kTicks = 60 * 600;
   constexpr int kMovers = 10'000;
-  SessionSnapshot fold;
+  SessionSnapshot snapshot;
   v1::OpenSession open;
   for (uint64_t n = 1; n <= kMovers; ++n) open.add_instances()->set_id(n);
-  fold.take_open(open);
+  snapshot.take_open(open);
   v1::Tick tick;
   v1::CameraReply reply;
   std::vector<double> batches_us;
@@ -196,8 +197,8 @@ void measure_fold() {
     for (uint64_t k = 0; k < kBatch; ++k) fill(ticks[k], i + k + 1), fill(replies[k], i + k + 1);
     const double start = thread_s();
     for (uint64_t k = 0; k < kBatch; ++k) {
-      fold.take_tick(std::move(ticks[k]), {});
-      fold.take_reply(replies[k]);
+      snapshot.take_tick(std::move(ticks[k]), {});
+      snapshot.take_reply(replies[k]);
     }
     batches_us.push_back(1e6 * (thread_s() - start) / kBatch);
   }
@@ -207,17 +208,17 @@ void measure_fold() {
     tick.mutable_transforms()->add_ids(n);
     for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_positions(static_cast<double>(n));
   }
-  fold.take_tick(tick, {});
+  snapshot.take_tick(tick, {});
   fill(reply, kTicks + 1);
-  fold.take_reply(reply);
+  snapshot.take_reply(reply);
   std::vector<double> heads_ms;
   size_t bytes = 0;
   for (int i = 0; i < 9; ++i) {
     const double start = thread_s();
-    bytes = fold.tick().SerializeAsString().size();
+    bytes = snapshot.tick().SerializeAsString().size();
     heads_ms.push_back(1e3 * (thread_s() - start));
   }
-  std::printf("fold\n  a tick and its reply          %8.2f us (thread CPU, median of seconds)\n",
+  std::printf("snapshot\n  a tick and its reply          %8.2f us (thread CPU, median of seconds)\n",
               median(batches_us));
   std::printf("  head of a part, %d movers %8.2f ms, %zu bytes\n", kMovers, median(heads_ms), bytes);
 }

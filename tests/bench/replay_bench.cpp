@@ -1,5 +1,5 @@
-// Measures reading and replaying a long recording: opening it, the first pose, a seek to the middle, and all steps again as fast as
-// possible, with the part of that time that is not the step itself.
+// Measures reading and replaying a long recording: opening it, the first pose, a seek to the middle, and all steps
+// again as fast as possible. It reports how much of that last time is not the step itself.
 //
 //   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
 //
@@ -61,7 +61,7 @@ std::unique_ptr<SamplerDevice> make_sampler(const std::string& name, size_t thre
   return chosen ? std::move(chosen->device) : nullptr;
 }
 
-// A camera over the same scenario, again and again: each time it is put back with a cut.
+// A camera over the same scenario, again and again; at each repetition a cut puts the camera back to its start.
 Status make_recording(const Options& options, const std::string& path) {
   const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
   if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
@@ -121,7 +121,7 @@ struct Spread {
   }
 };
 
-// Reads the file alone: from its name to a pose at `at_s`.
+// Reads the file alone, from opening it to having a pose at `at_s`.
 void time_first_pose(const std::string& path, const char* what, double at_s) {
   constexpr int kTimes = 9;
   Spread open_s, pose_s;

@@ -165,7 +165,7 @@ void egl_movers(benchmark::State& state) {
             2, 7);
 }
 
-// Two maps of each of some sessions, one session after the other or all in one round.
+// Each session takes two maps: one session after the other, or all in one round.
 void egl_sessions(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});
@@ -213,7 +213,7 @@ void embree_city(benchmark::State& state) {
             static_cast<int>(state.range(1)));
 }
 
-// The same texels, each a query of its own over the same scene, as embree_city takes in packets.
+// The same texels as single ray queries over the same scene; embree_city takes them in packets.
 void embree_single_rays(benchmark::State& state) {
   City city;
   EmbreeDevice device;
@@ -240,7 +240,7 @@ void embree_single_rays(benchmark::State& state) {
   state.counters["p99_us"] = takes_us[takes_us.size() * 99 / 100];
 }
 
-// The least that any render costs: nothing to draw, cleared and read back.
+// The lower bound for any render: a map with nothing to draw is cleared and read back.
 void egl_nothing(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});

@@ -1,6 +1,6 @@
-// Measures the stages of a step on the city as candidates, maps and targets grow. Further targets walk beside and behind the city's own
-// two. Figures are medians of this thread's processor time. In rows "in turn" a hundred cameras step one after the other, as in a daemon
-// with a hundred sessions, so each finds the caches as the others left them.
+// Measures the stages of a step on the city as candidates, maps and targets grow. Further targets walk beside and
+// behind the city's own two. Figures are medians of this thread's processor time. The rows "in turn" have a hundred
+// cameras that step one after the other, as in a daemon with a hundred sessions. Each then finds the caches as the others left them.
 //
 //   stage_bench [steps] [settings]        steps per row, 300 without; only the rows of that name
 #include <time.h>

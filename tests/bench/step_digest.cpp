@@ -1,5 +1,6 @@
-// One line a scene and set of settings: a hash over every step's answer and what led to it. Two builds whose lines are equal give
-// the same bits; `diff` shows which scene changed. Embree's maps; the first seconds of every scene.
+// Prints one line for each scene and set of settings: a hash over every step's answer and the data that led to it. Two
+// builds that print equal lines compute the same bits; `diff` shows which scene changed. It takes Embree's maps, and
+// the first seconds of every scene.
 //
 //   step_digest [scene ...]        all scenes of the catalogue but the city without
 #include <cstdio>

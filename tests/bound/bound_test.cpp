@@ -47,14 +47,15 @@ TEST(Bound, DerivedFactorReproducesTheRadius) {
   EXPECT_NEAR(bound.paper_n * dt * dt * 10, bound.radius_m, 1e-12);
 }
 
-// Every place that the limits let the camera reach within the horizon from rest lies in the ball: random accelerations.
+// By random accelerations: every position that the limits let the camera reach from rest within the horizon lies in the
+// ball.
 TEST(Bound, HoldsEveryPlaceThatIsReachedFromRest) {
   CounterRandom random(3, 0, RandomPurpose::kTest);
   const CameraLimits limits;
   for (int trial = 0; trial < 300; ++trial) {
     CameraState camera = camera_moving({0, 0, 0});
     const Bound bound = bound_camera(camera, limits, {}, 0.5, 0.01);
-    // Steps move by the new velocity, so n of them cover a n (n + 1) / 2 dt^2: one step less stays within a T^2 / 2.
+    // A step moves by the new velocity, so n steps cover n (n + 1) / 2 dt^2 a. One step less stays within a T^2 / 2.
     for (int step = 0; step < 49; ++step) {
       const glm::dvec3 push(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
       camera.velocity_mps =
@@ -73,8 +74,8 @@ TEST(Bound, AlwaysHoldsTheCameraItself) {
   }
 }
 
-// Random balls and points, some inside the ball or at its centre: what the words promise, each by itself.
-TEST(ExtendTowards, ReachesAsFarAsToldAndKeepsAway) {
+// Random balls and points, some inside the ball or at its centre. Each promise of the header is checked by itself.
+TEST(ExtendTowards, ReachesTheGivenDistanceAndKeepsAway) {
   CounterRandom random(4, 0, RandomPurpose::kTest);
   const auto vec = [&](double size) {
     return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size));

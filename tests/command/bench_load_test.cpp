@@ -1,4 +1,4 @@
-// `sightline bench` against daemons that work, that stall, that refuse and that are not there.
+// `sightline bench` against daemons that work, stall, refuse sessions or do not exist.
 #include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
@@ -35,7 +35,7 @@ BenchOptions quick_options() {
   return options;
 }
 
-// --- a server that answers every tick at once, but for one before which it sleeps
+// --- a server that answers every tick at once, but sleeps before one of them
 
 class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
@@ -87,7 +87,7 @@ class StallingService final
   const std::chrono::milliseconds stall_;
 };
 
-// The load at 50 Hz for three windows of one second, against a server that sleeps once for half a second.
+// A load of 50 Hz for three windows of one second, against a server that sleeps once for half a second.
 Result<BenchJson> stalled_load() {
   constexpr uint64_t kFirstTicks = 30;  // before the load begins
   StallingService service(kFirstTicks + 60, 500ms);
@@ -108,7 +108,7 @@ Result<BenchJson> stalled_load() {
   return result;
 }
 
-// A generator that waited for answers would send nothing during the stall and count one slow tick.
+// A generator that waited for answers would send nothing during the stall and would count one slow tick.
 TEST(BenchLoad, AServerThatStallsIsSeenByEveryTickThatWasDueMeanwhile) {
   const auto result = stalled_load();
   ASSERT_TRUE(result) << to_string(result.error());
@@ -198,7 +198,7 @@ TEST_F(BenchCommandTest, EveryTickIsAccountedForAndEveryStageHasItsFigures) {
   EXPECT_EQ(result.at("load").at("sessions"), 3);
   EXPECT_EQ(result.at("load").at("channels"), 2);
   EXPECT_EQ(result.at("load").at("sampler"), "embree");
-  // Three sessions for some windows of half a second, and what the first had sent before.
+  // Three sessions for some windows of half a second, and the ticks that the first one had sent before.
   const double ticks = 3 * 60 * 0.5 * result.at("windows").at("seen").get<double>();
   EXPECT_GE(result.at("ticks").at("sent").get<double>(), ticks);
   EXPECT_EQ(result.at("latency_us").at("round_trip").at("count").get<double>(),

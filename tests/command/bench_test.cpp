@@ -1,4 +1,4 @@
-// The load generator: its percentiles, the rule for stable figures, when ticks are due, and what became of them.
+// The load generator: its percentiles, the rule for stable figures, due times, and the outcome of every tick.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ using ::testing::ElementsAre;
 
 // --- percentiles
 
-// The least value such that at least a share p of all values is not above it, by counting.
+// The least value that at least a share p of all values does not exceed, by counting.
 double plain_percentile(const std::vector<double>& values, double p) {
   double best = std::numeric_limits<double>::infinity();
   for (const double candidate : values) {
@@ -111,7 +111,8 @@ TEST(BenchSchedule, SessionsSendAtTheRateWithTheirPhasesSpreadEvenly) {
   for (size_t i = 1; i < due.size(); ++i) EXPECT_NEAR(due[i] - due[i - 1], 1e9 / (60.0 * 7), 1.0) << i;
 }
 
-// Every tick of both peers, by brute force: in the window of which it is said to be, and never in the other's turn.
+// Checks every tick of both peers by brute force: it lies in the window that it counts in, and never in the other
+// peer's turn.
 void check_windows(const BenchSchedule::Options& options) {
   const BenchSchedule schedule(options);
   std::map<int, std::set<BenchPeer>> seen;
@@ -231,7 +232,7 @@ TEST_F(RequestLogTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
   EXPECT_GT(std::min({counts.answered, counts.merged, counts.rejected, counts.lost}), 0u);
 }
 
-// --- what a load comes to
+// --- the figures of a load
 
 MeasuredWindow window_of(std::vector<double> round_trips_us, std::vector<double> steps_us,
                          std::vector<uint64_t> replies) {

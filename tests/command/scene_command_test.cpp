@@ -79,7 +79,7 @@ TEST_F(SceneCommand, ABrokenFileIsNamedOnTheErrorStream) {
   EXPECT_THAT(err.str(), HasSubstr("data loss: glb.header: the file ends inside the header"));
 }
 
-// A name may hold what would move the cursor or colour the terminal.
+// A name in a file may hold control characters that would move the cursor or colour the terminal.
 TEST_F(SceneCommand, ControlCharactersInNamesAreNotPrinted) {
   GlbBuilder file;
   file.add("nodes", {{"name", "a\x1b[31mb"}});

@@ -43,7 +43,7 @@ v1::Tick tick(uint64_t sequence) {
   return message;
 }
 
-// The reply that must come next.
+// The next event, which must be a reply.
 v1::CameraReply next_reply(ClientSession& session) {
   const auto event = session.receive(10s);
   if (!event || !*event || !std::holds_alternative<v1::CameraReply>(**event)) {
@@ -154,7 +154,7 @@ TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
   paper.set_preset(v1::Settings::PRESET_PAPER);
   zoom.set_min_vertical_fov_rad(1.0),
       zoom.set_max_vertical_fov_rad(1.0);
-  session->change(with_resolution(9)), session->change(zoom);  // lost: the preset starts anew
+  session->change(with_resolution(9)), session->change(zoom);  // overwritten: the preset resets all settings
   session->change(paper), session->change(with_resolution(12)), session->change(with_resolution(13));
   v1::Tick first = tick(1);
   first.mutable_tuning()->mutable_sample()->set_resolution(14);
@@ -261,7 +261,7 @@ TEST_F(ClientTest, UnreadAnswersAreBoundedAndTheNewestAreKept) {
   Client client = connect();
   const auto session = open(client);
   const size_t ticks = ClientSession::kMaxUnread + 40;
-  // One at a time, so that none is merged; the count of dropped events says when each has come.
+  // Sends one tick at a time, so that none is merged. The count of dropped events shows when each reply has arrived.
   for (size_t k = 1; k <= ticks; ++k) {
     ASSERT_TRUE(session->send(tick(k)));
     std::this_thread::sleep_for(3ms);
@@ -368,7 +368,7 @@ TEST(ClientAndDaemon, AGameThatPausesKeepsItsSession) {
   ASSERT_TRUE(client);
   auto session = client->open_session(two_capsules(), 10s);
   ASSERT_TRUE(session) << to_string(session.error());
-  // Four pings, no data between them.
+  // At most four pings without data between them.
   const auto nothing = (*session)->receive(5s);
   ASSERT_TRUE(nothing) << to_string(nothing.error());
   EXPECT_FALSE(*nothing);

@@ -9,7 +9,7 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// Frames of which both targets are visible to these shares, in hundredths; -1: not judged.
+// Frames in which both targets are visible to these shares, in hundredths; -1: not judged.
 std::vector<FrameTruth> truths(const std::vector<std::pair<int, int>>& shares) {
   std::vector<FrameTruth> frames(shares.size());
   for (size_t i = 0; i < shares.size(); ++i) {

@@ -14,7 +14,7 @@
 namespace sightline {
 namespace {
 
-// Every bit of every reply but the times that the stages took.
+// Every bit of every reply except the stage times.
 uint64_t hash_of(const std::vector<PlayedFrame>& frames) {
   std::string bytes;
   for (const PlayedFrame& frame : frames) {
@@ -31,7 +31,7 @@ v1::Settings preset(v1::Settings::Preset name) {
   return settings;
 }
 
-// Another session on the same daemon, for as long as this lives.
+// Another session on the same daemon; it runs for as long as this object lives.
 class Neighbour {
  public:
   Neighbour(const std::string& address, std::vector<std::byte> glb, v1::Settings::Preset name)

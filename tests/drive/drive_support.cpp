@@ -28,7 +28,7 @@ Result<std::vector<PlayedFrame>> play_on(const std::string& address, std::span<c
   return play(scenario, **session, options);
 }
 
-// Checks the data that every judgement uses.
+// Checks the data on which every judgement relies.
 struct Reference {
   GeometryStore store;
   EmbreeDevice device;

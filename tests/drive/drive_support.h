@@ -24,11 +24,11 @@ struct DriveTestOptions {
   v1::Settings settings = {};
 };
 
-// Uploads, opens and plays in lockstep. A failure on the way fails the test and gives nothing.
+// Uploads, opens and plays in lockstep. A failure on the way fails the test, and the result is empty.
 std::vector<PlayedFrame> play_only(const std::string& address, std::span<const std::byte> glb,
                                    const DriveTestOptions& options = {});
 
-// As play_only, and judges, together with the follow baseline. After a failure `frames` is empty.
+// Like play_only, then judges the run and the follow baseline. After a failure `frames` is empty.
 Driven drive(const std::string& address, std::span<const std::byte> glb,
              const DriveTestOptions& options = {});
 

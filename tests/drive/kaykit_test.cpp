@@ -26,8 +26,8 @@ fs::path assets_folder() {
   return fs::path(SIGHTLINE_SOURCE_DIR) / "../shared/assets/kaykit-dungeon";
 }
 
-// One asset as one mesh: every drawable at its place. Parts that are attached to another one (the leaf in a door frame) are
-// left out, so that doorways are open.
+// One asset as one mesh, every drawable in its pose. Parts that are attached to another part (the leaf in a door frame)
+// are left out, so that doorways are open.
 MeshData baked(const fs::path& file, GeometryStore& store) {
   const auto asset = read_gltf_file(file, store);
   if (!asset) throw std::runtime_error(file.string() + ": " + to_string(asset.error()));
@@ -113,7 +113,7 @@ class Level {
     }
   }
 
-  // Where they leave the walkers their way, and in the first room the camera its place.
+  // Positions that leave the walkers their way and, in the first room, leave the camera its start.
   void add_props(double x0, int room) {
     static const std::array<const char*, 16> kCorner{"barrel_small_stack",
                                                      "bed_frame",
@@ -139,7 +139,7 @@ class Level {
     add(kMiddles[(room + 1) % 4], {x0 + kMiddle, 0, kRoom - 1.6}, 180);
   }
 
-  // Straight through the doorways, 2.2 m beside the pillars, left and right in turn.
+  // The way goes straight through the doorways and passes the pillars 2.2 m to the side, left and right in turn.
   static glm::dvec3 way(double x) {
     const double side = static_cast<int>(std::floor(x / kRoom)) % 2 ? -2.2 : 2.2;
     const double swing = std::sin(std::numbers::pi * x / kRoom);

@@ -214,7 +214,7 @@ TEST_F(EvaluateCommand, SaysWhatItCannotFind) {
   EXPECT_THAT(err.str(), HasSubstr("teleport"));
 }
 
-// A filter as the preset has it is the preset; another strategy is not.
+// A filter that equals the preset's gives the preset's settings; another strategy does not.
 TEST_F(EvaluateCommand, PlaysSettingsOfOnesOwnAsPolicies) {
   std::ostringstream out, err;
   EvaluateOptions options = short_options("own");
@@ -267,7 +267,7 @@ TEST(EvaluateCases, WithoutNamesAreEverySceneAtEverySeed) {
   }
 }
 
-// Every line of the file, by name.
+// Every line of the settings file, by name.
 std::map<std::string, std::string> paper_settings() {
   std::ifstream file(PAPER_SETTINGS);
   std::map<std::string, std::string> settings;

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// The first context that can be made at all; null when there is none.
+// The first context that can be created; null when none can.
 std::unique_ptr<EglContext> any_context() {
   prepare_software_rendering();
   for (int index = egl_device_count() - 1; index >= kSurfacelessIndex; --index)

@@ -17,7 +17,7 @@ import unittest
 
 from code_blocks import DOCUMENTS, all_blocks
 
-# Commands that are not run, and why. Where the program is ours, its flags are checked all the same.
+# Commands that are not run, and why. The flags of our own programs are checked all the same.
 NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),

@@ -20,16 +20,16 @@ import unittest
 
 # Folders that are checked.
 ROOMS = ("server", "client", "scenes", "tests")
-# The rooms of the server that may know gRPC, protobuf and the messages. All others must not even link them.
+# The rooms of the server that may use gRPC, protobuf and the generated messages. All others must not even link them.
 KNOW_THE_NETWORK = ("rpc", "wire", "record", "service")
 # Rooms of the server that clients must not include.
 CLOSED_TO_CLIENTS = ("service", "schedule")
-# Libraries whose headers only these targets may see, however they get at them. (Tests may.)
+# Libraries whose headers only these targets may include, directly or through other headers. (Tests may.)
 CONFINED = {
     "OpenGL": ("sightline_gl", "sightline_sample_egl"),
     "Embree": ("sightline_sample_embree",),
 }
-# Header, library as people call it, CMake target. An unknown header is an error, so this list is complete.
+# Header, usual name of the library, CMake target. An unknown header is an error, so this list is complete.
 LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"grpcpp/ext/proto_server_reflection_plugin\.h$", "gRPC", "gRPC::grpc++_reflection"),
     (r"grpc(pp)?/", "gRPC", "gRPC::grpc++"),

@@ -1,4 +1,4 @@
-# write_link_graph(FILE): what every target is built from and links, as CMake knows it, in JSON. For layers_test.py.
+# write_link_graph(FILE): writes the sources and links of every target, as CMake knows them, as JSON for layers_test.py.
 #   {"targets": {NAME: {"folder", "sources": [...], "links": [...], "interface": [...]}}}
 # `links` is what the target itself compiles with, `interface` what it hands on to targets that link it. Sources are relative to the root of the
 # repository, or absolute when they are generated. Imported targets have `interface` alone.

@@ -63,7 +63,7 @@ TEST_F(Body, SlidesAlongAWall) {
   EXPECT_GT(camera_.pose.position_m.z, -1.9 + limits_.body_radius_m);
 }
 
-// Random steering, random steps, a crowded room: by Embree's own distance query the body never touches anything.
+// Random steering and random steps in a crowded room: by Embree's own distance query, the body never touches anything.
 TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   CounterRandom random(71, 0, RandomPurpose::kTest);
   for (int i = 0; i < 40; ++i) {
@@ -91,8 +91,8 @@ TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   EXPECT_LT(nearest, limits_.body_radius_m + 0.1) << "the walk came near enough to prove something";
 }
 
-// Two trunks leave less room than the body needs. Whichever way the camera is steered, and for how long, it never touches them and can
-// leave again.
+// Two trunks leave less room than the body needs. However the camera is steered, and for however long, it never touches
+// them and can always leave again.
 TEST_F(Body, IsWedgedNowhere) {
   for (int gap_mm = -60; gap_mm <= 20; gap_mm += 4) {
     SceneDelta away;
@@ -101,7 +101,7 @@ TEST_F(Body, IsWedgedNowhere) {
     ASSERT_TRUE(mirror_.apply(away, {}));
     const double apart = 2 * limits_.body_radius_m + gap_mm * 1e-3;
     const float half = 0.2f;
-    // An edge of each towards the other, as round trunks have.
+    // Each box turns an edge towards the other: the gap is narrow along one line only, as between round trunks.
     const glm::dquat turned = glm::angleAxis(std::acos(-1.0) / 4, glm::dvec3(0, 1, 0));
     for (const double side : {-1.0, 1.0}) add_box({side * (apart / 2 + half * std::sqrt(2.0)), 0, 0}, {half, 9, half}, turned);
     CounterRandom random(72, 0, RandomPurpose::kTest);

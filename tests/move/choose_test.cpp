@@ -46,7 +46,7 @@ Case two_targets() {
   return c;
 }
 
-TEST(Choose, TakesTheNearestPlaceThatSeesAll) {
+TEST(Choose, TakesTheNearestCandidateThatSeesAll) {
   Case c = two_targets();
   c.place({0, 0, 5.1}, 0b01);
   c.place({0, 0, 6}, 0b11);
@@ -63,7 +63,7 @@ TEST(Choose, SaysWhenItIsTheDesiredPlaceItself) {
   EXPECT_EQ(c.choose().reason, MoveReason::kAtDesiredPlace);
 }
 
-// Brute force over random sets: no candidate that sees all, is reachable and inside the limits is nearer.
+// By brute force over random sets: no candidate that sees all targets, is reachable and keeps the limits is nearer.
 TEST(Choose, AgreesWithBruteForceOnRandomSets) {
   CounterRandom random(61, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 500; ++trial) {
@@ -90,7 +90,7 @@ TEST(Choose, AgreesWithBruteForceOnRandomSets) {
 
 // Searching outwards from the desired position must find the same candidate as trying all of them. The random sets have runs and single
 // candidates, optional targets, targets without weight, limits, predictions, ties, and candidates that cannot be reached.
-TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
+TEST(Choose, SearchingOutwardsFindsWhatTryingAllFinds) {
   CounterRandom random(64, 0, RandomPurpose::kTest);
   std::array<int, 4> reasons{};
   for (int trial = 0; trial < 3000; ++trial) {
@@ -134,7 +134,7 @@ TEST(Choose, OutwardsFromTheDesiredPlaceIsAsGoingOverAll) {
   for (int k = 0; k < 4; ++k) EXPECT_GT(reasons[static_cast<size_t>(k)], 20) << k;
 }
 
-TEST(Choose, PassesOverPlacesThatTheBodyCannotReach) {
+TEST(Choose, SkipsCandidatesThatTheBodyCannotReach) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b11);
@@ -145,9 +145,9 @@ TEST(Choose, FallsToTheBestPartialRequiredBeforeOptional) {
   Case c;
   c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false),
                target_at({0, 0, 0}, 1.0, true)};
-  c.place({0, 0, 5}, 0b010);  // the heavy optional one alone, at the very place
-  c.place({0, 0, 6}, 0b001);  // one required
-  c.place({0, 0, 7}, 0b011);  // one required and the optional
+  c.place({0, 0, 5}, 0b010);  // sees the heavy optional one alone, and is the desired position
+  c.place({0, 0, 6}, 0b001);  // sees one required target
+  c.place({0, 0, 7}, 0b011);  // sees one required target and the optional one
   const Choice choice = c.choose();
   EXPECT_EQ(choice.candidate, 2);
   EXPECT_EQ(choice.status, MoveStatus::kPartial);
@@ -169,7 +169,7 @@ TEST(Choose, EscapesWhenNothingIsSeen) {
   EXPECT_EQ(c.choose().reason, MoveReason::kHorizonGrown);
 }
 
-TEST(Choose, HoldsWhenEveryPlaceThatSeesIsOutOfReach) {
+TEST(Choose, HoldsWhenEverySeeingCandidateIsOutOfReach) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b01);
@@ -188,7 +188,7 @@ TEST(Choose, TargetsWithoutWeightAreNotSteeredFor) {
   EXPECT_EQ(c.choose().reason, MoveReason::kNoTargets);
 }
 
-TEST(Choose, PlacesOutsideTheLimitsComeLast) {
+TEST(Choose, CandidatesOutsideTheLimitsComeLast) {
   Case c = two_targets();
   c.desired = {0, 0, 0.5};
   c.settings.min_distance_m = 1.5;
@@ -199,8 +199,8 @@ TEST(Choose, PlacesOutsideTheLimitsComeLast) {
   EXPECT_EQ(c.choose().candidate, 0);
 }
 
-// Both places see everything now; where the targets are going only one will.
-TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
+// Both candidates see all targets now, but only one of them will see them where they are going.
+TEST(Choose, PrefersTheCandidateThatKeepsSeeingAllTargets) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   c.place({0, 0, 6}, 0b11);
@@ -210,7 +210,7 @@ TEST(Choose, PrefersThePlaceThatWillSeeWhatItSeesNow) {
   EXPECT_EQ(c.choose().candidate, 1);
 }
 
-// The state is by what is seen now: a place that only a prediction sees is no S_V.
+// The status follows what is seen now: a candidate that sees all targets only by prediction is not in S_V.
 TEST(Choose, PredictionNeverReplacesTheRealTarget) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b01);
@@ -290,7 +290,7 @@ TEST(ChoiceOf, ATargetWithoutWeightCountsForNothing) {
   }
 }
 
-// Places all around, and on the very cones and spheres of the limits.
+// Candidates all around, and exactly on the cones and spheres of the limits.
 TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
   CounterRandom random(19, 0, RandomPurpose::kTest);
   int inside = 0, outside = 0;

@@ -13,7 +13,7 @@ using namespace test;
 
 constexpr double kBodyM = 0.35;
 
-// Soups about the origin, of which some move, and a bound that a lattice covers.
+// Meshes of random triangles around the origin, one of which moves, and a bound that a lattice covers.
 struct Place {
   Draw draw{21};
   SceneMirror mirror;
@@ -52,7 +52,7 @@ struct Place {
     delta.remove = {id};
     ASSERT_TRUE(mirror.apply(delta, {}));
   }
-  // The lattice's cells, and two places off it of which one lies outside the bound.
+  // The lattice's cells and two other positions, one of them outside the bound.
   void cover(int candidates = 200) {
     lattice.cover(bound, candidates);
     position_m = lattice.positions_m();
@@ -82,7 +82,7 @@ TEST(ClearanceCache, IsTheClearanceWhileTheLatticeTravels) {
   }
 }
 
-TEST(ClearanceCache, IsTheClearanceWhenTheLatticeIsLaidAnew) {
+TEST(ClearanceCache, IsTheClearanceAfterTheLatticeIsLaidAgain) {
   Place place;
   for (const double radius : {1.25, 0.4, 2.5, 1.25, 0.05, 1.25}) {
     place.bound.radius_m = radius;
@@ -108,7 +108,7 @@ TEST(ClearanceCache, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
   place.expect_exact();
   place.change(3, {});
   place.expect_exact();
-  place.go(4);  // static so far
+  place.go(4);  // it was static until now
   place.expect_exact();
   for (int i = 0; i < 10; ++i) {
     place.go(4), place.go(5);
@@ -149,7 +149,7 @@ TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
       EXPECT_GT(clearance, body_m);
 }
 
-// The pair volume's places, fewer or more than the lattice's cells.
+// The candidates of the pair volume: fewer or more than the lattice has cells.
 TEST(ClearanceCache, MeasuresPlacesThatAreNotTheLattices) {
   Place place;
   for (const size_t count : {size_t{0}, size_t{1}, size_t{20}, size_t{900}}) {

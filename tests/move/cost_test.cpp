@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// Candidates with everything that a given reads.
+// Candidates with every quantity that a cost depends on.
 struct CostCase {
   std::vector<glm::dvec3> position_m;
   std::vector<double> hidden, route_m, cost;

@@ -12,7 +12,7 @@ namespace {
 
 using namespace test;
 
-// Candidates, and all that a goal is chosen by.
+// Candidates, and all data that a goal is chosen by.
 struct Field {
   Nodes nodes;
   std::vector<uint8_t> members;
@@ -78,7 +78,7 @@ Found search(const Field& field, EdgeDepths& depths, RouteFinder& routes) {
   return found;
 }
 
-// The reference: every way, every depth, every cost; the least.
+// The reference: it computes every route, depth and cost, and takes the least.
 Found look_at_all(const Field& field) {
   const RouteNodes nodes = field.view();
   RouteFinder routes;
@@ -100,7 +100,7 @@ Found look_at_all(const Field& field) {
   return found;
 }
 
-TEST(Goal, IsTheOneOfLeastCostAsIfAllWaysWereKnown) {
+TEST(Goal, IsTheCandidateOfLeastCostAmongAllRoutes) {
   Draw draw(71);
   EdgeDepths depths;
   RouteFinder routes;

@@ -240,7 +240,7 @@ TEST(EdgeDepths, AreTheDistancesToTheNearestCellThatIsNoMember) {
   EdgeDepths depths;
   for (uint64_t seed = 2000; seed < 2080; ++seed) {
     Grid grid = random_grid(seed);
-    // Places off the grid, in cells of others.
+    // Positions off the grid points, in cells that already have one.
     for (size_t i = 0; i + 3 < grid.cells.size(); i += 5) grid.add(grid.cells[i], i % 2 == 0);
     expect_depths(grid, depths, brute_depths(grid));
   }
@@ -281,7 +281,7 @@ struct Cells {
   }
 };
 
-// A ball-like scatter of cells, some twice, some way from the origin.
+// Cells scattered in a rough ball, some of them twice, at some distance from the origin.
 Cells random_cells(uint64_t seed) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   Cells c;
@@ -323,9 +323,9 @@ TEST(EdgeDistance, CountsNothingBeyondTheCandidates) {
   EXPECT_EQ(c.measure().back(), 16u) << "at the end of the row, but farthest from the hidden one";
 }
 
-// A row of places of which one end is hidden: the goal is the other end, although its neighbours end there. With nothing
-// hidden it is the place nearest to the desired one.
-TEST(Robust, GoesAwayFromWhatIsHiddenAndElseToTheDesiredPlace) {
+// One end of a row of candidates is hidden. The goal is the other end, although the row stops there. When nothing is
+// hidden, the goal is the candidate nearest to the desired position.
+TEST(Robust, LeavesHiddenCandidatesAndElseGoesToTheDesiredPosition) {
   Cells c;
   std::vector<glm::dvec3> places;
   for (int x = 0; x < 7; ++x) {

@@ -30,8 +30,8 @@ TEST(Motion, PathObeysTheLimitsWhateverTheGoalAndTheTimeStepDo) {
   }
 }
 
-// Limits can be lowered below what the camera is at.
-TEST(Motion, WhatIsOverItsLimitIsBrakedAndNeverLetJump) {
+// Limits can be lowered below the camera's present speed.
+TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
   CounterRandom random(43, 0, RandomPurpose::kTest);
   const auto within = [&](double most) {
     return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most));
@@ -46,7 +46,7 @@ TEST(Motion, WhatIsOverItsLimitIsBrakedAndNeverLetJump) {
     EXPECT_LE(glm::distance(before, after), change * (1 + 1e-9));
     EXPECT_LE(glm::length(after), std::max(limits.max_speed_mps, glm::length(before) - change) * (1 + 1e-9));
 
-    // A pitch rate that needs no braking yet for the pole, which goes before.
+    // A pitch rate at which the camera need not yet brake for the pole; such braking would come first.
     const double stops = -change + std::sqrt(change * change + 2 * limits.max_acceleration_mps2);
     const glm::dvec2 former(before.x, std::clamp(before.y, -stops, stops));
     const TurnState turning{{0.3, -0.2, 0.0}, former.x, former.y};
@@ -133,7 +133,7 @@ TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
   ViewAngles aim;
   for (int step = 0; step < 20000; ++step) {
     if (random.next_below(40) == 0) {
-      const double pitch = random.next_in(-3, 3);  // half of the time as steep as it gets
+      const double pitch = random.next_in(-3, 3);  // beyond straight up and down half of the time
       aim = {random.next_in(-kPi, kPi), std::clamp(pitch, -kMaxPitchRad, kMaxPitchRad), 0};
     }
     const double dt = random.next_in(0.001, 0.04);
@@ -150,7 +150,8 @@ TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
   }
 }
 
-// Limits that are lowered during a turn can leave too little acceleration to brake for the pole: the camera stops at it even so.
+// Limits that are lowered during a turn can leave too little acceleration to brake for the pole. The camera stops at
+// the pole even then.
 TEST(Motion, LoweredLimitsNeverTurnTheCameraPastAPole) {
   CounterRandom random(45, 0, RandomPurpose::kTest);
   TurnState state;

@@ -34,7 +34,7 @@ ClosedForm random_motion(CounterRandom& random) {
   return m;
 }
 
-// Shows a predictor `samples` poses of a motion in irregular steps; the motion's time afterwards.
+// Shows a predictor `samples` poses of a motion at irregular intervals. Returns the time of the last one.
 double watch(MotionPredictor& predictor, const std::function<Pose(double)>& motion, int samples,
              CounterRandom& random, double shortest = 0.01, double longest = 0.05) {
   double t = 0;
@@ -53,18 +53,18 @@ void expect_same(const Pose& got, const Pose& want, double tolerance) {
   EXPECT_LT(glm::length(got.rotation - want.rotation * along), tolerance);
 }
 
-// Believes an acceleration as long as it is asked to look ahead.
-PredictionSettings lasting() {
+// Settings under which an acceleration lasts as long as the longest prediction.
+PredictionSettings lasting_acceleration() {
   PredictionSettings settings;
   settings.acceleration_lasts_s = kMaxPredictionS;
   return settings;
 }
 
-TEST(Predict, ConstantAccelerationAndConstantTurnAreForetoldExactlyWhateverTheTimeSteps) {
+TEST(Predict, ConstantAccelerationAndTurnArePredictedExactlyAtAnyTimeSteps) {
   for (uint64_t seed = 0; seed < 200; ++seed) {
     CounterRandom random(seed, 0, RandomPurpose::kTest);
     const ClosedForm motion = random_motion(random);
-    PredictionSettings settings = lasting();
+    PredictionSettings settings = lasting_acceleration();
     settings.smoothing_s = seed % 4 == 0 ? 0.0 : random.next_in(0.02, 0.5);
     MotionPredictor predictor(settings);
     const int samples = 3 + static_cast<int>(random.next_below(80));
@@ -75,7 +75,7 @@ TEST(Predict, ConstantAccelerationAndConstantTurnAreForetoldExactlyWhateverTheTi
       expect_same(predictor.at(ahead).pose, motion.at(t + ahead), 1e-9);
     }
     SCOPED_TRACE(testing::Message() << "seed " << seed << " at the longest time");
-    // Three samples 10 ms apart know an acceleration to (rounding of 20 m) / dt^2, about 1e-11 m/s^2.
+    // From three samples 10 ms apart, an acceleration is known to (rounding of 20 m) / dt^2, about 1e-11 m/s^2.
     expect_same(predictor.at(2.0).pose, motion.at(t + 2.0), 1e-8);
     EXPECT_LT(glm::distance(predictor.acceleration_mps2(), motion.a), 1e-8);
     EXPECT_LT(glm::distance(predictor.angular_velocity_radps(), motion.axis * (motion.w + motion.b * t)),
@@ -87,7 +87,7 @@ TEST(Predict, LongGapsBetweenSamplesKeepAParabolaExact) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
   ClosedForm motion = random_motion(random);
   motion.w = 0.3, motion.b = 0.05;
-  MotionPredictor predictor(lasting());
+  MotionPredictor predictor(lasting_acceleration());
   const double t = watch(
       predictor, [&](double s) { return motion.at(s); }, 6, random, 0.7, 2.0);
   expect_same(predictor.at(1.0).pose, motion.at(t + 1.0), 1e-9);
@@ -96,7 +96,7 @@ TEST(Predict, LongGapsBetweenSamplesKeepAParabolaExact) {
 TEST(Predict, PerfectPredictionsAreTrustedFully) {
   CounterRandom random(6, 0, RandomPurpose::kTest);
   const ClosedForm motion = random_motion(random);
-  MotionPredictor predictor(lasting());
+  MotionPredictor predictor(lasting_acceleration());
   watch(
       predictor, [&](double s) { return motion.at(s); }, 60, random);
   EXPECT_GT(predictor.confidence(2.0), 1 - 1e-9);
@@ -163,7 +163,7 @@ TEST(Predict, ASnappedRotationKeepsThePastOfTheTranslation) {
 TEST(Predict, APauseChangesNothing) {
   CounterRandom random(9, 0, RandomPurpose::kTest);
   const ClosedForm motion = random_motion(random);
-  MotionPredictor predictor(lasting());
+  MotionPredictor predictor(lasting_acceleration());
   const double t = watch(
       predictor, [&](double s) { return motion.at(s); }, 30, random);
   for (int i = 0; i < 100; ++i) predictor.observe(0, motion.at(t));
@@ -179,7 +179,7 @@ TEST(Predict, ASmallCorrectionInNoTimeMovesThePredictionAndALargeOneIsAJump) {
   expect_same(predictor.at(0.5).pose, {{9.0, 0, 0}, {1, 0, 0, 0}}, 1e-12);
 }
 
-// Greatest speed and acceleration by finite differences over the last `kept` steps, as the header defines the
+// The greatest speed and acceleration by finite differences over the last `kept` steps, as the header defines the
 // bound.
 struct Extremes {
   double speed = 0, acceleration = 0, longest = 0;
@@ -198,7 +198,7 @@ struct Extremes {
 TEST(Predict, NoPredictionLeavesItsBoundHoweverWildThePast) {
   for (uint64_t seed = 0; seed < 100; ++seed) {
     CounterRandom random(seed, 1, RandomPurpose::kTest);
-    PredictionSettings settings = lasting();
+    PredictionSettings settings = lasting_acceleration();
     settings.smoothing_s = random.next_in(0.0, 0.3);
     MotionPredictor predictor(settings);
     std::vector<double> dt;
@@ -289,7 +289,7 @@ TEST(Predict, MoreNoiseShortensTheTimeThatIsUsed) {
   EXPECT_GT(little, 0.3) << "half a centimetre of noise leaves the paper's 300 ms";
 }
 
-// Walks along x, then without a bend along z.
+// Walks along x, then turns a sharp corner and walks along z.
 glm::dvec3 sharp_turn(double t) {
   return t < 2 ? glm::dvec3(3 * t, 0, 0) : glm::dvec3(6, 0, 3 * (t - 2));
 }
@@ -327,7 +327,7 @@ TEST(Predict, ConfidenceFallsWithTimeAheadAndIsOneHalfAtTheUsableTime) {
   EXPECT_NEAR(predictor.confidence(usable), 0.5, 1e-12);
 }
 
-TEST(Predict, ARotationThatCannotBeForetoldShortensTheTimeToo) {
+TEST(Predict, AnUnpredictableRotationShortensTheTimeToo) {
   CounterRandom random(14, 0, RandomPurpose::kTest);
   MotionPredictor predictor;
   for (int i = 0; i < 200; ++i)

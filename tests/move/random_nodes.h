@@ -1,4 +1,4 @@
-// Nodes of routes at random: what routes and goals are tried on.
+// Random nodes of routes, for the tests of routes and goals.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ struct Nodes {
   RouteNodes view() const { return {position_m, cell, clearance_m, hidden}; }
 };
 
-// A node stands anywhere in its cell; cells hold none, one or several, a few stand far off as an island.
+// A node lies anywhere in its cell. A cell holds no node, one or several, and a few nodes form an island far away.
 inline Nodes random_nodes(Draw& draw) {
   Nodes nodes;
   const double filled = draw.in(0.3, 1.0), widest = draw.in(0.5, 2.0);

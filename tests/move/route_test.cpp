@@ -16,7 +16,7 @@ namespace {
 
 using namespace test;
 
-// All ways, as a search that goes on to the end finds them.
+// All routes, as a search finds them that continues to the end.
 class Ways {
  public:
   void find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
@@ -37,7 +37,7 @@ class Ways {
   std::vector<double> cost_m_;
 };
 
-// The rule of route.h, with its one exception: the start is a node even without room for the body.
+// The rule of route.h with its one exception: the start is a node even where the body has no room.
 double leg_cost(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, const RouteSettings& s) {
   const glm::ivec3 apart = glm::abs(n.cell[a] - n.cell[b]);
   if (std::max({apart.x, apart.y, apart.z}) > 1) return kUnreachable;
@@ -115,7 +115,7 @@ TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
   EXPECT_GT(routes, 3000u);
 }
 
-// A search that ends early knows what it has settled as one that goes on to the end does.
+// For the nodes that it has settled, a search that ends early gives the same result as one that continues to the end.
 TEST(Route, WhatIsSettledIsFinal) {
   Draw draw(18);
   Ways all;
@@ -143,7 +143,7 @@ TEST(Route, WhatIsSettledIsFinal) {
   EXPECT_GT(open, 1000u);
 }
 
-TEST(Route, ARouteLeadsOverNeighboursAndCostsWhatIsSaid) {
+TEST(Route, ARouteLeadsOverNeighboursAtTheReportedCost) {
   Draw draw(12);
   Ways finder;
   size_t longest = 0;
@@ -192,7 +192,7 @@ TEST(Route, AClearanceAtTheLimitFitsAndASumAtTheLengthDoesNot) {
   EXPECT_EQ(finder.cost_m()[1], 1.0);
 }
 
-// Straight through three hidden nodes, or round them in sight.
+// The way is straight through three hidden nodes, or around them in sight of the targets.
 TEST(Route, ExposureBuysADetourInSight) {
   Nodes nodes;
   for (int x = 0; x < 5; ++x)
@@ -216,7 +216,7 @@ TEST(Route, OneNodeIsItsOwnRoute) {
   EXPECT_TRUE(finder.to(0).empty());
 }
 
-// Memory left by an earlier set, larger or smaller, changes no bit of the result.
+// Memory that an earlier set has left, larger or smaller, changes no bit of the result.
 TEST(Route, MemoryOfFormerCallsChangesNothing) {
   Draw draw(13);
   Ways reused;
@@ -244,7 +244,7 @@ bool segment_meets_triangle(const glm::dvec3& p, const glm::dvec3& q, const Tria
   return a == b && b == c;
 }
 
-// Among random triangles, with clearances as they are measured: no leg of any route passes through one.
+// Among random triangles, with measured clearances: no leg of any route passes through a triangle.
 TEST(Route, NoLegPassesThroughATriangle) {
   Draw draw(14);
   int legs = 0, blocked = 0;

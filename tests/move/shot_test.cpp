@@ -15,7 +15,7 @@ using namespace test;
 
 const auto kAnywhere = [](const glm::dvec3&) { return true; };
 
-// Targets round a centre at the origin, the viewpoints round them, and the asked and the present shot.
+// Targets around a centre at the origin, the viewpoints around them, the requested shot and the present one.
 struct Filming {
   std::vector<TrackedTarget> targets;
   std::vector<uint64_t> ids;
@@ -43,7 +43,7 @@ struct Filming {
     capture_shot(pose_at(offset), {}, targets, std::vector<float>(targets.size(), 1.0f), shot);
   }
   void shoot(const glm::dvec3& offset) { capture(offset, asked), capture(offset, present); }
-  // Target `i` sees all places but those of `hidden`; those farther out in the same direction are hidden with one.
+  // Every viewpoint sees target `i` except those in `hidden`, and those farther out in the same directions.
   void look(size_t i, const std::set<size_t>& hidden) {
     RoundMaps maps(center(), 64);
     for (const size_t place : hidden)
@@ -78,7 +78,8 @@ TEST(Shot, OneThatIsHiddenIsLeftForOneNearBy) {
   EXPECT_GT(glm::dot(was, is) / glm::length(was) / glm::length(is), 0.8) << "not across the line";
 }
 
-// The asked shot is between viewpoints. One is chosen all the same, and another asked shot pulls it to its side.
+// The requested shot lies between viewpoints. One viewpoint is chosen all the same, and another requested shot moves
+// the choice to its own side.
 TEST(Shot, LiesBetweenTheOneAskedForAndTheOneThatIs) {
   Filming film;
   film.look(0, {});
@@ -114,7 +115,7 @@ TEST(Shot, EqualsAreDecidedByTheirOrder) {
   EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(0); }), 1u);
 }
 
-// A former place that is a little worse is kept, one that is worse by more than `hold` is not.
+// The former viewpoint is kept when it is a little worse, but not when it is worse by more than the switch margin.
 TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
   Filming film({1.0, 0.1});
   film.look(0, {}), film.look(1, {70});
@@ -130,7 +131,8 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
   EXPECT_NE(film.choose(), 70u);
 }
 
-// The asked shot before the former one, each only while no more than `content` is hidden from it and beside it.
+// The requested shot is preferred to the former one. Each counts only while at most `keep_shot_below` of the targets is
+// hidden from it and from its neighbours.
 TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   Filming film;
   film.shoot(film.viewpoints.offset_m(86)), film.former = 186;
@@ -149,7 +151,7 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
 
 TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   Filming film;
-  film.look(0, {86 + 20, 86 - 20, 86 + 4, 86 - 4});  // round a place of the middle ring, itself seen
+  film.look(0, {86 + 20, 86 - 20, 86 + 4, 86 - 4});  // the neighbours of a viewpoint in the middle ring, which itself sees the target
   film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
   const auto only = [&](size_t a, size_t b) {
     return [&film, a, b](const glm::dvec3& offset) {
@@ -161,7 +163,8 @@ TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   EXPECT_EQ(film.choose(only(86, 186)), 186u) << "nothing is hidden beside it";
 }
 
-// Two places alone are allowed: one hides the required target, the other hides the optional one, whatever that weighs.
+// Only two viewpoints are allowed. The required target is hidden from one and the optional target from the other, and
+// the weight of the optional one must not matter.
 TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
   CounterRandom random(62, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 200; ++trial) {
@@ -170,7 +173,7 @@ TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
     film.former = trial % 2 == 0 ? 86 : 186;
     film.settings.keep_shot_below = trial % 3 == 0 ? 0.15 : -1;
     film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
-    film.shoot(film.viewpoints.offset_m(86));  // as was asked for, and as it is
+    film.shoot(film.viewpoints.offset_m(86));  // both the requested and the present shot
     film.look(0, {86}), film.look(1, {186});
     const auto chosen = film.choose([&](const glm::dvec3& offset) {
       return offset == film.viewpoints.offset_m(86) || offset == film.viewpoints.offset_m(186);
@@ -179,7 +182,7 @@ TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
   }
 }
 
-// While the targets stand: an optional target that is hidden is reason enough to look for another shot.
+// While the targets stand still, a hidden optional target is reason enough to look for another shot.
 TEST(Shot, OneThatHidesAnOptionalTargetIsNotGoodEnough) {
   Filming film({1.0, 1.0});
   film.targets[1].required = false;
@@ -190,7 +193,7 @@ TEST(Shot, OneThatHidesAnOptionalTargetIsNotGoodEnough) {
   EXPECT_NE(*chosen, 20u);
 }
 
-// Sixteen targets, some without weight, at random shots: the least of the costs as coherence.h gives them.
+// Sixteen targets, some without weight, at random shots. The chosen shot has the least cost as coherence.h defines it.
 TEST(Shot, IsTheCheapestOfAll) {
   CounterRandom random(61, 0, RandomPurpose::kTest);
   const auto somewhere = [&] {

@@ -47,7 +47,7 @@ TEST(SightWeight, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneA
   EXPECT_GT(mixed, 1000);
 }
 
-// From one place a single required target is hidden, from the other all optional ones are.
+// From one candidate a single required target is hidden, from the other all optional ones are.
 TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   CounterRandom random(24, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 2000; ++trial) {

@@ -41,7 +41,7 @@ TEST(Trail, ForgetsOnDemand) {
   EXPECT_TRUE(trail.places_m().empty());
 }
 
-// The last hundred of a walk, against a queue.
+// The last hundred points of a walk, compared with a queue.
 TEST(Trail, KeepsTheNewestHundredInOrder) {
   Draw draw(31);
   Trail trail;
@@ -61,7 +61,7 @@ TEST(Trail, WithoutPlacesThereIsNoWayBack) {
   EXPECT_FALSE(Trail().way_back(ClearanceField(), {0, 0, 0}, 12, 0.3, 0.0));
 }
 
-// The newest point that is near enough, far enough from the targets, and free to go to.
+// The newest point that is near enough, far enough from the targets, and reachable without a collision.
 TEST(Trail, TheWayBackIsTheNewestOfAllThatCanBeReached) {
   Draw draw(32);
   int found = 0, none = 0, passed_over = 0;

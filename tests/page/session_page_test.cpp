@@ -26,7 +26,7 @@ std::shared_ptr<const Geometry> tent(float height_m) {
   return *build_geometry(mesh);
 }
 
-// Two targets, one of them moving, and a wall that stands twice.
+// Two targets, one of them moving, and a wall with two instances.
 SessionPage session_of(size_t frames) {
   SessionPage session;
   session.title = "A & <b>";
@@ -161,7 +161,7 @@ TEST(SessionPage, SightsComeBackAsTheyWere) {
   EXPECT_EQ(truth[0], 0.125);
   EXPECT_TRUE(std::isnan(truth[1]));
   EXPECT_THAT(page.array<int32_t>("occluder", "i32"), ElementsAre(0, -1, 0, -1));
-  EXPECT_EQ(page.session.at("occluders")[0], "9223372036854775808");  // no double could carry it
+  EXPECT_EQ(page.session.at("occluders")[0], "9223372036854775808");  // a double cannot hold this number
   EXPECT_EQ(page.session.at("instances")[2].at("id"), "9223372036854775808");
 }
 
@@ -246,7 +246,7 @@ TEST(SessionPage, TooManyCellsAreThinnedByWholeFrames) {
   SessionPage session = session_of(24);
   for (PageFrame& frame : session.frames) frame.cells.resize(kMaxPageCells / 10);
   const ReadPage page = read_page(session);
-  // 24 frames hold 2.4 times as many as may be kept: every third stays.
+  // The 24 frames hold 2.4 times as many cells as may be kept, so those of every third frame stay.
   EXPECT_THAT(page.array<uint32_t>("cell_frame", "u32"), ElementsAre(0, 3, 6, 9, 12, 15, 18, 21));
   EXPECT_EQ(page.array<uint32_t>("cell_mask", "u32").size(), 8 * kMaxPageCells / 10);
 }

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Fuzzes the readers of MCAP from the kept corpus on (clang 14, address and undefined-behaviour sanitizers, 1 GB at most).
+# Fuzzes the readers of MCAP, starting from the kept corpus (clang 14, address and undefined-behaviour sanitizers, at
+# most 1 GB).
 #   tests/record/fuzz.sh [SECONDS]     default 60; new finds go to build/fuzz, not to the kept corpus
-# When it fails, the input is in build/fuzz: put it into tests/record/mcap_corpus once it is mended.
+# After a failure the input is in build/fuzz. Add it to tests/record/mcap_corpus when the fault is mended.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 deploy/install-packages.sh build

@@ -1,5 +1,5 @@
-// libFuzzer: every reader of MCAP on arbitrary bytes. Built and run by tests/record/fuzz.sh with clang, not with everything
-// else.
+// libFuzzer runs every reader of MCAP on arbitrary bytes. tests/record/fuzz.sh builds and runs this program with clang;
+// the normal build leaves it out.
 #include <cstdint>
 #include <cstdlib>
 
@@ -10,7 +10,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace sightline;
   const MemorySource source({reinterpret_cast<const char*>(data), size});
-  // Small enough that an input which reaches them is found by the memory limit of the run.
+  // The limits are small: an input that gets past one exceeds the memory limit of the run, and so is found.
   const McapLimits limits{.max_chunk_bytes = 1 << 20,
                           .max_record_bytes = 1 << 20,
                           .max_attachment_bytes = 1 << 20,

@@ -1,5 +1,5 @@
-// Files that were cut, damaged or made to harm: an error or a part with a count of what is missing, never a crash or
-// memory without bound.
+// Files that were cut, damaged or made to do harm. The answer is an error, or a part with a count of what is missing;
+// never a crash, and never memory without bound.
 #include <gtest/gtest.h>
 #include <zstd.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 using test::PlainMessage;
 
-// `part` in the order of `whole`, each of its messages one of those, unchanged.
+// `part` holds messages of `whole`, unchanged and in the same order.
 bool is_part_of(const std::vector<PlainMessage>& part, const std::vector<PlainMessage>& whole) {
   size_t at = 0;
   for (const PlainMessage& m : part) {
@@ -32,7 +32,7 @@ struct Readings {
   uint64_t lost_messages = 0;
 };
 
-// Everything that can be done with a file.
+// Every operation on a file.
 Readings read_every_way(const std::string& bytes, McapLimits limits = {}) {
   const MemorySource source(bytes);
   Readings readings;
@@ -164,7 +164,7 @@ TEST(McapHostile, EveryByteThatIsFlippedIsNoticedByVerify) {
   }
 }
 
-// A finished file around one chunk that says what it likes.
+// A finished file around one chunk with arbitrary contents.
 std::string file_of_chunk(const mcap::Chunk& chunk) {
   std::string bytes(mcap::kMagic);
   mcap::append_record(bytes, mcap::Header{});
@@ -207,7 +207,8 @@ TEST(McapHostile, OtherCompressionsAreNamedInTheError) {
 }
 
 TEST(McapHostile, LengthsAndOffsetsBeyondTheFileAreNoPlaces) {
-  // Every integer of every record of the summary and the footer, set to what hurts most; the CRC made right again.
+  // Every integer of every record in the summary and the footer is set to the most harmful values; the CRC is
+  // corrected.
   const test::SmallFile file = test::make_small_file({.chunk_time = std::chrono::seconds(2)});
   const size_t footer = file.bytes.size() - mcap::kTailBytes;
   mcap::Footer told;
@@ -246,8 +247,7 @@ TEST(McapHostile, MemoryStaysBoundedWhenTheSameSchemaBombComesAgainAndAgain) {
 }
 
 TEST(McapHostile, LookingForTheNextChunkReadsTheFileAFewTimesAtMost) {
-  // Heads of chunks, one behind the other, each of which claims all that follows: n^2 work for a reader that tries
-  // them all.
+  // Chunk headers one after another, each claiming all bytes that follow. A reader that tries every one does n^2 work.
   std::string bytes(mcap::kMagic);
   bytes.push_back('\0');
   const size_t total = 4 << 20;

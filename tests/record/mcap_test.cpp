@@ -1,5 +1,5 @@
-// A file reads as it was written, with the index and without it. That the bytes are MCAP is held elsewhere, by the format's
-// own reader (official_reader_test.py).
+// A file reads back as it was written, with and without its index. official_reader_test.py checks with the format's own
+// reader that the bytes are MCAP.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -18,7 +18,7 @@ using test::CountedSource;
 using test::kSecondNs;
 using test::PlainMessage;
 
-// Takes so many bytes and then no more.
+// Accepts this many bytes and then no more.
 class FullSink final : public ByteSink {
  public:
   explicit FullSink(size_t room) : room_(room) {}
@@ -75,7 +75,7 @@ TEST(Mcap, TellsWhatIsInside) {
   EXPECT_EQ(reader.metadata(info.metadata[0]).value().values.at("seed"), "7");
 }
 
-TEST(Mcap, AFileWithoutItsSummaryTellsTheSame) {
+TEST(Mcap, AFileWithoutItsSummaryReadsTheSame) {
   const test::SmallFile file = test::make_small_file({.chunk_time = std::chrono::seconds(1)}, false);
   const MemorySource source(file.bytes);
   const McapReader reader = McapReader::open(source, {}).value();
@@ -168,7 +168,7 @@ TEST(Mcap, LogTimesMayGoBack) {
   EXPECT_TRUE(verify_mcap(source, {}).value().sound());
 }
 
-TEST(Mcap, WhatWasNotAddedIsRefusedAndTheFileStaysSound) {
+TEST(Mcap, WhatIsRefusedLeavesTheFileSound) {
   MemorySink sink;
   McapWriter writer(sink, {});
   EXPECT_EQ(writer.add_channel("/t", 3, "", {}).error().code, ErrorCode::kNotFound);
@@ -275,7 +275,7 @@ TEST(Mcap, RecoverCopiesASoundFileWhole) {
   EXPECT_TRUE(verify_mcap(copy, {}).value().sound());
 }
 
-TEST(Mcap, TheWorkedExampleOfTheFormatPageIsWhatIsWritten) {
+TEST(Mcap, TheWorkedExampleOfTheFormatPageIsExact) {
   MemorySink sink;
   McapWriter writer(sink, {.library = "x", .zstd_level = 0});
   const uint16_t schema = writer.add_schema("S", "protobuf", "").value();

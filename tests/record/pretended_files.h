@@ -1,4 +1,4 @@
-// A file system in memory from which a test takes things away.
+// A file system in memory. Tests can make it fail and remove things from it.
 #pragma once
 
 #include <map>
@@ -18,7 +18,7 @@ class PretendedFiles final : public RecordFileSystem {
   // Held by the test.
   std::map<std::string, File> files;
   uint64_t now_ns = 0;
-  bool folder_forbidden = false;  // neither made nor listed
+  bool folder_forbidden = false;  // creating and listing it fail
   bool disk_full = false;         // writes fail
   uint64_t capacity = uint64_t{1} << 40;
   uint64_t creations = 0;

@@ -1,4 +1,4 @@
-// Recording through all the ways in which a disk can fail, and within the limits of its folder.
+// Recording when the disk fails in any way, and within the limits of its folder.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -68,8 +68,8 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
 }
 
-// It was taken from the queue while there was no file, or waited in a chunk that could not be written.
-TEST(Recorder, WhatALostGapToldOfIsToldAgain) {
+// It was taken from the queue while there was no file, or was waiting in a chunk that could not be written.
+TEST(Recorder, LossesOfALostGapAreReportedAgain) {
   for (const bool in_a_chunk : {false, true}) {
     Studio studio({.queue_bytes = 4096, .for_viewers = false});
     auto recorder = studio.open();
@@ -100,7 +100,7 @@ TEST(Recorder, WhatALostGapToldOfIsToldAgain) {
   }
 }
 
-// Whichever way a chunk ends, by the clock or by a message that comes too late for it.
+// A chunk may be ended by the clock or by a message that is too late for it.
 TEST(Recorder, RecoveryIsNoticedWhileMessagesKeepComing) {
   Studio studio;
   auto recorder = studio.open();

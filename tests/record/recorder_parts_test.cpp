@@ -1,4 +1,4 @@
-// A session in several files: what stands at the head of each, and which of them have its scenes.
+// A session in several files: the head of each file, and which of them hold its scenes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -34,16 +34,16 @@ TEST(Recorder, PartsFollowEachOtherWithoutLosingAMessage) {
     EXPECT_EQ(found.topics.at(1), "/sightline/open");
     EXPECT_EQ(found.missing, 0u);
     if (found.ticks.empty()) continue;
-    // This part alone has all ticks: the earlier ones in one tick, the rest as they were.
+    // This part has all ticks by itself: one snapshot tick for the earlier ones, then the rest unchanged.
     EXPECT_EQ(found.ticks, numbers(found.snapshot_ticks + 1, found.ticks.back()));
-    // A tick that was not answered yet stands in both.
+    // A tick that was not answered yet is in both parts.
     const bool again = !all.empty() && found.ticks.front() == all.back();
     all.insert(all.end(), found.ticks.begin() + (again ? 1 : 0), found.ticks.end());
   }
   EXPECT_EQ(all, numbers(1, 300));
 }
 
-TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
+TEST(Recorder, UnansweredTicksAreAlsoAtTheHeadOfTheNextPart) {
   Studio studio({.limits = {.free_reserve_bytes = 0}});
   auto recorder = studio.open();
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
@@ -67,8 +67,8 @@ TEST(Recorder, TicksThatNobodyAnsweredStandAtTheHeadOfTheNextPartToo) {
   EXPECT_EQ(found.replies, 1u);
 }
 
-// Every tick is small; all that they changed comes to more than a message may be.
-TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
+// Every tick is small, but all their changes together are larger than a message may be.
+TEST(Recorder, APartWithATooLargeSnapshotReportsAGapInstead) {
   constexpr uint64_t kInstances = 200;
   Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
                  .chunk_bytes = 500,
@@ -92,14 +92,14 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
   studio.writer->run_once();
   EXPECT_EQ(studio.writer->counts().dropped_messages, 0u) << "every tick is in a part";
 
-  size_t folded = 0, too_large = 0;
+  size_t with_snapshot = 0, too_large = 0;
   for (const auto& [name, file] : studio.files.files) {
     const Contents found = contents_of(*file.bytes);
     if (found.ticks.empty() || found.ticks.front() == 1) continue;  // from the start
     if (found.snapshot_ticks > 0) {
       EXPECT_EQ(too_large, 0u) << "all that there is only grows";
       EXPECT_EQ(found.gap_messages, 0u);
-      ++folded;
+      ++with_snapshot;
       continue;
     }
     ++too_large;
@@ -107,12 +107,12 @@ TEST(Recorder, APartWhoseFoldIsTooLargeSaysSoInItsPlace) {
     EXPECT_EQ(found.gap_messages, found.ticks.front() - 1);
     EXPECT_EQ(found.gap_reasons, std::set{v1::Gap::REASON_TOO_LARGE});
   }
-  EXPECT_GT(folded, 0u);
+  EXPECT_GT(with_snapshot, 0u);
   EXPECT_GT(too_large, 0u);
 }
 
-// Where it is made, and at the head of a part.
-TEST(Recorder, WhatIsMadeForViewersAndIsTooLargeIsCountedAndMissedByNobody) {
+// A message for viewers can be too large when it is made, and again at the head of a later part.
+TEST(Recorder, TooLargeViewerMessagesAreCountedButNotReportedMissing) {
   constexpr uint64_t kMany = 30;
   Studio studio({.limits = {.free_reserve_bytes = 0}, .max_message_bytes = 1000});
   auto recorder = studio.open();

@@ -1,4 +1,4 @@
-// Recording without waiting: what a session says is in its file, and what does not fit is missed and counted.
+// Recording never waits: what a session says is in its file, and what does not fit is left out and counted.
 #include "server/record/recorder.h"
 
 #include <gmock/gmock.h>
@@ -214,7 +214,7 @@ TEST(Recorder, ChunksCloseByTheClockThoughNothingMoreComes) {
       << "on the disk without the file being finished";
 }
 
-// The process is killed while it records; what is on the disk then is looked at.
+// The process is killed while it records, and the test reads what is on the disk then.
 TEST(Recorder, AKillLosesLessThanASecond) {
   const test::TemporaryFolder folder;
   int pipe_ends[2];

@@ -71,7 +71,7 @@ struct PlainTarget {
   bool operator==(const PlainTarget&) const = default;
 };
 
-// Without ids of the dead, which a target may go on naming.
+// Leaves out ids of removed instances, which a target may still name.
 std::vector<PlainTarget> targets_of(const Session& session) {
   const auto living = [&](std::vector<uint64_t> ids) {
     std::erase_if(ids, [&](uint64_t id) { return session.mirror().find(id) == nullptr; });
@@ -84,9 +84,9 @@ std::vector<PlainTarget> targets_of(const Session& session) {
   return out;
 }
 
-class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::Preset, int>> {
+class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Convention::Preset, int>> {
  protected:
-  Fold() {
+  SnapshotTick() {
     const auto glb = scenes::make_hall({.seed = 1, .duration_s = 1.0});
     asset_ = *world_.scenes.add_uploaded(glb);
     const auto scenario = Scenario::from_asset(asset_);
@@ -101,7 +101,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     open_.mutable_convention()->set_preset(convention);
     open_.mutable_lens()->Clear();
     truth_ = open_session();
-    fold_.take_open(open_);
+    snapshot_.take_open(open_);
     sequence_ = 0;
     time_s_ = 10.0;
   }
@@ -176,7 +176,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
   void move(v1::Tick& tick, std::vector<uint64_t> ids) {
     const bool turns = turning_ == Turning::kAlways || (turning_ == Turning::kAtTimes && chance(0.5));
     const bool tells = chance(0.4);
-    // The one thing that a fold cannot say.
+    // The one input that a snapshot tick cannot reproduce.
     if (turning_ == Turning::kAtTimes && !turns) std::erase_if(ids, of_file);
     v1::Transforms& out = *tick.mutable_transforms();
     for (const uint64_t id : ids) {
@@ -287,7 +287,7 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
       const v1::Tick tick = next();
       v1::TickError rejection;
       ++stamps_;
-      fold_.take_tick(tick, {static_cast<uint32_t>(stamps_), stamps_ * 10, stamps_ * 10 - 1});
+      snapshot_.take_tick(tick, {static_cast<uint32_t>(stamps_), stamps_ * 10, stamps_ * 10 - 1});
       if (truth_->apply(tick, rejection)) {
         newest_ = tick.sequence();
         newest_stamp_ = stamps_;
@@ -297,15 +297,15 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
       }
     }
     refusals_ += refused.size();
-    for (const v1::TickError& rejection : refused) fold_.take_rejection(rejection);
+    for (const v1::TickError& rejection : refused) snapshot_.take_rejection(rejection);
     reply_.set_sequence(newest_);
     *reply_.mutable_pose() = pose();
     set(*reply_.mutable_velocity(), 0.5, 0.25, -0.5);
-    if (applied_ > 0) fold_.take_reply(reply_);
+    if (applied_ > 0) snapshot_.take_reply(reply_);
   }
 
-  // An instance that keeps its rotation has it normalised at every move. One that was never turned gets its rotation as
-  // floats when others were turned.
+  // The rotation of an instance is normalised at every move, also when the move keeps it. An instance that was never
+  // turned gets its rotation in single precision when others are turned.
   double rotations_within() const { return turning_ == Turning::kAtTimes ? 2e-7 : 1e-15; }
 
   void expect_same(const Session& a, const Session& b, bool velocities) {
@@ -340,9 +340,9 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
     tick.mutable_delta()->clear_base_revision();
     return tick;
   }
-  static std::vector<uint64_t> sequences(const SessionSnapshot& fold) {
+  static std::vector<uint64_t> sequences(const SessionSnapshot& snapshot) {
     std::vector<uint64_t> out;
-    for (const WaitingTick& waiting : fold.waiting()) out.push_back(waiting.tick.sequence());
+    for (const WaitingTick& waiting : snapshot.waiting()) out.push_back(waiting.tick.sequence());
     return out;
   }
   static v1::Tick numbered(uint64_t sequence) {
@@ -370,30 +370,30 @@ class Fold : public testing::TestWithParam<std::tuple<Turning, v1::Convention::P
   Turning turning_ = Turning::kAlways;
   CounterRandom dice_{1, 0, RandomPurpose::kTest};
   std::unique_ptr<LocalSession> truth_;
-  SessionSnapshot fold_;
+  SessionSnapshot snapshot_;
   uint64_t sequence_ = 0, newest_ = 0, newest_stamp_ = 0, stamps_ = 0, applied_ = 0, refusals_ = 0;
   double time_s_ = 0;
   v1::CameraReply reply_;
   std::map<uint64_t, std::array<double, 3>> last_;
 };
 
-TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
+TEST_P(SnapshotTick, GivesASessionTheStateOfOneThatReceivedEveryTick) {
   const auto [turning, convention, seed] = GetParam();
   start(turning, convention, seed);
   for (int batch = 0; batch < 60; ++batch) play(1 + static_cast<int>(dice_.next_below(4)));
   ASSERT_GT(applied_, 60u);
   ASSERT_GT(refusals_, 5u);
-  EXPECT_EQ(fold_.ticks(), applied_);
-  EXPECT_EQ(fold_.stamp().log_ns, newest_stamp_ * 10);
+  EXPECT_EQ(snapshot_.ticks(), applied_);
+  EXPECT_EQ(snapshot_.stamp().log_ns, newest_stamp_ * 10);
 
-  const auto folded = open_session();
+  const auto restored = open_session();
   v1::TickError rejection;
-  const v1::Tick tick = fold_.tick();
-  ASSERT_TRUE(folded->apply(tick, rejection)) << rejection.message();
+  const v1::Tick tick = snapshot_.tick();
+  ASSERT_TRUE(restored->apply(tick, rejection)) << rejection.message();
   EXPECT_FALSE(tick.delta().has_base_revision());
-  expect_same(truth_->session(), folded->session(), false);
+  expect_same(truth_->session(), restored->session(), false);
 
-  // The camera: where the newest reply had it.
+  // The camera is where the newest reply put it.
   EXPECT_TRUE(tick.observed_camera().cut());
   EXPECT_EQ(tick.observed_camera().pose().SerializeAsString(), reply_.pose().SerializeAsString());
 
@@ -401,86 +401,86 @@ TEST_P(Fold, ASessionToldTheFoldStandsWhereTheOneToldEverythingStands) {
   for (int i = 0; i < 10; ++i) {
     const v1::Tick more = next(true);
     const bool applied = truth_->apply(more, rejection);
-    EXPECT_EQ(folded->apply(without_revision(more), rejection), applied) << rejection.message();
-    expect_same(truth_->session(), folded->session(), true);
+    EXPECT_EQ(restored->apply(without_revision(more), rejection), applied) << rejection.message();
+    expect_same(truth_->session(), restored->session(), true);
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Seeds, Fold,
+    Seeds, SnapshotTick,
     testing::Combine(testing::Values(Turning::kNever, Turning::kAlways, Turning::kAtTimes),
                      testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNREAL), testing::Range(1, 9)));
 
-TEST_F(Fold, WhatIsNotAnsweredWaits) {
-  SessionSnapshot fold;
-  fold.take_open(open_);
-  for (uint64_t i = 1; i <= 5; ++i) fold.take_tick(numbered(i), {static_cast<uint32_t>(i), i, i});
-  EXPECT_EQ(fold.ticks(), 0u);
-  fold.take_rejection(refusal(2, "tick.transforms"));
-  fold.take_reply(answer(3));
-  EXPECT_EQ(fold.ticks(), 2u);
-  EXPECT_EQ(fold.tick().sequence(), 3u);
-  EXPECT_EQ(fold.stamp().sequence, 3u);
-  EXPECT_THAT(sequences(fold), ElementsAre(4, 5));
-  fold.take_rejection(refusal(5, nullptr));  // its step failed: it was applied
-  fold.take_reply(answer(5));
-  EXPECT_EQ(fold.ticks(), 4u);
-  EXPECT_THAT(fold.waiting(), SizeIs(0));
+TEST_F(SnapshotTick, LeavesOutTicksThatAreNotAnswered) {
+  SessionSnapshot snapshot;
+  snapshot.take_open(open_);
+  for (uint64_t i = 1; i <= 5; ++i) snapshot.take_tick(numbered(i), {static_cast<uint32_t>(i), i, i});
+  EXPECT_EQ(snapshot.ticks(), 0u);
+  snapshot.take_rejection(refusal(2, "tick.transforms"));
+  snapshot.take_reply(answer(3));
+  EXPECT_EQ(snapshot.ticks(), 2u);
+  EXPECT_EQ(snapshot.tick().sequence(), 3u);
+  EXPECT_EQ(snapshot.stamp().sequence, 3u);
+  EXPECT_THAT(sequences(snapshot), ElementsAre(4, 5));
+  snapshot.take_rejection(refusal(5, nullptr));  // its step failed: it was applied
+  snapshot.take_reply(answer(5));
+  EXPECT_EQ(snapshot.ticks(), 4u);
+  EXPECT_THAT(snapshot.waiting(), SizeIs(0));
 }
 
-TEST_F(Fold, OfTwoWithOneNumberTheRefusedOneGoes) {
+TEST_F(SnapshotTick, LeavesOutTheRefusedOneOfTwoTicksWithOneNumber) {
   const auto told = [&](const char* field) {
-    SessionSnapshot fold;
-    fold.take_open(open_);
+    SessionSnapshot snapshot;
+    snapshot.take_open(open_);
     v1::Tick first = numbered(4), second = numbered(4);
     first.mutable_lens()->set_aspect(1);
     second.mutable_lens()->set_aspect(2);
-    fold.take_tick(first, {});
-    fold.take_tick(second, {});
-    fold.take_rejection(refusal(4, field));
-    fold.take_reply(answer(4));
-    EXPECT_EQ(fold.ticks(), 1u);
-    return fold.tick().lens().aspect();
+    snapshot.take_tick(first, {});
+    snapshot.take_tick(second, {});
+    snapshot.take_rejection(refusal(4, field));
+    snapshot.take_reply(answer(4));
+    EXPECT_EQ(snapshot.ticks(), 1u);
+    return snapshot.tick().lens().aspect();
   };
   EXPECT_EQ(told("tick.sequence"), 1);
   EXPECT_EQ(told("tick.delta.removed_ids[0]"), 2);
 }
 
-TEST_F(Fold, WhatWaitsIsBounded) {
-  SessionSnapshot fold;
-  fold.take_open(open_);
-  for (uint64_t i = 1; i <= 2000; ++i) fold.take_tick(numbered(i), {});
-  EXPECT_THAT(fold.waiting(), SizeIs(SessionSnapshot::kMaxWaiting));
-  EXPECT_EQ(fold.ticks(), 2000 - SessionSnapshot::kMaxWaiting);
+TEST_F(SnapshotTick, KeepsABoundedNumberOfWaitingTicks) {
+  SessionSnapshot snapshot;
+  snapshot.take_open(open_);
+  for (uint64_t i = 1; i <= 2000; ++i) snapshot.take_tick(numbered(i), {});
+  EXPECT_THAT(snapshot.waiting(), SizeIs(SessionSnapshot::kMaxWaiting));
+  EXPECT_EQ(snapshot.ticks(), 2000 - SessionSnapshot::kMaxWaiting);
   v1::Tick large = numbered(2001);
   for (int i = 0; i < 400'000; ++i) large.mutable_transforms()->add_positions(i);
   for (uint64_t i = 0; i < 10; ++i) {
     large.set_sequence(2001 + i);
-    fold.take_tick(large, {});
+    snapshot.take_tick(large, {});
   }
-  EXPECT_LE(fold.waiting().size(), SessionSnapshot::kMaxWaitingBytes / large.ByteSizeLong() + 1);
+  EXPECT_LE(snapshot.waiting().size(), SessionSnapshot::kMaxWaitingBytes / large.ByteSizeLong() + 1);
 }
 
-TEST_F(Fold, WhatCameAndWentLeavesNothing) {
-  SessionSnapshot fold;
-  fold.take_open(open_);
+TEST_F(SnapshotTick, HoldsNothingOfInstancesThatCameAndWent) {
+  SessionSnapshot snapshot;
+  snapshot.take_open(open_);
   for (uint64_t i = 1; i <= 100; ++i) {
     v1::Tick tick = numbered(i);
     if (i > 1) tick.mutable_delta()->add_removed_ids(kFirstSpawn + i - 1);
     *tick.mutable_delta()->add_added_instances() = shape(kFirstSpawn + i);
     tick.mutable_transforms()->add_ids(kFirstSpawn + i);
     for (int k = 0; k < 3; ++k) tick.mutable_transforms()->add_positions(k);
-    fold.take_tick(tick, {});
+    snapshot.take_tick(tick, {});
   }
-  fold.take_reply(answer(100));
-  const v1::Tick tick = fold.tick();
+  snapshot.take_reply(answer(100));
+  const v1::Tick tick = snapshot.tick();
   EXPECT_EQ(tick.delta().removed_ids_size(), 0);
   ASSERT_EQ(tick.delta().added_instances_size(), 1);
   EXPECT_EQ(tick.delta().added_instances(0).id(), kFirstSpawn + 100);
   EXPECT_THAT(tick.transforms().ids(), ElementsAre(kFirstSpawn + 100));
 }
 
-TEST_F(Fold, AfterLostTicksItIsStillOneThatASessionTakes) {
+TEST_F(SnapshotTick, IsAcceptedBySessionsAfterLostTicks) {
   v1::Tick tick = numbered(9);
   for (const uint64_t unknown : {uint64_t{4242}, kFirstShape}) {
     tick.mutable_transforms()->add_ids(unknown);
@@ -491,29 +491,29 @@ TEST_F(Fold, AfterLostTicksItIsStillOneThatASessionTakes) {
     tick.mutable_targets()->add_targets()->set_id(unknown);
   }
   tick.mutable_delta()->add_removed_ids(4343);
-  fold_.take_tick(tick, {});
-  fold_.take_reply(answer(9));
+  snapshot_.take_tick(tick, {});
+  snapshot_.take_reply(answer(9));
   v1::TickError rejection;
-  ASSERT_TRUE(truth_->apply(fold_.tick(), rejection)) << rejection.message();
+  ASSERT_TRUE(truth_->apply(snapshot_.tick(), rejection)) << rejection.message();
   EXPECT_EQ(truth_->session().mirror().find(kFirstShape)->attributes.layers, 2u);
   EXPECT_THAT(truth_->session().targets(), SizeIs(1));
 }
 
-TEST_F(Fold, AFoldCanBeFoldedOn) {
+TEST_F(SnapshotTick, CanItselfBeginASnapshot) {
   for (int batch = 0; batch < 20; ++batch) play(3);
-  const v1::Tick first = fold_.tick();
+  const v1::Tick first = snapshot_.tick();
   SessionSnapshot second;
   second.take_open(open_);
-  second.take_folded(first, fold_.ticks(), {});
-  EXPECT_EQ(second.ticks(), fold_.ticks());
+  second.take_snapshot_tick(first, snapshot_.ticks(), {});
+  EXPECT_EQ(second.ticks(), snapshot_.ticks());
   EXPECT_EQ(second.tick().SerializeAsString(), first.SerializeAsString());
-  std::swap(second, fold_);
+  std::swap(second, snapshot_);
   for (int batch = 0; batch < 20; ++batch) play(3);
-  EXPECT_EQ(fold_.ticks(), applied_);
-  const auto folded = open_session();
+  EXPECT_EQ(snapshot_.ticks(), applied_);
+  const auto restored = open_session();
   v1::TickError rejection;
-  ASSERT_TRUE(folded->apply(fold_.tick(), rejection)) << rejection.message();
-  expect_same(truth_->session(), folded->session(), false);
+  ASSERT_TRUE(restored->apply(snapshot_.tick(), rejection)) << rejection.message();
+  expect_same(truth_->session(), restored->session(), false);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A file of a few kilobytes with everything in it that a recording has, and readers' answers as plain values.
+// A file of a few kilobytes with everything that a recording contains, and readers' answers as plain values.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct SmallFile {
 SmallFile make_small_file(McapWriterOptions options = {.chunk_time = std::chrono::seconds(1)},
                           bool finish = true);
 
-// Counts the bytes that are read of it, over and over.
+// Counts the bytes that are read from it, repeated ones too.
 class CountedSource final : public ByteSource {
  public:
   explicit CountedSource(std::string_view bytes) : bytes_(bytes) {}
@@ -47,7 +47,7 @@ class CountedSource final : public ByteSource {
   mutable uint64_t read_ = 0;
 };
 
-// Everything that the query gives; `report`, when not null, is filled.
+// All messages that the query selects; `report`, when not null, is filled.
 std::vector<PlainMessage> read_all(const McapReader& reader, const McapQuery& query = {},
                                    McapReadReport* report = nullptr);
 

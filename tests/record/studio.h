@@ -1,4 +1,4 @@
-// A recorder over a pretended disk, and what its files hold afterwards.
+// A recorder over a pretended disk, and the contents of its files afterwards.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace sightline::test {
 
 inline constexpr uint64_t kSecondNs = 1'000'000'000;
 
-// A writer over a pretended disk whose clock is moved by hand; nothing runs but what the test calls.
+// A writer over a pretended disk, with a clock that the test moves by hand. Nothing runs unless the test calls it.
 struct Studio {
   explicit Studio(RecordSettings with = {}) : settings(std::move(with)) {
     files.now_ns = 1000 * kSecondNs;
@@ -45,7 +45,7 @@ struct Studio {
     files.now_ns += kSecondNs / 60;
     return recorder.record(RecordTopic::kTick, {files.now_ns, files.now_ns}, tick);
   }
-  // To the newest tick.
+  // Sends the reply to the newest tick.
   void answer(SessionRecorder& recorder) {
     v1::CameraReply reply;
     reply.set_sequence(ticks);

@@ -1,4 +1,4 @@
-// Messages for viewers of a session whose own messages are not sound.
+// Messages for viewers of a session whose own messages are inconsistent.
 #include "server/record/viewer_channels.h"
 
 #include <gmock/gmock.h>

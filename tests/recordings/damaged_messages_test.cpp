@@ -1,5 +1,5 @@
-// Files whose container is sound and whose messages are not what a session said: no checksum finds that, and every verb
-// must answer all the same. What it answers is not looked at; that it reads nothing that is not there, the sanitizers see.
+// Files with a sound container and damaged messages. No checksum finds the damage, yet every verb must end with an
+// answer. The test does not look at the answers; the sanitizers check that no verb reads beyond its data.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@
 namespace sightline::test {
 namespace {
 
-// Some bytes of one message in `one_in` are others, as far as it is a message then.
+// Changes some bytes of one message in `one_in`, as long as the result still parses.
 class Damage {
  public:
   Damage(uint64_t seed, uint32_t one_in) : dice_(seed, 0, RandomPurpose::kTest), one_in_(one_in) {}
@@ -69,7 +69,7 @@ class DamagedMessages : public testing::Test {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
     return (folder_ / name).string();
   }
-  // A new one each time: verbs do not write over files.
+  // A new name each time, because verbs do not overwrite files.
   std::string fresh() { return (folder_ / std::to_string(++files_)).string(); }
 
   // Counts the commands that succeeded; the others must have given a reason.

@@ -135,7 +135,7 @@ class Files(unittest.TestCase):
         self.assertGreaterEqual(whole[len(got)][2], START + 4 * SECOND)
 
     def test_a_cut_from_within_has_a_head_and_the_same_messages(self):
-        # From between a tick and its reply on, the tick stands in the head too.
+        # A cut that begins between a tick and its reply has the tick in its head too.
         for start_ms, again in ((4010, 0), (4000, 1)):
             with self.subTest(start_ms=start_ms):
                 self.check_cut(start_ms, again)

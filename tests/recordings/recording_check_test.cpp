@@ -119,7 +119,7 @@ TEST_F(Verbs, MissingNumbersNeedAGap) {
   EXPECT_EQ(told(2).status, 1);
   const Said none = told(0);
   EXPECT_EQ(none.status, 1);
-  EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps tell of 0"));
+  EXPECT_THAT(none.out, HasSubstr("3 messages are missing by their numbers, Gaps report 0"));
   // Losses before a later part do not excuse losses in it.
   EXPECT_EQ(told(3, 2, 9).status, 0);
   EXPECT_EQ(told(0, 2, 9).status, 1);
@@ -157,7 +157,7 @@ TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
   }
 }
 
-// The rejection stands in the part before, the reply to the tick before it in this one.
+// The rejection is in the earlier part, and the reply to the tick before it in this one.
 TEST_F(Verbs, NumbersOfRefusedTicksAreNotMissedBehindAHead) {
   const auto told = [&](uint32_t last_tick) {
     Numbered file(2, 5);
@@ -235,7 +235,7 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
   EXPECT_GT(began_waiting, 0u);
 }
 
-// Refused ticks have numbers, and stand in the part where they were refused alone.
+// Refused ticks have numbers, but only the part in which they were refused holds them.
 TEST_F(Verbs, APartMayBeginAnywhereAmongRefusedTicks) {
   test::PretendedFiles disk;
   record_session(

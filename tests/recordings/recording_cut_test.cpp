@@ -1,4 +1,4 @@
-// Cuts of recordings: from the start, from within, of a cut, and of nothing.
+// Cuts of recordings: from the start, from the middle, from another cut, and with an empty range.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -55,7 +55,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   std::erase_if(got, outside);
   EXPECT_EQ(got, expected);
 
-  // A session steps through it as through the whole.
+  // Replaying the cut takes the same steps as replaying the whole.
   const auto sampler = make_embree_sampler_device();
   LocalWorld world("", *sampler);
   const auto files = part.files().value();
@@ -73,7 +73,7 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
     EXPECT_TRUE(session->step(0, reply).has_value());
     EXPECT_EQ(reply.sequence(), step.reply.sequence());
     const auto &a = reply.pose().position(), &b = step.reply.pose().position();
-    // It had a memory once: alike, not equal.
+    // The recorded step had a history that the replay lacks, so the replies are alike but not equal.
     const double apart_m = std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
     EXPECT_LT(apart_m, replies == 0 ? 0.1 : 5.0);
     EXPECT_EQ(reply.mirror_hash(), step.reply.mirror_hash()) << "the same scene";
@@ -96,7 +96,7 @@ TEST_F(Verbs, ACutOfACutIsTheCut) {
   EXPECT_EQ(messages_of(b), messages_of(c));
 }
 
-// Numbers do not begin with the cut, although it has no snapshot tick.
+// The numbers do not begin at 1, although the cut has no snapshot tick.
 TEST_F(Verbs, ACutFromWithinBeforeTheFirstReplyIsSound) {
   Told told;
   for (uint64_t i = 1; i <= 20; ++i) told.tick(i), told.refuse(i);

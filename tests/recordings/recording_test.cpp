@@ -26,7 +26,7 @@ class Recorded : public testing::Test {
     return std::move(*recording);
   }
 
-  // Every step again, from the file alone.
+  // Takes every step again, from the file alone.
   std::pair<uint64_t, size_t> step_again(const Recording& recording) {
     LocalWorld world("", *sampler_);
     const auto files = recording.files();
@@ -77,8 +77,8 @@ TEST_F(Recorded, StepsTakenAgainAnswerTheSameBits) {
   }
 }
 
-// What it is made of is not: the line about a refusal says more than the refusal.
-TEST(RecordingWriterTest, WhatIsMadeForViewersAndIsTooLargeIsLeftOut) {
+// The rejection itself fits. The log line that is made from it for viewers is longer, and does not.
+TEST(RecordingWriterTest, TooLargeViewerMessagesAreLeftOut) {
   v1::TickError rejection;
   rejection.set_message(std::string(kMaxMessageBytes - 10, 'x'));
   ASSERT_LE(rejection.ByteSizeLong(), kMaxMessageBytes);

@@ -41,7 +41,7 @@ class Verbs : public testing::Test {
     all << std::ifstream(file, std::ios::binary).rdbuf();
     return all.str();
   }
-  // Once for all tests: half a minute at 60 Hz would be as good.
+  // Made once for all tests; half a minute at 60 Hz would be as good.
   static const std::string& hall() {
     static const std::string bytes = [] {
       const auto sampler = make_embree_sampler_device();

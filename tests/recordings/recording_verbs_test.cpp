@@ -1,4 +1,4 @@
-// info, recover and dump, and what all verbs do with unfinished, damaged, foreign and empty files.
+// info, recover and dump, and what every verb does with unfinished, damaged, foreign and empty files.
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/message_differencer.h>
@@ -40,7 +40,7 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
   EXPECT_EQ(session["rejections"], 0);
   EXPECT_NEAR(told["duration_s"].get<double>(), 90 / 60.0 + 0.001, 1e-6);
   EXPECT_EQ(told["finished"], true);
-  // Counted message by message instead.
+  // The messages are counted one by one instead.
   std::map<std::string, uint64_t> counts;
   for (const PlainMessage& m : messages_of(hall())) ++counts[m.topic];
   EXPECT_EQ(told["topics"].size(), counts.size());
@@ -169,7 +169,7 @@ TEST_F(Verbs, DumpEndsQuietlyWhenNobodyReadsOn) {
   EXPECT_THAT(err.str(), IsEmpty());
 }
 
-// Only the older language has such fields.
+// Only proto2 has such fields.
 TEST_F(Verbs, DumpRefusesAMessageWithoutAFieldThatItsSchemaRequires) {
   google::protobuf::UninterpretedOption::NamePart part;
   MemorySink sink;

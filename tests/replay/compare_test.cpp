@@ -1,4 +1,4 @@
-// Messages and recordings against each other.
+// Compares messages with messages, and recordings with recordings.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -96,7 +96,7 @@ class CompareRecordings : public testing::Test {
     static const std::string bytes = record_hall(*make_embree_sampler_device()).bytes;
     return bytes;
   }
-  // Every reply changed by `change`, which answers false to leave it out.
+  // Passes every reply to `change`, which may alter it; a reply for which it returns false is left out.
   static std::string with_replies(const std::function<bool(v1::CameraReply&)>& change) {
     return rewritten(hall(), [&](RecordedEvent& event, RecordingWriter&) {
       auto* reply = std::get_if<v1::CameraReply>(&event.message);

@@ -1,11 +1,10 @@
-// The golden recording, and the replies that it must always give. A change of one bit in a step shows here. Then either the
-// change is wrong, or the hashes below are updated on purpose.
+// The golden recording, and the replies that it must always give. A change of one bit in a step fails this test. Then
+// either the change is wrong, or the hashes below are updated on purpose.
 //
-// What "the same sampler" means is in README.md beside this file. The hash was the same for every instruction set that
-// Embree can choose, for the C library with and without fused multiply-adds, and for llvmpipe with 128 and 256 bits: nothing
-// in this session hangs on a last bit. Another renderer is skipped: its maps may differ where a silhouette passes through a
-// texel.
-// make_golden writes the recording anew, with replies of Embree.
+// README.md beside this file defines "the same sampler". The hash was the same for every instruction set that Embree
+// can choose, for the C library with and without fused multiply-adds, and for llvmpipe with 128 and 256 bits. So no
+// decision in this session depends on a last bit. Other renderers skip the test: their maps may differ in texels
+// through which a silhouette passes. make_golden writes the recording again, with replies of Embree.
 #include <gtest/gtest.h>
 
 #include <fstream>

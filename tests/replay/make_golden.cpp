@@ -1,5 +1,5 @@
-// make_golden FILE: the recording that golden_test keeps (tests/replay/golden/hall.mcap), with replies of Embree. It prints the hash
-// of the replies, which golden_test.cpp pins.
+// make_golden FILE: writes the recording that golden_test uses (tests/replay/golden/hall.mcap), with replies of Embree.
+// It prints the hash of the replies, which golden_test.cpp pins.
 #include <gtest/gtest.h>
 
 #include <cinttypes>
@@ -12,7 +12,8 @@
 namespace sightline {
 namespace {
 
-// Turns, a merged tick now and then, a cut, other settings and a lower speed on the way: all that a tick can say of a step.
+// Turns, occasional merged ticks, a cut, changed settings and a lower speed: everything that a tick can change in a
+// step.
 test::RecordedHallOptions golden_options() {
   test::RecordedHallOptions options{.ticks = 120, .merge_every = 7};
   options.tuning.mutable_sample()->set_points(2);

@@ -1,4 +1,4 @@
-// Recordings replayed at real daemons: in another process, on other numbers of threads, and across a daemon that is killed.
+// Replays at real daemons: in another process, with other numbers of threads, and across a daemon that is killed.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using test::record_hall;
 using test::RecordedHall;
 using test::Replayed;
 
-// Light tuning: what is shown does not depend on how much a step looks at.
+// The tuning is light, because the result does not depend on how much work a step does.
 tuning::v1alpha1::Tuning light() {
   tuning::v1alpha1::Tuning tuning;
   tuning.mutable_sample()->set_points(1);
@@ -44,7 +44,7 @@ TEST(ReplayAtDaemon, ThreadsChangeNoBit) {
   }
 }
 
-// Tick.step takes over what the recording's daemon decided by its clock.
+// Tick.step repeats what the recording's daemon decided by its clock.
 TEST(ReplayAtDaemon, MergesAndEconomyAreThoseOfTheRecording) {
   for (const test::RecordedHallOptions& options :
        {test::RecordedHallOptions{.ticks = 120, .merge_every = 2},
@@ -87,7 +87,7 @@ TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
     if (step != 120) return;
     daemon->kill_now();
     starter = std::jthread([&] {
-      std::this_thread::sleep_for(300ms);  // so that it is missed first
+      std::this_thread::sleep_for(300ms);  // so that the replay first finds no daemon
       daemon = start();
     });
   });

@@ -42,7 +42,7 @@ TEST(ReplaySettings, LaterTicksKeepWhatIsNotNamed) {
       read({"tuning.aggregate.filter.n=10", "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2"});
   v1::Tick tick;
   put_over(settings, tick);
-  EXPECT_EQ(tick.ByteSizeLong(), 0u);  // says nothing of them: nothing to be said again
+  EXPECT_EQ(tick.ByteSizeLong(), 0u);  // the tick has no settings, so none are added
 
   tick.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_n(20);
   tick.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_alpha(0.5);
@@ -64,12 +64,12 @@ TEST(ReplaySettings, PresetReplacesOnlyPresets) {
   put_over(settings, without);
   EXPECT_EQ(without.settings().preset(), v1::Settings::PRESET_UNSPECIFIED);
   with.mutable_settings()->set_preset(v1::Settings::PRESET_SIGHTLINE);
-  put_over(settings, with);  // the preset starts the tuning anew, so it is set again
+  put_over(settings, with);  // the preset resets the tuning, so the change is applied again
   EXPECT_EQ(with.settings().preset(), v1::Settings::PRESET_PAPER);
   EXPECT_EQ(with.tuning().sample().points(), 3u);
 }
 
-TEST(ReplaySettings, WhatIsWrongIsNamedWithWhatThereIs) {
+TEST(ReplaySettings, ErrorsNameTheKeyAndTheAllowedOnes) {
   const auto error = [](const char* text) {
     const auto setting = read_replay_setting(text);
     EXPECT_FALSE(setting.has_value()) << text;

@@ -30,7 +30,7 @@ using test::rewritten;
 using testing::HasSubstr;
 using testing::Not;
 
-// The opening's camera is the player's own: what it does depends on nothing of the session.
+// An observed camera that the player moves freely: its path does not depend on the session's replies.
 void put_camera(v1::Tick& tick, double x, bool cut) {
   v1::ObservedCamera& observed = *tick.mutable_observed_camera();
   observed.mutable_pose()->mutable_position()->set_x(x);
@@ -69,7 +69,7 @@ TEST_F(ReplayHere, AnyNumberOfThreadsAnswersAlike) {
 TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
   const auto wrong_now_and_then = [](int i, const v1::CameraReply&, v1::Tick& tick) {
     if (i == 5 || i == 6 || i == 20 || i == 59) tick.mutable_transforms()->add_ids(77);  // without a position
-    if (i == 30) tick.set_sequence(30);  // the one before had it
+    if (i == 30) tick.set_sequence(30);  // the tick before has this number too
   };
   for (const int merge_every : {0, 2, 3}) {
     const RecordedHall hall =
@@ -81,7 +81,7 @@ TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
   }
 }
 
-// A reply that was changed by one bit in the file is found, with its tick, field and both values.
+// One bit of a reply in the file is changed. The replay finds it, with its tick, field and both values.
 TEST_F(ReplayHere, OneBitIsFound) {
   const RecordedHall hall = record_hall(*sampler_);
   const std::string changed = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter&) {
@@ -135,7 +135,7 @@ TEST_F(ReplayHere, MissingTicksAreAlikeAndNotEqual) {
   EXPECT_THAT(replayed.text, HasSubstr("alike, not equal"));
 }
 
-// A chunk that was damaged on disk is a gap without a word of it in the file.
+// A chunk that was damaged on disk is a gap that no message in the file reports.
 TEST_F(ReplayHere, DamagedChunkIsAGap) {
   std::string bytes = record_hall(*sampler_, {.ticks = 120}).bytes;
   const std::vector<mcap::ChunkIndex> chunks = open_recording(bytes).container().chunks;
@@ -150,16 +150,16 @@ TEST_F(ReplayHere, DamagedChunkIsAGap) {
   EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual);
 }
 
-TEST_F(ReplayHere, FoldedStartNeedNotBeEqual) {
+TEST_F(ReplayHere, AStartFromASnapshotNeedNotBeEqual) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 30});
-  const std::string folded = rewritten(
+  const std::string from_snapshot = rewritten(
       hall.bytes, [](RecordedEvent&, RecordingWriter&) { return true; },
       [](v1::RecordingInfo& info) { info.set_snapshot_ticks(100); });
-  // Here it is equal all the same, which is said.
-  EXPECT_EQ(replay_here(folded, {}, "folded").verdict, ReplayVerdict::kEqual);
+  // In this case the replies are equal all the same, and the result says so.
+  EXPECT_EQ(replay_here(from_snapshot, {}, "from_snapshot").verdict, ReplayVerdict::kEqual);
   const std::string other_seed = rewritten(record_hall(*sampler_, {.ticks = 30, .seed = 2}).bytes,
                                            [](RecordedEvent&, RecordingWriter&) { return true; });
-  EXPECT_EQ(replay_here(other_seed, {"seed=3"}, "folded").verdict, ReplayVerdict::kAlike);
+  EXPECT_EQ(replay_here(other_seed, {"seed=3"}, "from_snapshot").verdict, ReplayVerdict::kAlike);
   EXPECT_EQ(replay_here(other_seed, {"seed=3"}).verdict, ReplayVerdict::kDiffers);
 }
 
@@ -170,14 +170,15 @@ TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
   const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 0.5}, sink);
   ASSERT_TRUE(cut.has_value()) << to_string(cut.error());
   EXPECT_EQ(cut->snapshot_ticks, 29u);
-  const Replayed replayed = replay_here(sink.bytes(), {}, "folded");
+  const Replayed replayed = replay_here(sink.bytes(), {}, "from_snapshot");
   EXPECT_EQ(replayed.replies, 61u);
   EXPECT_EQ(replayed.verdict, ReplayVerdict::kAlike);
   EXPECT_THAT(replayed.text, Not(HasSubstr("missing")));
 }
 
-// All that the ticks added is more than one message may say: a later part cannot begin where the session was.
-TEST_F(ReplayHere, APartWhoseFoldWasTooLargeIsNotTakenForTheSession) {
+// All that the ticks added together is more than one message may hold, so a later part cannot begin in the session's
+// state.
+TEST_F(ReplayHere, APartWhoseSnapshotWasTooLargeIsNotTakenForTheSession) {
   const auto add_one = [](int i, const v1::CameraReply&, v1::Tick& tick) {
     v1::NewInstance& added = *tick.mutable_delta()->add_added_instances();
     added.set_id(1000 + static_cast<uint64_t>(i));
@@ -275,7 +276,7 @@ TEST_F(ReplayHere, SceneThatIsNotAttachedIsFoundByPathByFolderAndElseNamed) {
   EXPECT_THAT(opened.error().message, HasSubstr("--scene-dir"));
 }
 
-// The whole command on files.
+// Runs the whole command on files.
 class ReplayCommand : public ReplayHere {
  protected:
   std::string keep(const std::string& name, const std::string& bytes) {
@@ -302,7 +303,7 @@ TEST_F(ReplayCommand, SaysEqualAndWritesWhatItAnswered) {
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
   ASSERT_EQ(run({.file = again}), 0) << err_.str() << out_.str();
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
-  EXPECT_EQ(run({.file = file, .out = again}), 1);  // is there already
+  EXPECT_EQ(run({.file = file, .out = again}), 1);  // the file exists already
   EXPECT_THAT(err_.str(), HasSubstr("again.mcap"));
 }
 

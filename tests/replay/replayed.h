@@ -24,7 +24,7 @@ inline Recording open_recording(const std::string& bytes) {
   return std::move(*recording);
 }
 
-// The same recording with other events: `change` answers false to leave one out, and may write others before it.
+// The same recording with other events. `change` returns false to leave an event out, and may write others before it.
 inline std::string rewritten(const std::string& bytes,
                              const std::function<bool(RecordedEvent&, RecordingWriter&)>& change,
                              const std::function<void(v1::RecordingInfo&)>& change_info = {}) {

@@ -1,5 +1,6 @@
-// One recording, two samplers. Their maps differ only in texels through which a silhouette passes, so from one memory one step
-// is nearly always the same; over many steps small differences may grow, as they do between two seeds.
+// One recording, two samplers. Their maps differ only in texels through which a silhouette passes. So from the same
+// memory a step is nearly always the same, but over many steps small differences may grow, as they do between two
+// seeds.
 #include <gtest/gtest.h>
 
 #include "client/truth/metrics.h"
@@ -11,8 +12,8 @@
 namespace sightline {
 namespace {
 
-// Makes every map twice. It returns the map of the first sampler, and counts the texels in which the other map sees another
-// instance. So each step is compared from the very memory that the first led to.
+// Makes every map with both samplers. Returns the map of the first one, and counts the texels in which the second one
+// sees another instance. So each step is compared from exactly the memory that the first sampler led to.
 struct Agreement {
   uint64_t texels = 0, same = 0;     // by what is seen there
   uint64_t maps = 0, same_maps = 0;  // in every texel
@@ -29,7 +30,7 @@ class BothSampler final : public Sampler {
     if (Status taken = second_->take(mirror, requests, others_); !taken) return taken;
     if (Status taken = first_->take(mirror, requests, maps); !taken) return taken;
     for (size_t i = 0; i < maps.size(); ++i) {
-      // What lies farther than was asked for need not be found.
+      // Surfaces beyond the requested depth need not be found.
       const auto seen = [far_m = requests[i].far_m](const DepthMap& map, size_t texel) {
         return map.distance_m[texel] <= far_m ? map.occluder[texel] : kNoOccluder;
       };
@@ -77,14 +78,14 @@ class TwoSamplers : public testing::Test {
   const std::unique_ptr<SamplerDevice> embree_ = make_embree_sampler_device();
 };
 
-// README.md beside this file has what was measured; these are the bounds that hold with room.
+// README.md beside this file has the measured values; these bounds leave some room.
 constexpr double kSameTexels = 0.999, kSameMaps = 0.99;
 
 TEST_F(TwoSamplers, SeeTheSameInNearlyEveryMapOfASession) {
   Agreement agreement;
   BothDevice both(*embree_, *egl_, agreement);
   const test::RecordedHall hall = test::record_hall(both, {.ticks = 240});
-  // Looking twice changes nothing of the session.
+  // Taking every map twice changes nothing in the session.
   EXPECT_EQ(hall.hash, test::record_hall(*embree_, {.ticks = 240}).hash);
   EXPECT_GT(agreement.maps, 1000u);
   EXPECT_GT(agreement.share(), kSameTexels);
@@ -93,7 +94,7 @@ TEST_F(TwoSamplers, SeeTheSameInNearlyEveryMapOfASession) {
   RecordProperty("same_maps", std::to_string(agreement.share_of_maps()));
 }
 
-// A second of open loop: the recorded ticks lead both.
+// One second of open loop: the recorded ticks steer both sessions.
 TEST_F(TwoSamplers, CamerasStayTogetherForASecond) {
   const test::RecordedHall hall = test::record_hall(*embree_, {.ticks = 60});
   const auto place = make_local_backend(std::move(egl_));

@@ -32,7 +32,7 @@ Note note_of(const SceneMirror& mirror) {
   return note;
 }
 
-// The same from the page.
+// Reads the same from the page.
 Note note_of(const SessionPage& page, size_t frame) {
   Note note;
   std::map<size_t, const PageMover*> movers;
@@ -48,7 +48,7 @@ Note note_of(const SessionPage& page, size_t frame) {
   return note;
 }
 
-// A mirror to which anything may happen.
+// A mirror with random changes of every kind.
 class World {
  public:
   explicit World(uint32_t seed) : random_(seed) {
@@ -88,7 +88,7 @@ class World {
     }
     if (one_in(150)) {
       delta.remove.push_back(id);
-      if (one_in(2)) delta.add.push_back(new_instance(id));  // anew at once
+      if (one_in(2)) delta.add.push_back(new_instance(id));  // added again in the same update
       return;
     }
     if (one_in(120)) {
@@ -113,16 +113,16 @@ TEST(InstanceTimeline, EveryFrameIsAsTheMirrorWas) {
   for (uint32_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     World world(seed);
-    InstanceTimeline cast({{1, "one"}});
+    InstanceTimeline timeline({{1, "one"}});
     std::vector<Note> notes;
     for (size_t frame = 0; frame < 600; ++frame) {
       world.frame();
-      cast.take_in(world.mirror(), frame);
+      timeline.take_in(world.mirror(), frame);
       notes.push_back(note_of(world.mirror()));
     }
     SessionPage page;
     page.frames.resize(600);
-    cast.give(page);
+    timeline.give(page);
     for (size_t frame = 0; frame < notes.size(); ++frame) {
       const Note told = note_of(page, frame);
       ASSERT_EQ(told.size(), notes[frame].size()) << frame;
@@ -150,7 +150,7 @@ TEST(InstanceTimeline, WhatRestsCostsNoPoses) {
     instance.id = id, instance.geometry = tent(1.0f);
   }
   ASSERT_TRUE(mirror.apply(delta, {}).has_value());
-  InstanceTimeline cast({});
+  InstanceTimeline timeline({});
   for (size_t frame = 0; frame < 2000; ++frame) {
     TransformUpdate update;
     if (frame % 1000 == 500)
@@ -159,10 +159,10 @@ TEST(InstanceTimeline, WhatRestsCostsNoPoses) {
         update.poses.push_back({{static_cast<double>(frame), 0, 0}, {1, 0, 0, 0}});
       }
     ASSERT_TRUE(mirror.apply({}, update).has_value());
-    cast.take_in(mirror, frame);
+    timeline.take_in(mirror, frame);
   }
   SessionPage page;
-  cast.give(page);
+  timeline.give(page);
   size_t poses = 0;
   for (const PageMover& mover : page.movers) poses += mover.poses.size();
   EXPECT_LE(poses, 100 * 2 * (1 + kRestFrames));

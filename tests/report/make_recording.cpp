@@ -1,6 +1,7 @@
-// make_recording FOLDER: the recordings that the page's test in a browser opens. yard.mcap: see recorded_yard.h, as Unreal
-// has it; hall.mcap: the hall with its scene attached; lost.mcap: the same without it.
-// make_recording FOLDER MINUTES: long.mcap, so long in the yard, to find out what a long report costs.
+// Makes the recordings that the page's test opens in a browser.
+//   make_recording FOLDER           yard.mcap: see recorded_yard.h, in Unreal's convention; hall.mcap: the hall with its scene
+//                                   attached; lost.mcap: the same without the scene
+//   make_recording FOLDER MINUTES   long.mcap: so many minutes in the yard, to measure the cost of a long report
 #include <gtest/gtest.h>
 
 #include <filesystem>

@@ -1,6 +1,6 @@
-// A recording in which much happens: a yard in the client's own shapes, made in this process without a daemon. Targets
-// change, instances come, go, hide and move, ticks are refused and merged, settings change; it can be recorded in any
-// convention.
+// A recording with many events: a yard in the client's own shapes, made in this process without a daemon. Targets
+// change, instances come, go, hide and move, ticks are refused and merged, and settings change. Any convention can be
+// recorded.
 #pragma once
 
 #include <string>
@@ -16,9 +16,9 @@ struct RecordedYardOptions {
   v1::Convention::Preset convention = v1::Convention::PRESET_GLTF;
   int ticks = 150;            // at 60 Hz
   bool eventful = true;       // false: things only move
-  bool candidates = false;    // asked for in every reply
+  bool candidates = false;    // whether every reply has its candidates
   bool finished = true;       // false: the file ends as after a kill
-  uint64_t snapshot_ticks = 0;  // only said, in the file's info
+  uint64_t snapshot_ticks = 0;  // only stated in the file's info
   int points = 8;             // surface points of a target
 };
 

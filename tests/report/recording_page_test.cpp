@@ -36,7 +36,7 @@ class ReportPage : public testing::Test {
     return std::move(*recording);
   }
 
-  // The same file with other replies.
+  // The same file with changed replies.
   static std::string rewritten(const std::string& bytes,
                                const std::function<void(v1::CameraReply&)>& change) {
     const Recording recording = read(bytes);
@@ -71,7 +71,7 @@ class ReportPage : public testing::Test {
     return std::move(*page);
   }
 
-  // Frame i is reply i: nothing is thinned.
+  // Frame i is reply i: no frames are left out.
   static size_t frame_of(const RecordedYard& yard, int tick) {
     for (size_t i = 0; i < yard.replies.size(); ++i)
       if (yard.replies[i].sequence() >= static_cast<uint64_t>(tick) + 1) return i;
@@ -111,7 +111,7 @@ TEST_F(ReportPage, FramesAreTheRepliesOfTheFile) {
     EXPECT_EQ((frame.flags & 8u) != 0, reply.flags().degraded());
     EXPECT_EQ(frame.reason, short_name(reply.reason()));
     EXPECT_NEAR(frame.latency_ms, 1.5, 1e-6);
-    // The client's world is 1000 m, 20 m and -500 m off: the page's is relative to the world origin.
+    // The client's world is offset by 1000 m, 20 m and -500 m; the page's world is relative to the world origin.
     EXPECT_NEAR(frame.camera.position_m.x, reply.pose().position().x() - 1000, 1e-9);
     EXPECT_NEAR(frame.camera.position_m.z, reply.pose().position().z() + 500, 1e-9);
   }
@@ -122,7 +122,8 @@ TEST_F(ReportPage, FramesAreTheRepliesOfTheFile) {
 
 TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
   const auto told_in = [&](v1::Convention::Preset convention) {
-    // Which points of a shape are sampled depends on the order of its triangles; the aim point alone does not.
+    // The order of a shape's triangles decides which of its points are sampled; the aim point is the same in any
+    // order.
     return page_of(record_yard(*sampler_, {.convention = convention, .points = 0}).bytes);
   };
   const SessionPage gltf = told_in(v1::Convention::PRESET_GLTF);
@@ -178,8 +179,8 @@ TEST_F(ReportPage, InstancesComeGoHideAndMoveInTheirFrames) {
     return page.instances[m.instance].id == kYardCrate;
   });
   ASSERT_NE(mover, page.movers.end());
-  EXPECT_NEAR(mover->poses[0].position_m.x, 0, 1e-9);  // it came standing
-  // 60 ticks after the first it stands at one metre.
+  EXPECT_NEAR(mover->poses[0].position_m.x, 0, 1e-9);  // it stood still when it was added
+  // 60 ticks after the first one, it stands at one metre.
   EXPECT_NEAR(mover->poses[frame_of(yard, 60) - crate[0]->first_frame].position_m.x, 1.0, 1e-9);
 
   const auto pillar = instances_of(page, kYardPillar);
@@ -430,7 +431,7 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
   EXPECT_EQ(json_of("Tuning in effect at the start")["aggregate"]["candidates"], 343);
   EXPECT_EQ(json_of("Limits in effect at the start")["max_speed_mps"], 10.0);
   EXPECT_EQ(json_of("Limits in effect at the end")["max_speed_mps"], 4.0);
-  EXPECT_TRUE(json_of("Lens: radians, vertical at the end").is_null());  // it stayed
+  EXPECT_TRUE(json_of("Lens: radians, vertical at the end").is_null());  // the lens did not change
 }
 
 TEST_F(ReportPage, PicturesComeWithTheTruthOfTheirFrames) {
@@ -445,7 +446,7 @@ TEST_F(ReportPage, PicturesComeWithTheTruthOfTheirFrames) {
     EXPECT_FALSE(std::isnan(page.frames[picture.frame].sights[0].true_share));
   }
   EXPECT_TRUE(std::isnan(page.frames[1].sights[0].true_share));
-  // Nothing stands before the targets at the start.
+  // Nothing stands in front of the targets at the start.
   EXPECT_EQ(page.frames[0].sights[1].true_share, 1.0);
 }
 

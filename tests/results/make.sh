@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the results page: builds, plays the paper's tables and all scenes, and writes README.md, CSV files and plots into this folder.
+# Makes the results page. Builds, plays the paper's tables and all scenes, and writes README.md, CSV files and plots
+# into this folder.
 #   tests/results/make.sh            # five seeds; 15 to 20 minutes on two cores that have nothing else to do
 #   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
 #   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
@@ -39,7 +40,7 @@ evaluate() {
 
 rm -rf "$raw" && mkdir -p "$raw"
 SECONDS=0
-# First, while nothing else runs.
+# Measured first, while nothing else runs.
 "$SIGHTLINE_BIN/step_bench" --frames "$frames" --csv "$raw/table1.csv"
 commands+="step_bench --frames $frames"$'\n'
 paper_settings 'basic|robust'

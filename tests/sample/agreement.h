@@ -1,4 +1,4 @@
-// When two depth maps say the same, and whether a texel where they do not is excused by a silhouette.
+// Decides when two depth maps agree, and whether a silhouette excuses a texel in which they differ.
 #pragma once
 
 #include <span>
@@ -9,18 +9,18 @@
 
 namespace sightline::test {
 
-// Same occluder, and the same distance within `relative` of it plus `absolute_m`.
+// The same occluder, at the same distance within `relative` of it plus `absolute_m`.
 struct Tolerance {
   double relative = 1e-4;
   double absolute_m = 1e-5;
 };
 bool texels_agree(const DepthMap& a, const DepthMap& b, size_t texel, const Tolerance& tolerance = {});
 
-// True when rays through the footprint of texel (x, y), on a coarse grid over all of it and two fine ones about its
-// sample point, hit different instances or jump in depth.
+// True when rays through the footprint of texel (x, y) hit different instances or jump in depth. The rays are a coarse
+// grid over the whole footprint and two fine ones about its sample point.
 bool has_silhouette(const EmbreeScene& scene, const MapRequest& request, int x, int y);
 
-// Compares EGL's maps with Embree's, and every difference with `scene`, Embree's own of the same mirror.
+// Compares EGL's maps with Embree's. Every difference is checked with `scene`, an Embree scene of the same mirror.
 struct Agreement {
   size_t texels = 0;
   size_t hits = 0;         // texels in which something is seen

@@ -1,4 +1,4 @@
-// The promise of server/sample/sampler.h: EGL's maps and Embree's are the same but where a silhouette passes.
+// The promise of server/sample/sampler.h: EGL's maps equal Embree's, except where a silhouette passes.
 #include <gtest/gtest.h>
 
 #include "server/sample/embree_sampler.h"
@@ -127,8 +127,8 @@ TransformUpdate with_random_velocities(SceneMaker& maker, TransformUpdate update
   return update;
 }
 
-// Maps of the time ahead, beside maps of now in one call: EGL and Embree agree, and both show what they would show if the
-// movers had really gone on for that time.
+// Predicted maps and present ones in one call: EGL and Embree agree, and both show what they would show if the movers
+// had really moved on for that time.
 TEST_F(AgreementTest, HoldsForMapsOfTheTimeAhead) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(egl);
   constexpr double kAheadS = 0.4;

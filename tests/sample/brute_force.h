@@ -1,4 +1,4 @@
-// The plain way to trace: every triangle of every instance, in double, by Moeller & Trumbore (1997).
+// Ray tracing without any acceleration: every triangle of every instance, in double, by Moeller & Trumbore (1997).
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ struct BruteHit {
   uint32_t slot = UINT32_MAX;
 };
 
-// The first hit beyond `near` on what occludes, or collides; instances where they are now.
+// The first hit beyond `near` on instances that occlude, or that collide, in their present poses.
 BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin,
                      const glm::dvec3& direction, double near, const RayFilter& filter);
 

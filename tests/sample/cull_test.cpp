@@ -106,7 +106,7 @@ TEST(CullTest, HiddenMeansNearerInEverySampleOfTheFootprint) {
   EXPECT_FALSE(is_hidden(where, depth.data(), 5));
 }
 
-// A scene, one look at it, and what is found to draw.
+// A scene, one view of it, and the triangles that culling keeps.
 struct Case {
   SceneMirror mirror;
   MapView view;
@@ -137,7 +137,7 @@ std::array<glm::dvec3, 3> world_triangle(const Instance& instance, uint32_t firs
   return corner;
 }
 
-// What one sample shows, by trying every triangle of the scene.
+// The visible instance and depth at one sample, by trying every triangle of the scene.
 struct Nearest {
   double depth = std::numeric_limits<double>::infinity();
   uint32_t slot = 0, first_index = 0;
@@ -197,7 +197,7 @@ TEST(SampleSearchTest, TrianglesStandMapByMapInTheOrderOfSlots) {
     EXPECT_LT(place(list.triangles[i - 1]), place(list.triangles[i])) << i;
 }
 
-// Walls behind walls: what stands behind the first is not even opened, however much it is.
+// Walls behind walls: nothing behind the first one is even opened, however much there is.
 TEST(SampleSearchTest, WhatIsHiddenCostsNothingToDraw) {
   const auto wall = build_geometry(tessellate(BoxShape{{20.0f, 20.0f, 0.1f}}).value()).value();
   SceneMirror mirror;

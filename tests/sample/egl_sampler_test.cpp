@@ -118,7 +118,7 @@ TEST(EglSamplerTest, AMapThatEndsShowsAllThatIsNearer) {
         nearer += is_nearer;
         left_out += ended[i].occluder[texel] == kNoOccluder && endless[i].occluder[texel] != kNoOccluder;
         if (!is_nearer) {
-          EXPECT_GT(ended[i].distance_m[texel], far_m);  // nothing, or something else beyond
+          EXPECT_GT(ended[i].distance_m[texel], far_m);  // nothing, or another instance beyond the limit
           continue;
         }
         EXPECT_EQ(ended[i].occluder[texel], endless[i].occluder[texel]);
@@ -192,7 +192,8 @@ struct Session {
   }
 };
 
-// Jobs are cut into submissions wherever 16 maps are full: in the middle of a session, and with many sizes in one submission.
+// Jobs are split into submissions of at most 16 maps: in the middle of a session, and with many sizes in one
+// submission.
 TEST(EglSamplerTest, MapsTakenTogetherAreThoseTakenAlone) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
   std::vector<std::unique_ptr<Session>> sessions;
@@ -201,7 +202,7 @@ TEST(EglSamplerTest, MapsTakenTogetherAreThoseTakenAlone) {
   std::vector<TakeJob> jobs;
   size_t hits = 0;
   for (uint64_t i = 0; i < 12; ++i) {
-    // The sixth asks for nothing.
+    // The sixth session requests no maps.
     sessions.push_back(std::make_unique<Session>(900 + i, i == 5 ? 0 : 3 + 4 * static_cast<int>(i)));
     samplers.push_back(device.make_sampler());
     ASSERT_TRUE(device.make_sampler()->take(sessions[i]->mirror, sessions[i]->requests, alone.emplace_back()));

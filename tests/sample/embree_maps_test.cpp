@@ -1,4 +1,5 @@
-// The Embree sampler's maps: those of brute force, the same bits in any company, and taken without an allocation.
+// The Embree sampler's maps equal brute force, do not depend on other work on the device, and are taken without an
+// allocation.
 #include "server/sample/embree_maps.h"
 
 #include <gtest/gtest.h>
@@ -38,7 +39,7 @@ struct Requests {
   }
 };
 
-// Texels in which a map is not what brute force finds; texels that an edge passes within rounding may go either way.
+// Counts texels in which a map differs from brute force. Texels that an edge passes within rounding may go either way.
 size_t count_differences(const SceneMirror& mirror, const MapRequest& request, const DepthMap& map) {
   size_t different = 0;
   const RayFilter filter{.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots};
@@ -220,7 +221,7 @@ TEST_F(EmbreeMapsTest, AreTakenWithoutAnAllocationOnceTheirMemoryIsThere) {
   const Requests requests(maker, 30, 12, 0.3);
   std::vector<TransformUpdate> ticks;
   for (int tick = 0; tick < 100; ++tick) ticks.push_back(maker.moves(mirror, 30));
-  // The first to name an instance makes it a mover.
+  // The first update that names an instance makes it a mover.
   for (const TransformUpdate& tick : ticks) ASSERT_TRUE(mirror.apply({}, tick));
   const auto sampler = device_->make_sampler();
   std::vector<DepthMap> maps;
@@ -250,7 +251,7 @@ TEST(PacketShape, CoversEveryMapWithAsFewPacketsAsAnyRectangle) {
   EXPECT_EQ(packet_shape(7, 7).width, 4);
 }
 
-// A ball that any ray of the cone meets may never be left out; most that none meets should be.
+// A ball that some ray of the cone meets may never be left out; most balls that none meets should be.
 TEST(RayCone, LeavesOutNoBallThatARayMeets) {
   SceneMaker maker(8);
   int met = 0, left_out = 0;

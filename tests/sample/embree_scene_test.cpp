@@ -189,7 +189,7 @@ TEST_F(EmbreeSceneTest, BottomScenesAreSharedAndDieWithTheirGeometry) {
   EXPECT_EQ(device_.geometry_bytes(), one);
 
   for (int turn = 0; turn < 3; ++turn) {
-    // Each of these lives for one turn; looking for room for the next one drops what it left.
+    // Each of these scenes lives for one turn. Making the next one frees the geometry that it left.
     SceneMirror brief;
     SceneDelta delta;
     delta.add.push_back({.id = 1, .geometry = maker.shape(), .pose = {}, .attributes = {}});

@@ -95,7 +95,7 @@ TEST_F(EmbreeSharingTest, NoSessionSeesWhatAnotherChanges) {
       ASSERT_TRUE(changed.mirror.apply({}, {.ids = {id}, .poses = {maker_.pose()}, .velocities_mps = {}}));
     request.view = maker_.view();
     for (const auto& session : sessions) EXPECT_TRUE(is_as_brute_force(*session, request));
-    if (round == 10) sessions.erase(sessions.begin());  // the first, which built what was shared
+    if (round == 10) sessions.erase(sessions.begin());  // the first session, which built the shared scenes
   }
 }
 
@@ -123,7 +123,7 @@ TEST_F(EmbreeSharingTest, ThreadsSeeTheirOwnScenes) {
     for (int life = 0; life < 6; ++life) {
       Session session(device, scene);
       for (int tick = 0; tick < 15; ++tick) {
-        // Every thread hides in the same order, so that they meet over the same content.
+        // Every thread hides instances in the same order, so that all ask for the same scenes.
         if (tick % 5 == 4) session.hide(static_cast<uint64_t>(tick + life));
         EXPECT_TRUE(session.mirror.apply({}, maker.moves(session.mirror, 3)));
         for (const MapRequest& request : requests) seen.push_back(session.look(request).occluder);

@@ -1,4 +1,5 @@
-// The sample table against brute force: every triangle, in double, by another projection than the table's.
+// The sample table against brute force over every triangle, in double, by a projection that shares no code with the
+// table's.
 #include "server/sample/extent.h"
 
 #include <gtest/gtest.h>
@@ -41,7 +42,7 @@ MeshData figure_mesh() {
   return mesh;
 }
 
-// Not convex, far from its frame's origin, one half see-through.
+// A shape that is not convex, lies far from its frame's origin, and is half see-through.
 MeshData torus_mesh() {
   constexpr uint32_t kAround = 40, kAcross = 16;
   MeshData mesh;
@@ -115,8 +116,8 @@ double brute_distance(const std::vector<Triangle>& triangles, const glm::dvec3& 
   return nearest;
 }
 
-// The test's own picture: axes turned by chance about the view direction, coordinates in units of the frame
-// that just holds the bounding sphere, [-1, 1].
+// The test's own picture: axes turned at random about the view direction, coordinates in [-1, 1] in units of the frame
+// that just holds the bounding sphere.
 struct TestCamera {
   glm::dvec3 center, direction, right, up;
   double radius, distance;
@@ -137,7 +138,7 @@ struct TestCamera {
     const double depth = parallel() ? 1.0 : distance - glm::dot(rel, direction);
     return glm::dvec2(glm::dot(rel, right), glm::dot(rel, up)) / (depth * edge());
   }
-  // From where, and along what, the viewer sees the mesh point p.
+  // The viewer's eye for mesh point p; under a parallel projection each point has its own.
   glm::dvec3 eye_for(const glm::dvec3& p) const {
     return parallel() ? p + direction * (4.0 * radius) : center + direction * (distance * radius);
   }
@@ -149,7 +150,7 @@ ExtentView random_view(CounterRandom& random, double distance) {
   return {{around * std::cos(angle), y, around * std::sin(angle)}, distance};
 }
 
-// Which pixels of a picture the shape covers, by drawing every triangle's projection.
+// Marks the pixels of a picture that the shape covers, by drawing every triangle's projection.
 class Coverage {
  public:
   static constexpr int kSide = 384;
@@ -163,7 +164,7 @@ class Coverage {
   static int pixel(double coordinate) {
     return std::clamp(static_cast<int>(std::floor((coordinate + 1.0) * kSide / 2.0)), 0, kSide - 1);
   }
-  // The part of the whole frame that is covered.
+  // The share of the whole frame that is covered.
   double share() const {
     return static_cast<double>(std::count(covered_.begin(), covered_.end(), true)) / (kSide * kSide);
   }
@@ -188,7 +189,7 @@ class Coverage {
 struct ChiSquare {
   double statistic = 0.0;
   int freedom = -1;
-  // What a right sampler exceeds once in 10,000 times (Wilson & Hilferty, 1931).
+  // The value of chi-square that a correct sampler exceeds once in 10,000 times (Wilson & Hilferty, 1931).
   double critical() const {
     const double v = 2.0 / (9.0 * freedom);
     return freedom * std::pow(1.0 - v + 3.719 * std::sqrt(v), 3.0);
@@ -196,8 +197,8 @@ struct ChiSquare {
   bool passes() const { return statistic < critical(); }
 };
 
-// Counts of independent image points in square cells of equal area, against the covered area of each. Cells
-// that expect fewer than 10 points are taken together.
+// Compares the counts of independent image points in square cells with the covered area of each cell. Cells that expect
+// fewer than 10 points are pooled.
 ChiSquare uniformity(const Coverage& coverage, const std::vector<glm::dvec2>& points) {
   constexpr int kCells = 16, kPixels = Coverage::kSide / kCells;
   std::array<double, kCells * kCells> expected{}, got{};
@@ -225,7 +226,7 @@ ChiSquare uniformity(const Coverage& coverage, const std::vector<glm::dvec2>& po
   return result;
 }
 
-// One point a seed, the (seed modulo `among`)th, so that the points are independent.
+// Takes one point for each seed, the (seed modulo `among`)th, so that the points are independent.
 std::vector<glm::dvec2> one_point_a_seed(const RayCaster& caster, const ExtentView& view,
                                          const TestCamera& camera, size_t seeds,
                                          size_t among = kExtentPoints) {
@@ -240,7 +241,7 @@ std::vector<glm::dvec2> one_point_a_seed(const RayCaster& caster, const ExtentVi
   return image;
 }
 
-// A sampler that is wrong on purpose: even over the seen surface, not over the picture.
+// A sampler that is wrong on purpose: uniform over the visible surface instead of the picture.
 std::vector<glm::dvec2> even_over_surface(const std::vector<Triangle>& triangles, const TestCamera& camera,
                                           CounterRandom& random, size_t count) {
   std::vector<double> area_up_to;
@@ -290,7 +291,7 @@ TEST(Extent, PointsLieOnTheSurfaceAndAreSeenFromTheirViewpoint) {
       const TestCamera camera(*geometry, ExtentTable::view(view), random);
       for (size_t i = 0; i < kExtentPoints; i += 5) {
         const glm::dvec3 p = table->points_of_view(view)[i], eye = camera.eye_for(p);
-        // A float's grain at the mesh's place in its frame.
+        // The rounding of a float at the mesh's position in its frame.
         const double grain = 1e-6 * (geometry->radius_m + glm::length(p));
         EXPECT_LT(brute_distance(triangles, p), grain) << name << " view " << view << " point " << i;
         const double seen = brute_first_hit(triangles, eye, p - eye);
@@ -317,8 +318,8 @@ TEST(Extent, EachPointIsUniformInThePicture) {
   }
 }
 
-// A sequence that starts wherever chance has it, on the shape or beside, favours in its first hits the parts
-// that it seldom returns to.
+// When a sequence starts at a random position, on the shape or beside it, its first hits favour the parts to which it
+// seldom returns.
 TEST(Extent, TheFirstPointsAreAsUniformAsTheLast) {
   for (const auto& [name, geometry] : shapes()) {
     const RayCaster caster(*geometry);
@@ -380,7 +381,7 @@ TEST(Extent, NoPartOfThePictureIsFarFromAPoint) {
           std::max(by_chance, dispersion(coverage, one_point_a_seed(caster, view, camera, kExtentPoints)));
     }
   }
-  EXPECT_GT(by_chance, kBound);  // independent points would not do
+  EXPECT_GT(by_chance, kBound);  // independent points would not keep this bound
 }
 
 TEST(Extent, EightConsecutivePointsSpreadBetterThanRandomOnes) {
@@ -405,8 +406,8 @@ TEST(Extent, EightConsecutivePointsSpreadBetterThanRandomOnes) {
   }
 }
 
-// Of a round body any viewer sees as much to the left of its axis as to the right. One view of the table does not say so, blended
-// ones do, on the average.
+// Every viewer sees equal parts of a round body to the left and right of its axis. A single view of the table does not
+// show this, but blended views do on average.
 TEST(Extent, BlendedViewsAreNotTurned) {
   const GeometryPtr body = shape(CapsuleShape{0.3f, 0.6f});
   const auto table = ExtentTable::build(*body);
@@ -470,7 +471,7 @@ TEST(Extent, RoundRobinUsesEveryPointOnceARound) {
   for (const size_t count : {size_t{1}, size_t{8}, size_t{24}, kExtentPoints}) {
     const uint64_t ticks = (kExtentPoints + count - 1) / count;
     std::vector<int> used(kExtentPoints, 0);
-    const uint64_t start = uint64_t{1} << 40;  // sessions last
+    const uint64_t start = uint64_t{1} << 40;  // a long session gets this far
     for (uint64_t tick = start; tick < start + ticks; ++tick) {
       pick_points(points, tick, count, picked);
       ASSERT_EQ(picked.size(), count);
@@ -510,7 +511,7 @@ TEST(Extent, TheSameContentAndSeedGiveTheSameTable) {
   EXPECT_NE(once, all_points(*ExtentTable::build(*build_geometry(figure_mesh()).value(), 10)));
 }
 
-// A square in the plane z = 0: from its rim nothing of it is to be seen.
+// A square in the plane z = 0. A viewer in that plane sees nothing of it.
 MeshData square_mesh() {
   MeshData mesh;
   mesh.positions = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
@@ -560,12 +561,12 @@ TEST(ExtentCache, SharesOneTableAShapeAndFreesItWithTheShape) {
   const auto sphere = shape(SphereShape{});
   std::weak_ptr<const ExtentTable> first = cache.get(capsule);
   EXPECT_EQ(first.lock(), cache.get(capsule));
-  EXPECT_EQ(first.lock(), cache.get(twin));  // another geometry of the same content
+  EXPECT_EQ(first.lock(), cache.get(twin));  // another geometry with equal triangles
   EXPECT_EQ(cache.count(), 1);
 
   capsule.reset();
   cache.get(sphere);
-  EXPECT_FALSE(first.expired());  // the twin lives
+  EXPECT_FALSE(first.expired());  // the twin is still in use
   EXPECT_EQ(cache.count(), 2);
 
   twin.reset();

@@ -1,4 +1,4 @@
-// Which sampler a daemon takes: the decision by itself, and as the daemon on this machine makes it.
+// Which sampler a daemon takes: the decision by itself, and the daemon's choice on this machine.
 #include "server/sample/sampler_choice.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +35,7 @@ Result<EglDeviceInfo> must_not_be_asked() {
   return absent();
 }
 
-TEST(SamplerChoice, WhatIsNamedIsTakenUnseen) {
+TEST(SamplerChoice, ANamedSamplerIsTakenWithoutAProbe) {
   for (const SamplerChoice named : {SamplerChoice::kEgl, SamplerChoice::kEmbree})
     EXPECT_EQ(decide_sampler(named, {}, must_not_be_asked)->sampler, named);
 }

@@ -28,7 +28,7 @@ class SceneMaker {
   NewInstance instance(uint64_t id);
   // `count` instances with ids from 1.
   SceneDelta scene(uint32_t count);
-  // From in or about the scene towards its middle: off-axis windows, 5 to 32 texels a side, jittered.
+  // From a position in or around the scene towards its middle: off-axis windows, 5 to 32 texels a side, jittered.
   MapView view();
   // Some slots below `slot_count`, ascending.
   std::vector<uint32_t> ignored(size_t slot_count);

@@ -44,7 +44,7 @@ TEST_F(Animation, LinearTranslationIsMixedAndClampedAtBothEnds) {
   expect_near(world_at(0.0)[3], {0, 0, 0});
   expect_near(world_at(1.5)[3], {1, 0, 2});
   expect_near(world_at(99.0)[3], {4, 0, 8});
-  expect_near(world_at(1.5)[0], {2, 0, 0});  // what is not animated stays
+  expect_near(world_at(1.5)[0], {2, 0, 0});  // what is not animated keeps its value
 }
 
 TEST_F(Animation, StepHoldsTheKeyUntilTheNext) {

@@ -46,7 +46,7 @@ double reference_distance(const std::vector<Triangle>& triangles, const glm::dve
   return best;
 }
 
-// Those that a sphere on the path could touch; keeps dense sampling quick.
+// The triangles that a sphere on the path could touch; this keeps the dense sampling quick.
 std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from,
                                 const glm::dvec3& to, double reach) {
   std::vector<Triangle> near;
@@ -136,7 +136,8 @@ TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   EXPECT_EQ(field.collider_count(), 1u);
 }
 
-// What stands is kept from gather to gather: a field that goes along is what a fresh one is, whatever changes on the way.
+// Static geometry is kept from one gather to the next. A field that follows the camera must equal a fresh one after every
+// change on the way.
 TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
   const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
   for (uint64_t seed = 0; seed < 10; ++seed) {
@@ -155,7 +156,7 @@ TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
       if (step % 15 == 7) delta.change.push_back({static_cast<uint64_t>(1 + step), {.collides = false}});
       if (step % 15 == 11) delta.remove.push_back(static_cast<uint64_t>(1 + step));
       TransformUpdate update;
-      update.ids = {5, step == 30 ? uint64_t{2} : uint64_t{10}};  // one that stood begins to move
+      update.ids = {5, step == 30 ? uint64_t{2} : uint64_t{10}};  // an instance that was static begins to move
       update.poses = {{draw.vec(10), draw.rotation()}, {draw.vec(10), draw.rotation()}};
       ASSERT_TRUE(mirror.apply(delta, update));
       std::vector<uint32_t> ignored;
@@ -192,7 +193,7 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
     fill_at_random(mirror, draw);
     const auto all = world_triangles(mirror);
     const ClearanceField field = gathered(mirror);
-    size_t blocker = seed % 2 * 1000;  // none at first, or what never was
+    size_t blocker = seed % 2 * 1000;  // none at first, or an instance that never existed
     for (int i = 0; i < 40; ++i) {
       const double radius = i % 5 == 0 ? 0.0 : draw.in(0.01, 0.5);
       const glm::dvec3 from = draw.vec(7), to = from + draw.vec(i % 2 ? 6 : 0.5);
@@ -218,7 +219,8 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
   EXPECT_GT(free, 100);
 }
 
-// Of many colliders each is met, and only where it stands: 300 posts on a circle, with more than the sphere's room between them.
+// Each of many colliders blocks exactly where it stands: 300 posts on a circle, with more than the sphere's width
+// between them.
 TEST(Sweep, MeetsEachOfManyAndPassesBetween) {
   constexpr int kPosts = 300;
   constexpr double kRingM = 40.0, kTurn = 2 * 3.14159265358979323846 / kPosts;
@@ -285,7 +287,7 @@ TEST_F(WallTest, AThousandSlidesInContactNeverGetStuck) {
 }
 
 TEST_F(WallTest, AShallowApproachStopsWhereItTouches) {
-  // Down from a gap of 1 mm to -1 mm over 20 m: contact in the middle.
+  // The gap between the sphere and the wall falls from 1 mm to -1 mm over 20 m: contact is in the middle.
   const double stop = field.free_fraction({0.301, 0, -10}, {0.299, 0, 10}, 0.3) * 20;
   EXPECT_LE(stop, 10 + 1e-9);
   EXPECT_GE(stop, 10 - 1e-3);

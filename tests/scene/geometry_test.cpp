@@ -192,14 +192,14 @@ TEST(Geometry, TheHashTellsPositionsIndicesAndSplitApart) {
   EXPECT_EQ(hash_mesh(same_split), hash_mesh(mesh));
 }
 
-// Meshes made to unbalance or break a tree builder.
+// Meshes that are made to unbalance or break a tree builder.
 TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   std::vector<MeshData> meshes(4);
   for (uint32_t t = 0; t < 20'000; ++t) {
     const uint32_t i = 3 * t;
     const float spread = std::ldexp(1.0f, -static_cast<int>(t % 100)),
                 far = std::ldexp(1.0f, static_cast<int>(t % 29));
-    // All in one place; ever closer to a point; ever farther away; all centroids equal, sizes unlike.
+    // In turn: all in one place; ever closer to a point; ever farther away; all centroids equal but sizes unlike.
     const auto add = [&](MeshData& mesh, const glm::vec3& at, float size) {
       mesh.positions.insert(mesh.positions.end(),
                             {at, at + glm::vec3(size, 0, 0), at + glm::vec3(0, size, size)});
@@ -213,8 +213,8 @@ TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   for (const MeshData& mesh : meshes) check_trees(*build(mesh));
 }
 
-// Single triangles on the three axes, each 32 times nearer to the origin than the one before: every plane of
-// the heuristic peels off one, 78 in a row.
+// Single triangles on the three axes, each 32 times nearer to the origin than the one before. Every split by the
+// heuristic separates one triangle, 78 times in a row.
 TEST(Geometry, NestedScalesKeepTheDepthBounded) {
   MeshData mesh;
   const auto add = [&](const glm::vec3& at) {
@@ -263,7 +263,7 @@ TEST(Geometry, BadMeshesAreRefusedByField) {
   expect_refused(with([](MeshData& m) { m.see_through_first_index = 4; }), "see_through_first_index");
 }
 
-// Large enough for subtrees of their own threads.
+// Large enough that threads build subtrees of their own.
 TEST(Geometry, ALargeMeshGivesTheSameTreeEveryTime) {
   const MeshData mesh = random_soup(11, 150'000, 0.2);
   const auto first = build(mesh), second = build(mesh);
@@ -276,7 +276,7 @@ TEST(Geometry, ALargeMeshGivesTheSameTreeEveryTime) {
             0);
 }
 
-TEST(Geometry, BytesAreToldByPart) {
+TEST(Geometry, BytesAreReportedByPart) {
   const auto g = build(random_soup(12, 500));
   EXPECT_EQ(g->bytes_by_part().source, 1500u * 12 + 1500u * 4);
   EXPECT_EQ(g->bytes_by_part().clusters, sizeof(Geometry) + g->occluding.size() * sizeof(TreeNode));
@@ -327,7 +327,7 @@ TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   EXPECT_EQ(a->hash, build(random_soup(1, 100))->hash);
 }
 
-TEST(GeometryStore, LetsGoOfWhatNobodyHolds) {
+TEST(GeometryStore, FreesGeometryThatNoOwnerHolds) {
   GeometryStore store;
   auto a = store.intern(random_soup(1, 100)).value();
   const std::weak_ptr<const Geometry> watch = a;

@@ -1,5 +1,5 @@
-// Hostile files. The property: an Error that names the place, no crash, no more memory
-// than the limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
+// Hostile files. The reader must answer with an Error that names the place, never crash, and use no more memory than
+// the limits allow. Run under AddressSanitizer to give "no crash" its full meaning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -79,7 +79,7 @@ TEST(GltfHostile, EveryTruncationOfAGltfIsAnError) {
   }
 }
 
-// The header's length rewritten to match, so that the damage reaches what lies behind the header.
+// Rewrites the length in the header to match, so that the damage reaches what lies behind the header.
 TEST(GltfHostile, ATruncatedBinaryChunkIsAnError) {
   const GlbBuilder file = rich_file();
   json document = file.json;
@@ -91,7 +91,7 @@ TEST(GltfHostile, ATruncatedBinaryChunkIsAnError) {
   }
 }
 
-// Whatever the damage does, the answer is an asset or an Error, and memory stays where it was.
+// For any damage, the reader answers with an asset or an Error and keeps within its memory.
 TEST(GltfHostile, RandomByteDamageNeverCrashes) {
   const auto whole = rich_file().glb();
   CounterRandom random(7, 0, RandomPurpose::kTest);
@@ -115,8 +115,7 @@ TEST(GltfHostile, RandomByteDamageNeverCrashes) {
   EXPECT_LT(peak_bytes() - before, size_t{256} << 20);
 }
 
-// Digits for digits and keys for keys: damage that keeps the JSON well formed reaches deeper than random
-// bytes.
+// Replaces digits by digits and keys by keys. Damage that keeps the JSON well formed reaches deeper than random bytes.
 TEST(GltfHostile, RandomNumbersInWellFormedJsonNeverCrash) {
   const GlbBuilder file = rich_file();
   CounterRandom random(8, 0, RandomPurpose::kTest);
@@ -437,7 +436,7 @@ TEST(GltfHostile, ManyJsonValuesAreRefusedBeforeAnyIsStored) {
   EXPECT_EQ(error_of(bytes_of(text + "0]}"), limits).code, ErrorCode::kResourceExhausted);
 }
 
-// Ten thousand primitives over the same corners: a small file, a great deal of work.
+// Ten thousand primitives over the same corners: a small file that costs much work.
 TEST(GltfHostile, SharedAccessorsCountEveryTimeTheyAreUsed) {
   GlbBuilder file;
   file.triangle_node();
@@ -485,7 +484,7 @@ TEST(GltfHostile, WarningsAreBounded) {
   EXPECT_EQ((*asset)->warnings.size(), 101u);
 }
 
-// "asked" stays empty: a URI that leads outside never reaches the callback.
+// "asked" stays empty, because a URI that leads outside the folder never reaches the callback.
 TEST(GltfHostile, UrisThatLeaveTheFolderAreRefusedBeforeAnyFileIsAsked) {
   const std::string nul("a%00.bin");
   for (const std::string& uri :

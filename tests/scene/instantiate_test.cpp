@@ -55,7 +55,7 @@ class InstantiateTest : public ::testing::Test {
   SceneAsset asset;
 };
 
-// Where an instance's triangles stand in the world, as sorted corner triples.
+// The corners of an instance's triangles in the world, as sorted triples.
 std::vector<std::array<std::array<double, 3>, 3>> world_triangles(const NewInstance& i) {
   std::vector<std::array<std::array<double, 3>, 3>> triangles;
   const auto& g = *i.geometry;

@@ -372,8 +372,8 @@ TEST(MirrorIdentity, IsUnique) {
   EXPECT_NE(SceneMirror().identity(), SceneMirror().identity());
 }
 
-// Random walks of a mirror, in any order.
-TEST(MirrorHash, DoesNotDependOnTheOrderOfTelling) {
+// Random walks of several instances of a mirror, in any order.
+TEST(MirrorHash, DoesNotDependOnTheOrderOfUpdates) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   std::vector<NewInstance> all;
   for (uint64_t id = 1; id <= 50; ++id) {

@@ -26,7 +26,7 @@ struct DracoOptions {
 };
 std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options);
 
-// A glTF file whose views are packed; what they unpack to has a buffer without bytes.
+// A glTF file whose views are packed. The buffer into which they unpack has no bytes in the file.
 class PackedFile : public GlbBuilder {
  public:
   // The index of a view of `count` elements of `stride` bytes that `stream` unpacks to.

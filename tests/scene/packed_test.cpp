@@ -1,5 +1,5 @@
-// Packed files: made with the libraries' encoders from meshes that are known, read back and compared with those. Then
-// the same files spoiled; run under AddressSanitizer to give "no crash" its full meaning.
+// Packed files are made from known meshes with the libraries' encoders, read back, and compared with the meshes. Then
+// the same files are damaged; run under AddressSanitizer to give "no crash" its full meaning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <meshoptimizer.h>
@@ -48,7 +48,8 @@ std::vector<Triangle> triangles_in(const std::vector<std::byte>& glb) {
                                                        : std::vector<Triangle>();
 }
 
-// The greatest distance of a corner of `a` from the same corner of `b`, in the turn of `b` that fits best.
+// The greatest distance between corners of `a` and the matching corners of `b`, under the rotation of `b`'s corners
+// that fits best.
 float distance(const Triangle& a, const Triangle& b) {
   float best = std::numeric_limits<float>::infinity();
   for (size_t turn = 0; turn < 3; ++turn) {
@@ -61,7 +62,8 @@ float distance(const Triangle& a, const Triangle& b) {
   return best;
 }
 
-// Each triangle of one set has its own in the other, no corner farther off than `step_m` along any axis.
+// Every triangle of one set matches a different triangle of the other, with no corner farther than `step_m` along any
+// axis.
 void expect_same_within(const std::vector<Triangle>& wanted, std::vector<Triangle> found, float step_m) {
   ASSERT_EQ(found.size(), wanted.size());
   for (const Triangle& t : wanted) {
@@ -185,7 +187,7 @@ TEST(Meshopt, TheQuaternionFilterTurnsInstances) {
   }
 }
 
-// The fallback holds other triangles, so that it shows which of the two was read.
+// The fallback holds other triangles, so the result shows what was read.
 TEST(Meshopt, ThePackedDataIsReadAndTheFallbackIsNotEvenOpened) {
   PackedFile file;
   const MeshData mesh = hills(4);
@@ -345,7 +347,7 @@ TEST(Packed, TheSceneCommandSaysWhatAPackedFileHolds) {
   EXPECT_THAT(out.str(), testing::ContainsRegex("positions and indices [0-9.]+ KiB, clusters [0-9.]+ KiB"));
 }
 
-// Draco decodes vertices in an order of its own, and may leave nothing but the set of triangles.
+// Draco returns vertices in an order of its own; only the set of triangles must be the same.
 TEST(Draco, FloatsAreReadExactly) {
   const MeshData mesh = hills(9);
   for (const bool edgebreaker : {false, true}) {
@@ -475,8 +477,8 @@ TEST(Draco, EveryTruncationOfAStreamIsAnError) {
   }
 }
 
-// The head of the connectivity says how many triangles follow; a stream of about a hundred bytes claims millions, and its
-// accessors agree.
+// The header of the connectivity states how many triangles follow. A stream of about a hundred bytes claims millions,
+// and its accessors agree with it.
 TEST(Draco, ClaimedSizesAreLimitedBeforeTheyAreBelieved) {
   PackedFile file;
   const MeshData mesh = hills(6);
@@ -497,8 +499,8 @@ TEST(Draco, ClaimedSizesAreLimitedBeforeTheyAreBelieved) {
   EXPECT_LT(peak_bytes() - before, size_t{64} << 20);
 }
 
-// Bytes of the binary chunk changed at random: an error that names a field, or some mesh; never a crash, never much
-// memory. Structure is damaged as well as values, for streams are short and every bit of them counts.
+// Random changes of bytes in the binary chunk give an error that names a field, or some mesh; never a crash, and never
+// much memory. Both structure and values are damaged, because the streams are short and every bit counts.
 void damage_at_random(const std::vector<std::byte>& glb, size_t chunk_bytes, uint64_t seed, int rounds) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   int refused = 0;

@@ -32,7 +32,7 @@ MeshData heap(CounterRandom& random, int triangles, const glm::vec3& middle) {
 struct Brute {
   double distance = std::numeric_limits<double>::infinity();
   uint32_t first_index = 0;
-  double edge = 1.0;  // the least barycentric coordinate, of any triangle passed near its edge
+  double edge = 1.0;  // the least barycentric coordinate over all triangles that the ray meets or nearly meets
 };
 
 Brute brute_first_hit(const Geometry& geometry, const glm::dvec3& origin, const glm::dvec3& direction) {

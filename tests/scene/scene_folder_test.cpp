@@ -36,7 +36,7 @@ class SceneFolder : public testing::Test {
     std::ofstream out(root / path, std::ios::binary);
     out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   }
-  // Moves a file's time on, as an edit a second later would.
+  // Moves a file's modification time forward, as an edit one second later would.
   void touch(const std::string& path) {
     fs::last_write_time(root / path, fs::last_write_time(root / path) + std::chrono::seconds(1));
   }
@@ -45,7 +45,7 @@ class SceneFolder : public testing::Test {
     return asset ? Error{ErrorCode::kInternal, "", "was loaded"} : asset.error();
   }
 
-  // A library knows its folder from the start.
+  // A library knows the files of its folder from the start.
   const test::TemporaryFolder root;
   const bool made = fs::create_directories(root / "scenes/levels");
   GeometryStore store;
@@ -256,7 +256,7 @@ TEST_F(SceneFolder, AnUploadsBytesAreKeptWhereTheyAreWanted) {
   ASSERT_EQ(files->size(), 1u);
   EXPECT_EQ(files->at(0).name, "");
   EXPECT_EQ(*files->at(0).bytes, text_of(bytes));
-  // An upload of what is loaded by name is that: its file has the bytes.
+  // An upload that equals a file loaded by name is the same scene, because the bytes are equal.
   const auto hall = keeper.load_named("hall.glb");
   ASSERT_TRUE(hall && keeper.add_uploaded(triangle_glb(1)));
   EXPECT_EQ(*keeper.files_of((*hall)->hash)->at(0).bytes, text_of(triangle_glb(1)));

@@ -42,7 +42,7 @@ TEST_P(Corridors, SecondTargetWalksWhereTheFirstHasBeen) {
         << "at " << time_s;
 }
 
-// From a chest on the way, rays all around and one upwards.
+// Casts rays all around and one upwards, from the height of a chest on the path.
 TEST_P(Corridors, AreClosedAndNarrow) {
   Stage stage(make_corridors({.seed = GetParam()}));
   stage.play(0);

@@ -18,8 +18,8 @@ glm::ivec2 room_at(const glm::dvec3& p) {
   return {static_cast<int>(p.x / 6), static_cast<int>(p.z / 6)};
 }
 
-// How often a follower of 0.25 m radius, at the second target's position of `behind_s` ago, runs into a wall
-// or door that they were clear of before.
+// Counts how often a follower runs into a wall or door that it was clear of before. The follower has a radius of 0.25
+// m, and is always where the second target was `behind_s` ago.
 int times_cut_off(const std::vector<std::byte>& bytes, double behind_s) {
   Stage stage(bytes);
   EmbreeDevice device;
@@ -38,20 +38,20 @@ int times_cut_off(const std::vector<std::byte>& bytes, double behind_s) {
   return times;
 }
 
-TEST_P(Doors, LetPassWhoFollowsCloseAndCutOffWhoFollowsFar) {
+TEST_P(Doors, LetACloseFollowerPassAndCutOffADistantOne) {
   const auto bytes = make_doors({.seed = GetParam()});
   EXPECT_EQ(times_cut_off(bytes, 0.7), 0);
   EXPECT_GE(times_cut_off(bytes, 2.0), 4);
 }
 
-TEST_P(Doors, StayOpenLongerWhenTold) {
+TEST_P(Doors, StayOpenLongerWhenSet) {
   const auto bytes = make_doors({.seed = GetParam(), .hold_s = 3});
   EXPECT_EQ(times_cut_off(bytes, 2.0), 0);
   EXPECT_GE(times_cut_off(bytes, 4.5), 1);
 }
 
-// Between the room that the targets have just left and the one that they are in: shut 2 s after the second
-// passed, unless a target comes back.
+// The door between the room that the targets have just left and their present room is shut 2 s after the second target
+// passed it, unless a target returns.
 TEST_P(Doors, CloseBehindBothTargets) {
   Stage stage(make_doors({.seed = GetParam()}));
   EmbreeDevice device;

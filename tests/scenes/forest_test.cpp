@@ -44,7 +44,7 @@ TEST_P(Forest, PathWindsToBothSides) {
   }
 }
 
-// Rays from a target's way outwards, at the height of a chest and of a high camera.
+// Casts rays outwards from a target's path, at the height of a chest and of a high camera.
 TEST_P(Forest, TrunksCollideAndCrownsDoNot) {
   Stage stage(make_forest({.seed = GetParam()}));
   stage.play(0);

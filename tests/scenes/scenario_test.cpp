@@ -1,5 +1,5 @@
-// What every generated scenario promises: checked through the server's reader, mirror and clearance query,
-// and with Embree as the independent judge of distances and sight.
+// Every generated scenario keeps these promises. They are checked through the server's reader, mirror and clearance
+// query, and with Embree for independent distances and visibility.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -88,7 +88,7 @@ TEST_P(EveryScenario, MovesExactlyTheNodesThatHaveAMovingRole) {
   EXPECT_EQ(channels, expected);
 }
 
-// Two keys a tick apart that differ by more than a walker can would be a jump.
+// Two keys one tick apart that differ by more than a walker can move would be a jump.
 TEST_P(EveryScenario, MovesTargetsWithoutJumps) {
   const Stage stage(GetParam().make());
   for (const Role& role : stage.with_role("target")) {
@@ -269,7 +269,7 @@ TEST(Fence, HidesATargetOftenButInFewOfAnyTenSteps) {
   }
 }
 
-// How many of the targets' chests are hidden from where the camera starts.
+// The number of targets whose chest is hidden from the camera's start.
 size_t hidden_from_the_start(Stage& stage, double time_s) {
   stage.play(time_s);
   EmbreeDevice device;
@@ -362,7 +362,7 @@ TEST(Hall, TargetsWalkAtBetween1Point2And3MetresASecond) {
   }
 }
 
-// Where the camera stood at first, from the targets' middle.
+// The camera's position at `time_s` when it keeps its first offset from the mean of the targets.
 glm::dvec3 eye_behind_targets(const Stage& stage, double time_s) {
   const std::vector<Role> targets = stage.with_role("target");
   const auto middle = [&](double at_s) {
@@ -371,7 +371,7 @@ glm::dvec3 eye_behind_targets(const Stage& stage, double time_s) {
   return stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle(0) + middle(time_s);
 }
 
-// From the first tick at which it hides the chest of one target to the first at which it hides both.
+// The time from the first tick at which the curtain hides the chest of one target to the first at which it hides both.
 TEST(Hall, CurtainsHideBothTargetsSuddenlyAndAreDrawnInSightLongBefore) {
   for (uint64_t seed : {1, 2, 3, 4, 5}) {
     Stage stage(make_hall({.seed = seed}));

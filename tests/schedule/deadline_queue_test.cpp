@@ -79,7 +79,7 @@ TEST(DeadlineQueue, ACostThatIsKnownLateStillCounts) {
   Flow a, b;
   queue.push(a, 1);
   ASSERT_EQ(queue.pop(0), &a);
-  queue.push(a, 1);  // waits again before its cost is known
+  queue.push(a, 1);  // a second task waits before the cost of the first is known
   queue.push(b, 2);
   queue.charge(a, 5 * kMs, 10);  // late
   EXPECT_EQ(queue.pop(10), &b);
@@ -98,11 +98,11 @@ struct Player {
 
   Flow flow{};
   std::optional<int64_t> newest_ns{};  // arrival of a tick that waits; newest wins
-  int64_t due_ns = 0;                  // of what was asked for first
+  int64_t due_ns = 0;                  // deadline of the oldest tick that waits
   bool running = false;
 };
 
-// Ticks arrive at every interval, each player steps on at most one of the threads at a time.
+// Ticks arrive at fixed intervals. Each player is stepped by at most one of the threads at a time.
 class Machine {
  public:
   Machine(std::vector<Player>& players, unsigned threads, Policy policy = Policy::kQueue)
@@ -175,7 +175,7 @@ class Machine {
   int64_t now_ns_ = 0;
 };
 
-// Nine tenths of a thread's time: 24 games at 30 Hz that all tick at once, and one at 500 Hz.
+// Load of nine tenths of one thread: 24 games at 30 Hz that all tick at once, and one game at 500 Hz.
 std::vector<Player> what_just_fits() {
   std::vector<Player> players;
   for (int i = 0; i < 24; ++i) players.push_back({33 * kMs, kMs, 0});
@@ -208,7 +208,7 @@ TEST_P(Overload, EqualSessionsGetEqualSharesOfThreeTimesTooMuch) {
   }
 }
 
-// By deadlines alone the session that ticks fastest would always be the most urgent.
+// If deadlines alone decided, the session with the highest tick rate would always be the most urgent.
 TEST_P(Overload, AGreedySessionTakesNothingFromThoseThatAskForLittle) {
   const unsigned threads = GetParam();
   std::vector<Player> players;
@@ -243,7 +243,7 @@ TEST(DeadlineQueue, ASilentSessionSavesUpNoClaim) {
   for (int i = 0; i < 3; ++i) players.push_back({4 * kMs, 4 * kMs, 0});
   players.push_back({4 * kMs, 4 * kMs, 2000 * kMs});  // silent for two seconds
   Machine(players, 1).run(4000 * kMs);
-  // A quarter from then on, and once what it may claim.
+  // A quarter of the time from then on, and the once-only credit for its silence.
   constexpr double kClaim = DeadlineQueue::kClaimNs;
   EXPECT_NEAR(static_cast<double>(players[3].used_ns), (2000.0 * kMs - kClaim) / 4 + kClaim, 20.0 * kMs);
 }

@@ -15,7 +15,7 @@ double used(const std::vector<double>& demands, double share) {
   return sum;
 }
 
-// By halving, from the definition.
+// The fair share by bisection, from its definition.
 double plain_share(const std::vector<double>& demands, double capacity) {
   double low = 0, high = 1e6;
   if (used(demands, high) <= capacity) return std::numeric_limits<double>::infinity();
@@ -73,7 +73,7 @@ TEST(FairShares, ASessionThatLeavesOrFallsSilentIsForgotten) {
 // Two sessions whose demands fit the capacity.
 class Contended : public testing::Test {
  protected:
-  // One renewal's worth of steps, so many of them late; the share at its end.
+  // Takes one renewal period of steps, of which so many are late. Returns the share at its end.
   double renew(int late, int steps = 100) {
     for (int i = 0; i < steps; ++i) share_ = shares_.report(i % 2 ? a_ : b_, 0.4, i < late, now_ns_);
     now_ns_ += kRenewed;

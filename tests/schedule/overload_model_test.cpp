@@ -1,9 +1,10 @@
-// The policies together, in a model of the daemon on a machine with two CPUs. The model is deterministic, so a policy
-// can be judged by what becomes worse without it.
+// The policies together, in a deterministic model of the daemon on a machine with two CPUs. Leaving a policy out shows
+// what it is good for.
 //
-// Four threads share the CPUs: two scheduler threads, the event loop and one client. The machine runs them in turn, 3 ms
-// each. Every tick passes the event loop, waits in the queue, is stepped, and its reply passes the event loop. A thread
-// that waits for a CPU does no work, and the cost of a step is the time between its start and its end, as in the daemon.
+// Four threads share the CPUs: two scheduler threads, the event loop and one client. The machine runs them in turn, 3
+// ms each. Every tick passes the event loop, waits in the queue and is stepped, and its reply passes the event loop. A
+// thread that waits for a CPU does no work. The cost of a step is the time between its start and its end, as in the
+// daemon.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +25,7 @@ namespace {
 
 constexpr int64_t kGrainNs = 20'000, kIntervalNs = 16'666'667, kSliceNs = 3'000'000;
 constexpr size_t kSteppers = 2, kLoop = 2, kClient = 3, kThreads = 4, kCpus = 2;
-// Cost of a step at each level; the first guesses of StepBudget are others.
+// Relative cost of a step at each level, on purpose other than the first guesses of StepBudget.
 constexpr double kRelativeCost[] = {1.0, 0.8, 0.55, 0.42, 0.28, 0.15};
 
 struct Load {

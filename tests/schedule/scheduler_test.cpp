@@ -1,4 +1,4 @@
-// The threads round the queue: rounds of one and of many, and what becomes of a sampler that fails.
+// The threads around the queue: rounds of one task and of several, and a sampler that fails.
 #include "server/schedule/scheduler.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::chrono::seconds kTimeout{30};
 
-// Takes nothing, and remembers which jobs came together.
+// A sampler that takes no maps and records which jobs came in one batch.
 class CountingDevice final : public SamplerDevice {
  public:
   explicit CountingDevice(size_t best_batch) : best_batch_(best_batch) {}
@@ -36,7 +36,7 @@ class CountingDevice final : public SamplerDevice {
   }
   void throw_always() { throws_ = true; }
 
-  static constexpr size_t kFails = 7;  // so many requests
+  static constexpr size_t kFails = 7;  // a job with this many requests fails
 
  private:
   const size_t best_batch_;
@@ -85,7 +85,7 @@ class Task : public Scheduled {
   const std::vector<MapRequest> requests_;
 };
 
-// Holds a thread of the scheduler until it is pulled.
+// Blocks a scheduler thread until released.
 class Plug final : public Scheduled {
  public:
   TakeJob plan() override {
@@ -112,7 +112,7 @@ class Plug final : public Scheduled {
   bool holds_ = false, pulled_ = false;
 };
 
-// One thread, held while tasks are posted.
+// One scheduler thread, which is blocked while tasks are posted.
 struct HeldScheduler {
   explicit HeldScheduler(size_t best_batch, unsigned threads = 1)
       : device(best_batch), scheduler(threads, device, [this] { return static_cast<int64_t>(++ticks); }) {
@@ -169,7 +169,7 @@ TEST(Scheduler, ATaskWithoutMapsIsFinishedWithoutTheDevice) {
   EXPECT_EQ(held.device.batches(), (std::vector<size_t>{1}));
 }
 
-TEST(Scheduler, EachLearnsWhatBecameOfItsOwnMaps) {
+TEST(Scheduler, EachTaskGetsTheResultOfItsOwnMaps) {
   HeldScheduler held(4);
   held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1),
       held.post("fine", 2, kLater + 2);
@@ -263,7 +263,7 @@ TEST(Scheduler, ARoundOnTheCallersThreadIsComparedWithItsOwnDeadline) {
   scheduler.post(std::make_shared<Task>(events, "fresh", 0), kLater + 2);
   plug->pull();
   const Entries entries = events.after(before + 4);
-  // No deadline was missed, so the order is still that of the deadlines.
+  // No deadline was missed, so tasks still run in the order of their deadlines.
   EXPECT_EQ(Entries(entries.begin() + static_cast<ptrdiff_t>(before), entries.end()),
             (Entries{"served planned", "served ok", "fresh planned", "fresh ok"}));
 }

@@ -97,7 +97,7 @@ TEST(StepBudget, ALastingOverloadRaisesTheLevelAsFarAsNeeded) {
     session.run(2 * kSecond);
     EXPECT_GT(session.budget.level(), 0) << full_cost_ms;
     session.run(20 * kSecond);
-    // It keeps up, and leaves out no more than fits with room to spare.
+    // The session keeps up, and leaves out no more than is needed to fit with room to spare.
     EXPECT_LE(session.cost_ms(), 16.0) << full_cost_ms;
     EXPECT_LE(session.budget.level(), session.least_level_that_fits() + 1) << full_cost_ms;
     EXPECT_NEAR(session.budget.full_cost_ns() * 1e-6, full_cost_ms, 0.15 * full_cost_ms);

@@ -1,4 +1,5 @@
-// Calls, and the threads that serve them: all of gRPC's held, several loops, and a server that stops while it is called.
+// Calls and the threads that serve them: all threads of gRPC in use, several loops, and a server that stops during
+// calls.
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
@@ -36,7 +37,7 @@ class HeldCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::By
     over_.get_future().wait();
   }
 
-  // To be asked once. False: the server refused the call, so that no thread serves it.
+  // To be asked once. False: the server refused the call, so no thread serves it.
   bool has_its_thread() {
     auto answered = answered_.get_future();
     return answered.wait_for(seconds(20)) == std::future_status::ready && answered.get();
@@ -53,7 +54,7 @@ class HeldCall final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::By
   std::promise<void> over_;
 };
 
-// How a call ends that needs a thread.
+// The status of a call that needs one of gRPC's threads.
 grpc::StatusCode call_of_a_thread(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   context.set_deadline(system_clock::now() + seconds(20));
@@ -61,7 +62,8 @@ grpc::StatusCode call_of_a_thread(const std::shared_ptr<grpc::Channel>& channel)
   return v1::CameraControlService::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
 }
 
-// One call after the other: of many at once one is refused, too, while a thread is on its way from one to the next.
+// Calls are made one after another. Among many at once, one could be refused while a thread is on its way from one call
+// to the next.
 TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
   constexpr size_t kMost = 100;
   const ServiceWorld world;
@@ -113,7 +115,7 @@ void call_until(const std::atomic<bool>& stopped, const std::shared_ptr<grpc::Ch
   }
 }
 
-// More loops than the clients need: one that has no other call ends first.
+// There are more loops than the clients need, and a loop without another call ends first.
 TEST(Calls, AServerStopsWhileClientsKeepCalling) {
   CounterRandom random(5, 0, RandomPurpose::kTest);
   for (int round = 0; round < 20; ++round) {

@@ -72,7 +72,8 @@ TEST(ControlInput, AnEmptyMessageOnALiveSessionIsRefusedAndTheSessionLivesOn) {
   EXPECT_TRUE(stream.read()->has_camera());
 }
 
-// The valid half of the refused tick must not be applied either: the hash equals that of a session without the tick.
+// The valid half of the refused tick must not be applied either, so the hash must equal the hash of a session without
+// the tick.
 TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   const ServiceWorld world;
   Stream told_wrong(world.channel()), other(world.channel());
@@ -101,7 +102,7 @@ TEST(ControlInput, ARefusedTickLeavesNoTraceAndOthersGoOn) {
   EXPECT_EQ(after->camera().pose().SerializeAsString(), reference->camera().pose().SerializeAsString());
 }
 
-// A value that settings or limits must not have, where it stands, and a part of what the error must say.
+// An invalid value of settings or limits, the field in which it is sent, and a part of the expected error message.
 struct BadValue {
   const char* field;
   const char* range;
@@ -166,7 +167,8 @@ TEST(ControlInput, ABadSettingOrLimitAtTheOpeningIsNamedWithItsRange) {
   }
 }
 
-// The tick is good but for one value: it moves a target and starts from another preset, and nothing of it is applied.
+// The tick is valid except for one value. It moves a target and starts from another preset, and nothing of it may be
+// applied.
 TEST(ControlInput, ABadSettingOrLimitOnALiveSessionRefusesTheWholeTick) {
   const ServiceWorld world;
   Stream told_wrong(world.channel()), other(world.channel());

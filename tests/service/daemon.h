@@ -15,10 +15,11 @@ struct RunResult {
   std::string output, errors;
 };
 
-// Runs it to its end.
+// Runs the daemon until it ends.
 RunResult run_sightlined(const std::vector<std::string>& arguments);
 
-// Started with the given arguments, and the Embree sampler unless they name one; killed, if it still runs, at the end.
+// Starts it with the given arguments, and with the Embree sampler unless they name one. The destructor kills it if it
+// still runs.
 class Daemon {
  public:
   explicit Daemon(std::vector<std::string> arguments);
@@ -26,13 +27,13 @@ class Daemon {
 
   // Waits until clients can connect; false when it ends instead.
   bool wait_until_ready();
-  // One a listener, as the ready file has them.
+  // One address for each listener, as in the ready file.
   std::vector<std::string> addresses() const;
   bool ready_file_exists() const;
   void signal(int number) const;
   // Waits for the end: its exit code, or minus the signal that ended it.
   int wait();
-  // Everything that it has logged.
+  // All log output so far.
   std::string errors() const;
 
  private:

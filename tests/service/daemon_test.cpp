@@ -1,4 +1,4 @@
-// The daemon from outside: flags, listeners, and its end.
+// The daemon from outside: its flags, its listeners, and how it ends.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -154,7 +154,7 @@ TEST(Daemon, AFileThatIsNoSocketIsLeftAlone) {
 // --- the end
 // -----------------------------------------------------------------------------------------------------
 
-TEST(Daemon, SigtermTellsOpenStreamsAnswersThemAndExitsWithZero) {
+TEST(Daemon, SigtermNotifiesOpenStreamsAnswersThemAndExitsWithZero) {
   Daemon daemon({"--listen", "127.0.0.1:0"});
   ASSERT_TRUE(daemon.wait_until_ready()) << daemon.errors();
   const auto channel = connect(daemon.addresses().front());

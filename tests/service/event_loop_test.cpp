@@ -1,4 +1,4 @@
-// The event loop: what it does itself, what it passes on, and how it ends. Its events are alarms; no call is made.
+// The event loop: what it runs itself, what it hands over, and how it ends. Its events are alarms; no call is made.
 #include "server/rpc/event_loop.h"
 
 #include <grpcpp/alarm.h>
@@ -86,7 +86,7 @@ std::vector<int> numbers(size_t below) {
   return all;
 }
 
-// Not always, where other processes want its core: then it has not rested for a while.
+// This can fail when other processes want the loop's core, because the thread then has not rested for a while.
 TEST_F(EventLoopTest, RunsAShortTaskOnceTheEventIsOver) {
   constexpr int kTries = 200;
   Noted noted;
@@ -141,8 +141,8 @@ TEST_F(EventLoopTest, HandsOverEverythingWhenItHasNotRestedForAWhile) {
   EXPECT_TRUE(noted.on_loop.empty());
 }
 
-// How much of the work that the first of two events asks for is done when the second comes, both of them being ready. Nothing when
-// they came the other way round.
+// Two events are ready, and the first defers a task. Returns how much of that task is done when the second event is
+// handled; nothing when the events came in the other order.
 std::optional<size_t> done_before_the_second(EventLoop& loop, bool after_a_rest) {
   Noted noted;
   std::promise<void> both_ready;
@@ -178,7 +178,7 @@ TEST_F(EventLoopTest, ReadsBeforeItRunsDeferredTasks) {
   EXPECT_TRUE(read_on);
 }
 
-// Most often nothing more is ready then. Not always, where the rest was too short.
+// Usually no other event is ready then. An attempt fails when the rest was too short.
 TEST_F(EventLoopTest, RunsTheFirstTaskAfterALongRestAtOnce) {
   bool worked = false;
   for (int i = 0; i < 20 && !worked; ++i) worked = done_before_the_second(loop(), true) == size_t{1};

@@ -48,13 +48,13 @@ class HealthWatch {
   std::unique_ptr<grpc::ClientReader<grpc::health::v1::HealthCheckResponse>> reader_;
 };
 
-TEST(Lifecycle, HealthIsToldToThoseWhoWatch) {
+TEST(Lifecycle, HealthIsSentToItsWatchers) {
   const ServiceWorld world;
   HealthWatch server(world, ""), service(world, kService), unknown(world, "no.such.Service");
   HealthWatch gone(world, kService);
   EXPECT_EQ(server.next(), 1);
   EXPECT_EQ(service.next(), 1);
-  EXPECT_EQ(unknown.next(), 3);  // SERVICE_UNKNOWN: one may come yet
+  EXPECT_EQ(unknown.next(), 3);  // SERVICE_UNKNOWN: the service may be added later
   EXPECT_EQ(gone.next(), 1);
   gone.cancel();
   EXPECT_EQ(gone.next(), -1);
@@ -81,7 +81,7 @@ TEST(Lifecycle, ReflectionListsTheService) {
   EXPECT_NE(reply.bytes.find("grpc.health.v1.Health"), std::string::npos);
 }
 
-TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
+TEST(Lifecycle, DrainNotifiesOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
   ServiceWorld world;
   Stream stream(world.channel());
   stream.open(open_with_boxes(2));
@@ -107,7 +107,7 @@ TEST(Lifecycle, DrainTellsOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {
   EXPECT_TRUE(stream.finish().ok());
 }
 
-TEST(Lifecycle, AStreamIsToldOfADrainEvenBeforeItOpens) {
+TEST(Lifecycle, AStreamHearsOfADrainEvenBeforeItOpens) {
   ServiceWorld world;
   Stream stream(world.channel());
   while (world.streams.size() == 0) std::this_thread::yield();
@@ -136,7 +136,7 @@ TEST(Lifecycle, AStopCancelsWhatDoesNotEnd) {
   EXPECT_EQ(world.streams.size(), 0u);
 }
 
-// A peer that speaks HTTP/2 well enough to be a client, then answers nothing: not even pings.
+// A peer that speaks HTTP/2 well enough to be a client and then answers nothing, not even pings.
 TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   const ServiceWorld world({.keepalive_time = std::chrono::milliseconds(200),
                             .keepalive_timeout = std::chrono::milliseconds(200)});
@@ -149,8 +149,8 @@ TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   const std::string hello("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0",
                           33);  // preface, empty SETTINGS
   ASSERT_EQ(::send(fd, hello.data(), hello.size(), 0), static_cast<ssize_t>(hello.size()));
-  const timeval patience{30, 0};
-  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+  const timeval timeout{30, 0};
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof(timeout));
   char buffer[512];
   ssize_t got = 1;
   while (got > 0) got = ::recv(fd, buffer, sizeof(buffer), 0);
@@ -158,7 +158,7 @@ TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
   ::close(fd);
 }
 
-TEST(Lifecycle, ServerInfoTellsWhatRuns) {
+TEST(Lifecycle, ServerInfoDescribesTheServer) {
   const ServiceWorld world({.max_sessions = 3});
   const v1::GetServerInfoResponse info = world.info();
   EXPECT_EQ(info.sampler(), "embree");

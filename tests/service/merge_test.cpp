@@ -1,4 +1,4 @@
-// Newest tick wins, nothing is lost, and no queue grows without bound.
+// The newest tick wins, no change is lost, and no queue grows without bound.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -29,7 +29,7 @@ uint64_t hash_when_told_slowly(const ServiceWorld& world, uint64_t ticks) {
   return hash;
 }
 
-// Grows until it has stood still for a while.
+// Returns `value` once it has stopped growing for a while.
 uint64_t settled(const std::function<uint64_t()>& value) {
   uint64_t last = value();
   for (int still = 0; still < 40;) {
@@ -67,7 +67,7 @@ TEST(Merge, ABurstOfTicksIsAppliedWholeAndAnsweredForTheNewest) {
   }
   EXPECT_EQ(answered, kTicks);
   EXPECT_EQ(hash, expected);
-  EXPECT_LT(replies, 50u);  // one step for what had piled up, not one a tick
+  EXPECT_LT(replies, 50u);  // one step for all ticks that had piled up, not one step a tick
 }
 
 TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
@@ -180,15 +180,15 @@ TEST(Merge, AnInboxIsBoundedInBytesToo) {
     }
   });
   const uint64_t taken = settled([&] { return world.clock_calls(); }) - before;
-  EXPECT_GE(taken, 2u);  // it counts memory, of which a message may take more than on the wire
+  EXPECT_GE(taken, 2u);  // the limit counts memory, and a message may take more of it than bytes on the wire
   EXPECT_LE(taken, 4u);
   stream.cancel();
   writer.join();
 }
 
-// Its replies pile up in the transport's window, then its steps stop, then its inbox fills, then its ticks
-// are not read.
-TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
+// Replies fill the transport's window, then the session's steps stop, then its inbox fills, and then its ticks are no
+// longer read.
+TEST(Merge, AClientThatNeverReadsIsHeldBackAndNoOtherIs) {
   const ServiceWorld world;
   v1::OpenSession greedy = open_with_boxes(kBoxes);
   greedy.mutable_tuning()->mutable_sample()->set_resolution(64);
@@ -211,7 +211,7 @@ TEST(Merge, AClientThatNeverReadsIsHeldBackAndNobodyElseIs) {
   }
   other.half_close();
   EXPECT_TRUE(other.finish().ok());
-  EXPECT_LT(world.clock_calls() - calls, 200u);  // only those of the other session
+  EXPECT_LT(world.clock_calls() - calls, 200u);  // only the calls for the other session
   EXPECT_LT(sent, 20'000u);                      // the transport may have widened its windows meanwhile
   stuck.cancel();
   writer.join();

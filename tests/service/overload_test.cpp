@@ -1,5 +1,5 @@
-// Overload: sessions ask for more than one thread can do. Those that ask for much get degraded replies, which say so; the
-// others are not affected.
+// Overload: sessions ask for more than one thread can do. Sessions with expensive steps get degraded replies, which say
+// so; the others are not affected.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -156,7 +156,8 @@ void expect_never_degraded(const WorldOptions& options, const v1::OpenSession& o
   ServiceWorld world(options);
   world.device.make_maps_cost(std::chrono::microseconds(400));
   Game game(world, open), other(world, heavy_open());
-  // Longer than it takes to degrade another session. This one falls behind instead, and its ticks are merged.
+  // This lasts longer than it takes to degrade another session. This session falls behind instead, and its ticks are
+  // merged.
   EXPECT_TRUE(comes_true([&] { return game.sent() > 150 && game.replies() > 10 && other.replies() > 10; }));
   EXPECT_EQ(game.degraded(), 0u);
   EXPECT_GT(other.newest(), 0u);

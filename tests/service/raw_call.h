@@ -1,4 +1,4 @@
-// Calls of services whose stubs no package brings: bytes out, bytes back.
+// Calls of services for which no package has stubs: bytes out, bytes back.
 #pragma once
 
 #include <grpcpp/channel.h>

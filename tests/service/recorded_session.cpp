@@ -23,7 +23,7 @@ std::vector<std::string> bytes_of(const std::vector<Message>& messages) {
   return bytes;
 }
 
-// Those of `ticks` that were not refused: a refusal names its tick, one after the other.
+// The ticks that were not refused. Each refusal names its tick, and refusals come in the order of the ticks.
 std::vector<uint64_t> applied(const std::vector<v1::Tick>& ticks, const std::vector<v1::TickError>& refused) {
   std::vector<uint64_t> sequences;
   auto next = refused.begin();

@@ -1,4 +1,4 @@
-// A session at a real daemon, what its client sent and got, and the file that the daemon made of it.
+// A session at a real daemon: what its client sent and received, and the file that the daemon recorded.
 #pragma once
 
 #include <chrono>
@@ -14,7 +14,7 @@
 
 namespace sightline::test {
 
-// A client that remembers. One thread.
+// A client that keeps all messages. Single-threaded.
 class Heard {
  public:
   Heard(const std::string& address, const v1::OpenSession& open);
@@ -58,13 +58,13 @@ struct FoundInFile {
   uint64_t missing = 0;  // as gaps say
   uint64_t last_ns = 0;  // of the last message
 };
-// Expects that every reply stands right behind the ticks that it covers.
+// Expects every reply directly after the ticks that it covers.
 FoundInFile read_all(const Recording& recording);
 
-// Every bit of what the client sent and got is in the file, and nothing else.
+// Expects every bit of what the client sent and received in the file, and nothing else.
 void expect_same(const FoundInFile& found, const Heard& heard);
 
-// Takes every step of the recording again in this process and expects the same bits; answers how many were taken.
+// Takes every step of the recording again in this process and expects the same bits. Returns the number of steps.
 size_t expect_replay(const Recording& recording, LocalWorld& world);
 
 }  // namespace sightline::test

@@ -1,4 +1,5 @@
-// A real daemon records sessions: which ones, what is in the files, and that their steps, taken again, answer the same bits.
+// A real daemon records sessions: which ones, the contents of the files, and that a replay of their steps gives the
+// same bits.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -37,7 +38,7 @@ v1::Tick box_tick(uint64_t sequence) {
   return move_tick(sequence, 1 + sequence % kBoxes, 0.02 * static_cast<double>(sequence));
 }
 
-// A daemon at work, ready.
+// A running daemon that is ready.
 class Host {
  public:
   explicit Host(std::vector<std::string> arguments)
@@ -149,7 +150,7 @@ TEST_F(RecordingDaemon, TheServerCountsWhatItRecords) {
   EXPECT_EQ(counts().messages(), 4u);  // how it was opened, the tick and the reply
 }
 
-// An opening of more than half of a session's queue, which is a megabyte.
+// An opening that fills more than half of a session's queue of one megabyte.
 TEST_F(RecordingDaemon, AHugeOpeningIsRecordedWhole) {
   Host host({"--record-dir", folder_});
   v1::OpenSession open = open_with_boxes(20'000);
@@ -226,8 +227,8 @@ class RecordedReplay : public testing::TestWithParam<Where> {
   std::unique_ptr<SamplerDevice> sampler_;
 };
 
-// Two targets walk through the hall, beside other sessions. The ticks come one by one and in bursts that merge; some are
-// refused, some ask to be merged, and some set the quality level.
+// Two targets walk through the hall, next to other sessions. The ticks come one by one and in bursts that are merged.
+// Some are refused, some ask to be merged, and some set the quality level.
 TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   const auto glb = scenes::make_hall({.seed = 1, .duration_s = 4.0});
   Host host(flags());
@@ -283,7 +284,7 @@ TEST_P(RecordedReplay, EveryStepOfTheHallAgain) {
   }
 }
 
-// Overloaded: what the steps leave out is the daemon's own decision, by the clock.
+// Under overload the daemon decides by its clock what the steps leave out.
 TEST_P(RecordedReplay, EveryStepOfAnOverloadedSessionAgain) {
   Host host(flags({"--step-budget-ms", "0.001"}));
   Heard heard(host.address(), boxes());

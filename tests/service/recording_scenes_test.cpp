@@ -1,5 +1,4 @@
-// Scene files travel in the recording when they are asked for: a session is then stepped again without the folder that
-// it was recorded with.
+// Scene files are stored in the recording on request. The session can then be replayed without the scene folder.
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
@@ -76,7 +75,7 @@ class RecordedScenes : public testing::Test {
     EXPECT_TRUE(writer->Finish().ok());
     return reply.hash();
   }
-  // Names a scene in every place where one can be named.
+  // Names a scene in every field that can name one.
   Heard talk(const std::string& uploaded, bool ask) {
     v1::OpenSession open = open_with_boxes(2);
     open.mutable_recording()->set_attach_scenes(ask);

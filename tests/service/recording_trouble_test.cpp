@@ -39,7 +39,7 @@ class RecordingTrouble : public testing::Test {
     heard_ = std::make_unique<Heard>(daemon_->addresses().front(), open_with_boxes(kBoxes));
   }
   bool flagged() const { return heard_->replies.back().flags().recording_degraded(); }
-  // Ticks, each answered, until something is so.
+  // Sends ticks, each answered, until the condition holds.
   void play_until(const std::function<bool()>& reached) {
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(40);
     do {
@@ -66,7 +66,7 @@ class RecordingTrouble : public testing::Test {
     for (const v1::Tick& tick : heard_->sent) EXPECT_TRUE(heard.ask(tick));
     return test::hash_of(heard.replies);
   }
-  // Apart from the flag, the replies equal those of a session that is not recorded.
+  // Apart from the flag, the replies equal the replies of a session that is not recorded.
   void expect_unharmed() {
     EXPECT_TRUE(heard_->finish().ok());
     EXPECT_EQ(heard_->replies.size(), heard_->sent.size());
@@ -102,7 +102,7 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
   expect_unharmed();
   test::stop(*daemon_);
 
-  // The file names what is missing, and holds everything that came later.
+  // The file reports what is missing, and holds everything after it.
   const fs::path file = test::only_recording(folder_);
   EXPECT_NE(file.filename(), heard_->opened.recording_file()) << "a later part";
   const Recording recording = test::open_recording(file);

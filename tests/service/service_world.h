@@ -1,5 +1,5 @@
-// A service to test against: real gRPC over loopback TCP, Embree maps, and a clock that the test moves. A test can hold
-// every step at a gate.
+// A service for tests: real gRPC over loopback TCP, Embree maps, and a clock that the test moves. A test can hold every
+// step at a gate.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -34,14 +34,14 @@ class GatedDevice final : public SamplerDevice {
   void close_gate();
   void open_gate();
   void wait_until_held(size_t steps);
-  // Every map takes this long from now on, asleep: the cost of a step without the machine's.
+  // From now on every map takes this long, spent asleep. The cost of a step then does not depend on the machine.
   void make_maps_cost(std::chrono::microseconds each) { map_cost_us_ = each.count(); }
-  // The next maps fail with this, once.
+  // The next call for maps fails with this error, once.
   void fail_next(const Error& error);
-  // The next maps throw, once: what no sampler should do.
+  // The next call for maps throws, once, which no sampler should do.
   void throw_next();
   size_t samplers_made() const { return samplers_made_; }
-  // On how many threads maps were taken.
+  // The number of threads on which maps were taken.
   size_t stepping_threads() const;
 
  private:
@@ -82,8 +82,8 @@ class ServiceWorld {
   std::shared_ptr<grpc::Channel> channel() const;  // a connection of its own
   v1::GetServerInfoResponse info() const;
   v1::GetServerStatsResponse stats() const;
-  // How often the service has asked for the time. While all steps are held it asks only when a message
-  // arrives.
+  // The number of times that the service has read the clock. While all steps are held it reads the clock only when a
+  // message arrives.
   uint64_t clock_calls() const { return clock_calls_; }
   size_t geometry_count() const { return geometry_.live_count(); }
   size_t table_count() const { return extents_.count(); }
@@ -118,7 +118,7 @@ class ServiceWorld {
   std::unique_ptr<Listener> listener;
 };
 
-// Keeps the loaders of a service from doing anything until it is destroyed.
+// Blocks the loaders of a service until this object is destroyed.
 class HeldLoaders {
  public:
   explicit HeldLoaders(WorkerPool& loaders);
@@ -141,7 +141,7 @@ class Stream {
   void cancel() { context_.TryCancel(); }
   // The next reply; absent when the server has ended the call.
   std::optional<v1::ControlResponse> read();
-  // Opens and expects it to be taken.
+  // Opens the session and expects success.
   v1::SessionOpened open(const v1::OpenSession& open);
   // Reads all remaining replies, then returns the status.
   grpc::Status finish();

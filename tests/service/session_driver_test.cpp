@@ -22,7 +22,7 @@ class SessionDriverTest : public testing::Test {
     *request.mutable_tick() = tick;
     turn.messages.push_back({request, 0, 0});
   }
-  // A whole turn. True: a step was taken.
+  // Runs a whole turn. Returns true when a step was taken.
   bool run() {
     TakeJob job = driver.plan(turn);
     if (!job.requests.empty()) device.take_all(std::span(&job, 1));

@@ -1,4 +1,4 @@
-// Geometry is kept once, however many sessions look at it.
+// Geometry is stored once, however many sessions use it.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 

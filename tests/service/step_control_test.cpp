@@ -1,5 +1,5 @@
-// A client that chooses when a step is taken and at which quality level (StepControl). Its replies are compared with the
-// same steps taken without a service.
+// A client that chooses when a step is taken and at which quality level (StepControl). Its replies are compared with
+// the same steps taken without a service.
 #include <gtest/gtest.h>
 
 #include "client/recordings/local_session.h"
@@ -26,7 +26,7 @@ v1::Tick at_level(v1::Tick tick, uint32_t level) {
   return tick;
 }
 
-// The same session in this process: what the steps answer that the test asks for.
+// The same session in this process: its replies to the steps that the test asks for.
 class Local {
  public:
   explicit Local(const v1::OpenSession& open) : session_(*LocalSession::open(open, world_)) {}
@@ -78,7 +78,8 @@ TEST(StepControl, AMergedTickIsAnsweredWithTheNextAsIfBothHadComeAtOnce) {
   }
 }
 
-// They arrive together while a step is under way: the first is answered by itself, the second with the third.
+// The ticks arrive together while a step is under way. The first is answered by itself, the second together with the
+// third.
 TEST(StepControl, AMergedTickBehindAnotherDoesNotGetIntoItsAnswer) {
   ServiceWorld world;
   Stream stream(world.channel());
@@ -190,7 +191,7 @@ TEST(StepControl, ASessionThatChoosesItsLevelsIsNotDegradedByItsBudget) {
     const ServiceWorld world({.real_time = true, .budget = budget});
     Stream stream(world.channel());
     stream.open(open_with_boxes(kBoxes));
-    // For longer than StepBudget waits before it raises a level.
+    // Waits for longer than StepBudget waits before it raises a level.
     const auto end =
         std::chrono::steady_clock::now() + std::chrono::nanoseconds(3 * StepBudget::kRaiseAfterNs);
     uint64_t sequence = 0, found = 0;

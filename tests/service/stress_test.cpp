@@ -1,6 +1,6 @@
-// Many clients that open, tick, fall silent, cancel and vanish at random points while devices fail and the
-// server drains and stops. Every call ends with a status that it may end with, every tick that should be
-// answered is, and nothing is left.
+// Many clients open, tick, fall silent, cancel and vanish at random points, while devices fail and the server drains
+// and stops. Every call must end with an allowed status, every tick that should be answered must be, and nothing may be
+// left.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -81,7 +81,7 @@ void expect_all_answered(Stream& stream, Account& account) {
 // One call from its start to any end.
 void live(Stream& stream, CounterRandom& random) {
   Account account;
-  if (random.next_below(10) == 0) {  // says nothing
+  if (random.next_below(10) == 0) {  // never sends a message
     EXPECT_TRUE(may_end_so(stream.finish()));
     return;
   }

@@ -65,7 +65,7 @@ TEST(Trouble, AnOpenSessionMayBeSilentForAsLongAsItLikes) {
   const ServiceWorld world(with_open_timeout(std::chrono::milliseconds(50)));
   Stream quiet(world.channel());
   quiet.open(open_with_boxes(2));
-  for (int i = 0; i < 3; ++i) Stream(world.channel()).finish();  // each is silent for the whole time
+  for (int i = 0; i < 3; ++i) Stream(world.channel()).finish();  // each sends nothing until its timeout
   quiet.send(move_tick(1, 1, 0.1));
   const auto reply = quiet.read();
   EXPECT_TRUE(reply && reply->has_camera());
@@ -103,7 +103,7 @@ TEST(Trouble, AStepThatFailsSaysThatItsTickWasApplied) {
   EXPECT_EQ(next->camera().merged_ticks(), 1u);
 }
 
-// Reading scenes may take seconds; at the stop of a server, dozens of calls may wait for it.
+// Reading scenes may take seconds, and when a server stops, dozens of calls may wait for it.
 TEST(Trouble, ACallThatEndedBeforeItsTurnIsNotOpenedAnyMore) {
   ServiceWorld world;
   Stream stream(world.channel());
@@ -117,7 +117,7 @@ TEST(Trouble, ACallThatEndedBeforeItsTurnIsNotOpenedAnyMore) {
   EXPECT_EQ(world.device.samplers_made(), 0u);
 }
 
-// There is one scheduler thread. If it read the file, the mesh would be there when the other session is answered.
+// There is one scheduler thread. If it had read the file, the mesh would be there when the other session is answered.
 TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
   const SceneFolder folder;
   ServiceWorld world({.scene_dir = folder.path(), .threads = 1});
@@ -147,7 +147,7 @@ TEST(Trouble, AFileThatATickNamesIsReadByALoaderAndNoStepWaits) {
   EXPECT_EQ(world.geometry_count(), geometries + 1);
 }
 
-// Likewise the table of a shape that settings of a tick ask for; once it is there, no loader is needed.
+// The same for the table of a shape that a tick's settings need. Once the table exists, no loader is needed.
 TEST(Trouble, ATableThatNewSettingsNeedIsBuiltByALoaderAndNoStepWaits) {
   ServiceWorld world({.threads = 1});
   Stream changing(world.channel()), other(world.channel());
@@ -216,16 +216,16 @@ TEST(Trouble, TheInboxCountsBytesInMemory) {
   EXPECT_TRUE(inbox.full());
 }
 
-// As it comes from the wire.
+// Parses the tick from its wire format.
 double memory_by_count(const v1::ControlRequest& tick) {
   v1::ControlRequest read;
   EXPECT_TRUE(read.ParseFromString(tick.SerializeAsString()));
   return static_cast<double>(read.SpaceUsedLong()) / static_cast<double>(Inbox::bytes_of(read));
 }
 
-// Fills `part` of a small tick with each of its message fields, one after the other; repeated fields get one more element
-// each time. Does the same within those messages. Returns the largest ratio of a tick's memory to the size that it counts
-// as.
+// Fills `part` of a small tick with each of its message fields, one after another; repeated fields get one more element
+// each time. Does the same within those messages. Returns the largest ratio of a tick's memory to the size that the
+// inbox counts for it.
 double most_memory_by_count(v1::ControlRequest& tick, google::protobuf::Message& part) {
   double most = memory_by_count(tick);
   const google::protobuf::Reflection& reflection = *part.GetReflection();

@@ -38,7 +38,7 @@ class Upload {
     call_->WritesDone();
     return call_->Finish();
   }
-  // Says neither that more comes nor that nothing does.
+  // Neither sends more nor ends the upload.
   grpc::Status wait_for_end() { return call_->Finish(); }
   void cancel() { context_.TryCancel(); }
   const v1::UploadSceneResponse& reply() const { return reply_; }
@@ -150,7 +150,7 @@ TEST(UploadScene, ACancelledUploadGivesItsPlaceBack) {
   EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
-// A client that keeps talking is not cut, however long it takes.
+// A client that keeps sending is not cut off, however long it takes.
 TEST(UploadScene, ASilentOneGivesItsPlaceBackAndASlowOneDoesNot) {
   constexpr std::chrono::milliseconds kTimeout(2500);
   const ServiceWorld world({.limits = {.max_uploads = 1, .upload_timeout = kTimeout}});

@@ -1,5 +1,5 @@
-// Each engine's own rules of thumb, written out by hand, are the reference: where its axes point, which way a
-// positive yaw turns, what its camera shows.
+// The reference is each engine's own documentation, written out by hand: where its axes point, which way a positive yaw
+// turns, and what its camera shows.
 #include "server/session/convention.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double toler
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
 }
 
-// What a canonical camera sees straight ahead, above and to the right.
+// The directions ahead of, above and to the right of a canonical camera.
 glm::dvec3 ahead(const Pose& camera) {
   return camera.rotation * glm::dvec3(0, 0, -1);
 }
@@ -53,8 +53,7 @@ TEST(Convention, UnityMirrorsXAndLooksAlongPlusZ) {
   const Pose camera = camera_from_client(c, {});
   expect_near(ahead(camera), {0, 0, 1});
   expect_near(above(camera), {0, 1, 0});
-  // What stands to the right in Unity's picture is at +X, so at canonical -X, and right of a camera that
-  // looks along +Z.
+  // A Unity camera that looks along +Z shows +X to the right. In canonical coordinates that side is -X.
   expect_near(camera.rotation * glm::dvec3(1, 0, 0), {-1, 0, 0});
 }
 
@@ -179,7 +178,7 @@ bool is_left_handed(const Convention& c) {
   return glm::determinant(c.canonical_from_client) < 0;
 }
 
-// What the client calls the right-hand side of its picture.
+// The right-hand side of the picture in the client's axes.
 glm::dvec3 client_right(const Convention& c, const glm::dvec3& forward, const glm::dvec3& up) {
   return is_left_handed(c) ? glm::cross(up, forward) : glm::cross(forward, up);
 }

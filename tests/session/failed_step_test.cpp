@@ -1,4 +1,5 @@
-// A step whose maps cannot be taken fails, and leaves no trace: the next step answers as if it had not been tried.
+// A step fails when its maps cannot be taken, and leaves no trace: the next step answers as if the failed one had not
+// been tried.
 #include <gtest/gtest.h>
 
 #include "server/base/random.h"
@@ -9,7 +10,7 @@ namespace {
 
 constexpr double kTickS = 1.0 / 64;
 
-// Embree's maps, but for the steps that shall fail.
+// Embree's maps, except for the steps that are meant to fail.
 class FlakySampler : public Sampler {
  public:
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
@@ -23,7 +24,7 @@ class FlakySampler : public Sampler {
   std::unique_ptr<Sampler> inner_ = device_->make_sampler();
 };
 
-// Two people who walk in circles past the wall, filmed with the default settings.
+// Ann and Bob walk in circles past the wall, filmed with the default settings.
 struct Stroll : Game {
   Stroll() {
     SessionOptions options = make_options();

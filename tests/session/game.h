@@ -27,7 +27,7 @@ struct TickMaker : TickInput {
     transforms.poses.push_back({to, {1, 0, 0, 0}});
     return *this;
   }
-  // For all that move in this tick.
+  // For all instances that move in this tick.
   TickMaker& at_speed(const glm::dvec3& velocity_mps) {
     transforms.velocities_mps.assign(transforms.ids.size(), velocity_mps);
     return *this;

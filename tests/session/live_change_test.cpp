@@ -1,5 +1,5 @@
-// Settings, limits and lenses that change while the session runs: they hold from the very step on, nothing of the former ones
-// remains, and the camera moves on within its limits.
+// Settings, limits and lenses that change while the session runs. They hold from the same step on, nothing of the
+// former ones remains, and the camera moves on within its limits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kTick = 1.0 / 60;
 
-// Two people who walk to and fro behind two columns, and cross.
+// Ann and Bob walk back and forth behind two columns, and cross.
 struct Walk {
   ExtentCache extents;
   Game game;
@@ -156,14 +156,14 @@ StepSettings random_settings(CounterRandom& random) {
   return s;
 }
 
-// Where no settings have brought it: the history of the places there is empty.
+// A cut to a place that no settings have led to, so the history of the candidates there is empty.
 ObservedCamera far_cut() {
   return {{{40, 2, 30}, {1, 0, 0, 0}}, {}, true};
 }
 
-// One session has lived under other settings, one has not. Then both are without targets for a step, so that what is known of
-// those is forgotten, and a cut takes the camera of both to the same place: from then on they must answer the same, whatever
-// was before.
+// One session has run under other settings before, the other has not. Then both have no targets for one step, which
+// clears all that is known of the targets. A cut takes both cameras to the same place. From then on they must give the
+// same answers.
 void expect_no_trace_of(const std::vector<StepSettings>& former, const StepSettings& last,
                         const std::string& where) {
   Walk changed(former.front()), always(last);
@@ -256,7 +256,7 @@ TEST(LiveChange, TheHorizonFollowsAtOnce) {
   EXPECT_LE(walk.game.session->dump().bound.horizon_s, 0.2);
 }
 
-// What a filter knew before it went off is old when it comes on again, not the newest that there is.
+// A filter that was switched off must not treat its old samples as the newest when it is switched on again.
 TEST(LiveChange, AFilterThatComesOnAgainDoesNotTakeTheOldForTheNew) {
   for (const FilterMode mode : {FilterMode::kJoint, FilterMode::kPerTarget}) {
     Game game([](SessionOptions& options) { options.camera.position_m = {0.9, 1, 6}; });
@@ -268,7 +268,7 @@ TEST(LiveChange, AFilterThatComesOnAgainDoesNotTakeTheOldForTheNew) {
       for (int i = 0; i < steps; ++i) {
         TickMaker tick = game.tick(kTick).move(kWall, {wall_x, 1, 3});
         tick.settings = settings;
-        // Held by the game, so that it is the same place all along.
+        // The game holds the camera, so its position is the same all along.
         tick.observed_camera = ObservedCamera{{{0.9, 1, 6}, {1, 0, 0, 0}}, {}, false};
         answer = game.play(tick);
       }

@@ -86,7 +86,7 @@ TEST(SessionClock, TheFirstSequenceMayBeAny) {
   }
 }
 
-TEST(SessionMerge, MergedTicksSayTheNewestAndSumTheirTime) {
+TEST(SessionMerge, MergedTicksKeepTheNewestStateAndSumTheirTime) {
   Game merged, single;
   merged.play(merged.tick());
   single.play(single.tick());
@@ -124,11 +124,11 @@ TEST(SessionVelocity, IsDerivedFromSuccessivePositions) {
   expect_near(game.instance(kAnn).velocity_mps, {3, 0, -2});
 }
 
-TEST(SessionVelocity, ToldOnesAreTakenAsTold) {
+TEST(SessionVelocity, SentVelocitiesAreTakenAsSent) {
   Game game;
   game.apply(game.tick(0.5).move(kAnn, {5, 1, 0}).at_speed({0, 0, 7}));
   EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
-  game.apply(game.tick(0.5));  // not named: it keeps what was told
+  game.apply(game.tick(0.5));  // not named: it keeps its last velocity
   EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0, 0, 7));
 }
 
@@ -140,7 +140,7 @@ TEST(SessionVelocity, ATeleportHasNone) {
   EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
 }
 
-TEST(SessionVelocity, WhatIsNoLongerNamedHasStopped) {
+TEST(SessionVelocity, AnInstanceThatIsNoLongerNamedHasStopped) {
   Game game;
   game.apply(game.tick(0.5).move(kAnn, {0, 1, 0}).move(kBob, {2, 1, 0}));
   game.apply(game.tick(0.5).move(kBob, {3, 1, 0}));
@@ -171,7 +171,7 @@ TEST(SessionVelocity, ANewInstanceStandsStill) {
   EXPECT_EQ(game.instance(20).velocity_mps, glm::dvec3(0.0));
 }
 
-TEST(SessionRotation, StaysWhenNotTold) {
+TEST(SessionRotation, StaysWhenNotSent) {
   Game game;
   TickMaker turned = game.tick();
   turned.move(kCrate, {0, 1, -4});
@@ -197,7 +197,7 @@ TEST(SessionRotation, OfAnAddedInstanceIsWhatItWasAddedWith) {
 
 // ---- the observed camera ----
 
-TEST(SessionObserved, ACutIsSaidAndTheWantedPlaceIsTakenAnew) {
+TEST(SessionObserved, ACutIsReportedAndResetsTheWantedPosition) {
   Game game;
   for (int i = 0; i < 5; ++i) game.play(game.tick());
   const glm::dvec3 wanted = game.session->carried().shot.offset_m;
@@ -223,7 +223,7 @@ TEST(SessionObserved, APushKeepsTheWantedPlace) {
   EXPECT_EQ(game.session->carried().shot.offset_m, wanted);
 }
 
-TEST(SessionObserved, StartsTheMergedTimeAnew) {
+TEST(SessionObserved, RestartsTheMergedTime) {
   Game merged, single;
   merged.play(merged.tick());
   single.play(single.tick());
@@ -260,7 +260,7 @@ TEST(SessionTargets, MayNameWhatTheSameTickAdds) {
   EXPECT_EQ(game.play(tick).step.targets[0].id, 20u);
 }
 
-TEST(SessionTargets, OneThatIsRemovedAndAddedAnewStays) {
+TEST(SessionTargets, OneThatIsRemovedAndAddedAgainStays) {
   Game game;
   TickMaker tick = game.tick();
   tick.delta.remove = {kBob};
@@ -312,7 +312,7 @@ TEST(SessionRelative, FallsBackToAnOptionalTarget) {
   EXPECT_EQ(game.play(tick).relative_target_id, kBob);
 }
 
-TEST(SessionLens, StaysUntilAnotherIsTold) {
+TEST(SessionLens, StaysUntilAnotherIsSent) {
   Game game;
   TickMaker tick = game.tick();
   tick.lens.emplace().vertical_fov_rad = 1.0;

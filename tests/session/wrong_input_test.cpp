@@ -1,4 +1,5 @@
-// What a session refuses, at the opening and with a tick: the field is named, and nothing is left of it.
+// Wrong input that a session refuses, at the opening and with a tick. The error names the field, and nothing is
+// applied.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +31,7 @@ Target broken_target(void (*breaks)(Target&)) {
   return target;
 }
 
-// A tick that moves a target and changes settings and limits, all right.
+// A tick that moves a target and changes settings and limits, all of them valid.
 StepSettings& otherwise_good(TickMaker& tick) {
   tick.move(kAnn, {-3, 1, 0});
   tick.limits = CameraLimits{.max_speed_mps = 0.1};
@@ -140,7 +141,7 @@ const WrongTick kWrongTicks[] = {
     {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},
     {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
     {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
-    // Beside what would change the answers, were any of it applied.
+    // These come with valid changes that would alter the answers if any of them were applied.
     {"tick.tuning.bound.horizon_s", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).bound.horizon_s = 2.1; }},
     {"tick.tuning.sample.resolution", E::kInvalidArgument,
@@ -156,7 +157,7 @@ const WrongTick kWrongTicks[] = {
     {"tick.settings.dead_zone", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},
     {"tick.settings.max_vertical_fov_rad", E::kInvalidArgument,
-     [](Game&, TickMaker& t) {  // right in itself, but the body would not hold the near plane
+     [](Game&, TickMaker& t) {  // valid by itself, but the near plane would reach out of the body
        otherwise_good(t).framing.min_vertical_fov_rad = 0.5, t.settings->framing.max_vertical_fov_rad = 2.6;
        t.limits.reset();
      }},
@@ -201,7 +202,7 @@ void expect_same_answer(const SessionAnswer& a, const SessionAnswer& b) {
 class WrongTicks : public testing::TestWithParam<WrongTick> {};
 
 TEST_P(WrongTicks, AreNamedAndLeaveNoTrace) {
-  Game tried, spared;  // the second never hears of the wrong tick
+  Game tried, spared;  // only the first one receives the wrong tick
   const auto both = [&](auto play) { play(tried), play(spared); };
   for (int i = 1; i <= 3; ++i) both([&](Game& g) { g.play(g.tick().move(kAnn, {-1 + 0.02 * i, 1, 0})); });
 

@@ -1,5 +1,5 @@
-// A step allocates nothing once its memory has grown to what it needs: every call of the allocator is counted, over 10,000 steps
-// of people who walk among pillars and movers. A program of its own, as its allocator is.
+// A step allocates nothing once its memory has grown to what it needs. The test counts every call of the allocator over
+// 10,000 steps in a world of walkers, pillars and movers. It is a program of its own because it replaces the allocator.
 #include <gtest/gtest.h>
 
 #include <cerrno>
@@ -9,7 +9,7 @@
 #include "server/step/paper_settings.h"
 #include "tests/support/world.h"
 
-// glibc's own, under the names that it exports for programs that put theirs before them.
+// glibc's own functions, under the names that it exports for programs that replace them.
 extern "C" {
 void* __libc_malloc(size_t);
 void* __libc_calloc(size_t, size_t);
@@ -20,7 +20,7 @@ void __libc_free(void*);
 
 namespace {
 
-// Of this thread, while it counts.
+// Per thread: whether it counts, and its allocations so far.
 thread_local bool counting = false;
 thread_local size_t allocations = 0;
 
@@ -30,7 +30,7 @@ void count() {
 
 }  // namespace
 
-// operator new and its kind call these.
+// operator new and its variants call these.
 extern "C" {
 void* malloc(size_t size) { return count(), __libc_malloc(size); }
 void* calloc(size_t number, size_t size) { return count(), __libc_calloc(number, size); }
@@ -49,9 +49,9 @@ namespace sightline::test {
 namespace {
 
 constexpr double kTickS = 1.0 / 60;
-constexpr int kRoundSteps = 600;  // everybody is back where they were
+constexpr int kRoundSteps = 600;  // after one round all walkers are back where they started
 
-// Does not count what the sampler allocates within.
+// Allocations within the sampler do not count.
 class Uncounted : public Sampler {
  public:
   explicit Uncounted(Sampler& sampler) : sampler_(sampler) {}
@@ -89,7 +89,7 @@ class Yard {
     settings_.aggregate.candidates = candidates, settings_.sample.resolution = resolution;
   }
 
-  // How often it allocated, in as many steps.
+  // The number of allocations in this many steps.
   size_t step(int steps, bool count_take, bool moves) {
     Uncounted uncounted(*sampler_);
     Sampler& sampler = count_take ? *sampler_ : uncounted;
@@ -156,7 +156,7 @@ struct Preset {
   int people = 2;
 };
 
-// Small maps and few places, so that many steps take little time: what is allocated is the same.
+// Small maps and few candidates make the many steps quick, and the allocations are the same.
 StepSettings changed(StepSettings settings, void (*change)(StepSettings&) = [](StepSettings&) {}) {
   settings.sample.resolution = 4, settings.sample.points = std::min(settings.sample.points, 3);
   settings.aggregate.candidates = 64, settings.move.viewpoint_search.resolution = 3;
@@ -193,8 +193,8 @@ TEST(AllocationCount, CountsWhatIsAllocated) {
 
 TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   Yard yard(GetParam().settings, GetParam().people);
-  // The number of candidates varies with the bound: with more of them for a round (pair volumes have them by the maps' texels) the
-  // memory is as large as it will be.
+  // The number of candidates varies with the bound. One round with more of them (pair volumes have as many as the maps'
+  // texels allow) grows the memory to its final size.
   const int candidates = GetParam().settings.aggregate.candidates, resolution = GetParam().settings.sample.resolution;
   yard.set_size(3 * candidates, resolution + 2);
   EXPECT_GT(yard.step(kRoundSteps, false, true), 0u) << "memory has to grow at first";

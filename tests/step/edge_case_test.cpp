@@ -1,4 +1,5 @@
-// Each of these is a real fault of some camera system. The tests say what happens here instead, with the settings of both presets.
+// Each of these is a real fault of some camera system. The tests state what happens here instead, under the settings of
+// both presets.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -127,7 +128,7 @@ TEST_P(EdgeCase, TeleportOfTheTargetAloneIsFollowedWithoutAJump) {
   for (int i = 0; i < 30; ++i) watch.step();
   world.move(1, {40, 1, 0});
   StepResult r;
-  // The bound of the paper's preset is so small that its camera does about 3.4 m/s.
+  // The bound of the paper's preset is so small that its camera reaches only about 3.4 m/s.
   for (int i = 0; i < 900; ++i) r = watch.step();
   EXPECT_LT(glm::distance(r.camera.pose.position_m, glm::dvec3(40, 1.6, 6)), 0.2);
 }
@@ -175,7 +176,7 @@ TEST_P(EdgeCase, AShieldAttachedToTheTargetDoesNotHideIt) {
   EXPECT_EQ(Watch(world).step().targets[0].visible_share, 1.0);
 }
 
-// A vehicle drives up to a person, who gets in, rides and gets out again.
+// A vehicle drives up to a walker, and the walker gets in, rides and gets out again.
 TEST_P(EdgeCase, AVehicleHidesItsPassengerOnlyWhileItIsNotAttached) {
   OnePerson world(GetParam());
   world.add_box(5, {-12, 1, 0}, {2.0, 1.0, 0.9});
@@ -245,7 +246,7 @@ TEST_P(EdgeCase, ATargetThatReversesIsFollowedWithinTheLimits) {
   EXPECT_NEAR(r.camera.pose.position_m.x, x, 1.5);
 }
 
-// Avoidance is switched off by a mask that lets nothing occlude, and on again.
+// Avoidance is switched off by a layer mask that lets nothing occlude, and then on again.
 TEST_P(EdgeCase, AvoidanceToggledWhileDisplacedMakesNoJump) {
   OnePerson world(GetParam());
   world.add_box(9, {0, 1, 3}, {0.6, 3, 0.05}, {.collides = false});
@@ -281,7 +282,8 @@ TEST_P(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
   }
 }
 
-// Walkers and closing doors come at a camera at rest, from any side and at walking and running pace: it steps aside in time.
+// Boxes approach a resting camera from all sides, at walking and running pace, as walkers and closing doors do. It must
+// move aside in time.
 TEST_P(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
   for (const double speed : {1.4, 3.0}) {
     for (int heading = 0; heading < 8; ++heading) {

@@ -1,4 +1,5 @@
-// Maps end where no place is looked up any more (MapRequest::far_m): steps must be, bit for bit, those of maps without an end.
+// Maps end where no candidate is looked up any more (MapRequest::far_m). The steps must be the same, bit for bit, as
+// with maps that do not end.
 #include <algorithm>
 #include <cstring>
 
@@ -10,7 +11,7 @@ namespace {
 
 using test::World;
 
-// A sampler that is asked for maps with an end and takes them without one.
+// A sampler that ignores the requested end and takes maps without one.
 class EndlessSampler final : public Sampler {
  public:
   explicit EndlessSampler(std::unique_ptr<Sampler> inner) : inner_(std::move(inner)) {}
@@ -39,7 +40,7 @@ class EndlessDevice final : public SamplerDevice {
   std::unique_ptr<SamplerDevice> inner_ = make_embree_sampler_device();
 };
 
-// Pillars and walls all over the place, some of them moving, and two that walk among them.
+// Pillars and walls at random positions, some of them moving, and two targets that walk among them.
 struct Plaza {
   World world;
   CounterRandom random;

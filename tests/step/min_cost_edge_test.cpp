@@ -1,4 +1,4 @@
-// What is at the ends of what the default preset is given: bodies, speeds, volumes, counts, places.
+// The default preset at the ends of its input ranges: bodies, speeds, volumes, counts, positions.
 #include <gtest/gtest.h>
 
 #include "tests/support/filming.h"
@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kTick = 1.0 / 60;
 
-// What hides the target has no body: nothing keeps the lost camera off but the distance that it is to keep.
+// The occluder does not collide, so only the least distance keeps the lost camera away from the target.
 TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
   OneFilmed world;
   ASSERT_TRUE(world.mirror.apply(
@@ -16,7 +16,7 @@ TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
   world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
   world.settings.move.min_distance_m = 2;
   world.settings.bound.max_horizon_s =
-      world.settings.bound.horizon_s;  // so that no place in reach is inside the box
+      world.settings.bound.horizon_s;  // so that no reachable position is inside the box
   Watch watch(world);
   StepResult r;
   for (int i = 0; i < 300; ++i) {
@@ -25,13 +25,14 @@ TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
   }
 }
 
-// At 30 m/s the camera needs 45 m to stop. The target is never seen, the wall stands across the straight line to the goal.
+// At 30 m/s the camera needs 45 m to stop. The target is never seen, and the wall stands across the straight line to
+// the goal.
 TEST(MinCostEdge, AFastCameraThatIsLostStopsBeforeTheWall) {
   OneFilmed world({0, 1.6, 70});
   world.limits.max_speed_mps = 30;
   world.settings.bound.target_reach_m = 100;
   world.settings.move.max_distance_m = 3;
-  world.settings.move.cost.exposure = 0;  // it goes also where nothing is seen
+  world.settings.move.cost.exposure = 0;  // it also goes where it sees nothing
   world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
   world.add_box(11, {0, 1, 12}, {25, 300, 0.5});
   Watch watch(world);
@@ -57,7 +58,7 @@ TEST(MinCostEdge, AWideBodyFindsItsWayToo) {
   EXPECT_EQ(r.targets[0].visible_share, 1.0);
 }
 
-// With one map of two targets: the pair volume's places, more or fewer than the lattice's.
+// One map serves two targets. The pair volume has more or fewer candidates than the lattice.
 TEST(MinCostEdge, ThePairVolumeServesToo) {
   for (const FilterMode filter : {FilterMode::kNone, FilterMode::kPerTarget})
     for (const int candidates : {27, 343, 4000}) {
@@ -117,7 +118,7 @@ TEST(MinCostEdge, WithoutTargetsOrWeightsItComesToRest) {
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-3);
 }
 
-// The camera was put at the very place that it looks at: no direction, no distance.
+// The camera is placed exactly at the point that it looks at: there is no direction and no distance.
 TEST(MinCostEdge, ACameraInsideItsTargetLeavesIt) {
   OneFilmed world;
   world.place({0, 1, 0}, {1, 1, 0});

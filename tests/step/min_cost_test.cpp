@@ -1,4 +1,4 @@
-// The default preset: goals by what is hidden, routes round geometry, the trail of the targets, the survey (goal_search, viewpoint_search).
+// The default preset: goals by hidden shares, routes around geometry, the targets' trail, the viewpoint search.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -45,7 +45,7 @@ TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
   EXPECT_TRUE(r.targets[0].in_picture);
 }
 
-// The straight line to the goal runs into the very pillar that hides the target.
+// The straight line to the goal runs into the same pillar that hides the target.
 TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   OneFilmed world({0, 1.4, 4.6});
   world.add_box(10, {0, 1.5, 2.6}, {1.1, 6, 0.8});
@@ -87,7 +87,8 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   EXPECT_EQ(r.status, MoveStatus::kTracking);
 }
 
-// Two people who walk about a field of pillars, at irregular rates: the path is lawful and free at every step.
+// Two targets walk about a field of pillars, at irregular rates. At every step the path keeps the limits and is free of
+// collisions.
 void walk_among_pillars(Filming& world, uint64_t seed, const std::function<void(const StepResult&)>& each) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   for (uint64_t k = 0; k < 40; ++k) {

@@ -1,4 +1,4 @@
-// Each level of economy is cheaper than the one before, valid, and an input like any other.
+// Each quality level is cheaper than the one before, valid, and an ordinary input of a step.
 #include "server/step/quality_level.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 namespace sightline::test {
 namespace {
 
-// From one end of the ranges to the other, those included.
+// Random settings over their whole ranges, including both ends.
 StepSettings any_settings(CounterRandom& random) {
   StepSettings s = preset_settings(random.next_below(2) == 0 ? Preset::kPaper : Preset::kSightline);
   const auto between = [&](int low, int high) {
@@ -64,10 +64,10 @@ TEST(QualityLevel, SaysWhatItLeavesOut) {
   const StepSettings settings = preset_settings(Preset::kSightline);
   EXPECT_EQ(describe_degradation(settings, 0), "");
   EXPECT_EQ(describe_degradation(settings, 1), "turns on -> off");
-  EXPECT_EQ(describe_degradation(settings, 2), "turns on -> off, points 8 -> 4, survey resolution 8 -> 4");
+  EXPECT_EQ(describe_degradation(settings, 2), "turns on -> off, points 8 -> 4, viewpoint resolution 8 -> 4");
 }
 
-// Their targets are sampled at points of their surfaces.
+// The targets are sampled at points of their surfaces.
 class QualityOfSteps : public testing::Test {
  protected:
   Game make_game(const StepSettings& settings = preset_settings(Preset::kSightline)) {
@@ -86,7 +86,7 @@ TickMaker walk(Game& game, int i) {
   return game.tick().move(kAnn, {-1 + x, 1, 0.5 * x}).move(kBob, {1 + x, 1, 0});
 }
 
-// What a step costs: texels of all maps, and places judged.
+// The work of a step: texels of all maps, and candidates judged.
 struct Work {
   size_t texels = 0, candidates = 0;
 };
@@ -95,7 +95,7 @@ Work work_at(Game game, int level) {
   for (int i = 0; i < 40; ++i) {
     game.apply(walk(game, i));
     EXPECT_TRUE(game.session->step(level));
-    if (i < 30) continue;  // until everything is foretold
+    if (i < 30) continue;  // until every motion is predicted
     for (const MapRequest& request : game.session->dump().plan.requests)
       work.texels += static_cast<size_t>(request.view.width * request.view.height);
     work.candidates += game.session->dump().sights.candidates.size();
@@ -108,7 +108,7 @@ TEST_F(QualityOfSteps, EveryLevelTakesLessWorkThanTheOneBefore) {
   for (int level = 1; level <= kLowestQualityLevel; ++level) {
     const Work work = work_at(make_game(), level);
     EXPECT_LT(work.texels, before.texels) << level;
-    // The camera goes another way, and the same spacing gives a ball elsewhere a few more or less.
+    // The camera goes another way, and a ball elsewhere holds a few more or fewer candidates at the same spacing.
     EXPECT_LE(static_cast<double>(work.candidates), 1.05 * static_cast<double>(before.candidates)) << level;
     before = work;
   }
@@ -117,7 +117,7 @@ TEST_F(QualityOfSteps, EveryLevelTakesLessWorkThanTheOneBefore) {
   EXPECT_LT(before.candidates, all.candidates / 4);
 }
 
-// All that a client sees of an answer, but for times.
+// Everything that a client sees of an answer, except times.
 auto seen(const SessionAnswer& answer) {
   const CameraState& camera = answer.step.camera;
   const glm::dvec3 p = camera.pose.position_m, v = camera.velocity_mps;

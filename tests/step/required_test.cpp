@@ -1,4 +1,5 @@
-// Required targets come first: where not all can be seen, no weight of an optional one draws the camera off a required one.
+// Required targets come first. Where not all targets can be seen, no weight of an optional one draws the camera away
+// from a required one.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -39,7 +40,7 @@ TEST_P(Required, ComeBeforeOptionalTargetsOfAnyWeight) {
 INSTANTIATE_TEST_SUITE_P(
     Strategies, Required,
     testing::Values(std::pair("default", [](StepSettings&) {}),
-                    std::pair("without_survey", [](StepSettings& s) { s.move.search_viewpoints = false; }),
+                    std::pair("without_viewpoint_search", [](StepSettings& s) { s.move.search_viewpoints = false; }),
                     std::pair("basic", [](StepSettings& s) { s.move.strategy = Strategy::kBasic; }),
                     std::pair("robust", [](StepSettings& s) { s.move.strategy = Strategy::kRobust; })),
     [](const auto& tested) { return tested.param.first; });

@@ -1,4 +1,4 @@
-// What a step says of the share of a target that its picture shows.
+// The reported share of a target that is visible in the picture.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kTick = 1.0 / 60;
 
-// One person before a camera that cannot move or turn; eight points a step. Boards hide and are passed through.
+// One person in front of a camera that cannot move or turn; eight points a step. Boards hide the person or are moved
+// past.
 struct Still : World {
   explicit Still(const glm::dvec3& target = {0, 1, 0}) {
     add_target(1, target);
@@ -46,7 +47,7 @@ TEST(Share, EstimatesTheVisiblePixelsWithLessNoiseThanAStep) {
   EXPECT_LT(error, 0.7 * step_error);
 }
 
-TEST(Share, IsTheSameWhateverTheFilterOfTheCandidates) {
+TEST(Share, DoesNotDependOnTheFilterOfTheCandidates) {
   const auto shares = [](FilterMode mode) {
     Still world;
     world.settings.aggregate.filter.mode = mode;
@@ -85,7 +86,7 @@ TEST(Share, OutsideThePictureItIsOfTheWholeTarget) {
   EXPECT_EQ(sight.filtered_share, 0.0);
 }
 
-// What is nearer than the near plane is not drawn.
+// Surfaces nearer than the near plane are not drawn.
 TEST(Share, WhatIsTooNearTheLensHidesNothing) {
   Still near, far;
   near.add_board(-1, 1, 6 - 0.9 * Lens{}.near_m);
@@ -111,7 +112,8 @@ TEST(Share, ForgetsWhatWasSeenBeforeACutOrALongStep) {
   }
 }
 
-// Sights go to the camera, maps cover the bound, far ahead of a fast camera: each from the points that the target shows there.
+// Sights look at the camera, maps look at the bound far ahead of a fast camera. Each starts from the points that the
+// target shows in that direction.
 TEST(Share, SightsAreOfThePointsThatTheTargetShowsTheCamera) {
   World world;
   world.add_target(1, {0, 1, 0});

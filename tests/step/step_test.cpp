@@ -49,8 +49,8 @@ TEST(Step, FollowsWalkingTargetsAtTheirOffset) {
   EXPECT_NEAR(world.camera().pose.position_m.z, 6, 0.1);
 }
 
-// What Basic promises: it finds the place and goes there. That it then hovers at the edge of the view (the nearest place that
-// sees all lies on the edge) is what the paper's later strategies mend.
+// Basic finds a candidate that sees all targets and goes there. It then hovers at the edge of the view, because the
+// nearest such candidate lies there. The paper's later strategies correct this.
 TEST(Step, GoesRoundAnOccluderUntilBothAreSeen) {
   TwoPeople world;
   world.add_box(10, {0.5, 1, 3}, {0.35, 2, 0.05});
@@ -158,7 +158,8 @@ struct Row : World {
 
 class StepChain : public testing::TestWithParam<int> {};
 
-// Each target is rendered once, for all the volumes that it is in; the other map of each is its sight to the camera.
+// Each target is rendered once for all the volumes that it belongs to. The other map of each target is its sight to the
+// camera.
 TEST_P(StepChain, TakesOneMapOverTheBoundOfEveryTarget) {
   const int n = GetParam();
   for (const FilterMode mode : {FilterMode::kNone, FilterMode::kJoint, FilterMode::kPerTarget})
@@ -209,7 +210,7 @@ TEST(Step, ChainAndLatticeSeeTheSameShares) {
   EXPECT_NEAR(share(lattice.counts()), share(chain.counts()), 0.08);
 }
 
-// The filter knows places of the world alone: the chain's maps answer for the lattice's cells.
+// The filter knows only positions in the world. So the chain's maps fill the histories of the lattice's cells.
 TEST(Step, AFilteredChainAnswersForTheLattice) {
   Row world(3);
   world.settings.aggregate.filter.mode = FilterMode::kJoint;
@@ -241,8 +242,8 @@ TEST(Step, PairVolumeNeedsTwoTargets) {
   EXPECT_TRUE(result.pair_needs_two);
 }
 
-// The two volumes are two samplings of the same visibility: in a scene of large occluders they agree on how much of the bound
-// sees what.
+// The two volumes sample the same visibility. In a scene of large occluders they agree on how much of the bound sees
+// which targets.
 TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
   TwoPeople lattice, pair;
   for (World* world : {static_cast<World*>(&lattice), static_cast<World*>(&pair)}) {
@@ -261,7 +262,7 @@ TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
   EXPECT_NEAR(share(lattice.counts()), share(pair.counts()), 0.08);
 }
 
-// A walk through a crowd of boxes with irregular steps, twice: every double of every pose is the same.
+// A walk through a crowd of boxes with irregular steps, taken twice: every double of every pose must be the same.
 TEST(Step, EqualInputsGiveEqualResultsBitForBit) {
   const auto run = [] {
     TwoPeople world;
@@ -324,7 +325,8 @@ TEST(Step, ASamplerThatFailsLeavesTheCameraWhereItWas) {
   EXPECT_EQ(world.camera().pose.position_m, before.position_m);
 }
 
-// Half of the person is behind a wall that reaches to the waist: one point says all or nothing, eight say about a half.
+// A wall that reaches to the waist hides half of the person. One point gives a share of 0 or 1, eight points about one
+// half.
 TEST(Step, SurfacePointsSeePartialOcclusionAtOnce) {
   const auto shares = [](int points) {
     World world;
@@ -387,7 +389,7 @@ TEST(Step, ALastingOcclusionIsReactedToWithin350Milliseconds) {
   EXPECT_GE(steps * kTick, 0.10) << "and not at the first flicker";
 }
 
-// The deepest place of the free side is taken, not the first beyond the shadow's edge.
+// The deepest position on the free side is chosen, not the first one beyond the shadow's edge.
 TEST(Step, RobustMoveShelters) {
   const auto depth = [](Strategy strategy) {
     World world;
@@ -406,7 +408,7 @@ TEST(Step, RobustMoveShelters) {
   EXPECT_LT(depth(Strategy::kBasic), depth(Strategy::kMinCost));
 }
 
-// A target walks past pillars, parallel to the picture: foreseen, the camera is on its way before the target is lost.
+// A target walks past pillars, parallel to the picture. Prediction moves the camera before the target is lost.
 TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
   const auto hidden_frames = [](double prediction_s) {
     World world;
@@ -426,7 +428,8 @@ TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
   EXPECT_LT(hidden_frames(0.5), hidden_frames(0.0));
 }
 
-// A screen slides before the camera and stops: whoever sets out only to the rim of its coming shadow is too late.
+// A screen slides in front of the camera and stops. A camera that moves only to the edge of the coming shadow is too
+// late.
 TEST(Step, RobustMoveWithPredictionIsOutOfASlidingScreensWay) {
   const auto hidden_frames = [](double prediction_s) {
     const double speed_mps = 6.0, rest_x = -2.2;  // its edge stops at 0.8

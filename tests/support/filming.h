@@ -10,7 +10,7 @@ namespace sightline::test {
 struct Filming : World {
   Filming() { settings = preset_settings(Preset::kSightline); }
 
-  // How near the lens is to anything that collides, up to 2 m.
+  // The distance from the lens to the nearest collider, up to 2 m.
   double clearance_m() const {
     ClearanceField field;
     field.gather(mirror, camera().pose.position_m, 3.0, {});

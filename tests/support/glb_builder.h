@@ -1,4 +1,4 @@
-// Makes glTF files by hand, right or wrong: JSON that a test may spoil as it likes, and a binary chunk.
+// Builds glTF files, valid or not: JSON that a test may change freely, and a binary chunk.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ class GlbBuilder {
  public:
   GlbBuilder();
 
-  // Each returns the index of what it added.
+  // Each function returns the index of what it added.
   int view(std::span<const std::byte> bytes, int stride = 0);
   template <typename T>
   int accessor(const std::vector<T>& values, const char* type, ComponentType component,

@@ -6,8 +6,7 @@
 
 namespace sightline {
 
-// The most memory that the process ever held. Sanitizers keep freed memory back, so there the question is not asked:
-// always 0.
+// The most memory that the process ever held. Always 0 under sanitizers, because they keep freed memory.
 inline size_t peak_bytes() {
 #ifdef __SANITIZE_ADDRESS__
   return 0;

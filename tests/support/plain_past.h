@@ -34,8 +34,8 @@ inline std::vector<VisibilityRecord> as_records(const std::vector<PlainPast>& pa
   return records;
 }
 
-// A random past in runs, like those that passing occluders and a moving bound cause. Runs are up to `longest` steps long, seen and hidden;
-// one run in `unknown_in` is unknown (0: never).
+// A random past in runs, like those that passing occluders and a moving bound cause. Runs of seen and hidden steps are
+// up to `longest` steps long; one run in `unknown_in` is unknown (0: never).
 inline PlainPast random_past(CounterRandom& random, size_t length, uint32_t longest, uint32_t unknown_in) {
   PlainPast past;
   while (past.size() < length) {
@@ -48,7 +48,7 @@ inline PlainPast random_past(CounterRandom& random, size_t length, uint32_t long
   return past;
 }
 
-// The joint filter, as the sentence in the paper reads.
+// The joint filter, written as the paper states it.
 struct PlainState {
   std::vector<bool> visible;  // by target
   bool known = false;

@@ -1,5 +1,5 @@
-// The simplest settings, so that a test sees one thing at a time. The nearest candidate is chosen. Nothing is predicted, smoothed,
-// filtered or searched for. The aim point of each target is its only sample.
+// The simplest settings, so that a test sees one effect at a time. The nearest candidate is chosen. Nothing is
+// predicted, smoothed, filtered or searched for. The aim point of each target is its only sample.
 #pragma once
 
 #include "server/settings/step_settings.h"

@@ -1,4 +1,4 @@
-// Maps of every direction from one point, made by hand: what is near hides what is behind it.
+// Hand-made maps of every direction from one point: a near surface hides what is behind it.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace sightline::test {
 
-// The six faces of a cube about the eye, nothing in any direction yet.
+// The six faces of a cube around the eye, empty at first.
 class RoundMaps {
  public:
   RoundMaps(const glm::dvec3& eye_m, int resolution) {
@@ -32,7 +32,8 @@ class RoundMaps {
         distance = static_cast<float>(random.next_in(nearest_m, farthest_m));
   }
 
-  // The texel that shows a place: by the largest of the three coordinates, without the view's own projection. Null: the eye itself.
+  // The texel that shows a position, found by the largest of the three coordinates without the view's projection. Null
+  // when the position is the eye itself.
   float* texel(const glm::dvec3& place_m) {
     const glm::dvec3 out = place_m - maps[0].view.eye_m;
     for (DepthMap& map : maps) {

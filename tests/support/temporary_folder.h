@@ -1,4 +1,4 @@
-// A folder of a test's own: tests run beside each other, and beside those of other builds.
+// A folder that belongs to one test: tests run at the same time, also those of other builds.
 //
 //   const test::TemporaryFolder folder;
 //   std::ofstream(folder / "scene.glb") << bytes;

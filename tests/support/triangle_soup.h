@@ -60,7 +60,7 @@ inline void add(SceneMirror& mirror, NewInstance instance) {
   ASSERT_TRUE(mirror.apply(delta, {}));
 }
 
-// Every triangle of what collides, in the world.
+// Every triangle of the instances that collide, in the world.
 inline std::vector<Triangle> world_triangles(const SceneMirror& mirror) {
   std::vector<Triangle> triangles;
   for (const Instance& i : mirror.instances()) {

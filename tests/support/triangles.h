@@ -1,4 +1,5 @@
-// The triangles of a geometry as a set, for comparing: free of the order of triangles and vertices, not of the winding.
+// The triangles of a geometry as a set, for comparisons that ignore the order of triangles and vertices but not the
+// winding.
 #pragma once
 
 #include <algorithm>

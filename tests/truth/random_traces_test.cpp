@@ -32,7 +32,7 @@ std::vector<SightSample> random_sights(Random& random, size_t count) {
   return samples;
 }
 
-// Every index asked on its own, with no state carried along.
+// Episodes by direct indexing: each index looks up its neighbours, and no state is carried along.
 struct PlainEpisodes {
   std::vector<double> lengths, reacquired;
   size_t open = 0;

@@ -30,7 +30,7 @@ std::vector<std::byte> sudden_wall(float until_s) {
   return writer.finish("scenario");
 }
 
-// At rest, and from `answer_tick` on upwards at 0.6 m/s.
+// The camera rests until `answer_tick`, and then moves upwards at 0.6 m/s.
 std::vector<CameraFrame> answering_path(const Scenario& scenario, int answer_tick) {
   std::vector<CameraFrame> frames;
   for (int k = 0; k <= 270; ++k) {

@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-// Distance along `direction` to the triangle, or nothing: the plane, then three edge tests.
+// The distance along `direction` to the triangle, or nothing: the plane first, then three edge tests.
 std::optional<double> meet(const glm::dvec3& origin, const glm::dvec3& direction, const glm::dvec3& a,
                            const glm::dvec3& b, const glm::dvec3& c) {
   const glm::dvec3 normal = glm::cross(b - a, c - a);

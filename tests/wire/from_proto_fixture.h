@@ -42,7 +42,7 @@ class FromProto : public testing::Test {
     if (!options) throw std::runtime_error(to_string(options.error()));
     return *options;
   }
-  // On a session with nothing in it: reading asks only for its terms.
+  // Reads for an empty session: reading needs only the session's terms.
   static std::unique_ptr<Session> session_with(const SessionOptions& options) {
     SessionOptions terms;
     terms.convention = options.convention;

@@ -11,7 +11,7 @@ StepSettings with_two(StepSettings settings) {
   return settings;
 }
 
-// The same two fields, one of them an enum, beside a mention of every group and of no other field.
+// Sets the same two fields, one of them an enum. Every group is present, but no other field is set.
 template <typename Message>
 void ask_for_two(Message& message) {
   message.mutable_settings();
@@ -37,7 +37,7 @@ TEST_F(FromProto, ThePresetsDiffer) {
   EXPECT_NE(text_of(preset_settings(Preset::kSightline)), text_of(preset_settings(Preset::kPaper)));
 }
 
-// A present set that is no preset: a zoom, and something else of every kind.
+// Settings that equal no preset: a zoom range, and another value of every kind.
 SessionOptions with_own_settings() {
   SessionOptions options;
   options.settings = preset_settings(Preset::kPaper);

@@ -1,4 +1,4 @@
-// Every setting is kept in the range, and the presets have the values, that settings.proto and tuning.proto say; and the rules
+// Every setting has the range, and the presets have the values, that settings.proto and tuning.proto state. The rules
 // between settings hold.
 #include <gtest/gtest.h>
 
@@ -43,7 +43,7 @@ Range range_of(const FoundSetting& setting) {
           end_of(setting, text.substr(comma + 2, text.size() - comma - 3))};
 }
 
-// Names the field that the session would refuse; empty: none.
+// The field that the session would refuse; empty when it accepts all.
 std::string refused(const v1::OpenSession& open) {
   StepSettings settings;
   if (const Status ok = read_settings(open.settings(), open.tuning(), "", settings); !ok) return ok.error().field;
@@ -51,7 +51,7 @@ std::string refused(const v1::OpenSession& open) {
   return ok ? std::string() : ok.error().field;
 }
 
-// All defaults but `value`, and a zoom range, which has no default.
+// All settings at their defaults except `value`, and a zoom range, which has no default.
 std::string refused_with(const std::string& path, double value) {
   v1::OpenSession open = wire_of({});
   open.mutable_settings()->set_min_vertical_fov_rad(0.5);
@@ -77,7 +77,8 @@ TEST(SettingRanges, EverySettingIsKeptInItsRange) {
     const Range range = range_of(setting);
     const bool whole = setting.field.cpp_type() == FieldDescriptor::CPPTYPE_UINT32;
     const double step = whole ? 1 : 1e-6 * std::max(1.0, range.high);
-    // A lower end that others are measured against moves them out of their range: only that it is not itself at fault is asked.
+    // The low end of a setting that bounds others can move those out of their range. So the test asks only that this
+    // setting is not the one at fault.
     EXPECT_NE(refused_with(setting.path, range.low_open ? range.low + step : range.low), setting.path);
     EXPECT_NE(refused_with(setting.path, range.high_open ? range.high - step : range.high), setting.path);
     std::vector<double> wrong{range.high + step};

@@ -1,4 +1,4 @@
-// Settings come back whole from messages: every field of the messages is set, whatever its name.
+// Settings come back unchanged from messages. Every field of the messages is set, so a new field cannot be forgotten.
 #include "server/wire/settings_to_proto.h"
 
 #include <google/protobuf/util/message_differencer.h>
@@ -15,7 +15,8 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::util::MessageDifferencer;
 
-// Every field of every message below, but the preset; enums in turn never unspecified.
+// Sets every field of the message and of those within it, except the preset. Enums take their values in turn, never
+// "unspecified".
 void set_all(Message& message, std::mt19937& random) {
   const auto* reflection = message.GetReflection();
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
@@ -48,7 +49,7 @@ void set_all(Message& message, std::mt19937& random) {
 v1::OpenSession any_settings(std::mt19937& random) {
   v1::OpenSession open;
   set_all(*open.mutable_settings(), random), set_all(*open.mutable_tuning(), random);
-  // The reader checks these four.
+  // The reader checks these four fields.
   open.mutable_settings()->set_framing_margin(0.3), open.mutable_settings()->set_dead_zone(0.2);
   open.mutable_settings()->set_min_vertical_fov_rad(0.5), open.mutable_settings()->set_max_vertical_fov_rad(1.5);
   return open;

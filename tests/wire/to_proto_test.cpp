@@ -26,7 +26,7 @@ void expect_near(const glm::dvec3& got, const glm::dvec3& expected, double toler
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(got[i], expected[i], tolerance) << "component " << i;
 }
 
-// From wire to wire, without a network.
+// From message to message, without a network.
 class Wire {
  public:
   explicit Wire(const v1::OpenSession& open) {
@@ -57,7 +57,7 @@ class Wire {
   std::unique_ptr<SamplerDevice> device_ = make_embree_sampler_device();
 };
 
-// The same world as told by a Unity client: x mirrored, a camera along +Z is turned to look back.
+// The same world as a Unity client sends it: x is mirrored, and a camera along +Z is turned to look back.
 v1::OpenSession unity_open() {
   v1::OpenSession open = make_open();
   open.mutable_convention()->set_preset(v1::Convention::PRESET_UNITY);

@@ -1,4 +1,4 @@
-// A session's first words and a tick as messages, right in every respect, for tests to spoil.
+// An opening and a tick as messages, valid in every field, for tests to change.
 #pragma once
 
 #include "sightline/v1/camera_control.pb.h"
@@ -28,7 +28,7 @@ inline v1::OpenSession make_open() {
   return open;
 }
 
-// Tick `sequence` at 64 Hz with both people turned by nothing and walking at 1 m/s.
+// Tick `sequence` at 64 Hz. Both people keep their rotation and walk at 1 m/s.
 inline v1::Tick make_tick(uint64_t sequence) {
   v1::Tick tick;
   tick.set_sequence(sequence);

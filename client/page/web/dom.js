@@ -36,7 +36,7 @@ export function forgetColours() {
   colours.clear();
 }
 
-// As the pictures of what the camera saw have them (Okabe & Ito, 2008).
+// The same colours as in the pictures of what the camera saw (Okabe & Ito, 2008).
 const TARGET_COLOURS = ['#e69f00', '#56b4e9', '#cc79a7', '#f0e442', '#009e73', '#d55e00'];
 export function targetColour(index) {
   return TARGET_COLOURS[index % TARGET_COLOURS.length];

@@ -106,7 +106,7 @@ function share(session, target, k) {
         if (!present) return filtered.push(null);
         context.globalAlpha = 0.5;
         context.fillStyle = fill[WORST_FIRST[worst]];
-        // A target that is not seen at all still has its colour: a stripe on the ground.
+        // A target that is not seen at all still has its colour, as a stripe along the bottom.
         context.fillRect(x, yOf(least), width, Math.max(2, yOf(0) - yOf(least)));
         context.globalAlpha = 1;
         filtered.push([x, yOf(leastFiltered)]);
@@ -241,8 +241,8 @@ function cells(session) {
   };
 }
 
-// The longest step of each column, stage upon stage. The scale ends a third above what 99 % of the steps stay below:
-// one slow step flattens nothing.
+// The longest step of each column, with its stages stacked. The scale ends a third above the value that 99 % of the
+// steps stay below, so that one slow step does not flatten the others.
 function stages(session) {
   const height = 40,
     count = session.stages.length;

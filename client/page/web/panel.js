@@ -290,7 +290,7 @@ export function showRun(session, root, seek) {
     ...session.columns.map((text) => element('th', { class: 'number', scope: 'col', text })),
   );
   const rows = session.figures.map(({ name, values }) => {
-    // A text for one column alone may be long: it takes the room of all.
+    // A long text that belongs to one column alone takes the width of all columns.
     const filled = values.filter((text) => text !== '');
     const cells =
       filled.length === 1

@@ -29,7 +29,7 @@ export class Player {
     this.seek(frameAt(this.session, time_s));
   }
 
-  // At least one frame, and at most the second.
+  // Shows at least one frame, and at most the frames of one second.
   stepSecond(forward) {
     this.pause();
     const wanted = frameAt(this.session, this.session.time_s[this.frame] + (forward ? 1 : -1) + 1e-6);

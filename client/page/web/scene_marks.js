@@ -191,13 +191,13 @@ export class SceneMarks {
     this.chosen.visible = this.kept.chosen;
   }
 
-  // As the step counted them: by the targets that it steered for.
+  // Coloured as the step counted them: by the targets that it steered for.
   cellLook(mask, steered) {
     const seen = (mask & steered) >>> 0;
     return seen === steered ? 'seen' : seen ? 'part' : 'hidden';
   }
 
-  // How far cells are apart, from their number and the ball that they fill.
+  // The distance between neighbouring cells, from their number and the ball that they fill.
   cellEdge(row) {
     const { session } = this;
     let volume_m3 = Math.PI / 6;

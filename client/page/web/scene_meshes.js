@@ -1,9 +1,9 @@
-// The scene's own things: what stands still as instanced meshes, what moves and the targets as meshes of their own.
+// The meshes of the scene: static instances as instanced meshes, movers and targets as meshes of their own.
 import * as THREE from 'three';
 import { colour, targetColour } from './dom.js';
 import { instanceAt, lives, meshOf, sightAt, targetOf } from './session.js';
 
-const ROOF_M = 8; // higher than that it is no roof in the way
+const ROOF_M = 8; // a higher ceiling is not in the way
 
 export class SceneMeshes {
   constructor(session) {

@@ -10,8 +10,8 @@ const INSET_SHARE = 0.28,
   PICK_PIXELS = 14,
   ABOVE_TARGETS_M = 1.1;
 const UP = new THREE.Vector3(0, 1, 0);
-// First viewpoints to try, in this order: angle in radians about the line from the targets to the camera, then distance and
-// height, in units of the length of that line.
+// First viewpoints to try, in this order. The angle is in radians about the line from the targets to the camera.
+// Distance and height are in units of the length of that line.
 const SIDES = [
   [0.65, 1.55, 0.95],
   [-0.65, 1.55, 0.95],
@@ -51,7 +51,7 @@ export class SceneView {
     this.show();
   }
 
-  // ---- where one looks from ----
+  // ---- the outside viewpoint ----
 
   place(frame = this.player.frame) {
     return new THREE.Vector3().fromArray(this.session.camera, 7 * frame);
@@ -72,8 +72,7 @@ export class SceneView {
     return this.middle().lerp(this.place(), 0.4);
   }
 
-  // From above and behind the camera's shoulder, or from the first side around from which targets and camera can be
-  // seen.
+  // From above and behind the camera's shoulder, or from the first side from which targets and camera can be seen.
   placeOutside() {
     const focus = this.focus(),
       back = this.place().sub(this.middle());
@@ -151,7 +150,8 @@ export class SceneView {
     this.render();
   }
 
-  // Where what hides target k is met on the straight way to it; null: it hides other points of it, or nothing does.
+  // The point at which the straight way to target k is blocked; null when only other points of it are hidden, or none
+  // is.
   meet(frame, k, from, to) {
     const sight = sightAt(this.session, frame, k);
     const blocker = this.meshes.showBlocker(k, this.shows.sight && sight.placed ? sight.occluder : null, frame);
@@ -202,7 +202,7 @@ export class SceneView {
     this.drawInto(inset, !this.through);
   }
 
-  // Through its own lens the scene is whole, and neither the camera, nor its cells, nor its way are in the picture.
+  // Through its own lens the scene is complete, and the camera, its cells and its path are not drawn.
   drawInto({ x, y, width, height }, through) {
     const { marks, renderer } = this;
     renderer.setViewport(x, y, width, height);
@@ -213,7 +213,7 @@ export class SceneView {
     this.meshes.setXray(this.shows.xray && !through);
     this.meshes.setCut(this.shows.cut && !through ? this.cut_m : null);
     marks.group.visible = !through;
-    // The nearer one looks, the nearer the near plane: depth keeps its steps.
+    // The near plane follows the distance of the viewer, so that depth keeps its resolution.
     const away_m = this.outside.position.distanceTo(this.controls.target);
     this.outside.near = Math.min(2, Math.max(0.02, 0.02 * away_m));
     this.outside.far = away_m + this.size_m;

@@ -68,7 +68,7 @@ export function instanceAt(session, id, frame) {
   return session.instancesOf.get(id)?.find((index) => lives(session, index, frame));
 }
 
-// Which target an instance is; -1: none.
+// The index of the target that an instance is; -1: none.
 export function targetOf(session, index) {
   return session.targets.findIndex(({ id }) => id === session.instances[index].id);
 }

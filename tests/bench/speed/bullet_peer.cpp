@@ -12,8 +12,8 @@ btVector3 to_bullet(const glm::dvec3& v) {
   return {static_cast<btScalar>(v.x), static_cast<btScalar>(v.y), static_cast<btScalar>(v.z)};
 }
 
-// Is anything but `own` in the way? Bullet has no test that stops at the first hit it finds; a hit at once ends the search for nearer
-// ones by its fraction.
+// Finds whether anything but `own` blocks the ray. Bullet has no query that stops at the first hit found. So a hit sets
+// the closest fraction to end the search for nearer ones at once.
 struct AnyHit final : btCollisionWorld::RayResultCallback {
   explicit AnyHit(const btCollisionObject* own_object) : own(own_object) {}
   bool needsCollision(btBroadphaseProxy* proxy) const override { return proxy->m_clientObject != own; }
@@ -79,7 +79,7 @@ class BulletPeer final : public RayPeer {
                        to_bullet(instance.pose.position_m));
   }
 
-  // Instances of one geometry share their shape; what is scaled has it baked.
+  // Instances of one geometry share their shape; scaled instances have a shape of their own with the scale baked in.
   btBvhTriangleMeshShape* shape_of(const Instance& instance) {
     ShapeKey key{instance.geometry.get(), {}};
     for (int i = 0; i < 9; ++i) key.second[static_cast<size_t>(i)] = instance.linear[i / 3][i % 3];

@@ -1,4 +1,4 @@
-// The triangles that stand in a mirror, in the world frame, single precision.
+// The triangles of a mirror in the world frame, in single precision.
 #pragma once
 
 #include <vector>
@@ -29,7 +29,7 @@ inline FlatTriangles flat_statics(const SceneMirror& mirror) {
   return flat;
 }
 
-// Slots of what moves and occludes.
+// Slots of the instances that move and occlude.
 inline std::vector<uint32_t> moving_occluders(const SceneMirror& mirror) {
   std::vector<uint32_t> slots(mirror.moving_slots().begin(), mirror.moving_slots().end());
   std::erase_if(slots, [&](uint32_t slot) { return !mirror.instances()[slot].occludes(); });

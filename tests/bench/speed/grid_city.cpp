@@ -51,7 +51,7 @@ MeshData cut_box(const glm::vec3& half, int n) {
   return mesh;
 }
 
-// To and fro within kTurnBackM of where it began.
+// Moves back and forth within kTurnBackM of the start.
 double walked_m(int tick) {
   const double lap_m = 2 * kTurnBackM, way_m = std::fmod(kWalkMps * kTickS * tick, lap_m);
   return way_m <= kTurnBackM ? way_m : lap_m - way_m;

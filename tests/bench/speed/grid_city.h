@@ -1,5 +1,5 @@
-// A city on a grid, as large and as finely cut as a measurement wants it: what growth is measured on. Blocks with streets between
-// them; a group with the targets walks along the middle street, movers along all of them, props stand at the kerbs.
+// A city on a grid of configurable size and detail, for measuring growth. Streets run between blocks. A group that
+// includes the targets walks along the middle street, movers walk along all streets, and props stand at the kerbs.
 #pragma once
 
 #include <memory>
@@ -16,9 +16,9 @@ struct GridCityOptions {
   int cells = 8;             // every face of a block is cut into cells x cells: 12 cells^2 triangles
   bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
   int targets = 2;           // [1, kMaxTargets]
-  int group = 0;             // how many walk together, of whom the targets are evenly chosen; 0: the targets alone
+  int group = 0;             // number of people who walk together, the targets evenly chosen among them; 0: the targets alone
   int movers = 0;            // moving occluders beyond the group
-  int props = 0;             // small instances that stand; all of one geometry
+  int props = 0;             // small static instances, all of one geometry
 };
 
 // Deterministic. Single-threaded.
@@ -26,15 +26,15 @@ class GridCity {
  public:
   explicit GridCity(const GridCityOptions& options);
 
-  // Moves everything that moves to where it is at this tick of 1/60 s, velocities with it. Returns what the mirror took for it,
-  // milliseconds.
+  // Moves everything that moves to its pose and velocity at this tick of 1/60 s. Returns the time that the mirror
+  // needed, in milliseconds.
   double advance(int tick);
 
   const SceneMirror& mirror() const { return mirror_; }
   const std::vector<Target>& targets() const { return targets_; }
-  // By target: tables of their shape.
+  // The tables of the targets' shapes, by target.
   const std::vector<const ExtentTable*>& tables() const { return tables_; }
-  // Behind the targets and above them.
+  // The camera's start: behind the targets and above them.
   Pose camera() const;
   size_t triangles() const;
 

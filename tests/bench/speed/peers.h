@@ -1,5 +1,5 @@
-// The peers that a step is compared with: simpler ways to find what is visible. Each answers which candidates see which targets' aim
-// points, or does the costly part of it, over the scene of one mirror.
+// The peers that a step is compared with: simpler ways to find what is visible. Over the scene of one mirror, each
+// finds which candidates see which targets' aim points, or does the expensive part of that.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,10 @@ namespace sightline::bench {
 // A query for one target.
 struct SeenFrom {
   glm::dvec3 aim_m{0.0};
-  uint32_t slot = 0;  // of the target itself: never in its own way
+  uint32_t slot = 0;  // of the target itself, which never blocks its own ray
 };
 
-// One ray for each candidate and target. `seen`: bit i of entry k, candidate k sees target i. `prepare` takes in what moved.
+// One ray for each candidate and target. Bit i of `seen[k]`: candidate k sees target i. `prepare` takes in what moved.
 class RayPeer {
  public:
   virtual ~RayPeer() = default;
@@ -28,8 +28,8 @@ class RayPeer {
                     std::vector<uint32_t>& seen) = 0;
 };
 
-// Embree's rtcOccluded1. Everything that stands still is one flat scene of triangles, built with high quality; movers are instances in
-// another scene.
+// Embree's rtcOccluded1. All static instances are one flat scene of triangles, built with high quality; movers are
+// instances in another scene.
 std::unique_ptr<RayPeer> make_embree_peer(const SceneMirror& mirror);
 
 // Bullet's btCollisionWorld::rayTest. Every instance is a collision object with a triangle-mesh shape, as in a game's physics.

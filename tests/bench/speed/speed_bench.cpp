@@ -1,5 +1,5 @@
-// Compares a step with simpler methods, and measures how it grows. All contenders of a section are measured in one run, frame
-// by frame in turn, over the same scene at the same time.
+// Compares a step with simpler methods, and measures how it grows. The contenders of a section are measured in one run,
+// frame by frame in turn, over the same scene.
 //
 //   speed_bench --out FOLDER [--quick] [--section NAME]...
 //
@@ -31,7 +31,7 @@ struct Bench {
   int frames(int full) const { return TimedSteps::kWarmUpFrames + (quick ? std::max(20, full / 20) : full); }
 };
 
-// One point a target, the nearest visible place: what the peers' rays answer.
+// One point for each target, and the nearest visible candidate: the question that the peers' rays answer.
 StepSettings plain(int resolution, int candidates, int points = 0) {
   StepSettings settings = paper_row(Strategy::kBasic, 0.0);
   settings.aggregate.volume = Volume::kLattice;
@@ -58,7 +58,7 @@ double agreement(const std::vector<uint32_t>& seen, const StepDump& dump, size_t
   return static_cast<double>(same) / static_cast<double>(std::max<size_t>(1, seen.size() * targets));
 }
 
-// The candidates of the step that was just taken, looked at by rays from the targets' aim points.
+// Rays from the targets' aim points to the candidates of the step that was just taken.
 class TimedRays {
  public:
   TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)) {
@@ -96,7 +96,7 @@ class TimedDrawing {
   explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) {
     track.name = "draw all";
   }
-  // The maps over the bound of the step that was just taken: one a target.
+  // The maps over the bound of the step that was just taken, one for each target.
   void take(const StepDump& dump, bool keep) {
     const double begin_ms = now_ms();
     peer_->take(std::span(dump.plan.requests).first(dump.plan.now.first_sight), depths_);
@@ -215,8 +215,9 @@ class GridRun {
   int frame_ = 0;
 };
 
-// `cities`: the smallest first. Each larger one is measured in turn with the smallest, some frames of one and then as many of the
-// other. Changes of the machine's speed then affect both, and for most frames the caches hold only one city.
+// `cities`: the smallest first. Each larger one is measured in turn with the smallest, some frames of one and then as
+// many of the other. A change of the machine's speed then affects both, and for most frames the caches hold only one
+// city.
 void run_growth(Bench& bench, const std::string& section,
                 const std::vector<std::pair<double, GridCityOptions>>& cities) {
   constexpr int kTurn = 20;
@@ -241,7 +242,7 @@ void run_growth(Bench& bench, const std::string& section,
   }
 }
 
-// The same steps without anybody beside them: what the caches hold then is the step's own.
+// The same steps without other contenders, so that the caches hold only the step's own data.
 void run_alone(Bench& bench) {
   City city;
   const Scenario& scenario = city.scenario;
@@ -267,7 +268,7 @@ void run_wide(Bench& bench) {
   run.write(bench, "wide", 4096);
 }
 
-// The same blocks, cut ever finer.
+// The same blocks in increasing detail.
 void run_detail(Bench& bench) {
   std::vector<std::pair<double, GridCityOptions>> cities;
   for (const int cells : {2, 7, 22, 70})
@@ -276,7 +277,7 @@ void run_detail(Bench& bench) {
   run_growth(bench, "detail", cities);
 }
 
-// The same detail, ever more blocks.
+// The same detail with an increasing number of blocks.
 void run_blocks(Bench& bench) {
   std::vector<std::pair<double, GridCityOptions>> cities;
   for (const int side : {6, 20, 60, 192})
@@ -285,7 +286,7 @@ void run_blocks(Bench& bench) {
   run_growth(bench, "blocks", cities);
 }
 
-// The same people walk, ever more of them are targets.
+// The same people walk, and an increasing number of them are targets.
 void run_targets(Bench& bench) {
   std::vector<std::pair<double, GridCityOptions>> cities;
   for (const int targets : {1, 2, 4, 8, 16, 32})
@@ -293,7 +294,7 @@ void run_targets(Bench& bench) {
   run_growth(bench, "targets", cities);
 }
 
-// 10,000 instances, of which ever more move.
+// 10,000 instances, of which an increasing number move.
 void run_movers(Bench& bench) {
   std::vector<std::pair<double, GridCityOptions>> cities;
   for (const int movers : {0, 10, 100, 1000})

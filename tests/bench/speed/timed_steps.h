@@ -1,4 +1,4 @@
-// Steps taken one after another over a scene that moves, timed; and the tables that are made of it.
+// Steps over a moving scene, timed one after another, and the tables that are made of the times.
 #pragma once
 
 #include <cstdio>
@@ -17,7 +17,7 @@ struct Track {
   std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
   size_t candidates = 0;
   double agreement =
-      -1;  // share of candidates x targets on which a peer and the step beside it agree; -1: not asked
+      -1;  // share of candidates x targets on which a peer agrees with the step of the same frame; -1: not measured
 };
 
 // The scene of the steps. References must outlive the steps.
@@ -34,9 +34,9 @@ class TimedSteps {
   static constexpr int kWarmUpFrames = 20;
 
   TimedSteps(std::string name, const TimedScene& scene, const StepSettings& settings, SamplerDevice& device);
-  // The camera is there from the next step on.
+  // Places the camera for the steps from the next one on.
   void place(const Pose& camera) { stepper_.place_camera(camera, glm::dvec3(0.0)); }
-  // The next frame; `scene_ms` is what the mirror took for it.
+  // Takes the next frame; `scene_ms` is the time that the mirror needed for it.
   void step(double scene_ms = 0.0);
 
   const StepDump& dump() const { return stepper_.dump(); }
@@ -61,7 +61,7 @@ class Tables {
   ~Tables();
 
   void row(const std::string& section, double x, const Track& track);
-  // How many times as long as `ours` the other takes: the median of ten runs of frames, with the least and the greatest.
+  // The time of the other divided by the time of `ours`: median of ten runs of frames, with the least and the greatest.
   void ratio(const std::string& section, double x, const Track& ours, const Track& other);
 
  private:

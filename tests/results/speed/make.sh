@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the page on speed: builds, measures, and writes README.md, tables and plots into this folder. Nothing else should run.
+# Makes the page on speed. Builds, measures, and writes README.md, tables and plots into this folder. Nothing else
+# should run.
 #   tests/results/speed/make.sh            # 7 minutes on two cores; 28 million triangles need 12 GiB of memory
 #   tests/results/speed/make.sh --quick    # a trial: fewer frames and smaller scenes, into out/speed
 #   SIGHTLINE_BIN=path/to/bin tests/results/speed/make.sh   # use these programs and build nothing

@@ -71,14 +71,14 @@ def step_claims(rows, ratios):
 
 
 def peers_part(rows, ratios):
-    text = """## A step, and what one would write instead
+    text = """## A step and simpler methods
 
-The scene is the city (280 K triangles, two targets), with one point for each target, maps of r x r texels and about r³ candidates (the lattice's
-count, which (b) and (c) test as well). Our figure is a whole step, from bound to move; the peers only find what is visible and decide nothing.
+The scene is the city (280 K triangles, two targets), with one point for each target, maps of r x r texels and about r³ candidates (the number in
+the lattice). (b) and (c) test the same candidates. Our figure is a whole step, from bound to move; the peers only find what is visible and decide nothing.
 (a) draws the whole scene into one map for each target and reads it back by glReadPixels, as the paper did. (b) and (c) trace one ray for each
 candidate and target: (b) by Embree's rtcOccluded1 through one flat scene of high quality, (c) by Bullet's rayTest through the collision world that a
 game already has. *default* is our default strategy, which looks ahead, searches for other viewpoints and samples eight points of each target.
-*alone* is without the others in turn, which displace it from the caches. Times are medians in milliseconds, with the 95th percentile in brackets.
+*alone* runs without the other contenders, which displace it from the caches. Times are medians in milliseconds, with the 95th percentile in brackets.
 
 """
     radii = distinct(select(rows, section="peers"), "x")
@@ -143,7 +143,7 @@ def growth_claims(rows, ratios):
     for name in ("embree", "egl", "embree default", "egl default"):
         line, grown = select(rows, section="movers", row=name), select(ratios, section="movers", other=name)
         if line and grown:
-            # What the step takes more than in the smallest case, measured in turn, and what the mirror takes more.
+            # The growth of the step against the smallest case, measured in turn, and the growth of the mirror.
             more = line[-1]["p50_ms"] * (1 - 1 / grown[-1]["ratio"]) + line[-1]["scene_p50_ms"] - line[0]["scene_p50_ms"]
             claims.append(Claim(f"{NAMES[name]}: {int(line[-1]['x']):,} moving occluders of 10,000 instances: under 1 ms more",
                                 more < 1, f"{number(more, 2)} ms more"))
@@ -193,7 +193,7 @@ def load_claims(load):
         return [Claim("Loading", None, "")]
     small, large = load[0], load[-1]
     size = lambda row: f"{row['triangles'] / 1e6:.2g} million"
-    # What the process holds in memory, for scene and sampler.
+    # The memory that the process holds, for scene and sampler.
     total = lambda row, sampler: row["scene_resident"] + row[f"{sampler}_resident"]
     return [at_most(f"A .glb of {size(small)} triangles is ready (Embree) in under 0.5 s", ready_s(small, "embree"), 0.5, "s"),
             at_most(f"A .glb of {size(large)} triangles is ready (Embree) in under 20 s", ready_s(large, "embree"), 20, "s", 1),
