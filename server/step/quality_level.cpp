@@ -9,11 +9,11 @@
 namespace sightline {
 namespace {
 
-// Shares of what the settings ask for; rounded up.
+// Factors of the settings; results are rounded up.
 struct Cut {
   double points, survey, resolution, candidates;
   bool turns, predicts;
-  double cost;  // a guess; see expected_cost
+  double cost;  // an estimate; see expected_cost
 };
 constexpr std::array<Cut, kLowestQualityLevel + 1> kCuts{{
     {1, 1, 1, 1, true, true, 1.0},
