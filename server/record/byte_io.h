@@ -1,4 +1,4 @@
-// Where a recording is written to and read from. A std::string_view stands for bytes here, not for text.
+// Interfaces for writing and reading the bytes of a recording. A std::string_view holds bytes here, not text.
 #pragma once
 
 #include <cstdint>

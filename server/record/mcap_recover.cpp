@@ -47,7 +47,7 @@ class Copy {
     done_.loss.note(offset_, Error{ErrorCode::kDataLoss, "record", what});
     return {};
   }
-  // Refusals of one record are losses; what the sink says ends the copy.
+  // A record that is refused is a loss; an error of the sink ends the copy.
   Status lose_unless_sink(const Error& error) {
     if (writer().status()) return lose(error.message.c_str());
     return tl::unexpected(error);

@@ -1,4 +1,4 @@
-// The session's end: it puts messages into its queue and never waits.
+// The session's half of the recorder: it puts messages into a queue and never waits.
 #include <google/protobuf/message_lite.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_v
 
 char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
   assert(topic <= RecordTopic::kGap);
-  // A dropped message uses up its number, so that the loss shows.
+  // A dropped message uses up its number, so that the gap is visible.
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
