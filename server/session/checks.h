@@ -41,7 +41,7 @@ Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, co
 bool is_unit(const glm::dquat& rotation);
 // Fields "<field>.position" and "<field>.rotation".
 Status check_pose(const Pose& pose, const std::string& field);
-// Refuses speeds over kMaxToldSpeedMps.
+// Refuses speeds over kMaxSentSpeedMps.
 Status check_speed(const glm::dvec3& velocity_mps, const std::string& field);
 // Ranges of server/base/camera.h; fields "<field>.field_of_view", ".aspect", ".near_m".
 Status check_lens(const Lens& lens, const std::string& field);

@@ -21,7 +21,7 @@
 namespace sightline {
 
 // Greater speeds are refused, because their squares and products would leave a position no significant digit.
-inline constexpr double kMaxToldSpeedMps = 1e6;
+inline constexpr double kMaxSentSpeedMps = 1e6;
 // A shorter dt counts as 0, because rates derived over it are noise.
 inline constexpr double kShortestStepS = 1e-6;
 // An instance whose positions imply a greater speed counts as teleported, and its derived velocity is 0. Clients send
@@ -60,7 +60,7 @@ struct SessionOptions {
 
 struct ObservedCamera {
   Pose pose;
-  glm::dvec3 velocity_mps{0.0};  // at most kMaxToldSpeedMps
+  glm::dvec3 velocity_mps{0.0};  // at most kMaxSentSpeedMps
   bool cut = false;
 };
 

@@ -21,7 +21,7 @@ namespace sightline {
 
 struct ZoomState {
   double vertical_fov_rad = 0.0;  // of the lens as it is now; 0 before the first step
-  double told_fov_rad = 0.0;      // of the input's lens at the last step
+  double lens_fov_rad = 0.0;      // of the input's lens at the last step
 };
 
 // The shot that the camera tries to keep: its position relative to the weighted centre of one set of targets.

@@ -12,10 +12,10 @@ namespace {
 ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   ZoomState zoom = before;
   const FramingSettings& framing = input.settings.framing;
-  const double told_rad = input.lens.vertical_fov_rad;
-  const bool told_anew = before.told_fov_rad != told_rad;
-  if (before.vertical_fov_rad == 0.0 || (told_anew && !zooms(framing))) zoom.vertical_fov_rad = told_rad;
-  zoom.told_fov_rad = told_rad;
+  const double lens_rad = input.lens.vertical_fov_rad;
+  const bool lens_changed = before.lens_fov_rad != lens_rad;
+  if (before.vertical_fov_rad == 0.0 || (lens_changed && !zooms(framing))) zoom.vertical_fov_rad = lens_rad;
+  zoom.lens_fov_rad = lens_rad;
   return zoom;
 }
 

@@ -11,7 +11,7 @@ namespace {
 
 // Factors of the settings; results are rounded up.
 struct Cut {
-  double points, survey, resolution, candidates;
+  double points, search, resolution, candidates;
   bool turns, predicts;
   double cost;  // an estimate; see expected_cost
 };
@@ -56,7 +56,7 @@ StepSettings degrade(const StepSettings& settings, int level) {
   StepSettings less = settings;
   less.sample.points = cut(settings.sample.points, c.points, 1);
   less.sample.resolution = cut(settings.sample.resolution, c.resolution, kLeastResolution);
-  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.survey, kLeastResolution);
+  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.search, kLeastResolution);
   less.aggregate.candidates = cut(settings.aggregate.candidates, c.candidates, kLeastCandidates);
   if (!c.turns) less.move.turn_probability = 0.0;
   if (!c.predicts) less.move.prediction_s = 0.0;
@@ -77,7 +77,7 @@ std::string describe_degradation(const StepSettings& settings, int level) {
   std::string text;
   note("turns", settings.move.turn_probability, less.move.turn_probability, text);
   note("points", settings.sample.points, less.sample.points, text);
-  note("survey resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
+  note("search resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
   note("candidates", settings.aggregate.candidates, less.aggregate.candidates, text);
   note("resolution", settings.sample.resolution, less.sample.resolution, text);
   note("prediction", settings.move.prediction_s, less.move.prediction_s, text);

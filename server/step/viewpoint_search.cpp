@@ -84,7 +84,7 @@ ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
   ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}};
-  CounterRandom random(input.seed, input.tick, RandomPurpose::kSurveyPoint);
+  CounterRandom random(input.seed, input.tick, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(*input.scene.find(in.step.targets.ids[look.target]), random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
