@@ -72,21 +72,32 @@ class Reporter final : public MessageDifferencer::Reporter {
     printer_.SetSingleLineMode(true);
   }
   void ReportAdded(const Message& a, const Message& b, const Path& path) override {
-    report(&a, &b, path, path.back().field->is_repeated() || path.back().field->has_presence(), false);
+    report(&a, &b, path, may_be_absent(path.back()), false);
   }
   void ReportDeleted(const Message& a, const Message& b, const Path& path) override {
-    report(&a, &b, path, false, path.back().field->is_repeated() || path.back().field->has_presence());
+    report(&a, &b, path, false, may_be_absent(path.back()));
   }
   // The differencer also reports every message on the way to a field.
   void ReportModified(const Message& a, const Message& b, const Path& path) override {
-    if (path.back().field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) report(&a, &b, path, false, false);
+    const FieldDescriptor* field = path.back().field;
+    if (!field || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) report(&a, &b, path, false, false);
   }
 
  private:
+  // A path that ends at a field of another version of the contract has a number there instead of a descriptor.
+  static bool may_be_absent(const MessageDifferencer::SpecificField& step) {
+    return !step.field || step.field->is_repeated() || step.field->has_presence();
+  }
+
   void report(const Message* a, const Message* b, const Path& path, bool absent_a, bool absent_b) {
     const auto& last = path.back();
-    const FieldDescriptor& field = *last.field;
     FieldDifference difference{path_text(path, true), path_text(path, false), {}, {}, {}};
+    if (!last.field) {
+      difference.a = absent_a ? "absent" : "unknown";
+      difference.b = absent_b ? "absent" : "unknown";
+      return visit_(difference);
+    }
+    const FieldDescriptor& field = *last.field;
     difference.a = absent_a ? "absent" : text_of(*a, field, last.index);
     difference.b = absent_b ? "absent" : text_of(*b, field, last.new_index);
     if (!absent_a && !absent_b && is_measure(field))
@@ -98,8 +109,9 @@ class Reporter final : public MessageDifferencer::Reporter {
   static std::string path_text(const Path& path, bool with_indices) {
     std::string text;
     for (const auto& step : path) {
-      text.append(text.empty() ? "" : ".").append(step.field->name());
-      if (!step.field->is_repeated()) continue;
+      text.append(text.empty() ? "" : ".");
+      text.append(step.field ? step.field->name() : std::to_string(step.unknown_field_number));
+      if (!step.field || !step.field->is_repeated()) continue;
       text.append("[").append(with_indices ? std::to_string(std::max(step.index, step.new_index)) : "");
       text.append("]");
     }

@@ -3,24 +3,46 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 
+#include <algorithm>
 #include <set>
 
 #include "foxglove/camera.pb.h"
 #include "foxglove/frames.pb.h"
 #include "foxglove/scene.pb.h"
+#include "sightline/options/v1/setting.pb.h"
 #include "sightline/v1/camera_control.pb.h"
 #include "sightline/v1/recording.pb.h"
 
 namespace sightline {
 namespace {
 
+using google::protobuf::DescriptorProto;
 using google::protobuf::FileDescriptor;
+
+// Settings are annotated in their .proto files (unit, range, default). Readers of a recording need none of it, and it would
+// stand in every file of a session several times.
+const FileDescriptor& annotations() {
+  return *options::v1::Setting::descriptor()->file();
+}
+
+void remove_annotations(DescriptorProto& message) {
+  for (auto& field : *message.mutable_field()) {
+    if (!field.has_options()) continue;
+    field.mutable_options()->ClearExtension(options::v1::setting);
+    if (field.options().ByteSizeLong() == 0) field.clear_options();
+  }
+  for (DescriptorProto& nested : *message.mutable_nested_type()) remove_annotations(nested);
+}
 
 void add_file(const FileDescriptor& file, std::set<const FileDescriptor*>& done,
               google::protobuf::FileDescriptorSet& out) {
-  if (!done.insert(&file).second) return;
+  if (&file == &annotations() || !done.insert(&file).second) return;
   for (int i = 0; i < file.dependency_count(); ++i) add_file(*file.dependency(i), done, out);
-  file.CopyTo(out.add_file());
+  google::protobuf::FileDescriptorProto& copy = *out.add_file();
+  file.CopyTo(&copy);
+  auto& imports = *copy.mutable_dependency();
+  imports.erase(std::remove(imports.begin(), imports.end(), annotations().name()), imports.end());
+  for (DescriptorProto& message : *copy.mutable_message_type()) remove_annotations(message);
 }
 
 }  // namespace

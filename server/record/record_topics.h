@@ -46,7 +46,7 @@ const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics();
 std::optional<RecordTopic> record_topic_of(std::string_view name);
 
 // A serialised google.protobuf.FileDescriptorSet of the message's file and all its imports, imports first, as MCAP asks of
-// a schema with the encoding "protobuf".
+// a schema with the encoding "protobuf". The annotations of settings are left out.
 std::string descriptor_set_of(const google::protobuf::Descriptor& message);
 
 }  // namespace sightline

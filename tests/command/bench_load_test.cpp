@@ -237,7 +237,7 @@ TEST_F(BenchCommandTest, AnOverloadedServerMergesAndNothingIsLost) {
   options_.world.rate_hz = 1000.0;
   options_.tcp = true;
   options_.daemon_flags.append(" --threads 1");
-  options_.settings = R"({"sample": {"points": 16, "resolution": 24}, "aggregate": {"candidates": 4096}})";
+  options_.settings = R"({"tuning": {"sample": {"points": 16, "resolution": 24}, "aggregate": {"candidates": 4096}}})";
   ASSERT_EQ(run(), 0) << err_.str();
   const Json result = json();
   expect_ticks_add_up(result.at("ticks"));
@@ -281,8 +281,8 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   options_.address = "unix:/nowhere.sock";
   expect_error("/nowhere.sock");
   options_ = quick_options();
-  options_.settings = "{\"sample\": {\"resolution\": 1}}";
-  expect_error("settings.sample.resolution");
+  options_.settings = "{\"tuning\": {\"sample\": {\"resolution\": 1}}}";
+  expect_error("tuning.sample.resolution");
   options_.settings = "no JSON";
   expect_error("invalid argument: settings");
   options_ = quick_options();

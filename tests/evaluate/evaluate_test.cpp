@@ -306,7 +306,7 @@ TEST(PaperSettings, AreThePaperPresetWithOnePartChanged) {
   EXPECT_EQ(row.bound.mode, paper.bound.mode);
   EXPECT_EQ(row.aggregate.volume, paper.aggregate.volume);
   EXPECT_EQ(row.sample.points, paper.sample.points);
-  EXPECT_EQ(row.sample.jitter, paper.sample.jitter_texels);
+  EXPECT_EQ(row.sample.jitter, paper.sample.jitter);
   const FilterSettings filter = paper_stability(3, 5).aggregate.filter;
   EXPECT_EQ(filter.mode, FilterMode::kJoint);
   EXPECT_EQ(filter.alpha, 0.6);

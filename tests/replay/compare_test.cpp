@@ -46,7 +46,21 @@ TEST(CompareMessages, LooksAtBitsInLists) {
   a.add_positions(0.0);
   b.add_positions(-0.0);
   ASSERT_TRUE(first_difference(a, b, {}));
-  EXPECT_EQ(first_difference(a, b, {})->path, "position[0]");
+  EXPECT_EQ(first_difference(a, b, {})->path, "positions[0]");
+}
+
+TEST(CompareMessages, AFieldOfAnotherVersionHasItsNumber) {
+  v1::CameraReply a, b;
+  auto& unknown = *b.GetReflection()->MutableUnknownFields(&b);
+  unknown.AddVarint(900, 7);
+  const auto added = first_difference(a, b, {});
+  ASSERT_TRUE(added);
+  EXPECT_EQ(added->path, "900");
+  EXPECT_EQ(added->a, "absent");
+  EXPECT_EQ(added->b, "unknown");
+  a.GetReflection()->MutableUnknownFields(&a)->AddVarint(900, 8);
+  ASSERT_TRUE(first_difference(a, b, {}));
+  EXPECT_EQ(first_difference(a, b, {})->path, "900");
 }
 
 TEST(CompareMessages, WhatOnlyOneHasIsNamed) {

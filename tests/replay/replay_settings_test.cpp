@@ -80,7 +80,7 @@ TEST(ReplaySettings, WhatIsWrongIsNamedWithWhatThereIs) {
   EXPECT_THAT(error("speed=3"), HasSubstr("tuning..., limits..., lens..., seed"));
   EXPECT_THAT(error("limits.speed=3"), HasSubstr("max_speed_mps, max_acceleration_mps2"));
   EXPECT_THAT(error("tuning.sample.points.x=3"), HasSubstr("what stands there is a value"));
-  EXPECT_THAT(error("tuning.sample=3"), HasSubstr("name one of its values: resolution, jitter, points"));
+  EXPECT_THAT(error("tuning.sample=3"), HasSubstr("name one of its values: resolution, points, jitter"));
   EXPECT_THAT(error("tuning.sample.points=-1"), HasSubstr("whole number"));
   EXPECT_THAT(error("tuning.sample.points=3.5"), HasSubstr("whole number"));
   EXPECT_THAT(error("tuning.sample.jitter=yes"), HasSubstr("true or false"));

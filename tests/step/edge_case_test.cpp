@@ -25,7 +25,7 @@ struct OnePerson : PresetWorld {
 
 class EdgeCase : public testing::TestWithParam<Preset> {};
 INSTANTIATE_TEST_SUITE_P(Presets, EdgeCase, testing::Values(Preset::kSightline, Preset::kPaper),
-                         [](const auto& preset) { return std::string(name_of(preset.param)); });
+                         [](const auto& preset) { return std::string(preset.param == Preset::kPaper ? "paper" : "sightline"); });
 
 TEST_P(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
   OnePerson world(GetParam());

@@ -69,7 +69,7 @@ TEST_P(Pole, ACameraPutStraightDownAndStraightUpStaysUpright) {
     World world;
     world.settings = preset_settings(GetParam());
     world.add_target(1, {0, height, 0});
-    place_camera(world.memory, {{0, 0, 0}, rotation_from_angles({0.4, std::copysign(1.5707963267948966, height), 0})}, {});
+    world.stepper.place_camera({{0, 0, 0}, rotation_from_angles({0.4, std::copysign(1.5707963267948966, height), 0})}, {});
     Watch watch(world);
     for (int i = 0; i < 120; ++i) {
       world.move(1, {0.02 * i, height, 0.01 * i}, {1.2, 0, 0.6});
@@ -79,7 +79,7 @@ TEST_P(Pole, ACameraPutStraightDownAndStraightUpStaysUpright) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Presets, Pole, testing::Values(Preset::kSightline, Preset::kPaper),
-                         [](const auto& preset) { return std::string(name_of(preset.param)); });
+                         [](const auto& preset) { return std::string(preset.param == Preset::kPaper ? "paper" : "sightline"); });
 
 }  // namespace
 }  // namespace sightline::test
