@@ -19,7 +19,7 @@ class ByteSink {
   virtual Status write(std::string_view bytes) = 0;
 };
 
-// Bytes at known places. Safe from several threads when the implementation says so; the two below are.
+// Bytes at known offsets. Safe from several threads when the implementation says so; the two below are.
 class ByteSource {
  public:
   virtual ~ByteSource() = default;

@@ -9,7 +9,7 @@ namespace {
 
 using mcap::Opcode;
 
-// The copy, with ids of its own.
+// The copy, which has its own ids.
 class Copy {
  public:
   Copy(ByteSink& sink, McapWriterOptions options, uint64_t room, McapRecovery& done)
@@ -62,8 +62,8 @@ class Copy {
     return {};
   }
 
-  // Definitions are only written when a message needs them: those that stand outside chunks have no CRC, and the chunk
-  // that first uses one brings it again.
+  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and the chunk that first
+  // uses one repeats it.
   Status take_schema(std::string_view content) {
     mcap::Schema schema;
     if (!mcap::decode(content, schema) || content.size() > room_) return lose("a schema that does not fit");

@@ -67,8 +67,8 @@ void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, 
   if (session_->ring.half_full()) session_->waker->wake();
 }
 
-// A Gap stands before the message that follows the loss. It is only written when there is room for that message too;
-// otherwise a full queue would fill with Gaps.
+// A Gap is written before the message that follows the loss. It is only written when there is room for that message
+// too; otherwise a full queue would fill with Gaps.
 bool SessionRecorder::record_gap(RecordTimes times) {
   if (session_->ring.half_full()) return false;
   const size_t size = gap_.ByteSizeLong();

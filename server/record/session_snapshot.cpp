@@ -74,7 +74,8 @@ void SessionSnapshot::take_folded(const v1::Tick& tick, uint64_t ticks, const Ti
   ticks_ += ticks > 0 ? ticks - 1 : 0;
 }
 
-// Rejections stand before the reply that covers the ticks after them, so all that still wait up to it were applied.
+// Rejections come before the reply that covers the ticks after them. So all ticks that still wait when the reply comes
+// were applied.
 void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
   while (!waiting_.empty() && waiting_.front().tick.sequence() <= reply.sequence()) apply_oldest();
   if (!reply.has_pose()) return;

@@ -27,7 +27,7 @@ struct InstanceAttributes {
 
 struct AssetNode {
   std::string name;
-  int parent = -1;  // index into nodes; parents stand before their children
+  int parent = -1;  // index into nodes; parents come before their children
   // Local transform. A matrix that consists of a rotation and a scale is decomposed. A sheared matrix is kept whole in
   // parent_from_node; such a node cannot be animated, and a warning says so.
   glm::dvec3 translation_m{0.0};

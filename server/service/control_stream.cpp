@@ -9,7 +9,7 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kRetryDelay{5};
-// A step that cost more than this is never taken on the loop's thread: reading waits meanwhile.
+// A longer step is never taken on the loop's thread, because the loop cannot read meanwhile.
 constexpr int64_t kShortStepNs = 1'000'000;
 // A turn is due no sooner than this from now. A turn can start late because its client reads slowly or because a file was
 // read first. That is no overload, and must not count as a missed deadline.
