@@ -247,7 +247,7 @@ class Instantiation {
 
   Status bad_transform(size_t node) const {
     return invalid(
-        "asset", "node \"" + asset_.nodes[node].name + "\": its place or size is not finite or beyond 1e9 m");
+        "asset", "node \"" + asset_.nodes[node].name + "\": its position or size is not finite or beyond 1e9 m");
   }
 
   static std::string field(size_t binding, const char* member) {
