@@ -105,7 +105,7 @@ RecordSettings record_settings(const Flags& flags) {
   return settings;
 }
 
-void tell(const Log& log, const RecordWarning& warning) {
+void log_warning(const Log& log, const RecordWarning& warning) {
   const Log::Field session{"session", warning.session_id}, reason{"reason", warning.text};
   warning.over ? log.info("recording recovered", {session, reason})
                : log.warn("recording degraded", {session, reason});
@@ -116,7 +116,7 @@ class Recording {
  public:
   Recording(const Flags& flags, const Log& log)
       : files_(system_files()),
-        writer_(record_settings(flags), *files_, wall_ns, [&log](const RecordWarning& w) { tell(log, w); }),
+        writer_(record_settings(flags), *files_, wall_ns, [&log](const RecordWarning& w) { log_warning(log, w); }),
         thread_(writer_, kRecordPeriod) {}
 
   RecordWriter& writer() { return writer_; }

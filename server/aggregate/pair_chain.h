@@ -30,9 +30,9 @@ struct PairChain {
   std::vector<ChainLink> links;
 };
 
-// Chains 2 to 32 targets, given one point of each. `resolution` is the number of texels on each side of every map. When the complete pairs do
-// not connect all targets, `chain` is unspecified, and the result is the pair_gap between the first target that is left out and the target
-// before it in the list. With two targets this is pair_gap, and the one volume is make_pair_volume's.
+// Chains 2 to 32 targets, given one point of each. `resolution` is the number of texels on each side of every map. When the
+// complete pairs do not connect all targets, `chain` is unspecified. The result is then the pair_gap between the first target
+// left out and its predecessor in the list. With two targets this is pair_gap, and the one volume is make_pair_volume's.
 PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution,
                         PairChain& chain);
 

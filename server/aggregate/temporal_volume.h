@@ -26,8 +26,9 @@ class TemporalVolume {
   // The slot of a candidate without a history: the filter returns what it sees now.
   static constexpr uint32_t kNoSlot = UINT32_MAX;
 
-  // Begins a step with `singles` candidates beside the lattice. Targets are known by id: a target that was there before keeps its
-  // history, wherever it is in the list. At most kMaxTargets ids, no id twice. Settings may change from step to step, the mode too.
+  // Begins a step with `singles` candidates off the lattice. Targets are known by id: a target that was there before keeps its
+  // history, wherever it is in the list. At most kMaxTargets ids, no id twice. Settings may change from step to step, the mode
+  // too.
   void begin_step(const Lattice& lattice, size_t singles, std::span<const uint64_t> target_ids,
                   const FilterSettings& settings, double dt_s);
 

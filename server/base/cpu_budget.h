@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// CPUs' worth of time that this process may use: the smaller of its affinity mask and the quota of its control group
-// (version 2, or 1), rounded up, at least 1.
+// Number of CPUs that this process may use, at least 1. It is the size of the affinity mask or the quota of the control group
+// (version 2, or 1), rounded up, whichever is smaller.
 int cpu_budget();
 
 // The quota in CPUs of one `cpu.max` file ("200000 100000" is 2); nothing for "max" or malformed text.

@@ -12,7 +12,7 @@ namespace sightline {
 enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,
-  kSurveyPoint = 3,
+  kViewpointSearch = 3,
   kViewBlend = 4,
   kSceneGeneration = 900,
   kTest = 1000

@@ -13,8 +13,9 @@
 
 namespace sightline {
 
-// Used by one thread at a time. After a run the pool's threads spin for half a millisecond, then sleep. When a thread loses its core in
-// the middle of a run, the caller waits for it and does the next 256 runs alone, so that the pool costs little on a busy machine.
+// Used by one thread at a time. After a run the pool's threads spin for half a millisecond, then sleep. When a thread loses its
+// core in the middle of a run, the caller waits for it. The caller then does the next 256 runs alone, so that the pool costs
+// little on a busy machine.
 class ThreadPool {
  public:
   // `size` threads, at least 1, including the caller's. Fewer when the system refuses to start more.

@@ -2,7 +2,7 @@
 // `SIGHTLINE_VECTOR_CLONES void f(...)`. All clones give the same bits: no contraction into fused
 // multiply-adds (-ffp-contract=off) and no reordering of sums. For free functions in a source file.
 //
-// A loop that the compiler vectorises badly can be written by hand for the widest vectors, beside a plain one:
+// A loop that the compiler vectorises badly can be written by hand for the widest vectors, in addition to a plain one:
 //
 //   #ifdef SIGHTLINE_X86_V4
 //   SIGHTLINE_X86_V4 void f_v4(...);    // with AVX-512 intrinsics; called only where runs_x86_v4()

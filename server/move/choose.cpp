@@ -93,7 +93,8 @@ class Search {
   bool any() const { return any_; }
 
  private:
-  // Keeps the best wanted candidates. Most others are worse by what they see and cost alone, so the limits need not be tested for them.
+  // Keeps the best wanted candidates. Most others are worse by their visible targets and cost alone, so their limits need not
+  // be tested.
   template <typename Wanted>
   void collect(Wanted wanted, bool alike, size_t kept) {
     keys_.clear();

@@ -3,7 +3,7 @@
 // of least cost wins; the strategies of the paper are different costs (see cost.h).
 //
 // The paper leaves open what the goal should be nearest to. Here it is the desired position, which keeps the shot while targets
-// walk. With `follow` = kStay it is the camera's own position, which is the method as printed.
+// walk. If `follow` is kStay it is the camera's own position, as in the method as printed.
 #pragma once
 
 #include <cstdint>
@@ -82,7 +82,8 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarge
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch);
 
-// Status and reason of going to this candidate. For strategies whose cost includes what is hidden. Without targets: hold.
+// Status and reason of going to this candidate. For strategies whose cost includes what is hidden. Without targets the result
+// is kHolding.
 Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                  const glm::dvec3& desired_m);
 

@@ -41,7 +41,7 @@ double weighted_mean(std::span<const TrackedTarget> targets, auto value_of) {
   return weight > 0 ? sum / weight : 0.0;
 }
 
-// The same by what seeing a target counts: required targets come first.
+// The same with the weights of sight_weight.h, where required targets come first.
 double mean_of_sights(std::span<const TrackedTarget> targets, auto value_of) {
   const double optional = optional_share(targets);
   double sum = 0, weight = 0;

@@ -5,27 +5,27 @@ namespace sightline {
 std::string_view explain(MoveReason reason) {
   switch (reason) {
     case MoveReason::kAtDesiredPlace:
-      return "all targets are seen from the place that keeps the shot";
+      return "all targets are visible from the position that keeps the shot";
     case MoveReason::kNearestAllVisible:
-      return "going to the nearest place that sees all targets";
+      return "going to the nearest position that sees all targets";
     case MoveReason::kBestAllVisible:
-      return "going to the place that sees all targets best, now and soon";
+      return "going to the position with the best view of all targets, now and soon";
     case MoveReason::kBestPartial:
-      return "no place in reach sees all targets; going where the best of them are seen";
+      return "no position in reach sees all targets; going to the best partial view";
     case MoveReason::kHorizonGrown:
-      return "no place in reach sees any target; looking further";
+      return "no position in reach sees any target; looking farther away";
     case MoveReason::kOnTrail:
-      return "no place in reach sees any target; going the way that they went";
+      return "no position in reach sees any target; following the targets' path";
     case MoveReason::kNoTargets:
-      return "no target to steer for";
+      return "no target has a weight";
     case MoveReason::kPaused:
       return "the tick's time step is zero";
     case MoveReason::kBlockedByGeometry:
-      return "places see the targets, but the camera cannot go there straight";
+      return "some positions see the targets, but the camera cannot reach them in a straight line";
     case MoveReason::kBodyOverlap:
       return "the camera body touches a collider; backing out";
     case MoveReason::kObservedCut:
-      return "the client placed the camera by a cut";
+      return "the client moved the camera by a cut";
   }
   return "";
 }

@@ -1,4 +1,4 @@
-// The decision of stage `move`, for people and programs.
+// The status and the reason of the move stage's decision, as enums and as text.
 #pragma once
 
 #include <string_view>
@@ -6,10 +6,10 @@
 namespace sightline {
 
 enum class MoveStatus {
-  kTracking,  // going to, or at, a place that sees all targets
-  kPartial,   // no such place in reach: going where the best of them are seen
-  kEscaping,  // no place in reach sees any: the horizon grows
-  kHolding,   // nothing to steer for, or nowhere to go
+  kTracking,  // going to, or at, a position that sees all targets
+  kPartial,   // no such position in reach: going to the best partial view
+  kEscaping,  // no position in reach sees any target: the horizon grows
+  kHolding,   // no target has a weight, or no candidate can be taken
 };
 
 enum class MoveReason {
@@ -26,7 +26,7 @@ enum class MoveReason {
   kObservedCut,
 };
 
-// One sentence: "no place in reach sees all targets; going where the best of them are seen".
+// The reason as one sentence: "no position in reach sees all targets; going to the best partial view".
 std::string_view explain(MoveReason reason);
 std::string_view to_string(MoveStatus status);
 std::string_view to_string(MoveReason reason);

@@ -10,7 +10,7 @@
 
 namespace sightline {
 
-// Whether there is a zoom range. Without one the lens keeps its field of view.
+// True if there is a zoom range. Without one the lens keeps its field of view.
 inline bool zooms(const FramingSettings& settings) {
   return settings.max_vertical_fov_rad > 0.0;
 }

@@ -46,7 +46,7 @@ struct GoalInput {
 };
 
 // The candidate of least cost among those that can be reached; of equal ones the first. The answer is the same as if all routes were
-// known. `routes` has begun with the candidates as its nodes; it has settled the answer.
+// known. `routes` must have begun with the candidates as its nodes; on return it has settled the answer.
 uint32_t find_goal(const GoalInput& input, RouteFinder& routes);
 
 }  // namespace sightline

@@ -39,7 +39,7 @@ class Finder {
     }
   }
 
-  // There may be as many groups as candidates, and one of them may hold all: room for either is kept from the first.
+  // There may be as many groups as candidates, or one group of all. Memory for either case is reserved from the start.
   void flood_all() {
     g_.size_cells.clear();
     g_.size_cells.reserve(cell_.size());
@@ -93,7 +93,7 @@ class Finder {
   Groups& g_;
 };
 
-// Distances are measured when groups of one size leave the choice to them.
+// Distances are measured only when several groups have the same size.
 int32_t choose_largest(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m,
                        std::vector<double>& nearest_m, const Groups& g) {
   if (g.size_cells.empty()) return kNoGroup;

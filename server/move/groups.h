@@ -4,8 +4,8 @@
 // The paper gathers the unoccluded candidates with their unoccluded neighbours and moves to the centre of the largest group. A centre
 // of mass can itself be hidden: a ring around a pillar has its centre in the pillar. So the goal here is a member of the largest group,
 // the one farthest from everything hidden; the paper favours "configurations located away from occluded areas". Distances do not count
-// the edge of the bound, beyond which nothing is known to be hidden. Otherwise the centre of a wholly visible bound, which is where the
-// camera is, would always be the best place.
+// the edge of the bound, beyond which nothing is known to be hidden. Otherwise the camera's own position, the centre of a fully
+// visible bound, would always be the best.
 #pragma once
 
 #include <array>
@@ -38,8 +38,9 @@ struct GroupScratch {
 };
 
 // Finds the connected groups (6-neighbourhood) of the candidates with member[i] != 0. All spans have one length. `cell` may be the
-// lattice's or the (u, v, w) of a pair volume. A cell belongs to the first candidate in it. Later ones (a place off the grid, such as
-// the camera's own) share its group if both are members, and are in no group otherwise. O(candidates); deterministic.
+// lattice's or the (u, v, w) of a pair volume. A cell belongs to the first candidate in it. Later ones (a position off the
+// grid, such as the camera's own) share its group if both are members, and are in no group otherwise. O(candidates);
+// deterministic.
 void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> position_m,
                  std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch,
                  Groups& groups);

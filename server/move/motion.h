@@ -56,9 +56,9 @@ struct TurnState {
 // Turns towards the aim. The vector (yaw rate, pitch rate) stays within max_angular_speed, and its change within
 // max_angular_acceleration * dt; a rate over the maximum (limits were lowered) brakes as in clamp_velocity.
 //
-// The pitch never passes +-kMaxPitchRad, so the camera is never upside down. (A camera that starts beyond it goes no further.) It always
-// brakes in time for the pole, and the yaw gets what acceleration is left. Only limits that are lowered during a turn can
-// make that impossible. Then the pole comes before the acceleration limit, and that before the speed limit.
+// The pitch never passes +-kMaxPitchRad, so the camera is never upside down. (A camera that starts beyond it goes no further.)
+// It always brakes in time for the pole; the yaw gets the remaining acceleration. Only limits that are lowered during a turn
+// can make that impossible. Then the acceleration limit yields to the pole, and the speed limit to the acceleration limit.
 //
 // `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. A roll, which only the
 // start can bring, is undone with what is left of max_angular_speed; no acceleration limit holds for it.

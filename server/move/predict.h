@@ -19,17 +19,17 @@
 namespace sightline {
 
 struct PredictionSettings {
-  // How far ahead the camera looks. [0, 2]; 0 = no prediction. The paper's best is 0.3: at 0.1 the camera
-  // learns of a corner too late to move, at 0.5 it is moved by turns that the targets never take.
+  // How far ahead the camera looks. [0, 2]; 0 = no prediction. The paper's best is 0.3. At 0.1 the camera learns of a corner
+  // too late to react. At 0.5 it reacts to turns that the targets never take.
   double ahead_s = 0.3;
   // Age at which a sample counts 1/e. [0, 1]; 0 = the last three samples alone. Small: noise of the poses
   // becomes velocity. Large: a turn is believed only after this time. Poses of a game carry no noise; poses
   // that were tracked or quantised want 0.1.
   double smoothing_s = 0.05;
   // How long the acceleration is believed to last; the velocity that it has then is kept. [0, 2]; 0 =
-  // constant velocity. Small: bends are cut short. Large: a target that brakes is foretold to walk backwards.
-  // For walkers between random places (3 m/s, 12 m/s^2) the error at 0.5 s is 0.36 m with 0, 0.34 m with 0.2,
-  // 0.36 m with 0.3, 0.39 m with 0.5 and more.
+  // constant velocity. Small: bends are cut short. Large: a braking target is predicted to walk backwards. Measured for walkers
+  // between random points (3 m/s, 12 m/s^2): the error at 0.5 s is 0.36 m with 0, 0.34 m with 0.2, 0.36 m with 0.3, and 0.39 m
+  // with 0.5 and more.
   double acceleration_lasts_s = 0.3;
   // How long a wrong prediction is remembered: age at which it counts 1/e. [0.01, 10]. Small: one good tick
   // restores trust. Large: one turn makes the camera distrust a straight walk for long.
@@ -38,8 +38,7 @@ struct PredictionSettings {
   // rad.
   double tolerance_m = 0.3;
   double tolerance_rad = 0.5;
-  // What moves or turns faster than this has jumped: the past is forgotten. (0, 1000] m/s and (0, 1000]
-  // rad/s.
+  // A target that moves or turns faster than this has jumped, and its past is dropped. (0, 1000] m/s and (0, 1000] rad/s.
   double max_speed_mps = 100.0;
   double max_turn_radps = 40.0;
 };

@@ -6,7 +6,7 @@
 namespace sightline {
 namespace {
 
-// Less than one of eight sampled points of a required target: not even a part of one is given up for an optional one.
+// Less than one of eight sampled points, so that not even one point of a required target is given up for an optional target.
 constexpr double kOptionalShare = 0.1;
 
 }  // namespace

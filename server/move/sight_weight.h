@@ -1,4 +1,5 @@
-// What it counts to see a target, where not all targets can be seen: required targets come first, whatever optional ones weigh.
+// Weights of the targets for strategies that compare partial views. Required targets come first, even if optional ones weigh
+// more.
 #pragma once
 
 #include <span>
@@ -7,11 +8,10 @@
 
 namespace sightline {
 
-// What an optional target counts, a share of its weight, wherever seeing one target is weighed against seeing another: at most a
-// tenth, and so little that all optional targets together count at most a tenth of the lightest required one. 1 when no required
-// target is steered.
+// Factor of the weights of optional targets, at most 0.1. It is so small that all optional targets together count at most a
+// tenth of the lightest required one. 1 when no required target is steered.
 double optional_share(std::span<const TrackedTarget> targets);
-// What seeing the target counts; `optional_share` is that of all targets.
+// The weight of seeing a target; `optional_share` is the result of the function above.
 inline double sight_weight(const TrackedTarget& target, double optional_share) {
   return target.required ? target.weight : target.weight * optional_share;
 }

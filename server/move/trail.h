@@ -1,5 +1,5 @@
-// The path that the targets took, for a camera that has lost them. The space that they walked through is open, so
-// the newest point of the path that the camera can reach leads back to them, round any number of corners.
+// The path that the targets took, for a camera that has lost them. The space that the targets walked through is open. The
+// newest point of the path that the camera can reach therefore leads back to them, round any number of corners.
 #pragma once
 
 #include <glm/glm.hpp>

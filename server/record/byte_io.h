@@ -1,4 +1,4 @@
-// Where a recording is written to and read from. A std::string_view stands for bytes here, not for text.
+// Interfaces for writing and reading the bytes of a recording. A std::string_view holds bytes here, not text.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ class ByteSink {
   virtual Status write(std::string_view bytes) = 0;
 };
 
-// Bytes at known places. Safe from several threads when the implementation says so; the two below are.
+// Bytes at known offsets. Safe from several threads when the implementation says so; the two below are.
 class ByteSource {
  public:
   virtual ~ByteSource() = default;

@@ -13,7 +13,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "integers are copied as they stand in memory");
 
-// Bytes whose length stands in 8 bytes before them; strings have 4.
+// Bytes after their 8-byte length; strings have a 4-byte length.
 template <typename Bytes>
 struct Long {
   Bytes& bytes;

@@ -117,7 +117,7 @@ struct Attachment {
   std::string name;
   std::string content_type;
   std::string_view data;  // a view, as in Message
-  uint32_t crc = 0;       // of the content up to here; filled by append_record
+  uint32_t crc = 0;       // of the fields above; filled by append_record
 };
 
 struct AttachmentIndex {
@@ -176,14 +176,14 @@ uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
 template <typename Record>
 void append_record(std::string& out, const Record& record);
 
-// Reads the content of one record (no opcode, no length). Returns false when the content is too short for what it
-// declares; `out` is then unspecified. Bytes after the known fields are ignored, as the specification asks. Never
-// allocates more than a small multiple of the content.
+// Reads the fields of one record; `content` has neither its opcode nor its length. Returns false when it is too short for the
+// sizes that it declares; `out` is then unspecified. Bytes after the known fields are ignored, as the specification asks. Never
+// allocates more than a small multiple of the size of `content`.
 template <typename Record>
 bool decode(std::string_view content, Record& out);
 
-// Reads what an attachment says before its data, from the first bytes of its content; `offset` and `length` are left
-// alone. False when they are too few.
+// Reads the fields of an attachment that precede its data, from its first bytes. Does not change `offset` and `length`. Returns
+// false when there are too few bytes.
 bool decode_head(std::string_view content_start, AttachmentIndex& out);
 
 // Removes the record at the front of `bytes`. Returns false, and leaves `bytes`, at the end or when the rest is too short

@@ -1,4 +1,4 @@
-// What could not be read of a file, and the limits on what a file can make its reader do.
+// The parts of a file that could not be read, and the limits on the memory that a file can make its reader use.
 #pragma once
 
 #include <cstdint>

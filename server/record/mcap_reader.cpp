@@ -41,7 +41,7 @@ Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, 
   return record.content;
 }
 
-// Schemas and channels as they come by; the first of an id stands. `room` is how many bytes of them may still be kept.
+// Collects schemas and channels; the first of each id is kept. `room` is the number of bytes that may still be kept.
 bool learn(const mcap::RecordView& record, McapInfo& info, uint64_t& room) {
   if (record.opcode != Opcode::kSchema && record.opcode != Opcode::kChannel) return true;
   if (record.content.size() > room) return false;
@@ -82,14 +82,14 @@ bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t le
   return out.data_size <= content;
 }
 
-// Hands over what a query wants of messages that come one by one.
+// Receives messages one by one and passes on the ones that match a query.
 class Filter {
  public:
   Filter(const McapInfo& info, uint64_t room, const McapQuery& query, const Visit& visit,
          McapReadReport& report)
       : info_(info), query_(query), visit_(visit), report_(report), room_(room) {}
 
-  // False: no more is wanted.
+  // False: no further message is wanted.
   bool take(const mcap::RecordView& record, uint64_t offset) {
     if (record.opcode == Opcode::kMessage) return take_message(record.content, offset);
     if (!learn(record, found_, room_)) report_.loss.note(offset, broken("record", kUnfit));
@@ -238,8 +238,8 @@ Status McapReader::check_summary() const {
   for (const mcap::MetadataIndex& index : info_.metadata)
     if (!inside(index.offset, index.length))
       return tl::unexpected(broken("metadata_index", "points to no metadata"));
-  const mcap::Statistics& told = info_.statistics;
-  if (info_.chunks.size() < told.chunk_count || (info_.chunks.empty() && told.message_count > 0))
+  const mcap::Statistics& statistics = info_.statistics;
+  if (info_.chunks.size() < statistics.chunk_count || (info_.chunks.empty() && statistics.message_count > 0))
     return tl::unexpected(broken("summary", "has no index of all chunks"));
   if (info_.chunks.empty() && !info_.has_statistics)
     return tl::unexpected(broken("summary", "says nothing of what is in the file"));

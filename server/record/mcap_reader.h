@@ -73,7 +73,7 @@ class McapReader {
   // is the order of events. Messages outside chunks are found only in a file without a summary.
   McapReadReport read(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit) const;
 
-  // The bytes of an attachment of info(). kDataLoss on a wrong CRC or place, kResourceExhausted over the limit.
+  // The bytes of an attachment of info(). kDataLoss on a wrong CRC or offset, kResourceExhausted over the limit.
   Result<std::string> attachment(const mcap::AttachmentIndex& index) const;
   Result<mcap::Metadata> metadata(const mcap::MetadataIndex& index) const;
 

@@ -9,7 +9,7 @@ namespace {
 
 using mcap::Opcode;
 
-// The copy, with ids of its own.
+// The copy, which has its own ids.
 class Copy {
  public:
   Copy(ByteSink& sink, McapWriterOptions options, uint64_t room, McapRecovery& done)
@@ -47,7 +47,7 @@ class Copy {
     done_.loss.note(offset_, Error{ErrorCode::kDataLoss, "record", what});
     return {};
   }
-  // Refusals of one record are losses; what the sink says ends the copy.
+  // A record that is refused is a loss; an error of the sink ends the copy.
   Status lose_unless_sink(const Error& error) {
     if (writer().status()) return lose(error.message.c_str());
     return tl::unexpected(error);
@@ -62,8 +62,8 @@ class Copy {
     return {};
   }
 
-  // Definitions are only written when a message needs them: those that stand outside chunks have no CRC, and the chunk
-  // that first uses one brings it again.
+  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and the chunk that first
+  // uses one repeats it.
   Status take_schema(std::string_view content) {
     mcap::Schema schema;
     if (!mcap::decode(content, schema) || content.size() > room_) return lose("a schema that does not fit");

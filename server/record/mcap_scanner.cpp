@@ -174,8 +174,8 @@ void McapScanner::count_lost_messages(const ScannedRecord& index) {
   if (size >= kFieldBytes) loss_.messages += (size - kFieldBytes) / kEntryBytes;
 }
 
-// `from`: where the record begins that does not hold together. When its length is right the next one begins behind it;
-// otherwise the next chunk or attachment that proves itself is looked for.
+// `from`: the beginning of a record that is not consistent. If its length is right, the next record begins behind it. Otherwise
+// the search continues up to the next chunk or attachment whose data is consistent.
 void McapScanner::pass_damage(uint64_t from) {
   char head[mcap::kRecordHeadBytes];
   if (from > 0 && plausible_head(from) && source_.read_at(from, head, sizeof head)) {

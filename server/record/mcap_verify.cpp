@@ -44,8 +44,8 @@ struct TopicWatch {
 
 class Verifier {
  public:
-  Verifier(const ByteSource& source, const McapInfo& told) : source_(source), told_(told) {
-    for (const mcap::ChunkIndex& index : told_.chunks) told_chunks_.emplace(index.chunk_start, &index);
+  Verifier(const ByteSource& source, const McapInfo& stated) : source_(source), stated_(stated) {
+    for (const mcap::ChunkIndex& index : stated_.chunks) stated_chunks_.emplace(index.chunk_start, &index);
   }
 
   void take(const ScannedRecord& record) {
@@ -58,16 +58,16 @@ class Verifier {
   McapVerdict finish(const McapScanner& scanner) {
     verdict_.loss = scanner.loss();
     verdict_.finished = scanner.finished();
-    verdict_.summary_used = told_.from_summary;
+    verdict_.summary_used = stated_.from_summary;
     for (auto& [id, watch] : watches_) {
       std::string topic = topic_of(id);
       if (verdict_.topics.contains(topic)) topic.append(" (channel ").append(std::to_string(id)).append(")");
       verdict_.topics[topic] = watch.verdict;
     }
-    if (told_.from_summary)
+    if (stated_.from_summary)
       compare_counts();
     else
-      for (const McapTrouble& trouble : told_.loss.first_troubles)
+      for (const McapTrouble& trouble : stated_.loss.first_troubles)
         if (trouble.offset == source_.size()) verdict_.disagreements.note(trouble.offset, trouble.error);
     if (scanner.finished()) check_data_crc(scanner.data_end());
     return std::move(verdict_);
@@ -75,10 +75,10 @@ class Verifier {
 
  private:
   std::string topic_of(uint16_t id) const {
-    const auto channel = told_.channels.find(id);
+    const auto channel = stated_.channels.find(id);
     std::string unknown = "channel ";
     unknown.append(std::to_string(id));
-    return channel == told_.channels.end() ? unknown : channel->second.topic;
+    return channel == stated_.channels.end() ? unknown : channel->second.topic;
   }
 
   void take_message(std::string_view content, uint64_t offset) {
@@ -119,13 +119,13 @@ class Verifier {
 
   void compare_index(const ScannedRecord& record,
                      const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
-    if (!told_.from_summary) return;
-    const auto told = told_chunks_.find(record.offset);
-    if (told == told_chunks_.end()) {
+    if (!stated_.from_summary) return;
+    const auto stated = stated_chunks_.find(record.offset);
+    if (stated == stated_chunks_.end()) {
       verdict_.disagreements.note(record.offset, differs("chunk_index", "does not name this chunk"));
       return;
     }
-    const mcap::ChunkIndex& index = *told->second;
+    const mcap::ChunkIndex& index = *stated->second;
     if (index.chunk_length != record.length || index.start_time_ns != record.chunk.start_time_ns ||
         index.end_time_ns != record.chunk.end_time_ns || index.compression != record.chunk.compression ||
         index.compressed_size != record.chunk.records.size() ||
@@ -134,7 +134,7 @@ class Verifier {
     compare_message_indexes(index, places);
   }
 
-  // Every message is named once, at its place, with its time, in the record of its channel.
+  // Every message must occur once, with its offset and time, in the index record of its channel.
   void compare_message_indexes(const mcap::ChunkIndex& index,
                                const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
     if (index.message_index_offsets.empty()) return;  // the file has none
@@ -151,8 +151,8 @@ class Verifier {
       if (!mcap::take_record(rest, record)) break;
       right = record.opcode == Opcode::kMessageIndex && mcap::decode(record.content, messages);
       if (!right) break;
-      const auto told = index.message_index_offsets.find(messages.channel_id);
-      right = told != index.message_index_offsets.end() && told->second == offset;
+      const auto stated = index.message_index_offsets.find(messages.channel_id);
+      right = stated != index.message_index_offsets.end() && stated->second == offset;
       for (const auto& [time_ns, place] : messages.records) {
         const auto found = places.find(place);
         right = right && found != places.end() && found->second == std::pair(messages.channel_id, time_ns);
@@ -164,18 +164,18 @@ class Verifier {
   }
 
   void compare_counts() {
-    const mcap::Statistics& told = told_.statistics;
+    const mcap::Statistics& stated = stated_.statistics;
     bool right =
-        !told_.has_statistics || (told.message_count == messages_ && told.chunk_count == verdict_.chunks &&
-                                  told.attachment_count == attachments_ && told.metadata_count == metadata_);
-    for (const auto& [id, count] : told.channel_message_counts) {
+        !stated_.has_statistics || (stated.message_count == messages_ && stated.chunk_count == verdict_.chunks &&
+                                  stated.attachment_count == attachments_ && stated.metadata_count == metadata_);
+    for (const auto& [id, count] : stated.channel_message_counts) {
       const auto watch = watches_.find(id);
       right = right && (watch == watches_.end() ? 0 : watch->second.verdict.messages) == count;
     }
     if (!right) verdict_.disagreements.note(0, differs("statistics", "are not the counts of the data"));
-    if (told_.attachments.size() != attachments_)
+    if (stated_.attachments.size() != attachments_)
       verdict_.disagreements.note(0, differs("attachment_index", "does not name every attachment"));
-    if (told_.metadata.size() != metadata_)
+    if (stated_.metadata.size() != metadata_)
       verdict_.disagreements.note(0, differs("metadata_index", "does not name all metadata"));
   }
 
@@ -202,8 +202,8 @@ class Verifier {
   }
 
   const ByteSource& source_;
-  const McapInfo& told_;
-  std::map<uint64_t, const mcap::ChunkIndex*> told_chunks_;  // by place
+  const McapInfo& stated_;
+  std::map<uint64_t, const mcap::ChunkIndex*> stated_chunks_;  // by offset
   std::map<uint16_t, TopicWatch> watches_;                   // by channel
   McapVerdict verdict_;
   uint64_t messages_ = 0;

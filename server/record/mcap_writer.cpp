@@ -93,7 +93,7 @@ Status McapWriter::write(const mcap::Message& message) {
       std::max(message.log_time_ns, first_time_ns_) - std::min(message.log_time_ns, first_time_ns_);
   if (open_messages_ > 0 && apart_ns >= static_cast<uint64_t>(options_.chunk_time.count()))
     if (Status ok = end_chunk(); !ok) return ok;
-  // A large message starts its own chunk rather than taking a full one over what readers take.
+  // A large message starts its own chunk, so that no chunk exceeds the limit of readers.
   if (open_chunk_.size() + message.data.size() > kMaxMessageBytes)
     if (Status ok = end_chunk(); !ok) return ok;
 
@@ -224,7 +224,7 @@ Status McapWriter::finish() {
   if (Status ok = put_pending(); !ok) return ok;
   mcap::Footer footer;
   std::string tail = summary(footer);
-  // The CRC reaches over the footer up to itself, its last four bytes.
+  // The CRC covers the footer without its last four bytes, which hold the CRC.
   std::string footer_bytes;
   mcap::append_record(footer_bytes, footer);
   footer.summary_crc = mcap::crc32_of(tail);

@@ -40,7 +40,7 @@ class SystemFiles final : public RecordFileSystem {
     std::error_code code;
     fs::directory_iterator entry(folder, code);
     for (; !code && entry != fs::directory_iterator(); entry.increment(code)) {
-      // A file that goes while it is looked at is none.
+      // A file that disappears during the listing is skipped.
       std::error_code of_entry;
       if (!entry->is_regular_file(of_entry)) continue;
       const uint64_t bytes = entry->file_size(of_entry);

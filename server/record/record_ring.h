@@ -52,7 +52,7 @@ class RecordRing {
   const size_t capacity_;
   const std::unique_ptr<char[]> bytes_;
 
-  // Both count bytes since the start. They stand in cache lines of their own.
+  // Both count bytes since the start. Each is in its own cache line.
   alignas(64) std::atomic<uint64_t> written_{0};
   uint64_t known_read_ = 0;   // producer's
   uint64_t reserved_at_ = 0;  // producer's

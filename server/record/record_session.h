@@ -97,8 +97,8 @@ struct Waker {
 
 // One session.
 struct Session {
-  Session(v1::RecordingInfo told, const RecordSettings& settings, std::shared_ptr<Waker> of_writer)
-      : info(std::move(told)),
+  Session(v1::RecordingInfo recording_info, const RecordSettings& settings, std::shared_ptr<Waker> of_writer)
+      : info(std::move(recording_info)),
         max_message_bytes(settings.max_message_bytes),
         ring(settings.queue_bytes),
         waker(std::move(of_writer)) {}

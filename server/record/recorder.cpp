@@ -1,4 +1,4 @@
-// The writer's end: files of all sessions, from one thread.
+// The writing half of the recorder: one thread writes the files of all sessions.
 #include "server/record/recorder.h"
 
 #include <google/protobuf/message_lite.h>
@@ -148,14 +148,14 @@ void RecordWriter::serve(ActiveSession& active) {
   if (active.file) check(active, active.file->tend(now_ns_()));
 
   const Session& session = *active.session;
-  tell_drops(active, v1::Gap::REASON_QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
-             active.queue_full);
-  tell_drops(active, v1::Gap::REASON_TOO_LARGE,
-             session.dropped_too_large.load(std::memory_order_relaxed) + active.viewers_too_large,
-             active.too_large);
+  report_drops(active, v1::Gap::REASON_QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
+               active.queue_full);
+  report_drops(active, v1::Gap::REASON_TOO_LARGE,
+               session.dropped_too_large.load(std::memory_order_relaxed) + active.viewers_too_large,
+               active.too_large);
 }
 
-void RecordWriter::tell_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known) {
+void RecordWriter::report_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known) {
   const std::string& session_id = active.session->info.session_id();
   const uint64_t more = dropped - std::exchange(known.seen, dropped);
   const bool lasted = std::exchange(known.lasts, more > 0);
@@ -170,7 +170,7 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   const RecordHead& head = entry.head;
   const RecordMessage message{static_cast<RecordTopic>(head.topic), head.sequence, head.log_time_ns,
                               head.publish_time_ns, entry.message};
-  // A file that begins here has everything before at its head.
+  // The head of a file that begins here covers all earlier messages.
   const bool has_file = ensure_file(active);
   if (message.topic == RecordTopic::kOpen) active.open = entry.message;
   if (message.topic == RecordTopic::kOpened) active.opened = entry.message;
@@ -324,8 +324,8 @@ std::string RecordWriter::snapshot_tick(const ActiveSession& active) const {
   return bytes.size() <= settings_.max_message_bytes ? std::move(bytes) : std::string();
 }
 
-// Makes a later part readable by itself: the opening, a snapshot of all ticks since, the ticks that are not answered yet,
-// and a Gap for messages lost before.
+// Writes the head of a later part, which makes it readable by itself. The head has the opening, a snapshot of the answered
+// ticks, the unanswered ticks, and a Gap for earlier losses.
 void RecordWriter::write_head(ActiveSession& active, const std::string& snapshot, uint64_t now_ns) {
   active.head_size = 0;
   const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
@@ -401,9 +401,9 @@ void RecordWriter::lose_file(ActiveSession& active, const Error& error) {
   ++counts_.write_failures;
 }
 
-// The messages that lost Gaps reported were counted when they were dropped, and must be reported again.
+// Messages in lost Gaps were counted when they were dropped. They must be reported again, but not counted.
 void RecordWriter::lose_messages(ActiveSession& active, const LostMessages& lost) {
-  add_to_gap(active.gap, active.gap.reason(), lost.messages + lost.told_of, lost.first_time_ns, lost.last_time_ns);
+  add_to_gap(active.gap, active.gap.reason(), lost.messages + lost.reported, lost.first_time_ns, lost.last_time_ns);
   active.session->dropped_by_writer.fetch_add(lost.messages, std::memory_order_relaxed);
   const std::lock_guard lock(mutex_);
   counts_.dropped_messages += lost.messages;
@@ -412,7 +412,7 @@ void RecordWriter::lose_messages(ActiveSession& active, const LostMessages& lost
 void RecordWriter::housekeep() {
   next_housekeeping_ns_ = now_ns_() + kHousekeepingNs;
   bytes_since_housekeeping_ = 0;
-  // A removed file can still be written to, but nobody could read it.
+  // A removed file can still be written to, but no one could read it.
   for (ActiveSession& active : active_)
     if (active.file && !folder_.exists(active.file_name))
       lose_file(active, Error{ErrorCode::kNotFound, active.file_name, "was removed while it was written"});

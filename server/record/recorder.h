@@ -6,10 +6,10 @@
 //   std::unique_ptr<SessionRecorder> recorder = writer.open_session(info);
 //   recorder->record(RecordTopic::kTick, {arrived_ns, arrived_ns}, tick);
 //
-// Messages that cannot be written are dropped and counted: when a queue is full (a slow disk), and when there is no file (a
-// full disk, a removed folder). The first drop causes one warning, and `degraded()` is true. Once writing works again, the
-// file holds a Gap that counts the missing messages; their sequence numbers are missing too. A full disk and a removed
-// folder are tried again every second.
+// Messages that cannot be written are dropped and counted. That happens when a queue is full (a slow disk) or there is no file
+// (a full disk, a removed folder). The first drop causes one warning, and `degraded()` is true. Once writing works again, the
+// file holds a Gap that counts the missing messages; their sequence numbers are missing too. A full disk and a removed folder
+// are tried again every second.
 #pragma once
 
 #include <array>
@@ -166,7 +166,7 @@ class RecordWriter {
   void close_file(ActiveSession& active);
   void lose_file(ActiveSession& active, const Error& error);
   void lose_messages(ActiveSession& active, const LostMessages& lost);
-  void tell_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known);
+  void report_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known);
   void housekeep();
   void check(ActiveSession& active, const Status& done);
   uint64_t part_limit() const;

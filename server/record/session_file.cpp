@@ -23,7 +23,7 @@ void LostMessages::add(const LostMessages& later) {
   if (messages == 0) first_time_ns = later.first_time_ns;
   last_time_ns = later.last_time_ns;
   messages += later.messages;
-  told_of += later.told_of;
+  reported += later.reported;
 }
 
 LostMessages lost_with(const RecordMessage& message) {
@@ -31,7 +31,7 @@ LostMessages lost_with(const RecordMessage& message) {
   if (message.topic != RecordTopic::kGap) return lost;
   v1::Gap gap;
   if (!gap.ParseFromArray(message.bytes.data(), static_cast<int>(message.bytes.size()))) return lost;
-  lost.told_of = gap.messages();
+  lost.reported = gap.messages();
   lost.first_time_ns = gap.first_time_ns();
   return lost;
 }

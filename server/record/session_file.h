@@ -25,7 +25,7 @@ struct RecordMessage {
 // Messages that are lost together, with the log times of the first and the last of them.
 struct LostMessages {
   uint64_t messages = 0;
-  uint64_t told_of = 0;  // more messages, lost before, that Gaps among these report
+  uint64_t reported = 0;  // earlier losses that Gaps among these messages report
   uint64_t first_time_ns = 0;
   uint64_t last_time_ns = 0;
 

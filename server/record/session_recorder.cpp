@@ -1,4 +1,4 @@
-// The session's end: it puts messages into its queue and never waits.
+// The session's half of the recorder: it puts messages into a queue and never waits.
 #include <google/protobuf/message_lite.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_v
 
 char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
   assert(topic <= RecordTopic::kGap);
-  // A dropped message uses up its number, so that the loss shows.
+  // A dropped message uses up its number, so that the gap is visible.
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
   if (gap_.messages() == 0 || record_gap(times)) at = session_->ring.reserve(size);
@@ -67,8 +67,8 @@ void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, 
   if (session_->ring.half_full()) session_->waker->wake();
 }
 
-// A Gap stands before the message that follows the loss. It is only written when there is room for that message too;
-// otherwise a full queue would fill with Gaps.
+// A Gap is written before the message that follows the loss. It is only written when there is room for that message
+// too; otherwise a full queue would fill with Gaps.
 bool SessionRecorder::record_gap(RecordTimes times) {
   if (session_->ring.half_full()) return false;
   const size_t size = gap_.ByteSizeLong();

@@ -74,7 +74,8 @@ void SessionSnapshot::take_snapshot_tick(const v1::Tick& tick, uint64_t ticks, c
   ticks_ += ticks > 0 ? ticks - 1 : 0;
 }
 
-// Rejections stand before the reply that covers the ticks after them, so all that still wait up to it were applied.
+// Rejections come before the reply that covers the ticks after them. So all ticks that still wait when the reply comes
+// were applied.
 void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
   while (!waiting_.empty() && waiting_.front().tick.sequence() <= reply.sequence()) apply_oldest();
   if (!reply.has_pose()) return;
@@ -155,18 +156,19 @@ void SessionSnapshot::apply_delta(const v1::SceneDelta& delta) {
 void SessionSnapshot::apply_transforms(const v1::Transforms& wire, bool paused) {
   const int n = wire.ids_size();
   if (wire.positions_size() != 3 * n) return;
-  const bool turns = n > 0 && wire.rotations_size() == 4 * n, tells = n > 0 && wire.velocities_size() == 3 * n;
+  const bool has_rotations = n > 0 && wire.rotations_size() == 4 * n;
+  const bool has_velocities = n > 0 && wire.velocities_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
     Instance* instance = find(wire.ids(i));
     if (instance == nullptr) continue;
     const std::array<double, 3> before = instance->position;
     take(wire.positions(), i, instance->position);
-    if (turns) take(wire.rotations(), i, instance->rotation);
-    if (tells) take(wire.velocities(), i, instance->velocity);
-    instance->turned |= turns;
+    if (has_rotations) take(wire.rotations(), i, instance->rotation);
+    if (has_velocities) take(wire.velocities(), i, instance->velocity);
+    instance->turned |= has_rotations;
     // While the session is paused, an instance that did not move keeps its velocity: see Session.
     const bool keeps = paused && instance->moved && before == instance->position;
-    instance->has_velocity = tells || (keeps && instance->has_velocity);
+    instance->has_velocity = has_velocities || (keeps && instance->has_velocity);
     instance->moved = true;
   }
 }
@@ -186,7 +188,7 @@ v1::Tick SessionSnapshot::tick() const {
   v1::Tick out;
   out.set_sequence(sequence_);
   out.set_time_s(time_s_);
-  // Rotations and velocities are sent for all that moved or for none. An added instance brings its rotation with it.
+  // Rotations and velocities are sent for all moved instances or for none. The rotation of an added instance is in its pose.
   bool any_rotation = false, any_velocity = false;
   for (const auto& [id, instance] : instances_) {
     any_rotation |= instance.turned && !instance.added;
@@ -226,7 +228,7 @@ v1::Tick SessionSnapshot::tick() const {
   return out;
 }
 
-// A list may only name instances that are there; those that it ignores may have gone since.
+// A list of targets may only name existing instances, but instances that it attaches or ignores may have been removed since.
 void SessionSnapshot::add_targets(v1::Tick& out) const {
   if (!targets_) return;
   v1::TargetList& list = *out.mutable_targets();
@@ -236,12 +238,12 @@ void SessionSnapshot::add_targets(v1::Tick& out) const {
   };
   for (const v1::Target& target : targets_->targets()) {
     if (!there(target.id())) continue;
-    v1::Target& told = *list.add_targets();
-    told = target;
-    told.clear_attached_ids();
-    told.clear_ignored_ids();
-    keep(target.attached_ids(), *told.mutable_attached_ids());
-    keep(target.ignored_ids(), *told.mutable_ignored_ids());
+    v1::Target& listed = *list.add_targets();
+    listed = target;
+    listed.clear_attached_ids();
+    listed.clear_ignored_ids();
+    keep(target.attached_ids(), *listed.mutable_attached_ids());
+    keep(target.ignored_ids(), *listed.mutable_ignored_ids());
   }
 }
 

@@ -194,7 +194,7 @@ void add_frustum(foxglove::SceneEntity& entity, double vertical_fov_rad, double 
   }
 }
 
-// Nodes of the scene file have no known place before they move.
+// Nodes of the scene file have no known pose before they move.
 bool has_place(const SessionSnapshot::Instance& instance) {
   return instance.moved || instance.given;
 }

@@ -18,7 +18,7 @@
 
 namespace sightline {
 
-// The parts of a call that gRPC fills in when a client calls: its context, the object that answers it and, for an RPC
+// The parts of a call that gRPC fills in when a client calls. They are its context, the object that answers it and, for an RPC
 // with a single request, that request.
 struct NoRequest {};
 template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>

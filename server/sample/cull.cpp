@@ -102,7 +102,7 @@ bool BoxTest::may_show(const Aabb& box, Footprint& where) const {
   if (depth.high < grid_.near_m) return false;
   SampleRange x{0, grid_.width - 1}, y{0, grid_.height - 1};
   if (depth.low < 0.5f * grid_.near_m) {
-    // A box that reaches behind the near plane has no bounded projection, but may lie beside the samples' pyramid.
+    // A box that reaches behind the near plane has no bounded projection, but may lie outside the samples' pyramid.
     if (is_beside(box)) return false;
   } else {
     x = samples_met(across, depth, grid_.width);

@@ -63,7 +63,7 @@ class BoxTest {
   // False when no part of the box covers a sample point, to within kSampleMarginTexels. Otherwise sets `where`.
   bool may_show(const Aabb& box, Footprint& where) const;
 
-  // True when a sample of the footprint may show a part of the box: the sample's ray passes through it, to within
+  // True when a sample of the footprint may show a part of the box. Then the sample's ray passes through the box, to within
   // kSampleMarginTexels, and no nearer surface is known there. `hidden_from_m` is as in is_hidden.
   bool may_show_unhidden(const Aabb& box, const Footprint& where, const float* hidden_from_m) const;
 

@@ -86,7 +86,7 @@ class EglSampler final : public Sampler {
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
               std::vector<DepthMap>& maps) override;
 
-  // Brings what is kept of the mirror up to date, and sizes `maps`.
+  // Updates the data derived from the mirror, and sizes `maps`.
   MapJob begin(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps);
   // Takes jobs that samplers of the same device have begun.
   Status take(std::span<const MapJob> jobs);
@@ -108,8 +108,8 @@ Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptio
   return device;
 }
 
-// Takes maps of a box, so that the first session does not wait for the driver to compile: llvmpipe spends 38 ms of CPU time in the first
-// take and 24 ms in the fifth.
+// Takes maps of a box, so that the first session does not wait for the driver to compile. llvmpipe spends 38 ms of CPU time in
+// the first take and 24 ms in the fifth.
 Status SharedEglDevice::warm_up() {
   constexpr int kTakes = 6;
   SceneMirror mirror;

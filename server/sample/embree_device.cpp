@@ -1,4 +1,4 @@
-// Bottom scenes by geometry and static top scenes by content, each built once and shared.
+// The device builds each bottom scene once for each geometry, and each static top scene once for equal static instances.
 #include <algorithm>
 #include <array>
 #include <cassert>

@@ -1,8 +1,8 @@
 // Takes the depth maps of one mirror with Embree's rays, in packets of 16 from one eye.
 //
-// A packet is a nearly square rectangle of texels, so that its rays are close together. It never mixes rays of two requests, and its
-// setup depends only on the mirror and the request, because where a ray passes through an edge its hit may depend on the other rays of
-// the packet. So the same request gives the same bits, on any thread and with any other requests.
+// A packet is a nearly square rectangle of texels, so that its rays are close together. Where a ray passes through an edge, its
+// hit may depend on the other rays of the packet. A packet therefore never mixes rays of two requests, and its setup depends
+// only on the mirror and the request. So the same request gives the same bits, on any thread and with any other requests.
 //
 // Static instances are traced through the device's shared top scene, moving instances one by one (EmbreeMovers).
 #pragma once
@@ -27,7 +27,7 @@ class EmbreeMaps {
   explicit EmbreeMaps(EmbreeDevice& device);
   ~EmbreeMaps();
 
-  // To be called after every change of the mirror. `ahead_s` is the value that requests use besides 0, or 0.
+  // To be called after every change of the mirror. `ahead_s` is the only value other than 0 that requests use, or 0.
   void take_in(const SceneMirror& mirror, double ahead_s);
   // Like Sampler::take for one request, on the mirror as of the last take_in. Allocates only while `map` grows.
   void take(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);

@@ -60,7 +60,7 @@ struct StaticTop {
   std::vector<Placement> placements;  // what it was made from, compared to find it again
 };
 
-// How many of an instance's indices belong to the content; 0 when the instance does not.
+// Number of an instance's indices that belong in a scene of this kind (EmbreeScene::Content); 0 if the instance does not.
 size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
 
 // Passed to Embree as its context, with our members behind. Without `filter` nothing is rejected and Embree makes no calls.
@@ -79,9 +79,9 @@ struct EmbreeDevice::Impl {
   // Finds or builds. Building happens outside the lock: when two threads build the same thing, the later result is dropped.
   std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry,
                                                size_t index_count);
-  // Holds the mirror's static instances that belong to the content.
+  // The top scene of the mirror's static instances that belong in a scene of this kind.
   std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
-  // Holds its moving instances that belong to the content, where their velocities take them in `ahead_s`.
+  // The top scene of its moving instances of this kind, placed where their velocities take them in `ahead_s`.
   TopScene moving_top_of(const SceneMirror& mirror, EmbreeScene::Content content, double ahead_s);
   void forget_dead();
 

@@ -11,14 +11,14 @@
 namespace sightline {
 namespace {
 
-// The largest ahead_s: the requests have at most one value besides 0.
+// The largest ahead_s; the requests have at most one value other than 0.
 double common_ahead_s(std::span<const MapRequest> requests) {
   double ahead_s = 0.0;
   for (const MapRequest& request : requests) ahead_s = std::max(ahead_s, request.ahead_s);
   return ahead_s;
 }
 
-// So few maps are taken on one thread: all those of a step with preset `paper` take less than 0.03 ms.
+// Up to this number of maps, one thread takes them all. A step with preset `paper` takes its maps in less than 0.03 ms.
 constexpr size_t kTooFewForPool = 16;
 
 class EmbreeSampler final : public Sampler {
@@ -33,8 +33,9 @@ class EmbreeSampler final : public Sampler {
     maps.resize(requests.size());
     // Builds what is new to the device once; the other threads find it.
     takers_[0]->take_in(mirror, ahead_s);
-    // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last go first: a step's last
-    // maps are those of the viewpoint search, which cost three times as much, so that the threads end at about the same time.
+    // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last maps are taken
+    // first. They belong to the viewpoint search and cost three times as much, so this order lets the threads end at about the
+    // same time.
     std::atomic<ptrdiff_t> left{std::ssize(requests)};
     const auto work = [&](size_t thread) {
       if (thread > 0) takers_[thread]->take_in(mirror, ahead_s);

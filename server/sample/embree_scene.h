@@ -5,9 +5,9 @@
 // and one of moving instances, so that a tick rebuilds only the second. Mirrors whose static instances are equal (slots, geometry,
 // transforms, layers) share one static top scene; a mirror that changes an instance gets another one.
 //
-// Embree computes in single precision. So each top scene is anchored at the middle of its instances, and origins are given in double:
-// rounding depends on the extent of the scene, not on its distance from the world's origin. A hit distance errs by about 1e-7 of the
-// distance plus 1e-7 of the distance from the anchor to the eye or to the instance, whichever is larger.
+// Embree computes in single precision. So each top scene is anchored at the middle of its instances, and origins are given in
+// double. Rounding then depends on the extent of the scene, not on its distance from the world's origin. A hit distance errs by
+// about 1e-7 of the distance plus 1e-7 of the distance from the anchor to the eye or to the instance, whichever is larger.
 #pragma once
 
 #include <cstddef>
@@ -23,8 +23,8 @@
 namespace sightline {
 
 // Owns the RTCDevice, the bottom scenes and the static top scenes. Thread-safe. A bottom scene is kept while its Geometry lives
-// (checked whenever a top scene is added) or a scene uses it; a static top scene, while an EmbreeScene or a map taker uses it. Nothing
-// is built under a lock.
+// (checked whenever a top scene is added) or a scene uses it. A static top scene is kept while an EmbreeScene or a map taker
+// uses it. Nothing is built under a lock.
 class EmbreeDevice {
  public:
   struct Impl;  // server/sample/embree_parts.h

@@ -6,13 +6,14 @@
 // to its surface. All triangles belong to the target, including see-through ones. Parts that the shape itself hides from a viewpoint
 // have no points in that view.
 //
-// The paper keeps the density in the image constant over distance, so that a larger image has more points. Here every view has the same
-// number, because the estimate is a share of the image: each point represents an equal part, and the estimate is as good from far as
-// from near.
+// The paper keeps the density in the image constant over distance, so that a larger image has more points. Here every view has
+// the same number, because the estimate is a share of the image. Each point represents an equal part, so the estimate is
+// equally good at every distance.
 //
 // Everything is in the mesh frame, in metres. The caller handles the instance's transform: it takes the viewer into the mesh frame with
-// the inverse of world_from_instance, and the points out with world_from_instance. Under uneven scale distances are measured in the mesh
-// frame; the density stays even for a distant viewer, because an affine map preserves even densities of a parallel projection.
+// the inverse of world_from_instance, and the points out with world_from_instance. Under uneven scale, distances are measured
+// in the mesh frame. The density stays even for a distant viewer, because an affine map preserves even densities of a parallel
+// projection.
 #pragma once
 
 #include <array>
@@ -62,7 +63,7 @@ void sample_extent(const RayCaster& caster, const ExtentView& view, CounterRando
 // Immutable: any number of threads may read one.
 class ExtentTable {
  public:
-  // A pure function of the geometry's content and the seed. Takes about 10 ms for a capsule, 30 ms for 10,000 triangles and 1.7 s for a
+  // A pure function of the geometry and the seed. Takes about 10 ms for a capsule, 30 ms for 10,000 triangles and 1.7 s for a
   // million, so build it before a session's first step.
   static std::shared_ptr<const ExtentTable> build(const Geometry& geometry, uint64_t seed = 0);
 
@@ -70,9 +71,9 @@ class ExtentTable {
   // bounding sphere gets the nearest viewpoint in its direction; at the centre, in any direction. The span lives as long as the table.
   std::span<const glm::vec3> points(const glm::dvec3& viewer_mesh_m) const;
 
-  // The same, with the viewer displaced at random (`unit` in [0, 1)^2) by about the spacing of views: over many draws the neighbouring
-  // views are chosen in proportion to their nearness. A single view may be turned by 15 degrees, so that it estimates 39 % for a target
-  // half of which is hidden by a wall, and does so for as long as nothing moves.
+  // The same, with the viewer displaced at random (`unit` in [0, 1)^2) by about the spacing of views. Over many draws,
+  // neighbouring views are chosen in proportion to their nearness. Without the displacement the nearest view may be turned by
+  // 15 degrees. It would then estimate 39 % for a target that a wall hides by half, for as long as nothing moves.
   std::span<const glm::vec3> points_blended(const glm::dvec3& viewer_mesh_m, const glm::dvec2& unit) const;
 
   // Views by index, 0 to kExtentViews - 1.
@@ -102,7 +103,7 @@ class ExtentCache {
   // All tables are built with this seed.
   explicit ExtentCache(uint64_t seed = 0) : seed_(seed) {}
 
-  // Builds on the first call for a content, outside the lock; other callers for the same content wait for it.
+  // Builds the table on the first call for a geometry, outside the lock; other callers for an equal geometry wait for it.
   std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry);
 
   // True when `get` would return at once.

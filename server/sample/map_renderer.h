@@ -1,7 +1,7 @@
-// Renders draw lists with OpenGL. Each map is drawn into its own layer of an array texture, with its own viewport in the layer's
-// lower left corner, so that its texels do not depend on what is drawn beside it. A texel holds the number of the triangle that its
-// sample point shows. Distances are computed on the CPU in double (seen_triangle.h): a rasteriser that rounds vertices to 1/256 pixel
-// and interpolates in single precision errs on steeply slanted triangles.
+// Renders draw lists with OpenGL. Each map is drawn into its own layer of an array texture, with its own viewport in the
+// layer's lower left corner. Its texels therefore do not depend on the other maps. A texel holds the number of the triangle
+// that its sample point shows. Distances are computed on the CPU in double (seen_triangle.h): a rasteriser that rounds vertices
+// to 1/256 pixel and interpolates in single precision errs on steeply slanted triangles.
 //
 // All maps of a submission are one draw call. They are read back through a ring of pixel buffers with fences, so that the CPU searches
 // the next maps while a GPU draws these. Measured over a city of 280 K triangles on llvmpipe (CPU time for 2, 16 and 64 maps of 7 x 7):

@@ -1,6 +1,6 @@
-// Finds the triangles that the sample points of a map may show, front to back: the nearest box of all trees is opened first, and a box
-// behind surfaces that are known to cover all its samples is never opened. The cost is proportional to what is seen and grows with the
-// logarithm of the rest.
+// Finds the triangles that the sample points of a map may show, front to back. The nearest box of all trees is opened first. A
+// box behind surfaces that are known to cover all its samples is never opened. The cost is proportional to what is seen and
+// grows with the logarithm of the rest.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Tests the triangles of one cluster against the sample points of one map: many triangles at a time for the samples that each may cover,
-// then one triangle and one sample exactly. Pure functions on the CPU.
+// Tests the triangles of one cluster against the sample points of one map. It first finds the samples that each triangle may
+// cover, for many triangles at a time. Then it tests one triangle at one sample exactly. Pure functions on the CPU.
 #pragma once
 
 #include <cstdint>
@@ -39,9 +39,9 @@ struct Cover {
   // Bit k: the edge from corner k + 1 to k + 2 (modulo 3) passes within the margin.
   uint32_t near_edges = 0;
 };
-// Uses edge functions with the sample point as the origin (Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013). They are
-// evaluated before the division by w (Olano & Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997), so that a
-// triangle that reaches behind the eye is no special case.
+// Uses edge functions with the sample point as the origin (Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013).
+// They are evaluated before the division by w, so that a triangle that reaches behind the eye is no special case (Olano &
+// Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
 Cover cover_of(const TriangleBlock& block, int triangle, int sample_x, int sample_y, const GridSlack& slack,
                float near_m);
 

@@ -94,7 +94,7 @@ void apply(const AssetChannel& channel, double time_s, Placement& placement) {
   }
 }
 
-// Parents stand before their children.
+// Parents come before their children.
 std::vector<Affine> to_world(const SceneAsset& asset, std::vector<Affine> parent_from_node) {
   for (size_t i = 0; i < asset.nodes.size(); ++i)
     if (const int parent = asset.nodes[i].parent; parent >= 0)

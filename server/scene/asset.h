@@ -1,5 +1,5 @@
-// A scene file as data: what the glTF reader makes and what mirrors and scenario players are built from. Immutable
-// and shared once loaded. Frame: glTF's own (the canonical one), metres.
+// A scene file as data. The glTF reader makes it; mirrors and scenario players are built from it. Immutable and shared once
+// loaded. Frame: glTF's own (the canonical one), metres.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -27,9 +27,9 @@ struct InstanceAttributes {
 
 struct AssetNode {
   std::string name;
-  int parent = -1;  // index into nodes; parents stand before their children
-  // Local transform. Nodes given by a matrix are decomposed when they are a rotation and a scale; a sheared matrix
-  // is kept whole in parent_from_node and such a node cannot be animated (a warning says so).
+  int parent = -1;  // index into nodes; parents come before their children
+  // Local transform. A matrix that consists of a rotation and a scale is decomposed. A sheared matrix is kept whole in
+  // parent_from_node; such a node cannot be animated, and a warning says so.
   glm::dvec3 translation_m{0.0};
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};
   glm::dvec3 scale{1.0};

@@ -114,9 +114,9 @@ void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Lim
 using WorldTriangle = std::array<glm::dvec3, 3>;
 
 // The distance, at most `length_m`, that a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle.
-// The distance of a moving point from a convex set is convex in time. So Newton's method from the left never passes the first contact,
-// and a distance that grows never shrinks again: conservative advancement with the directional bound (van den Bergen, "Ray casting
-// against general convex objects", 2004).
+// The distance of a moving point from a convex set is convex in time. So Newton's method from the left never passes the first
+// contact, and a distance that grows never shrinks again. This is conservative advancement with the directional bound (van den
+// Bergen, "Ray casting against general convex objects", 2004).
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
                const WorldTriangle& triangle) {
   double moved = 0.0;
@@ -151,7 +151,7 @@ struct Spheres {
 // The number of spheres that are tested at once.
 constexpr size_t kSpheresAtOnce = 128;
 
-// 1 for those that a sphere touches on its way along unit `direction`, or comes within rounding of touching; else 0.
+// Sets 1 for spheres that the moving sphere touches on its path along unit `direction`, to within rounding, else 0.
 SIGHTLINE_VECTOR_CLONES
 void mark_beside(const Spheres& spheres, const glm::dvec3& from_m, const glm::dvec3& direction, double length_m,
                  double radius_m, uint8_t* __restrict beside) {

@@ -34,8 +34,8 @@ class ClearanceField {
   // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (>= 0) can move before it touches a
   // collider. Never too large, and too small by at most 1 mm of path. 0 when the sphere overlaps a collider already. An overlap of less
   // than 1e-9 m counts as touching: such a sphere may slide along the surface or leave it. The path plus `radius_m` must lie inside the
-  // gathered ball. Uses conservative advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems",
-  // 1996), which does not stall on a path along a wall, as advancement by plain distance would.
+  // gathered ball. Uses conservative advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body
+  // systems", 1996). On a path along a wall it does not stall, as advancement by plain distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
   // True when free_fraction is 1, at lower cost. `blocker` is the index of the collider that is tested first; on return, of the collider
   // in the way, if any. Paths from one point are mostly blocked by the same collider. Any number is valid at first.

@@ -1,4 +1,4 @@
-// Triangle geometry: immutable, identified by its content, shared by all sessions of the process.
+// Triangle geometry: immutable, identified by a hash of its data, shared by all sessions of the process.
 //
 // Triangles are grouped in clusters of at most kMaxClusterTriangles. Each cluster is a contiguous range of `indices` and a leaf of a
 // binary bounding-volume hierarchy, which the EGL sampler and the clearance query of `move` search. See-through triangles (material
@@ -83,20 +83,21 @@ class Geometry {
   size_t bytes() const { return bytes_by_part().total(); }
 };
 
-// Identifies a mesh's content: equal for equal positions, indices and see_through_first_index.
+// Identifies a mesh: equal for equal positions, indices and see_through_first_index.
 ContentHash hash_mesh(const MeshData& mesh);
 
 // Builds clusters and trees (tree_builder.h), for large meshes on every core. Drops triangles of zero area and merges equal positions
-// (weld.h); unused positions are kept. A mesh without triangles gives empty trees and empty `bounds`. Fails with kInvalidArgument (field
-// "indices", "positions" or "see_through_first_index") on an index out of range, an index count that is not a multiple of 3, or a
-// position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input gives equal output.
+// (weld.h); unused positions are kept. A mesh without triangles gives empty trees and empty `bounds`. Fails with
+// kInvalidArgument (field "indices", "positions" or "see_through_first_index"). The causes are an index out of range, an index
+// count that is not a multiple of 3, or a position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input
+// gives equal output.
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
 // Keeps one copy of each geometry while it is in use. Thread-safe; building happens outside the lock. The store may be destroyed before
 // the geometries that it returned.
 class GeometryStore {
  public:
-  // The geometry of this content: the existing copy, or a new one. Fails as build_geometry does.
+  // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
   // Bytes of all geometries in use, each counted once.
   GeometryBytes live_bytes_by_part() const;

@@ -1,6 +1,6 @@
-// Reads glTF 2.0 (.gltf with files or data URIs, .glb) into a SceneAsset. Input is not trusted: the JSON is checked before tinygltf sees it
-// (gltf_json.h), every accessor range is checked when it is read, cycles and deep hierarchies are refused, and images are never decoded.
-// The field of an Error is a JSON path such as "meshes[0].primitives[1].indices".
+// Reads glTF 2.0 (.gltf with files or data URIs, .glb) into a SceneAsset. Input is not trusted. The JSON is checked before
+// tinygltf sees it (gltf_json.h), and every accessor range is checked when it is read. Cycles and deep hierarchies are refused,
+// and images are never decoded. The field of an Error is a JSON path such as "meshes[0].primitives[1].indices".
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The bytes behind a document's buffers: the binary chunk, data URIs and files beside it.
+// The bytes of a document's buffers, from the binary chunk, data URIs and other files.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -1,5 +1,5 @@
 // A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and three geometry
-// extensions). Rules that do not fit the table are functions beside it.
+// extensions). Rules that do not fit the table are separate functions.
 #include <algorithm>
 #include <array>
 #include <cmath>

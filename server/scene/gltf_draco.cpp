@@ -12,8 +12,8 @@
 namespace sightline {
 namespace {
 
-// Memory that Draco needs for a face while it decodes, rounded up: its corners, their opposites and vertices, and the same again for each
-// set of attributes with seams of its own.
+// Memory that Draco needs for a face while it decodes, rounded up. It holds the face's corners, their opposites and vertices,
+// and the same again for each set of attributes with its own seams.
 constexpr size_t kWorkBytesPerFace = 128;
 constexpr size_t kWorkBytesPerFaceAndAttributeSet = 32;
 

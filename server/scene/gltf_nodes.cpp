@@ -148,8 +148,8 @@ Result<std::vector<int>> find_parents(const tinygltf::Model& model) {
   return parent;
 }
 
-// As each node has at most one parent, the walk visits each node at most once, and a node that no root reaches is on or below a cycle.
-// The depth is bounded, because later code may recurse over the hierarchy of a hostile file.
+// As each node has at most one parent, the walk visits each node at most once. A node that no root reaches is on or below a
+// cycle. The depth is bounded, because later code may recurse over the hierarchy of a hostile file.
 Status check_hierarchy(const tinygltf::Model& model, const std::vector<int>& parent, int max_depth) {
   std::vector<int> depth(parent.size(), 0);
   std::vector<size_t> open;

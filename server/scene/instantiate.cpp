@@ -160,7 +160,7 @@ class Instantiation {
     return {};
   }
 
-  // Step 2: nodes below a bound one belong to it, up to the next bound one. Parents stand before children.
+  // Step 2: nodes below a bound one belong to it, up to the next bound one. Parents come before children.
   void spread_down() {
     for (size_t i = 0; i < binding_of_.size(); ++i)
       if (binding_of_[i] == kUnbound && asset_.nodes[i].parent >= 0)
@@ -247,7 +247,7 @@ class Instantiation {
 
   Status bad_transform(size_t node) const {
     return invalid(
-        "asset", "node \"" + asset_.nodes[node].name + "\": its place or size is not finite or beyond 1e9 m");
+        "asset", "node \"" + asset_.nodes[node].name + "\": its position or size is not finite or beyond 1e9 m");
   }
 
   static std::string field(size_t binding, const char* member) {

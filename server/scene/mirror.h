@@ -27,9 +27,9 @@
 
 namespace sightline {
 
-// Ids with this bit belong to the nodes of a loaded scene that the client did not bind: kAssetIdBit | k is the k-th drawable in file
-// order. k starts at 0 and counts bound drawables too, so that it does not depend on the bindings. Ids that the client chooses must be
-// below this bit and not 0.
+// Ids with this bit belong to the nodes of a loaded scene that the client did not bind. The id kAssetIdBit | k is that of the
+// k-th drawable in file order, from 0. The count includes bound drawables, so that it does not depend on the bindings. Ids that
+// the client chooses must be below this bit and not 0.
 inline constexpr uint64_t kAssetIdBit = uint64_t{1} << 63;
 inline constexpr size_t kMaxInstances = 1'000'000;
 
@@ -68,8 +68,8 @@ struct NewInstance {
   bool moving = false;
 };
 
-// True when the map is finite and invertible. No entry may exceed 1e6, no column may be shorter than 1e-9, and the volume must be at
-// least 1e-9 of the volume of a box whose edges are as long as the columns.
+// True when the map is finite and invertible. No entry may exceed 1e6, and no column may be shorter than 1e-9. The volume must
+// be at least 1e-9 of the volume of a box whose edges are as long as the columns.
 bool is_valid_linear(const glm::dmat3& linear);
 
 struct AttributeChange {
@@ -184,11 +184,12 @@ struct NodeBinding {
   uint64_t id = 0;
 };
 
-// The instances of a scene file: one for each binding, in order, then one with an asset id for each remaining drawable (a mesh node, or
-// one of its GPU instances). When a zero scale flattens a drawable, the scale is applied to its geometry; a drawable without triangles
-// left is left out. Apply the result with SceneDelta::asset_ids_allowed. Fails with field "bindings[i].node" (kNotFound;
-// kInvalidArgument when the name is not unique or bound twice, or the subtree has no triangles), "bindings[i].id" (kInvalidArgument: 0,
-// an asset id, or used twice), or "asset" (kInvalidArgument: a node whose transform is not finite or breaks the rules of NewInstance).
+// The instances of a scene file. First comes one for each binding, in order, then one with an asset id for each remaining
+// drawable (a mesh node, or one of its GPU instances). When a zero scale flattens a drawable, the scale is applied to its
+// geometry; a drawable without triangles left is left out. Apply the result with SceneDelta::asset_ids_allowed. Fails with
+// field "bindings[i].node" (kNotFound; kInvalidArgument when the name is not unique or bound twice, or the subtree has no
+// triangles), "bindings[i].id" (kInvalidArgument: 0, an asset id, or used twice), or "asset" (kInvalidArgument: a node whose
+// transform is not finite or breaks the rules of NewInstance).
 Result<std::vector<NewInstance>> instantiate(const SceneAsset& asset, std::span<const NodeBinding> bindings,
                                              GeometryStore& store);
 

@@ -1,9 +1,9 @@
 // Shapes without a mesh: box, sphere, capsule, cylinder. They become ordinary triangle geometry, so that both
 // samplers, the clearance query and the truth renderer see the same surface.
 //
-// Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round
-// shapes are inscribed polyhedra with vertices on the true surface (32 segments around); the greatest
-// distance between the true and the tessellated surface is under 1 % of the radius.
+// Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round shapes are
+// inscribed polyhedra with vertices on the true surface (32 segments around). The distance between the true and the tessellated
+// surface is under 1 % of the radius.
 #pragma once
 
 #include <variant>

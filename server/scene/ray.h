@@ -21,10 +21,10 @@ struct SurfaceHit {
 // Traces rays against all triangles of a geometry, including see-through ones. Holds a copy of the triangles in a layout that tests four
 // at once, and refers to the geometry, which must outlive it. Immutable: any number of threads may use it.
 //
-// Triangles are tested in single precision relative to the centre of the geometry's bounding sphere (Moeller
-// & Trumbore, "Fast, minimum storage ray/triangle intersection", 1997): good to about 1e-6 of the larger of
-// the bounding radius and the origin's distance from the centre. A ray that passes an edge nearer than that
-// may fall on either side of it, even between two triangles.
+// Triangles are tested in single precision relative to the centre of the geometry's bounding sphere (Moeller & Trumbore, "Fast,
+// minimum storage ray/triangle intersection", 1997). The error is about 1e-6 of the bounding radius or of the origin's distance
+// from the centre, whichever is larger. A ray that passes an edge nearer than that may fall on either side of it, even between
+// two triangles.
 class RayCaster {
  public:
   explicit RayCaster(const Geometry& geometry);

@@ -42,8 +42,8 @@ class SceneLibrary {
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
   // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
   // are read again, which may take seconds; callers share bytes that are still held. A hash finds an upload, or a named scene with that
-  // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept, with kFailedPrecondition when a file
-  // has changed since it was loaded, or as reading fails.
+  // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept. Fails with kFailedPrecondition
+  // when a file has changed since it was loaded, and as reading fails.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
   Result<std::vector<SceneFile>> files_of(const ContentHash& hash);
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.

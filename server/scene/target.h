@@ -12,8 +12,8 @@ inline constexpr size_t kMaxTargets = 32;  // visibility of a candidate is one b
 
 struct Target {
   uint64_t instance_id = 0;
-  double weight = 1.0;   // >= 0; 0 = switched off: reported, never steered for
-  bool required = true;  // required targets come before optional ones in every fallback, whatever the weights of either
+  double weight = 1.0;   // >= 0; 0 = switched off: reported, but without influence on the camera
+  bool required = true;  // required targets come before optional ones in every fallback, for any weights
   // Where the camera looks and maps are taken from, instance frame, metres. Absent: centre of the bounding box.
   std::optional<glm::dvec3> aim_offset_m;
   uint32_t layer_mask = 0xFFFFFFFF;     // only instances with a layer in this mask occlude the target
@@ -21,7 +21,7 @@ struct Target {
   std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, including other targets' own
 };
 
-// What a step knows of a target: its place and size in the scene of this step, and how much it counts.
+// A target as a step uses it: its position and size in the scene of this step, and its weight.
 struct TrackedTarget {
   glm::dvec3 aim_m{0.0};         // the point to look at, world
   double radius_m = 0.0;         // of its bounding sphere

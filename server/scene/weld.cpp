@@ -21,7 +21,7 @@ class Known {
  public:
   explicit Known(size_t positions) : slots_(std::bit_ceil(positions + positions / 3 + 1), kFree) {}
 
-  // The place of an equal position, or `next` after noting it as the place of this one.
+  // Returns the index of an equal position. Without one, stores `next` as the index of this position and returns it.
   uint32_t find_or_add(const glm::vec3& position, const std::vector<glm::vec3>& welded, uint32_t next) {
     const size_t mask = slots_.size() - 1, first = hash64_bytes(bytes_of(position)) & mask;
     for (size_t k = 0; k < kLongestSearch; ++k) {
@@ -33,7 +33,7 @@ class Known {
   }
 
  private:
-  std::vector<uint32_t> slots_;  // places in the welded positions
+  std::vector<uint32_t> slots_;  // indices into the welded positions
 };
 
 }  // namespace

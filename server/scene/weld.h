@@ -9,8 +9,9 @@
 namespace sightline {
 
 // Keeps the first of all positions that are equal bit for bit and redirects `indices`. The order of the positions stays, and unused
-// positions are kept. Every index must be valid. The time is proportional to the number of positions for any input: where the hash table
-// would have to search long, equal positions may stay separate. meshopt_generateVertexRemap has no such bound, and files are not trusted.
+// positions are kept. Every index must be valid. The time is proportional to the number of positions for any input. Where the
+// hash table would have to search long, equal positions may therefore stay separate. meshopt_generateVertexRemap has no such
+// bound, and files are not trusted.
 void weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices);
 
 }  // namespace sightline

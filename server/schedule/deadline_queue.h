@@ -1,8 +1,8 @@
 // The order in which sessions step: the scheduler's policy, without threads and without a clock.
 //
 // As a rule the earliest deadline goes first. That order meets all deadlines whenever they can be met (Liu & Layland,
-// "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973), to within one step, because a
-// step is not interrupted.
+// "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973). It is exact to within one step, because
+// a step is not interrupted.
 //
 // After a missed deadline the order changes for kFairForNs, since by deadlines alone the session that asks for most
 // would get most. The session that was served least goes first then: start-time fair queueing (Goyal, Vin & Cheng,

@@ -45,7 +45,7 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
     const std::lock_guard lock(mutex_);
     if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
     ++running_;
-    // Through the empty queue, so that the round is charged against its own deadline.
+    // The task passes through the empty queue, so that the round is charged against its own deadline.
     queue_.push(task, deadline_ns);
     queue_.pop(clock_());
     if (!spare_rounds_.empty()) {

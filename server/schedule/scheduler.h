@@ -1,9 +1,9 @@
 // The threads that take the steps of sessions, in the order of DeadlineQueue.
 //
-// The threads work in rounds: plan the steps of the next sessions, take their depth maps, finish each step. On a device
-// that gains nothing from taking the maps of several sessions together (SamplerDevice::best_batch is 1), a round is the
-// step of one session, from its inputs to its reply on one thread. On other devices a free thread takes its part of all
-// waiting sessions, up to the best batch.
+// The threads work in rounds: plan the steps of the next sessions, take their depth maps, finish each step. Some devices gain
+// nothing from taking the maps of several sessions together (SamplerDevice::best_batch is 1). A round is then the step of one
+// session, from its inputs to its reply on one thread. On other devices a free thread takes its part of all waiting sessions,
+// up to the best batch.
 #pragma once
 
 #include <condition_variable>
@@ -56,7 +56,7 @@ class Scheduler {
   // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is kept
   // alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are limited.
   void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);
-  // Runs a round of `task` at once on this thread, beside the scheduled ones.
+  // Runs a round of `task` at once on this thread, outside the schedule.
   void run_now(Scheduled& task);
   // Runs a round of `task` at once on this thread when no task waits and fewer rounds run than there are threads.
   // Otherwise it does nothing and returns false. The round counts as one of the threads' rounds. This saves the way to

@@ -9,7 +9,7 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kRetryDelay{5};
-// A step that cost more than this is never taken on the loop's thread: reading waits meanwhile.
+// A longer step is never taken on the loop's thread, because the loop cannot read meanwhile.
 constexpr int64_t kShortStepNs = 1'000'000;
 // A turn is due no sooner than this from now. A turn can start late because its client reads slowly or because a file was
 // read first. That is no overload, and must not count as a missed deadline.
@@ -154,8 +154,7 @@ void ControlStream::advance() {
   if (reading_ == Reading::kEnded) close(driver_.status_after_last_message());
 }
 
-// The session is freed first and its place in the registry next, so that a client that has seen the end finds both
-// free.
+// The session is freed before the call ends, then its entry in the registry. A client that has seen the end finds both free.
 void ControlStream::close(const grpc::Status& status) {
   finished_ = true;
   driver_.close(status);
@@ -169,7 +168,7 @@ void ControlStream::close(const grpc::Status& status) {
 // --- a turn
 // -----------------------------------------------------------------------------------------------------
 
-// A short step is taken where its tick was read: to wake another thread would take as long.
+// A short step runs on the thread that read its tick, because waking another thread would take as long.
 bool ControlStream::may_run_on_loop() const {
   if (finished_ || turn_state_ != TurnState::kNone || writing_ || cancelled_ || end_status_) return false;
   if (needs_loader_ || !outbox_.empty() || inbox_.empty()) return false;
@@ -227,7 +226,7 @@ void ControlStream::finish(const TakenMaps& taken) {
   for (v1::ControlResponse& reply : turn_.replies) outbox_.push(std::move(reply));
   if (turn_.end && !end_status_) end_status_ = std::move(turn_.end);
   advance();
-  // After the reply is on its way, which it would delay.
+  // This runs after the reply was sent, which it would otherwise delay.
   if (stepped && !finished_) driver_.account(times);
 }
 

@@ -1,8 +1,8 @@
 // The health service of gRPC's health checking protocol.
 //
-// gRPC's own health service is not used, because it runs on the callback API. That API starts threads that wait beside
-// the event loops, and every message then wakes one of them too. This service is answered by an event loop, so it also
-// answers when clients occupy all threads of the synchronous RPCs.
+// gRPC's own health service is not used, because it runs on the callback API. That API starts further threads, and every
+// message then wakes one of them in addition to the event loop. This service is answered by an event loop, so it also answers
+// when clients occupy all threads of the synchronous RPCs.
 #pragma once
 
 #include <map>
@@ -24,7 +24,7 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
   // `loop` takes all calls from now until the server shuts down.
   void take_calls(EventLoop& loop);
 
-  // Sets the state of a service, by its full name; "" stands for the server. Watchers are notified.
+  // Sets the state of a service, given by its full name; "" means the whole server. Watchers are notified.
   void set(const std::string& service, bool serving);
   // Ends all Watch calls, now and later. A server that shuts down would wait for them.
   void end_watches();

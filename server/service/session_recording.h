@@ -48,7 +48,7 @@ class SessionRecording {
   void rejection(const v1::TickError& rejection);
   // Records the reply; sets its flag `recording_degraded` first when messages are missing in the file.
   void reply(v1::CameraReply& reply);
-  // Records a failure of the server. `sequence` is that of the tick, or 0. Never throws.
+  // Records a failure of the server. `sequence` is the sequence number of the tick, or 0. Never throws.
   void fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept;
 
   // True when the tick adds meshes of scenes that must still be attached: reading those can take long.

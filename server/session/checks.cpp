@@ -100,7 +100,7 @@ Status check_pose(const Pose& pose, const std::string& field) {
 
 Status check_speed(const glm::dvec3& velocity_mps, const std::string& field) {
   const double speed = glm::length(velocity_mps);
-  if (speed <= kMaxToldSpeedMps) return {};
+  if (speed <= kMaxSentSpeedMps) return {};
   return invalid(field, "must be finite and at most 1e6 m/s, got " + number(speed) + " m/s");
 }
 

@@ -1,4 +1,4 @@
-// What a session checks before it touches anything, in the client's vocabulary of fields.
+// The checks that a session makes before it changes anything. Errors name the fields of the client's messages.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,15 @@
 
 namespace sightline {
 
-// Which instances there will be after a delta. Refers to both; costs nothing when the delta is empty.
+// The instances that will exist after a delta. Refers to the mirror and the delta; free when the delta is empty.
 class IdsAfter {
  public:
   IdsAfter(const SceneMirror& mirror, const SceneDelta& delta);
 
   bool contains(uint64_t id) const { return added(id) != nullptr || staying(id) != nullptr; }
-  // The instance as it is now, when the delta neither removes it nor adds it anew; else null.
+  // The instance as it is now; null if the delta removes or replaces it, or if it does not exist.
   const Instance* staying(uint64_t id) const;
-  // What the delta adds under this id, else null.
+  // The instance that the delta adds under this id, else null.
   const NewInstance* added(uint64_t id) const;
 
  private:
@@ -41,12 +41,12 @@ Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, co
 bool is_unit(const glm::dquat& rotation);
 // Fields "<field>.position" and "<field>.rotation".
 Status check_pose(const Pose& pose, const std::string& field);
-// Refuses speeds over kMaxToldSpeedMps.
+// Refuses speeds over kMaxSentSpeedMps.
 Status check_speed(const glm::dvec3& velocity_mps, const std::string& field);
 // Ranges of server/base/camera.h; fields "<field>.field_of_view", ".aspect", ".near_m".
 Status check_lens(const Lens& lens, const std::string& field);
 
-// The mirror's fields as the client calls them: "ids[3]" -> "transforms.ids[3]", "poses[3].rotation" ->
+// Translates the mirror's fields to the client's: "ids[3]" -> "transforms.ids[3]", "poses[3].rotation" ->
 // "transforms.rotations[12]" (packed arrays count numbers), "add[1].linear" -> "delta.added_instances[1].scale".
 std::string client_field(const std::string& mirror_field);
 

@@ -40,7 +40,7 @@ glm::dquat looking(const glm::dvec3& forward, const glm::dvec3& up) {
   return glm::normalize(glm::quat_cast(glm::dmat3(glm::cross(forward, up), up, -forward)));
 }
 
-// What the canonical camera's axes are in the frame of the client's camera, both with canonical handedness.
+// Rotation between the canonical and the client's camera axes, both with canonical handedness.
 glm::dquat client_camera_from_camera(const Convention& c) {
   return looking(c.canonical_from_client * c.camera_forward, c.canonical_from_client * c.camera_up);
 }

@@ -1,13 +1,13 @@
-// Conventions: from the client's world to the canonical one and back (design 2).
+// Conversion between the client's convention and the canonical frame (design 2).
 //
 // Let M be the matrix whose columns are the canonical images of the client's axes (a signed permutation) and
-// s the metres per unit. Then p_canonical = s M p_client - origin, R_canonical = M R_client M^T (a rotation
-// even where M mirrors), and a camera's rotation is rebuilt from its forward and up axes, since the client's
-// camera looks along another axis.
+// s the metres per unit. Then p_canonical = s M p_client - origin and R_canonical = M R_client M^T, which is a
+// rotation even where M mirrors. A camera's rotation is rebuilt from its forward and up axes, since the client's
+// camera may look along another axis.
 //
-// The client's up is the axis whose image is canonical +Y or -Y: the long axis of its capsules and cylinders,
-// whichever letter it has. Meshes of scene files stand in glTF's frame: an instance with the identity pose
-// shows them as the client sees them after converting every vertex by this same rule.
+// The client's up axis is the one whose image is canonical +Y or -Y. Its capsules and cylinders have their long axis
+// along it. Meshes of scene files are in glTF's frame. A client that imports such a mesh must convert every vertex by
+// the same rule; an instance with the identity pose then matches it.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -21,8 +21,8 @@ namespace sightline {
 struct Convention {
   glm::dmat3 canonical_from_client{1.0};  // signed permutation; determinant -1 for left-handed clients
   double metres_per_unit = 1.0;           // [1e-6, 1e6]
-  glm::dvec3 camera_forward{0, 0, -1};    // client axes; where a camera with the identity rotation looks
-  glm::dvec3 camera_up{0, 1, 0};          // client axes; what is up in its picture
+  glm::dvec3 camera_forward{0, 0, -1};    // client axes; the direction in which a camera with the identity rotation looks
+  glm::dvec3 camera_up{0, 1, 0};          // client axes; the up direction of its picture
   bool horizontal_fov = false;            // fields of view are horizontal ones
   bool degrees = false;                   // and in degrees
   glm::dvec3 origin_m{0.0};               // canonical metres; subtracted from every position

@@ -20,7 +20,7 @@ tl::unexpected<Error> below(const std::string& prefix, Error error) {
   return tl::unexpected(std::move(error));
 }
 
-// The lens at its widest: what the body must contain.
+// The lens at its widest zoom; the body must contain the corners of its near plane.
 Lens widest(const Lens& lens, const FramingSettings& framing) {
   Lens wide = lens;
   if (zooms(framing)) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
@@ -39,8 +39,7 @@ Status check_options(const SessionOptions& options) {
   return {};
 }
 
-// "add[7].id" -> "open.instances[2].id" when the scene file made five; what the file made is the file's
-// fault.
+// "add[7].id" -> "open.instances[2].id" when the scene file has five instances. Errors in those name open.scene.
 Error in_open_request(Error error, size_t scene_instances) {
   if (!error.field.starts_with("add[")) return {error.code, "open.instances", std::move(error.message)};
   const size_t index = std::stoull(error.field.substr(4));
@@ -50,7 +49,7 @@ Error in_open_request(Error error, size_t scene_instances) {
           std::move(error.message)};
 }
 
-// The first required target that is steered for, else the first that is; null: none.
+// The first required target with a weight, else the first target with a weight; null: there is none.
 const Target* relative_target(const std::vector<Target>& targets) {
   const Target* first = nullptr;
   for (const Target& target : targets) {
@@ -80,8 +79,8 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   return session;
 }
 
-// A table belongs to a shape, so it is looked up again whenever targets or instances may have changed, or the settings, which
-// say whether any is needed.
+// Looks up the tables of the targets' shapes. Needed again whenever targets, instances or settings may have changed;
+// some settings need no tables.
 void Session::take_extents() {
   extents_.clear();
   extent_views_.clear();
@@ -170,7 +169,7 @@ Status Session::check_camera(const TickInput& tick) const {
   return check_terms(tick);
 }
 
-// Lens, settings and limits, each by itself and with what the session has of the others.
+// Checks lens, settings and limits by themselves and in combination with the session's present values.
 Status Session::check_terms(const TickInput& tick) const {
   if (!tick.lens && !tick.settings && !tick.limits) return {};
   const Lens& lens = tick.lens ? *tick.lens : options_.lens;
@@ -190,13 +189,13 @@ double Session::step_length_s(const TickInput& tick) const {
   return std::min(dt_s, std::numeric_limits<double>::max());  // two far times may lie infinitely far apart
 }
 
-// What the mirror is told: the tick's transforms with the rotations that stay and the velocities that follow.
+// Fills update_ for the mirror: the tick's transforms, completed by kept rotations and derived velocities.
 void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
   const bool derives = tick.transforms.velocities_mps.empty();
   update_.ids = tick.transforms.ids;
   update_.poses = tick.transforms.poses;
   update_.velocities_mps = tick.transforms.velocities_mps;
-  if (tick.transforms.poses.size() != tick.transforms.ids.size()) return;  // the mirror refuses it
+  if (tick.transforms.poses.size() != tick.transforms.ids.size()) return;  // the mirror returns the error
   if (!derives && !tick.keeps_rotations) return stop_unnamed(ids);
 
   const double dt_s = step_length_s(tick);
@@ -222,7 +221,8 @@ glm::dvec3 Session::derived_velocity_mps(const Instance* before, const glm::dvec
   return teleported ? glm::dvec3(0.0) : moved_m / dt_s;
 }
 
-// Names those that moved by themselves and are no longer named, where they stand and with no velocity.
+// Adds the instances whose derived velocity ends, because the tick no longer names them: at their present pose, with
+// velocity 0.
 void Session::stop_unnamed(const IdsAfter& ids) {
   if (derived_moving_.empty() || update_.ids == former_ids_) return;
   std::vector<uint64_t> named = update_.ids;
@@ -263,7 +263,7 @@ void Session::hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets)
   if (held.size() > kHeldAssets) held.erase(held.begin(), held.end() - static_cast<ptrdiff_t>(kHeldAssets));
 }
 
-// After a tick of no length what moved still does.
+// A tick with dt = 0 derives nothing, so the lists of the tick before it stay.
 void Session::remember_derived(const TickInput& tick, double dt_s) {
   const bool derives = tick.transforms.velocities_mps.empty();
   if (derives && dt_s <= 0) return;

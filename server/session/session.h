@@ -1,7 +1,6 @@
-// A session: one camera over one mirrored scene, in canonical units. It takes ticks, each whole or not at
-// all, and answers steps. Knows nothing of gRPC: `receive` translates requests into these types, `reply`
-// translates answers back. Its errors speak the client's vocabulary all the same ("open.targets[2].weight",
-// "tick.transforms.ids[7]").
+// A session: one camera over one mirrored scene, in canonical units. It applies ticks, each completely or not at all,
+// and computes steps. It does not depend on gRPC: server/wire converts requests to these types and answers back. Its
+// errors nevertheless name the fields of the client's messages ("open.targets[2].weight", "tick.transforms.ids[7]").
 #pragma once
 
 #include <cstdint>
@@ -21,19 +20,19 @@
 
 namespace sightline {
 
-// Speeds beyond it are refused: squared and multiplied, they would leave no digit of a position.
-inline constexpr double kMaxToldSpeedMps = 1e6;
-// A shorter dt counts as 0: rates over it are noise.
+// Greater speeds are refused, because their squares and products would leave a position no significant digit.
+inline constexpr double kMaxSentSpeedMps = 1e6;
+// A shorter dt counts as 0, because rates derived over it are noise.
 inline constexpr double kShortestStepS = 1e-6;
-// An instance whose positions imply more than this was teleported: its derived velocity is 0. Faster things
-// exist; they send their velocity.
+// An instance whose positions imply a greater speed counts as teleported, and its derived velocity is 0. Clients send
+// the velocity of faster instances.
 inline constexpr double kTeleportSpeedMps = 100.0;
 inline constexpr size_t kMaxLabelBytes = 64;
-// A session holds the files that its newest meshes came from, so that spawning a mesh again does not read its
-// file again.
+// Number of files of the newest meshes that a session keeps loaded, so that adding such a mesh again does not read
+// its file.
 inline constexpr size_t kHeldAssets = 16;
 
-// Which intermediates the client wants in every reply.
+// The intermediate results that the client wants in every reply.
 struct DiagnosticsWanted {
   bool candidates = false;
   bool depth_maps = false;
@@ -42,12 +41,12 @@ struct DiagnosticsWanted {
 struct SessionOptions {
   Convention convention;
   uint64_t seed = 0;
-  // The scene file, held so that others find it by its hash as long as this session lives; null: none.
+  // The scene file, kept loaded so that other sessions find it by its hash while this one lives; null: none.
   std::shared_ptr<const SceneAsset> scene;
   // Files that meshes of `instances` came from; see kHeldAssets.
   std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;
-  std::vector<NewInstance> instances;  // first those of the scene file, then those of the client
-  size_t scene_instances = 0;          // how many are of the scene file
+  std::vector<NewInstance> instances;  // the instances of the scene file, then the client's
+  size_t scene_instances = 0;          // number of instances of the scene file
   std::vector<Target> targets;
   Pose camera;
   Lens lens;
@@ -56,28 +55,27 @@ struct SessionOptions {
   DiagnosticsWanted diagnostics;
   std::string label;
   ExtentCache* extents =
-      nullptr;  // tables of the targets' shapes; must outlive the session. Null: aim points alone
+      nullptr;  // tables of the targets' shapes; must outlive the session. Null: only aim points are sampled
 };
 
 struct ObservedCamera {
   Pose pose;
-  glm::dvec3 velocity_mps{0.0};  // at most kMaxToldSpeedMps
+  glm::dvec3 velocity_mps{0.0};  // at most kMaxSentSpeedMps
   bool cut = false;
 };
 
 struct TickInput {
-  uint64_t sequence = 0;       // greater than that of every tick before; the first may be any
+  uint64_t sequence = 0;       // greater than in every earlier tick; any number in the first
   double time_s = 0.0;         // finite, never goes back
-  std::optional<double> dt_s;  // finite, >= 0; absent: time since the former tick, 0 for the first
-  // Transforms without rotations keep the instances' own: `keeps_rotations` says so.
+  std::optional<double> dt_s;  // finite, >= 0; absent: time since the last tick, 0 for the first
+  // If `keeps_rotations`, the rotations of the transforms are ignored and the instances keep theirs.
   TransformUpdate transforms;
   bool keeps_rotations = false;
   SceneDelta delta;
-  std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;  // files that meshes of delta.add came from
+  std::vector<std::shared_ptr<const SceneAsset>> mesh_assets;  // files of the meshes of delta.add
   std::optional<std::vector<Target>> targets;
   std::optional<ObservedCamera> observed_camera;
-  // From this tick on, each whole: what the session had, with what the tick changes put over it. Nothing of the former
-  // ones remains but the way that the camera has gone.
+  // New values from this tick on. Each is complete: the session's former values with the tick's changes applied.
   std::optional<Lens> lens;
   std::optional<StepSettings> settings;
   std::optional<CameraLimits> limits;
@@ -94,8 +92,7 @@ struct SessionAnswer {
   Pose target_from_camera;  // when relative_target_id is set
   bool cut = false;
   uint32_t merged_ticks = 0;
-  // At which level of economy the step was taken (server/step/quality_level.h), and with which settings, if that changed any of
-  // them.
+  // Quality level of the step (server/step/quality_level.h), and the settings that it used if the level changed any.
   int quality_level = 0;
   std::optional<StepSettings> degraded;
   uint64_t revision = 0;
@@ -105,36 +102,34 @@ struct SessionAnswer {
 
 // Single-threaded: one thread at a time, any thread.
 //
-// Velocities that the client does not send are derived from successive positions over the tick's dt. They are
-// 0 for an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that moved and
-// is then no longer named stays, so its derived velocity ends. When dt is 0 nothing is derived: what stands
-// where it stood keeps its velocity, what jumped has none.
+// Velocities that the client does not send are derived from successive positions over the tick's dt. They are 0 for
+// an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no longer names
+// has stopped, so its derived velocity becomes 0. When dt is 0, an instance whose position is unchanged keeps its
+// velocity, and the velocity of any other becomes 0.
 class Session {
  public:
-  // Checks everything: settings and limits in their ranges, ids, targets, the camera's pose, and that the
-  // body contains the near plane's corners at the widest zoom. Fields are paths in the open request:
-  // "open.instances[2].id", "open.targets[0].weight", "open.limits.max_speed_mps",
-  // "open.tuning.bound.horizon_s".
+  // Checks all options: ids, targets, the camera's pose, and the ranges of settings and limits. The body must contain
+  // the near plane's corners at the widest zoom. Fields are paths in the open request: "open.instances[2].id",
+  // "open.targets[0].weight", "open.limits.max_speed_mps", "open.tuning.bound.horizon_s".
   static Result<std::unique_ptr<Session>> open(SessionOptions options, std::unique_ptr<Sampler> sampler,
                                                StageClock clock);
 
-  // Applies a tick whole, or answers what is wrong (field "tick....") and leaves the session as it was.
-  // Several ticks may be applied before one step: they merge. The dt of merged ticks adds up; an observed
-  // camera starts it anew, since the camera is known to be there at that tick. Of settings, limits and lenses
-  // the newest hold.
+  // Applies a tick completely, or returns an error (field "tick....") and leaves the session unchanged. Several ticks
+  // may be applied before one step, which merges them. The dt of merged ticks adds up. An observed camera restarts
+  // the sum, because the camera's pose is known at that tick. The newest settings, limits and lens are used.
   //
-  // Lower limits than the camera is at: it brakes, as hard as the new acceleration allows, and is within them
-  // from then on. A lower acceleration or a larger body than the room in front of the camera was left for may
-  // bring it to touch a collider, flagged as `body_overlap`.
+  // If a tick lowers a limit below the camera's present value, the camera brakes as hard as the new acceleration
+  // allows. The camera kept room only for its former acceleration and body. After a lower acceleration or a larger
+  // body it may therefore touch a collider, which is flagged as `body_overlap`.
   Status apply(const TickInput& tick);
 
-  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does: what was
-  // applied is then part of the next step. `quality_level`, [0, kLowestQualityLevel], says what this one step leaves out;
-  // it is an input as the ticks are, so that the same levels give the same answers.
+  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does; the
+  // next step then covers the applied ticks. `quality_level`, [0, kLowestQualityLevel], is an input like the ticks,
+  // so the same levels give the same answers.
   Result<SessionAnswer> step(int quality_level = 0);
 
   // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job
-  // refers into the session; `taken` is what became of it. Nothing else may be called between the halves.
+  // refers to data of the session; `taken` is its result. Call no other function between the halves.
   TakeJob begin_step(int quality_level = 0);
   Result<SessionAnswer> finish_step(const Status& taken);
 
@@ -143,13 +138,14 @@ class Session {
   const std::vector<Target>& targets() const { return options_.targets; }
   const CameraLimits& limits() const { return options_.limits; }
   const StepSettings& settings() const { return options_.settings; }
-  const Lens& lens() const { return options_.lens; }  // as last told, not zoomed
+  const Lens& lens() const { return options_.lens; }  // as last sent, without zoom
   const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
   const std::string& label() const { return options_.label; }
-  // Whether sampling surface points of this instance would first have to build a table of its shape: 10 ms for a
-  // capsule, seconds for a million triangles (ExtentTable::build). Points or not is a setting.
+  // True if a table of the instance's shape must be built before its surface points can be sampled. That takes 10 ms
+  // for a capsule and seconds for a million triangles (ExtentTable::build). Settings may make tables unnecessary;
+  // this function ignores them.
   bool lacks_table(uint64_t instance_id) const;
-  // What is carried to the next step, the camera included, and what the stages of the last step made.
+  // The state that is carried to the next step, the camera included, and the results of the last step's stages.
   const CarriedState& carried() const { return stepper_.carried(); }
   const StepDump& dump() const { return stepper_.dump(); }
   size_t triangle_count() const;  // as instanced, hidden ones too
@@ -172,15 +168,15 @@ class Session {
   void observe(const ObservedCamera& observed, double dt_s);
   void describe_relative(SessionAnswer& answer) const;
 
-  SessionOptions options_;  // targets, lens, settings and limits as last told
+  SessionOptions options_;  // with the newest targets, lens, settings and limits
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
   std::vector<std::shared_ptr<const ExtentTable>> extents_;  // by target
   std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
   SceneMirror mirror_;
   Stepper stepper_;
-  StepSettings degraded_;       // of the present step, which refers to them
-  int quality_level_ = 0;         // of it; 0: those told
+  StepSettings degraded_;       // settings of the present step, which refers to them
+  int quality_level_ = 0;         // of the present step; 0: options_.settings are used
   int64_t step_start_ns_ = 0, take_start_ns_ = 0;
 
   bool ticked_ = false;    // a tick was applied since the session opened

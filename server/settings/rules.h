@@ -1,4 +1,4 @@
-// Rules that hold between several settings of a group; ranges of single settings stand in the .proto files. The generated
+// Rules that hold between several settings of a group; ranges of single settings are in the .proto files. The generated
 // `validate` of a group calls `check_rules` after its ranges. Paper 3.4 and 6.2 for the weights.
 #pragma once
 

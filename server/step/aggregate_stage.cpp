@@ -1,4 +1,5 @@
-// The aggregate stage: what every candidate sees, now, over the last steps, and where the targets are going (paper 3.3, 5).
+// The aggregate stage: the visibility from every candidate, now, over the last steps, and for the predicted targets
+// (paper 3.3, 5).
 #include <algorithm>
 
 #include "server/step/stages.h"
@@ -6,7 +7,8 @@
 namespace sightline {
 namespace {
 
-// What the predicted position with all its points counts of the future; the futures of aim points count the rest.
+// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
+// rest.
 constexpr double kPredictedShare = 0.5;
 
 class Aggregation {
@@ -55,8 +57,9 @@ class Aggregation {
   const double ahead_weight_;  // of the future against the present
 };
 
-// With a filter the pairs' maps are looked up at the lattice's cells, by the inverse of the volumes' maps: only a position in the
-// world can have a past. Cells are covered where something is remembered of them: what they saw, or what is known of ways to the goal.
+// With a filter the candidates are the lattice's cells even for pair volumes, because only a fixed position in the
+// world can have a history. `cover` gives cells addresses, which are needed where data is stored by cell: visibility
+// for the filter, or clearance and smoothed occlusion.
 void Aggregation::list_candidates() {
   Lattice& lattice = memory_.lattice;
   if (filters() || weighs_hidden_)
@@ -70,22 +73,23 @@ void Aggregation::list_candidates() {
     compose_chain(plan_.chain, taken_.maps, bound_, settings_.relative_bias, candidates_);
 }
 
-// The position itself when the bound holds it, else the nearest one in the bound.
+// The position itself if it is in the bound, else the nearest one in the bound.
 glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m) {
   const glm::dvec3 out_m = position_m - bound.center_m;
   const double distance_m = glm::length(out_m), reach_m = bound.radius_m * (1 - 1e-9);
   return distance_m <= reach_m ? position_m : bound.center_m + out_m * (reach_m / distance_m);
 }
 
-// Two positions that no grid holds: where the camera is, and where it wants to be. Without them a camera at rest would move
-// between grid points.
+// Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would
+// move between grid points.
 void Aggregation::add_own_and_desired_position() {
   sights_.own_candidate = candidates_.position_m.size();
   candidates_.position_m.push_back(step_.camera.pose.position_m);
   if (step_.targets.steered != 0) candidates_.position_m.push_back(nearest_in_bound_m(bound_, desired_m_));
 }
 
-// What moves may be gone at once. Targets are no such movers: they hide each other for as long as they walk so.
+// Marks the moving occluders, which may soon be gone. Targets are not marked, because they may hide each other for long
+// while they walk together.
 void Aggregation::mark_what_passes() {
   scratch_.passes.assign(step_.input.scene.instances().size(), 0);
   for (const uint32_t slot : step_.input.scene.moving_slots()) scratch_.passes[slot] = 1;
@@ -101,7 +105,7 @@ uint32_t Aggregation::seen_from_own_position() const {
   return visible;
 }
 
-// What all candidates see. Of the pair volumes' candidates the chain has told it already.
+// Finds the targets that each candidate sees now. For candidates of pair volumes the chain has found that already.
 void Aggregation::look_now() {
   if (weighs_hidden_) {
     scratch_.hidden_by.reset(candidates_.position_m.size());
@@ -126,9 +130,10 @@ void Aggregation::look_now() {
   candidates_.visible_targets[sights_.own_candidate] = seen_from_own_position();
 }
 
-// Cells of the lattice keep what they saw; the two other positions take over the past of the cell that they are nearest to.
+// Lattice cells keep their history. The two positions off the lattice take over the history of the nearest cell.
 void Aggregation::filter() {
-  // Steps are counted only while a filter is on: what was seen before it went off must not pass for the newest.
+  // The history counts steps only while a filter is on, so old entries must not pass for recent ones when it is
+  // switched on again.
   if (!filters()) memory_.volume = {};
   if (!filters() || step_.move_s <= 0) return;
   const size_t cells = memory_.lattice.size(), others = candidates_.size() - cells;
@@ -154,7 +159,7 @@ void Aggregation::look_ahead() {
     scratch_.composer.visibility(sampled, settings_.relative_bias, candidates_.ahead_targets);
 }
 
-// The expected hidden share of the targets, from now to the time of the prediction.
+// Computes the expected hidden share of the targets, from now to the time of the prediction.
 void Aggregation::expect_hidden() {
   if (!weighs_hidden_) return;
   for (const Future& future : plan_.futures)
@@ -168,7 +173,7 @@ void Aggregation::expect_hidden() {
     sights_.hidden[i] = std::clamp(by_staying[i] + by_passing[i], 0.0, 1.0);
 }
 
-// What movers hide counts as it lasts.
+// Low-passes the share that moving occluders hide, so that short occlusions count little.
 void Aggregation::smooth_what_passes() {
   const FilterSettings& filter = settings_.filter;
   memory_.smoother.update(memory_.lattice, sights_.on_lattice, step_.move_s,

@@ -1,5 +1,5 @@
-// What one camera carries from step to step: all of it, and nothing else. Two cameras whose carried states are equal answer equal
-// inputs with equal bits, so a replay that starts from this state needs nothing that came before.
+// The complete state that one camera carries from step to step. Two cameras with equal states give equal results for
+// equal inputs, bit for bit. A replay that starts from this state therefore needs no earlier data.
 #pragma once
 
 #include <cstdint>
@@ -21,24 +21,24 @@ namespace sightline {
 
 struct ZoomState {
   double vertical_fov_rad = 0.0;  // of the lens as it is now; 0 before the first step
-  double told_fov_rad = 0.0;      // of the input's lens at the last step
+  double lens_fov_rad = 0.0;      // of the input's lens at the last step
 };
 
-// The shot that the camera wants: its place relative to the weighted centre of one set of targets.
+// The shot that the camera tries to keep: its position relative to the weighted centre of one set of targets.
 struct WantedShot {
   bool is_set = false;             // false: the next step takes the shot from where the camera is
-  uint64_t target_set = 0;         // hash over the ids of the steered targets that it holds for
+  uint64_t target_set = 0;         // hash over the ids of the steered targets to which the shot belongs
   glm::dvec3 offset_m{0.0};        // from the targets' centre to the camera, world axes
-  glm::dvec3 asked_offset_m{0.0};  // the same of the shot that the client gave, before any search for a better one
-  size_t asked_viewpoint = 0;      // the viewpoint of the search that is most like the shot that the client gave
+  glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
+  size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
 };
 
-// What has been seen from each candidate in the last steps.
+// Visibility from each candidate over the last steps.
 struct CandidateMemory {
   Lattice lattice;
   TemporalVolume volume;   // which targets were seen from the lattice's cells
-  OcclusionSmoother smoother;  // how much of them moving occluders have hidden there
+  OcclusionSmoother smoother;  // share of the targets that moving occluders have hidden there
 };
 
 // The past poses of one target, from which its motion is predicted.
@@ -47,26 +47,26 @@ struct TargetPast {
   MotionPredictor predictor;
 };
 
-// Plain members, all of them values. Limits, settings and the lens may differ at every step: nothing here depends on what they
-// were, except for the way that the camera has gone.
+// All members are values. Limits, settings and the lens may differ at every step. The state keeps none of their former
+// values, although the camera's path so far depends on them.
 struct CarriedState {
   CameraState camera;
   TurnState turn;
   ZoomState zoom;
   double horizon_s = 0.0;  // grows while no candidate sees all targets
   WantedShot shot;
-  ViewpointMap viewpoints;  // what the search for better viewpoints has learnt
+  ViewpointMap viewpoints;  // results of the viewpoint search so far
   std::vector<TargetPast> pasts;
-  Trail trail;  // where the targets' centre has been
+  Trail trail;  // path of the targets' centre
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
-  ShareWindow shares;                // how much of the targets the camera has seen lately
+  ShareWindow shares;                // recent visible shares of the targets
 };
 
-// Puts the camera at `pose`, as at the start or at a cut. The wanted shot, the grown horizon, the goal and what the viewpoint search
-// has learnt are forgotten.
+// Puts the camera at `pose`, as at the start or at a cut. Resets the wanted shot, the horizon, the goal and the results
+// of the viewpoint search.
 void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
-// Puts the camera at `pose` without a cut: it still wants the same shot.
+// Puts the camera at `pose` without a cut. The wanted shot stays.
 void observe_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
-// The goal of strategy kMinCost: the candidate whose costs are least by what is hidden from it, now and in every future, and by the way
-// there. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
+// The goal of strategy kMinCost: the candidate with the least cost of occlusion, now and in every future, and of the
+// route to it. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
 #include <algorithm>
 #include <cmath>
 
@@ -9,18 +9,19 @@
 namespace sightline {
 namespace {
 
-// From here on nothing at all counts as seen.
+// From this hidden share on, a candidate counts as seeing nothing.
 constexpr double kAllHidden = 0.999;
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
 constexpr double kRouteRoomM = 0.05;
-// How far along the trail a lost camera looks.
+// Length of the trail that a lost camera examines.
 constexpr double kTrailReachM = 12.0;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
 }
 
-// Candidates that a mover is about to take, a door that closes or a cart, are none to go to or through.
+// Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No route then leads to
+// them or through them.
 void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
   const ClearanceField& soon = in.surroundings.movers_ahead.back();
   if (soon.collider_count() == 0) return;
@@ -37,7 +38,7 @@ void measure_clearances(const MoveInput& in, double body_radius_m, MoveScratch& 
   give_way(in, body_radius_m, scratch.clearance_m);
 }
 
-// Whether nothing is seen from any candidate that can be reached. Finds further ways until one sees something.
+// True if no reachable candidate sees any target. Settles further routes until it finds a candidate that sees one.
 bool is_lost(const std::vector<double>& hidden, RouteFinder& routes) {
   for (uint32_t i = 0; i < hidden.size(); ++i)
     if (hidden[i] < kAllHidden && routes.is_settled(i)) return false;
@@ -46,14 +47,15 @@ bool is_lost(const std::vector<double>& hidden, RouteFinder& routes) {
   return true;
 }
 
-// Where to head for on the way to the goal, and how far it is to the goal by that way.
+// The next position to head for on the route to the goal, and the remaining length of the route.
 struct Leg {
   glm::dvec3 to_m{0.0};
   double length_m = 0;
 };
 
-// About the farthest candidate of the route to which the body can go straight: of a long route every second one is tried. The first
-// always is one, as routes begin with legs that the body can take.
+// Roughly the farthest candidate of the route that the body can reach in a straight line. On long routes only every
+// second candidate is tried. The first one always qualifies, because every route begins with a leg that the body can
+// take.
 Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
   const auto& position_m = in.sights.position_m;
   const std::vector<uint32_t>& route = routes.to(goal);
@@ -68,7 +70,8 @@ Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
   return {to_m, length_m};
 }
 
-// Towards the leg's end, as fast as lets the camera stop at the goal; the velocity changes with the time constant response_s.
+// The velocity towards the end of the leg, no faster than allows the camera to stop at the goal. It changes with the
+// time constant response_s.
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
   const double response_s = step.input.settings.move.move_response_s;
   const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
@@ -83,7 +86,7 @@ glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dv
   return clamp_velocity(present_mps, present_mps + share * (wanted_mps - present_mps), step.input.limits, step.move_s);
 }
 
-// The way that the targets went; none when the camera can reach no position of it.
+// The newest reachable position of the targets' trail; empty if none is reachable.
 std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
   const glm::dvec3 from_m = in.step.camera.pose.position_m;
   field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_m(in), {});
@@ -135,7 +138,7 @@ glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratc
   }
   Leg leg{in.step.camera.pose.position_m, 0};
   if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
-  // At the desired position the camera travels with the targets; elsewhere the goal is fixed in the world.
+  // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = goal.choice.reason == MoveReason::kAtDesiredPlace;
   return velocity_along(in.step, leg, travels ? group_velocity_mps(in.step) : glm::dvec3(0.0));
 }

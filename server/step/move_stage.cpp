@@ -1,4 +1,4 @@
-// The move stage: the goal, the way there, and which way to look (paper 3.4, 6).
+// The move stage: it chooses the goal, the velocity and the orientation of the camera (paper 3.4, 6).
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -11,8 +11,8 @@ namespace {
 // The horizon doubles in this time while no candidate sees all targets, and halves in it once one does (design 3).
 constexpr double kHorizonDoublingS = 0.25;
 
-// With a prediction, what is hidden from the targets as they will be counts as hidden while some candidate is free of both: else the
-// camera would go to the very edge of what is about to be hidden, and begin slowly.
+// With a prediction, drops candidates that will not see the predicted targets, as long as another one sees them now and
+// then. Otherwise the camera would go to the edge of a region that is about to be hidden, and would react late.
 void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) {
   if (in.plan.ahead_s <= 0) return;
   const std::span<const uint32_t> ahead = in.sights.candidates.ahead();
@@ -55,13 +55,14 @@ glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   const CameraState& camera = in.step.camera;
   const CameraLimits& limits = in.step.input.limits;
   if (choice.candidate < 0) return clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits, in.step.move_s);
-  // At the desired position the camera travels with the targets; elsewhere the goal is fixed in the world.
+  // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
   return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
                           travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
 }
 
-// Grows while no candidate sees everything, so that an escape looks farther; shrinks again once one does.
+// The horizon grows while no candidate sees all targets, so that an escape looks farther. It shrinks again once one
+// does.
 double next_horizon_s(const MoveInput& in, MoveStatus status) {
   const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
   const bool all_seen = status == MoveStatus::kTracking || in.step.targets.steered == 0;
@@ -73,7 +74,7 @@ struct Course {
   glm::dvec3 wanted_mps{0.0};
 };
 
-// The candidate to go to, and the velocity to it. Sets the horizon and the goal.
+// Chooses the candidate to go to and the velocity. Sets the horizon and the goal.
 Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
   const bool by_goal = weighs_hidden(in.step.input);
   Goal goal;
@@ -116,13 +117,13 @@ void turn(const MoveInput& in, Decision& decision) {
   const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
   camera.angular_velocity_radps =
       glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
-  // Zoom closes at the same pace as the aim.
+  // The zoom responds as fast as the aim.
   const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, step.move_s / framing.aim_response_s) : 1.0;
   const double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
   decision.vertical_fov_rad += share * (fov_rad - decision.vertical_fov_rad);
 }
 
-// What the camera is and does when nothing changes it.
+// The decision that leaves the camera as it is.
 Decision unmoved(const MoveInput& in) {
   Decision decision;
   decision.camera = in.carried.camera;

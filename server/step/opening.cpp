@@ -7,14 +7,15 @@
 namespace sightline {
 namespace {
 
-// A lens that is told anew holds at once. One that has zoomed and shall no more goes back as it went (see `turn`).
+// A change of the lens takes effect at once. When a zoom range ends, the field of view returns to that of the lens at
+// the pace of the zoom (see `turn`).
 ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   ZoomState zoom = before;
   const FramingSettings& framing = input.settings.framing;
-  const double told_rad = input.lens.vertical_fov_rad;
-  const bool told_anew = before.told_fov_rad != told_rad;
-  if (before.vertical_fov_rad == 0.0 || (told_anew && !zooms(framing))) zoom.vertical_fov_rad = told_rad;
-  zoom.told_fov_rad = told_rad;
+  const double lens_rad = input.lens.vertical_fov_rad;
+  const bool lens_changed = before.lens_fov_rad != lens_rad;
+  if (before.vertical_fov_rad == 0.0 || (lens_changed && !zooms(framing))) zoom.vertical_fov_rad = lens_rad;
+  zoom.lens_fov_rad = lens_rad;
   return zoom;
 }
 
@@ -25,8 +26,8 @@ uint64_t hash_of_steered(const TargetsNow& targets) {
   return hash;
 }
 
-// The shot belongs to one set of targets. With another set it is taken anew from where the camera is, so that adding, removing or
-// switching off a target makes no jump.
+// The shot belongs to one set of targets. When the set changes, the camera's present position defines a new shot. So
+// the camera does not jump when a target is added, removed or switched off.
 WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const WantedShot& before) {
   if (targets.steered == 0) return before;
   const uint64_t set = hash_of_steered(targets);

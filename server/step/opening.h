@@ -1,4 +1,4 @@
-// What happens before the first stage of a step. Internal to this folder.
+// The preparation of a step, before its first stage. Internal to this folder.
 #pragma once
 
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// What the inputs of a step make of the carried state. It becomes part of the carried state when the step is finished.
+// The parts of the carried state that the inputs of a step change. They are stored there when the step is finished.
 struct Opening {
   double move_s = 0.0;
   ZoomState zoom;
@@ -16,9 +16,9 @@ struct Opening {
 };
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening);
 
-// Lists what the targets are in this step.
+// Lists the targets of this step with their present poses.
 void look_at_targets(const StepInput& input, TargetsNow& now);
-// Their pasts with this step's poses; `before` stays as it is.
+// Copies the pasts of the targets and adds this step's poses; `before` does not change.
 void observe_targets(const StepInput& input, const std::vector<TargetPast>& before, std::vector<TargetPast>& now);
 
 }  // namespace sightline

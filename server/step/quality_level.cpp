@@ -9,11 +9,11 @@
 namespace sightline {
 namespace {
 
-// Shares of what the settings ask for; rounded up.
+// Factors of the settings; results are rounded up.
 struct Cut {
-  double points, viewpoints, resolution, candidates;
+  double points, search, resolution, candidates;
   bool turns, predicts;
-  double cost;  // a guess; see expected_cost
+  double cost;  // an estimate; see expected_cost
 };
 constexpr std::array<Cut, kLowestQualityLevel + 1> kCuts{{
     {1, 1, 1, 1, true, true, 1.0},
@@ -56,7 +56,7 @@ StepSettings degrade(const StepSettings& settings, int level) {
   StepSettings less = settings;
   less.sample.points = cut(settings.sample.points, c.points, 1);
   less.sample.resolution = cut(settings.sample.resolution, c.resolution, kLeastResolution);
-  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.viewpoints, kLeastResolution);
+  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.search, kLeastResolution);
   less.aggregate.candidates = cut(settings.aggregate.candidates, c.candidates, kLeastCandidates);
   if (!c.turns) less.move.turn_probability = 0.0;
   if (!c.predicts) less.move.prediction_s = 0.0;
@@ -77,7 +77,7 @@ std::string describe_degradation(const StepSettings& settings, int level) {
   std::string text;
   note("turns", settings.move.turn_probability, less.move.turn_probability, text);
   note("points", settings.sample.points, less.sample.points, text);
-  note("viewpoint resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
+  note("search resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
   note("candidates", settings.aggregate.candidates, less.aggregate.candidates, text);
   note("resolution", settings.sample.resolution, less.sample.resolution, text);
   note("prediction", settings.move.prediction_s, less.move.prediction_s, text);

@@ -5,14 +5,15 @@
 namespace sightline {
 namespace {
 
-// Whether the picture shows a point that lies in it: what hides the point may be too near the lens to be drawn.
+// True if the point of a sight is visible in the picture. Occluders before the near plane are not drawn, so they do not
+// hide it.
 bool shows(const TakenMaps& taken, uint32_t sight, const Pose& pose, const Lens& lens) {
   const glm::dvec3 to_point = glm::normalize(taken.plan.now.sights_m[sight] - pose.position_m);
   const double along_axis = glm::dot(to_point, pose.rotation * glm::dvec3(0, 0, -1));
   return taken.falls_short_m(sight, pose.position_m) * along_axis < lens.near_m;
 }
 
-// A picture cuts a target at its edges: only the points inside stand for pixels.
+// Counts only the points inside the picture, because the rest of the target has no pixels there.
 void remember_share(const TakenMaps& taken, size_t target, const Pose& pose, const Lens& lens, ShareWindow& shares) {
   const MapRange& sights = taken.plan.now.sights_of_target[target];
   uint32_t seen = 0, inside = 0;

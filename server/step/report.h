@@ -1,4 +1,4 @@
-// What a step answers: the decision, and what the returned pose sees. Internal to this folder.
+// The result of a step: the decision, and the visibility from the returned pose. Internal to this folder.
 #pragma once
 
 #include "server/aggregate/share_window.h"
@@ -6,7 +6,7 @@
 
 namespace sightline {
 
-// `dump` is whole. `shares` learns what the picture of the returned pose shows.
+// `dump` must be complete. Adds the visible shares in the picture of the returned pose to `shares`.
 StepResult report_step(const StepInput& input, const StepDump& dump, const TakenMaps& taken, ShareWindow& shares);
 
 }  // namespace sightline

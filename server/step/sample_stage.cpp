@@ -1,4 +1,4 @@
-// The sample stage: which points of the targets are sampled, and which maps are taken from them (paper 3.2, 4; design 4).
+// The sample stage: it picks the sampled points of the targets and plans the maps from them (paper 3.2, 4; design 4).
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -10,9 +10,9 @@
 namespace sightline {
 namespace {
 
-// A prediction is a guess: it needs fewer points than the target itself.
+// Points of a predicted target. A prediction is uncertain, so it needs fewer points than the target itself.
 constexpr size_t kPointsAhead = 3;
-// A shorter look ahead tells nothing that the present does not.
+// A shorter prediction would add nothing to the present poses.
 constexpr double kLeastAheadS = 0.05;
 
 glm::dvec2 texel_jitter(const StepInput& input) {
@@ -32,23 +32,23 @@ void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> po
   for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
 }
 
-// The end of a list from `first` on.
+// The range from `first` to the end of a list.
 MapRange run_from(size_t first, const std::vector<glm::dvec3>& list) {
   return {static_cast<uint32_t>(first), static_cast<uint32_t>(list.size() - first)};
 }
 
-// Where the camera will be if nothing changes its course: the position whose visibility must be known exactly.
+// The camera's position after this step if its velocity does not change. Its visibility must be known exactly.
 glm::dvec3 position_on_course_m(const StepContext& step) {
   return step.camera.pose.position_m + step.camera.velocity_mps * step.move_s;
 }
 
-// Where a predicted pose puts the instance.
+// The instance's transform at a predicted pose.
 Affine world_from_instance_at(const Pose& pose, const Instance& instance) {
   const glm::dmat3 linear = glm::mat3_cast(pose.rotation) * instance.linear;
   return Affine(linear[0], linear[1], linear[2], pose.position_m);
 }
 
-// As far ahead as every steered target can be predicted, at most as far as the settings ask.
+// The longest time for which every steered target can be predicted, at most MoveSettings::prediction_s.
 void decide_ahead(const SampleInput& in, SamplePlan& plan) {
   const StepContext& step = in.step;
   double ahead_s = step.input.settings.move.prediction_s, confidence = 1.0;
@@ -119,13 +119,14 @@ class PointPicker {
   const double ahead_s_;
 };
 
-// The same vector, turned about the vertical.
+// Turns a vector about the vertical.
 glm::dvec3 turned(const glm::dvec3& v, double rad) {
   const double c = std::cos(rad), s = std::sin(rad);
   return {c * v.x + s * v.z, v.y, c * v.z - s * v.x};
 }
 
-// The prediction is one future; people also turn. Each future is of aim points alone.
+// Plans futures in which the targets go on as predicted or turn to either side, since people do turn. Futures use aim
+// points only.
 void pick_futures(const SampleInput& in, SamplePlan& plan) {
   const MoveSettings& settings = in.step.input.settings.move;
   if (plan.ahead_s <= 0 || !weighs_hidden(in.step.input) || settings.turn_probability <= 0) return plan.futures.clear();
@@ -147,7 +148,8 @@ void pick_futures(const SampleInput& in, SamplePlan& plan) {
   }
 }
 
-// Pair volumes are of one point of each target, the paper's one per frame. They are used if they can be laid around the bound.
+// Plans pair volumes from one point of each target, the paper's one per frame. They are used if they can enclose the
+// bound.
 void chain_pairs(const SampleInput& in, SamplePlan& plan) {
   const StepSettings& settings = in.step.input.settings;
   plan.pair = {.asked = settings.aggregate.volume == Volume::kPair};
@@ -160,7 +162,7 @@ void chain_pairs(const SampleInput& in, SamplePlan& plan) {
   plan.pair.used = plan.pair.gap == PairGap::kNone;
 }
 
-// One map and one sight of each target. These maps come first: maps[i] is target i's.
+// Plans one map and one sight for each target. These maps come first: maps[i] belongs to target i.
 void plan_chain_maps(const glm::dvec2& jitter, SamplePlan& plan) {
   Sampled& now = plan.now;
   now.points_m = plan.chained_m;
@@ -188,8 +190,8 @@ void plan_sights(const StepContext& step, SamplePlan& plan) {
     plan.views.push_back(plan_sight(point_m, position_on_course_m(step)));
 }
 
-// No position that is looked up in this step's maps is farther from the eye: candidates lie in the bound, and the camera is where it
-// is or a step away. The candidates of pair volumes may lie anywhere before their far plane.
+// The greatest distance from the eye of any position that is looked up in this step's maps. Candidates lie in the
+// bound, and the camera moves by one step at most. Candidates of pair volumes may lie anywhere before their far plane.
 double far_m(const SampleInput& in, const SamplePlan& plan, const glm::dvec3& eye_m) {
   if (plan.pair.used) return std::numeric_limits<double>::infinity();
   const CameraState& camera = in.step.camera;

@@ -1,5 +1,6 @@
-// The stages of a step, as step.cpp calls them, and what they share. Internal to this folder. Every stage takes what it reads as const
-// and makes one struct of step_dump.h; what it writes besides is memory that is passed by name.
+// The stages of a step, as step.cpp calls them, and their shared types. Internal to this folder. Every stage takes its
+// inputs as const and fills one struct of step_dump.h. It writes nothing else but the carried state and scratch memory
+// that it is passed.
 #pragma once
 
 #include <cstdint>
@@ -18,34 +19,34 @@
 
 namespace sightline {
 
-// What every stage may read.
+// The inputs that all stages share.
 struct StepContext {
   const StepInput& input;
   const TargetsNow& targets;
   const CameraState& camera;  // before this step moves it
   Lens lens;                  // of the input, with the present zoom
-  double move_s = 0.0;        // for how long the camera moves; 0: paused
+  double move_s = 0.0;        // time that the camera moves for; 0: paused
 
   size_t target_count() const { return input.targets.size(); }
   bool is_steered(size_t target) const { return targets.steered >> target & 1u; }
   glm::dvec3 center_m() const { return weighted_center_m(targets.tracked_targets); }  // some target is steered
 };
 
-// The past of a target of this step, with its pose of now.
+// The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
-// No steered target moves.
+// True if no steered target moves.
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
 glm::dvec3 group_velocity_mps(const StepContext& step);
-// Whether candidates are judged by what is expected to be hidden from them.
+// True if the strategy rates candidates by the share of the targets that is expected to be hidden from them.
 bool weighs_hidden(const StepInput& input);
-// Where the camera wants to be; some target is steered, or the camera wants to stay.
+// The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
 
-// A bound for the depth of a map in which no position farther than `farthest_m` from its eye is looked up.
+// The depth that a map needs when no position farther than `farthest_m` from its eye is looked up in it.
 inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01; }
 
-// ---- sample (sample_stage.cpp; paper 3.2, 4): which maps to take ----
+// ---- sample (sample_stage.cpp; paper 3.2, 4): plans the maps ----
 
 struct SampleInput {
   const StepContext& step;
@@ -55,34 +56,34 @@ struct SampleInput {
 };
 void plan_sample(const SampleInput& input, std::vector<glm::vec3>& picked, SamplePlan& plan);
 
-// The maps of a step with the plan that they were taken by.
+// The maps of a step, with the plan for which they were taken.
 struct TakenMaps {
   const SamplePlan& plan;
   std::span<const DepthMap> maps;
   const AggregateSettings& settings;
 
-  // As the composer takes them.
+  // The maps in the form that the composer takes.
   SampledPoints of(const Sampled& sampled) const;
-  // How far before `position_m` the view of sight k's point ends, in metres; <= 0: the point is seen from there. The position is the
-  // camera's own, or a step away from it.
+  // Distance from `position_m` to the stored depth of sight k, in metres; <= 0 means that the sight's point is visible.
+  // The position must be the camera's own, or at most a step away from it.
   double falls_short_m(uint32_t sight, const glm::dvec3& position_m) const;
 };
 
-// How much of one target is seen by its sights, as if the camera stood at `position_m`.
+// The number of a target's sight points that are visible from `position_m`.
 struct OwnSight {
   uint32_t seen = 0, points = 0;
-  uint32_t occluder = kNoOccluder;  // slot of the mirror: what hides the first hidden point
+  uint32_t occluder = kNoOccluder;  // mirror slot of the instance that hides the first hidden point
   double share() const { return points > 0 ? static_cast<double>(seen) / points : 0.0; }
 };
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m);
 
-// ---- the viewpoint search (viewpoint_search.cpp): from which side are the targets well seen for long? ----
+// ---- the viewpoint search (viewpoint_search.cpp): which side of the targets has a good and stable view? ----
 
-// Appends the maps of one target that looks all round.
+// Appends the maps that show all directions from one target.
 ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
 void request_look(const SampleInput& input, SamplePlan& plan);
 
-// What the search learns from those maps, and the shot that the camera wants from now on.
+// Updates the viewpoints from those maps, and chooses the shot that the camera tries to keep.
 struct ViewpointScratch {
   ShotState asked, present;
 };
@@ -95,12 +96,12 @@ struct AggregateInput {
   const StepContext& step;
   const Bound& bound;
   const TakenMaps& taken;
-  glm::dvec3 desired_m{0.0};  // where the camera wants to be; not read while no target is steered
+  glm::dvec3 desired_m{0.0};  // desired position; not read while no target is steered
 };
 struct AggregateScratch {
   Composer composer;
   HiddenShares hidden_by;
-  std::vector<uint8_t> passes;  // by slot of the mirror: moves, and is no target
+  std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and is not a target
   std::vector<uint32_t> off_grid_visible, slots;
 };
 void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
@@ -118,7 +119,7 @@ struct MoveInput {
 };
 struct MoveScratch {
   std::vector<glm::ivec3> cells;  // of the candidates
-  std::vector<uint8_t> members;   // by candidate: sees all steered targets
+  std::vector<uint8_t> members;   // by candidate: 1 if it sees all steered targets
   // Strategy kRobust.
   GroupScratch group_scratch;
   Groups groups;
@@ -128,8 +129,8 @@ struct MoveScratch {
   ChoiceScratch choice_scratch;
   // Strategy kMinCost.
   ClearanceCache clearance_cache;
-  std::vector<float> clearance_m;  // by candidate: to what stands, 0 where a mover is about to be
-  EdgeDepths edge_depths;              // among the candidates that see all
+  std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
+  EdgeDepths edge_depths;              // within the group of candidates that see all targets
   RouteFinder routes;
   ClearanceField trail_colliders;
 };
@@ -144,10 +145,11 @@ void list_all_visible(const MoveInput& input, MoveScratch& scratch);
 struct Goal {
   Choice choice;
   glm::dvec3 position_m{0.0};
-  bool lost = false;  // nothing is seen from any candidate that can be reached
+  bool lost = false;  // no reachable candidate sees any target
 };
 Goal choose_goal(const MoveInput& input, MoveScratch& scratch);
-// A camera that is lost follows the targets' trail instead: `goal.choice` says so.
+// Follows the targets' trail instead of the goal if the camera is lost. The reason in `goal.choice` then becomes
+// kOnTrail.
 glm::dvec3 velocity_to_goal(const MoveInput& input, Goal& goal, MoveScratch& scratch);
 
 }  // namespace sightline

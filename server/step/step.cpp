@@ -24,10 +24,11 @@ class StageTimer {
   int64_t begin_ns_;
 };
 
-// The bound stays this much farther from the targets' centre than the camera from a target: nearer, one map no longer shows it all.
+// Extra distance that the bound keeps from the targets' centre, beyond the camera's least distance. Nearer, one map
+// could no longer show the whole bound.
 constexpr double kBoundFromTargetsM = 0.5;
 
-// The horizon grows and shrinks within the settings of now.
+// The carried horizon, clamped to the present settings.
 double horizon_s(const CarriedState& carried, const BoundSettings& settings) {
   return std::clamp(carried.horizon_s, settings.horizon_s, settings.max_horizon_s);
 }
@@ -54,7 +55,8 @@ bool weighs_hidden(const StepInput& input) {
   return input.settings.move.strategy == Strategy::kMinCost;
 }
 
-// Between `begin` and `finish`: the step that is under way. Besides, memory that is reused: what is in it means nothing to the next step.
+// Data of the step between `begin` and `finish`, and scratch memory that is reused. Its contents have no meaning for
+// the next step.
 struct Stepper::Work {
   std::optional<StepInput> input;
   Opening opening;
@@ -88,7 +90,7 @@ void Stepper::observe_camera(const Pose& pose, const glm::dvec3& velocity_mps) {
 
 MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   Work& work = *work_;
-  const CarriedState& carried = carried_;  // it changes in `finish` alone
+  const CarriedState& carried = carried_;  // only `finish` changes it
   work.input.emplace(input);
   work.stage_ns.fill(0);
   open_step(input, carried, dump_.targets, work.opening);
@@ -97,7 +99,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
     const StageTimer timer = work.time(clock, Stage::kBound);
     dump_.bound = reachable_bound(step, horizon_s(carried, input.settings.bound));
   }
-  {  // 2. From which points do the targets look at it?
+  {  // 2. Which maps are needed, and from which points?
     const StageTimer timer = work.time(clock, Stage::kSample);
     plan_sample({step, dump_.bound, work.opening.pasts, work.opening.shot}, work.picked, dump_.plan);
   }
@@ -109,7 +111,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   Work& work = *work_;
   const StepContext step = work.context(dump_.targets, carried_.camera);
   const TakenMaps taken{dump_.plan, dump_.maps, work.input->settings.aggregate};
-  // What was opened holds from here on: nothing can fail any more.
+  // Nothing can fail from here on, so the changes of `begin` are stored now.
   carried_.zoom = work.opening.zoom;
   carried_.shot = work.opening.shot;
   carried_.horizon_s = horizon_s(carried_, work.input->settings.bound);
@@ -117,13 +119,13 @@ StepResult Stepper::finish(const StageClock& clock) {
   if (step.targets.steered != 0) carried_.trail.pass(step.center_m());
 
   glm::dvec3 desired_m(0.0);
-  {  // 3. Which candidates see which targets, now and over the last steps, and which shot is worth wanting?
+  {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
-  {  // 4. Where to go, how fast, and which way to look? The candidate that wins: `choose_goal` (goal_search.cpp), for the strategies
+  {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate; for strategies
      // of the paper `choose_place` and `choose_basic` (move/choose.cpp).
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
@@ -143,7 +145,7 @@ StepResult Stepper::finish(const StageClock& clock) {
 
 Result<StepResult> Stepper::take(const StepInput& input, Sampler& sampler, const StageClock& clock) {
   const MapOrder order = begin(input, clock);
-  if (!order.requests.empty()) {  // 2. What do they see of it?
+  if (!order.requests.empty()) {  // 2. Take the maps.
     const StageTimer timer = work_->time(clock, Stage::kSample);
     if (auto ok = sampler.take(input.scene, order.requests, *order.maps); !ok) return tl::unexpected(ok.error());
   }

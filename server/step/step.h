@@ -3,8 +3,8 @@
 //
 // A step is a pure function of the carried state and the inputs: it reads no clock, no random device and no global. The same state
 // and inputs give the same result, bit for bit, on one sampler.
-//   carried_state.h  what is carried from step to step
-//   step_dump.h      what one stage hands to the next
+//   carried_state.h  the state that is carried from step to step
+//   step_dump.h      the results that each stage hands to the next
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@
 
 namespace sightline {
 
-// Everything that a step reads besides the carried state. What it refers to must outlive the step.
+// All inputs of a step except the carried state. The referenced objects must outlive the step.
 struct StepInput {
   const SceneMirror& scene;
   std::span<const Target> targets;  // at most kMaxTargets; each an instance of the scene
@@ -43,7 +43,8 @@ struct StepInput {
   uint64_t seed = 0;
   uint64_t tick = 0;
   double dt_s = 0.0;  // >= 0; 0: paused
-  // By target: the sample table of its shape. Where the list is empty, or null for a target, the target's aim point alone is sampled.
+  // The sample table of each target's shape. If the list is empty, or an entry is null, only the target's aim point is
+  // sampled.
   std::span<const ExtentTable* const> extents = {};
 };
 
@@ -55,11 +56,11 @@ inline constexpr size_t kStageCount = 4;
 
 struct TargetSight {
   uint64_t id = 0;
-  double visible_share = 0.0;  // of the sampled points, those that are seen from the returned pose in this step
-  // Estimate of its visible pixels / its pixels: the sampled points in the picture, over the steps of a short time (see ShareWindow).
-  // The same as visible_share while none of them is in the picture.
+  double visible_share = 0.0;  // seen from the returned pose in this step / sampled points
+  // Estimate of its visible pixels / its pixels, from the sampled points in the picture over a short time (see
+  // ShareWindow). It equals visible_share while no sampled point is in the picture.
   double filtered_share = 0.0;
-  bool filtered_visible = false;  // seen from the camera's position by the filter of the candidates
+  bool filtered_visible = false;  // visible from the camera's position after the temporal filter
   bool in_picture = false;
   double distance_m = 0.0;
   uint64_t occluder_id = 0;  // an instance that hides some of it; 0: none
@@ -77,7 +78,7 @@ struct StepResult {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   Volume volume = Volume::kLattice;
-  // Why pair volumes were not used although they were asked for.
+  // The reason why pair volumes were not used although they were requested.
   bool pair_asked = false;
   bool pair_needs_two = false;  // there are fewer than two targets
   PairGap pair_gap = PairGap::kNone;
@@ -87,7 +88,7 @@ struct StepResult {
   std::array<int64_t, kStageCount> stage_ns{};
 };
 
-// Which maps a step needs, and where they go. Valid until the step is finished, or another begins.
+// The maps that a step needs, and the list that receives them. Valid until the step is finished, or another begins.
 struct MapOrder {
   std::span<const MapRequest> requests;  // may be empty
   std::vector<DepthMap>* maps;           // maps[i] answers requests[i]; empty when nothing is requested
@@ -101,15 +102,15 @@ class Stepper {
   Stepper(Stepper&&) noexcept;
   Stepper& operator=(Stepper&&) noexcept;
 
-  // The camera is there from the next step on. See carried_state.h for what is forgotten.
+  // Put the camera at a pose, with effect from the next step. carried_state.h lists the state that each of them resets.
   void place_camera(const Pose& pose, const glm::dvec3& velocity_mps);
   void observe_camera(const Pose& pose, const glm::dvec3& velocity_mps);
 
-  // The first half of a step: bound, and which maps to take. Taking them lies between the halves, so that the maps of many sessions
-  // can be taken together. The carried state does not change: when the maps cannot be taken, another `begin` drops the step, as if it
-  // had not been tried.
+  // The first half of a step: it computes the bound and plans the maps. The maps are taken between the halves, so that
+  // those of many sessions can be taken together. The carried state does not change. If the maps cannot be taken,
+  // another `begin` drops the step without a trace.
   MapOrder begin(const StepInput& input, const StageClock& clock);
-  // The second half: aggregate and move. After a `begin` whose maps have been taken.
+  // The second half: aggregate and move. Call it after `begin`, once the maps have been taken.
   StepResult finish(const StageClock& clock);
 
   // Both halves, with the maps taken by `sampler` between them. Fails only when the sampler does (kUnavailable).
@@ -122,7 +123,7 @@ class Stepper {
   struct Work;
   CarriedState carried_;
   StepDump dump_;
-  std::unique_ptr<Work> work_;  // of the step between its halves, and memory that is reused
+  std::unique_ptr<Work> work_;  // data between the halves of a step, and memory that is reused
 };
 
 }  // namespace sightline

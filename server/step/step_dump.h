@@ -1,5 +1,5 @@
-// What the stages of a step make and hand on, stage by stage. The structs of the last step stay readable until the next one begins:
-// they are what is dumped, drawn and tested.
+// The results of a step, stage by stage. They stay readable until the next step begins, so that they can be dumped,
+// drawn and tested.
 #pragma once
 
 #include <cstdint>
@@ -26,19 +26,19 @@ namespace sightline {
 struct TargetsNow {
   std::vector<TrackedTarget> tracked_targets;
   std::vector<uint64_t> ids;
-  std::vector<double> sight_weights;                 // what it counts to see each target
-  std::vector<std::vector<uint32_t>> ignored_slots;  // of the mirror: what never occludes each target
+  std::vector<double> sight_weights;                 // weight of seeing each target
+  std::vector<std::vector<uint32_t>> ignored_slots;  // mirror slots of instances that never occlude each target
   uint32_t steered = 0;                              // bit i: target i has a weight
 };
 
-// Surface points of the targets, and which of the step's maps are taken from them. A point has one map, or several, over the bound.
-// A sight is a map of one texel towards the camera's own position.
+// Surface points of the targets, and the maps that are taken from them. A point has one or more maps that cover the
+// bound. A sight is a map of a single texel towards the camera's own position.
 struct Sampled {
   std::vector<glm::dvec3> points_m;       // world
   std::vector<MapRange> maps_of_point;    // over the bound
   std::vector<MapRange> points_of_target;
-  // There are as many sights as points, but from points of each target that can be seen from the camera's position, where the points
-  // above are those that can be seen from the bound's centre. Of predicted targets there are none.
+  // The points of the sights. They are as many as the points above. Those were picked for a viewer at the bound's
+  // centre, these for a viewer at the camera's position. Predicted targets have no sights.
   std::vector<glm::dvec3> sights_m;
   std::vector<MapRange> sights_of_target;
   uint32_t first_sight = 0;  // sight k is map first_sight + k
@@ -49,14 +49,14 @@ struct Sampled {
   }
 };
 
-// One way in which the targets may go on: where the aim point of each one will be.
+// One possible future of the targets: the predicted aim point of each.
 struct Future {
   Sampled sampled;
   double weight = 0.0;  // probability; the weights of all futures sum to 1
 };
-inline constexpr size_t kMaxFutures = 3;  // going on, and turning to either side
+inline constexpr size_t kMaxFutures = 3;  // straight on, and a turn to either side
 
-// Why pair volumes were not used although they were asked for.
+// Use of pair volumes, and the reason if they were requested but not used.
 struct PairPlan {
   bool asked = false;
   bool needs_two = false;  // there are fewer than two targets
@@ -64,20 +64,20 @@ struct PairPlan {
   bool used = false;
 };
 
-// The maps by which the viewpoint search learns what one target sees all round; none when there is no search.
+// The maps that the viewpoint search takes in all directions from one target. Empty when the search is off.
 struct ViewpointLook {
   bool searches = false;
   size_t target = 0;
   MapRange maps;
 };
 
-// Of the sample stage: which maps to take.
+// Result of the sample stage: the maps to take.
 struct SamplePlan {
-  Sampled now;              // the targets where they are
-  Sampled ahead;            // and where they are predicted to be; empty without a prediction
-  double ahead_s = 0.0;     // how far ahead that is; 0: no prediction in this step
+  Sampled now;              // the targets at their present poses
+  Sampled ahead;            // the targets at their predicted poses; empty without a prediction
+  double ahead_s = 0.0;     // time of that prediction; 0: no prediction in this step
   double ahead_confidence = 0.0;
-  InlineVector<Future, kMaxFutures> futures;  // other ways that the targets may take until then
+  InlineVector<Future, kMaxFutures> futures;  // possible futures, aim points only
   PairPlan pair;
   std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
   PairChain chain;                    // of these points; valid when pair.used
@@ -87,7 +87,7 @@ struct SamplePlan {
   std::vector<MapRequest> requests;  // parallel to the views
 };
 
-// Of the aggregate stage: what can be seen from where.
+// Result of the aggregate stage: the targets that each candidate sees.
 struct CandidateSights {
   CandidateSet candidates;
   size_t own_candidate = 0;  // index of the camera's own position among the candidates
@@ -103,7 +103,7 @@ struct Surroundings {
   MoversAhead movers_ahead;
 };
 
-// Of the move stage: where the camera goes, and why.
+// Result of the move stage: the camera's next pose, with the reason.
 struct Decision {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;

@@ -1,4 +1,4 @@
-// What is known of the targets before the first stage, and what the stages ask about them.
+// The targets' data before the first stage, and the functions by which the stages read it.
 #include <algorithm>
 #include <cassert>
 
@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-// Slower than this a target stands.
+// A target slower than this counts as standing.
 constexpr double kStandingMps = 0.2;
 
 TrackedTarget view_of(const Target& target, const Instance& instance) {
@@ -26,7 +26,8 @@ void add_slot(const SceneMirror& scene, uint64_t id, std::vector<uint32_t>& slot
   if (const auto slot = scene.slot_of(id)) slots.push_back(*slot);
 }
 
-// Ids that the mirror no longer holds are passed over: an attached instance may be gone before the list is renewed.
+// Skips ids that the mirror no longer holds, because an attached instance may be removed before the client sends a new
+// list.
 void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vector<uint32_t>& slots) {
   slots.clear();
   add_slot(scene, target.instance_id, slots);
@@ -55,7 +56,7 @@ void look_at_targets(const StepInput& input, TargetsNow& now) {
   for (const TrackedTarget& target : now.tracked_targets) now.sight_weights.push_back(sight_weight(target, optional));
 }
 
-// Runs at every step, so that a prediction is there at once when it is switched on.
+// Runs at every step, so that a prediction is available at once when it is switched on.
 void observe_targets(const StepInput& input, const std::vector<TargetPast>& before, std::vector<TargetPast>& now) {
   now.clear();
   for (const Target& target : input.targets) {

@@ -1,5 +1,5 @@
-// The viewpoint search: in each step one target looks all round (sample), the viewpoints around the targets learn whether they see it
-// (aggregate), and in some steps the shot that the camera wants is chosen anew.
+// The viewpoint search. Each step takes maps in all directions from one target (sample). They show which viewpoints
+// around the targets see it (aggregate). Every few steps the search chooses the wanted shot from that.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,13 +11,14 @@
 namespace sightline {
 namespace {
 
-// A shot is chosen in every fourth step: it is to hold for seconds.
+// A shot is chosen in every fourth step only, because it is meant to hold for seconds.
 constexpr uint64_t kStepsPerChoice = 4;
-// What has been learnt is believed after this share of the search's memory.
+// The results are used once the search has run for this share of its memory time.
 constexpr double kKnownShare = 0.5;
-// The points from which a target looks round lie in this share of its box: the corners of a box are mostly outside the shape.
+// The eyes of the maps lie within this share of the target's box, since the corners of a box are mostly outside the
+// shape.
 constexpr double kBoxShare = 0.7;
-// A shot does not show the whole group if the framing would push it out by more than this factor.
+// A shot is rejected if the framing would push the camera out by more than this factor to show the whole group.
 constexpr double kFitSlack = 1.05;
 
 bool searches(const StepContext& step) {
@@ -33,19 +34,19 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
 }
 
-// The offset that the framing and the limits make of `offset_m`.
+// `offset_m` after the corrections by framing and limits.
 glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
   const FramingSettings& framing = step.input.settings.framing;
   return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
          step.center_m();
 }
 
-// The third of the four distances at which the viewpoints stand.
+// The third of the four distances of the viewpoints.
 double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
   return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
 }
 
-// The shot that looks at the targets' centre from there, with all of them seen.
+// The shot from this offset that looks at the targets' centre, with all targets taken as visible.
 void capture(const StepContext& step, const glm::dvec3& offset_m, ShotState& shot) {
   std::array<float, kMaxTargets> seen;
   seen.fill(1.0f);
@@ -70,7 +71,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
                                settings.coherence, std::cref(allowed));
 }
 
-// What was learnt will be old when the search comes on again. Without a search the camera wants the shot that the client gave.
+// Drops the results, which would be outdated when the search is switched on again, and returns to the client's shot.
 void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
   viewpoints.forget();
   if (shot.viewpoint) shot.offset_m = shot.asked_offset_m;
@@ -83,7 +84,7 @@ ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
   ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}};
-  CounterRandom random(input.seed, input.tick, RandomPurpose::kSurveyPoint);
+  CounterRandom random(input.seed, input.tick, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(*input.scene.find(in.step.targets.ids[look.target]), random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
@@ -116,7 +117,7 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   const bool knows = viewpoints.known_s() >= kKnownShare * memory_s;
   if (knows && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
   if (!shot.viewpoint) return;
-  // Viewpoints are coarse: the one that is most like the shot that the client gave stands for that very shot.
+  // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =
       *shot.viewpoint == shot.asked_viewpoint ? shot.asked_offset_m : viewpoints.offset_m(*shot.viewpoint);
 }

@@ -58,8 +58,7 @@ Result<Shape> read_sphere(const v1::Shape::Sphere& wire, const Convention& c, co
   return sphere;
 }
 
-// Capsule and cylinder: the client's up axis has canonical +Y or -Y as its image, so both stand as the client
-// means them.
+// Capsule and cylinder need no rotation, because the image of the client's up axis is canonical +Y or -Y.
 template <typename Round, typename Wire>
 Result<Shape> read_round(const Wire& wire, double min_half_height_m, const Convention& c,
                          const std::string& field) {

@@ -1,4 +1,4 @@
-// The messages of scene.proto. Readers fail with `field` or a path below it.
+// Readers for the messages of scene.proto. They fail with `field` or a path below it.
 #pragma once
 
 #include <map>
@@ -9,14 +9,14 @@
 
 namespace sightline {
 
-// Makes instances; asks the library once for each file, however many instances name it.
+// Makes instances. It asks the library only once for each file, even if many instances name it.
 class InstanceReader {
  public:
   InstanceReader(const SceneSource& source, const Convention& convention)
       : source_(source), convention_(convention) {}
 
   Result<NewInstance> read(const v1::NewInstance& wire, const std::string& field);
-  // The files that meshes came from so far.
+  // The files of all meshes so far.
   std::vector<std::shared_ptr<const SceneAsset>> assets() const;
 
  private:

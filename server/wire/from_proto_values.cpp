@@ -80,14 +80,15 @@ Status read_preset(v1::Convention::Preset wire, const std::string& field, Conven
   }
 }
 
-// Degrees, whatever the client's unit: the wire states its range in them.
+// Messages give the angle in degrees for any convention, because the contract states its range in degrees.
 Status check_fov(double fov_degrees, const std::string& field) {
   if (fov_degrees > kMinFovDegrees && fov_degrees < kMaxFovDegrees) return {};
   return invalid(
       field, "must be in (0.6, 171) degrees, or 0 for the default, got " + number(fov_degrees) + " degrees");
 }
 
-// `read`: the settings with what is sent put over them. An end of the zoom range that is sent alone is the one at fault.
+// `read`: the former settings with the sent ones applied. If only one end of the zoom range is sent, the error names
+// that end.
 Status check_zoom(const v1::Settings& sent, const std::string& prefix, const FramingSettings& read) {
   const double low = read.min_vertical_fov_rad, high = read.max_vertical_fov_rad;
   if (sent.has_min_vertical_fov_rad() && !sent.has_max_vertical_fov_rad() && zooms(read) && low > high)

@@ -1,5 +1,5 @@
-// The small messages of camera.proto and settings.proto. Every reader fails with `field` or a path below it
-// and then leaves `out` unspecified; an absent value leaves the default that `out` came with.
+// Readers for the small messages of camera.proto and settings.proto. Every reader fails with `field` or a path below
+// it, and then leaves `out` unspecified. An absent value leaves `out` unchanged.
 #pragma once
 
 #include <string>
@@ -17,8 +17,9 @@ Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out);
 // Preset or custom; fields below "<prefix>convention".
 Status read_convention(const v1::Convention& wire, const std::string& prefix, Convention& out);
 Status read_lens(const v1::Lens& wire, const Convention& convention, const std::string& field, Lens& out);
-// Starts from the preset that `settings` names, if it names one, and puts what is sent over it. Fields are
-// "<prefix>settings.follow", "<prefix>tuning.bound.mode". Checks enums and the zoom range; the session checks all ranges.
+// Starts from the preset that `settings` names, if any, and applies the fields that are sent. Fields are
+// "<prefix>settings.follow", "<prefix>tuning.bound.mode". Checks enums and the zoom range; the session checks all
+// ranges.
 Status read_settings(const v1::Settings& settings, const tuning::v1alpha1::Tuning& tuning, const std::string& prefix,
                      StepSettings& out);
 

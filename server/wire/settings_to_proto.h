@@ -1,5 +1,6 @@
-// Settings, tuning, limits and lenses as messages with every field set: what a session really uses, presets resolved. The
-// readers in server/wire/from_proto_values.h give back what was put in. All but the lens is generated (server/settings/generate.py).
+// Converts settings, tuning, limits and lenses to messages with every field set, as a session uses them after
+// resolving presets. The readers in server/wire/from_proto_values.h give back what was put in. All but the lens is
+// generated (server/settings/generate.py).
 #pragma once
 
 #include "server/session/session.h"

@@ -1,4 +1,4 @@
-// Names of the contract's enum values as people read them.
+// Short names of the contract's enum values, for people.
 #pragma once
 
 #include <google/protobuf/generated_enum_reflection.h>
@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// The value's name without its enum's prefix: TRACKING_STATUS_PARTIAL_VIEW -> "PARTIAL_VIEW". A number that the enum does not
-// hold: the empty string.
+// The value's name without its enum's prefix: TRACKING_STATUS_PARTIAL_VIEW -> "PARTIAL_VIEW". Empty for a number that
+// the enum does not define.
 template <typename Enum>
 std::string short_name(Enum value) {
   const google::protobuf::EnumDescriptor& type = *google::protobuf::GetEnumDescriptor<Enum>();

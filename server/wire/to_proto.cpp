@@ -152,7 +152,7 @@ void set_candidates(const CandidateSet& candidates, int chosen, const Convention
   out.set_chosen_index(chosen);
 }
 
-// left and right stay the picture's left and right, whatever the client's handedness.
+// Left and right are those of the picture for either handedness of the client.
 void set_depth_map(const DepthMap& map, uint64_t target_id, const Session& session, v1::DepthMap& out) {
   const MapView& view = map.view;
   out.set_target_id(target_id);

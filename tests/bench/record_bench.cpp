@@ -86,7 +86,7 @@ void fill(v1::CameraReply& reply, uint64_t i) {
   for (int n = 0; n < 3; ++n) reply.mutable_candidate_counts()->add_target_visible_counts(300);
   reply.set_status(v1::TRACKING_STATUS_TRACKING);
   reply.set_reason(v1::MOVE_REASON_BEST_ALL_VISIBLE);
-  reply.set_reason_text("moved to the place that sees all targets best, now and soon");
+  reply.set_reason_text("going to the position with the best view of all targets, now and soon");
   reply.set_mirror_revision(1);
   reply.set_mirror_hash(0x9E3779B97F4A7C15ull * i);
   reply.mutable_stage_times()->set_sample_us(300.f + static_cast<float>(i % 97));
