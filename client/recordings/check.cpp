@@ -45,7 +45,7 @@ class SessionCheck {
     if (*topic == RecordTopic::kTick) parsed<v1::Tick>(m, [this](const v1::Tick& tick) { take_tick(tick); });
     if (*topic == RecordTopic::kReply)
       parsed<v1::CameraReply>(m, [this](const v1::CameraReply& reply) { take_reply(reply); });
-    if (*topic == RecordTopic::kRejection)
+    if (*topic == RecordTopic::kTickError)
       parsed<v1::TickError>(m, [this](const v1::TickError& rejection) { take_rejection(rejection); });
     if (*topic == RecordTopic::kGap) parsed<v1::Gap>(m, [this](const v1::Gap& gap) { take_gap(gap); });
   }
@@ -86,7 +86,7 @@ class SessionCheck {
   // A head contains no replies, rejections or faults.
   void note_place(RecordTopic topic) {
     answered_ |=
-        topic == RecordTopic::kReply || topic == RecordTopic::kRejection || topic == RecordTopic::kFault;
+        topic == RecordTopic::kReply || topic == RecordTopic::kTickError || topic == RecordTopic::kFault;
     in_head_ = in_head_ && !answered_;
     ticks_count_ |= topic == RecordTopic::kTick && !in_head_;
   }

@@ -106,7 +106,7 @@ class Cutter {
         return parsed<v1::Tick>(m, [&](v1::Tick& tick) { take_tick(tick, m.message); });
       case RecordTopic::kReply:
         return parsed<v1::CameraReply>(m, [&](const v1::CameraReply& reply) { snapshot_.take_reply(reply); });
-      case RecordTopic::kRejection:
+      case RecordTopic::kTickError:
         return parsed<v1::TickError>(m, [&](const v1::TickError& refused) { snapshot_.take_rejection(refused); });
       case RecordTopic::kGap:
         return parsed<v1::Gap>(m, [&](const v1::Gap& gap) { take_gap(gap, m); });

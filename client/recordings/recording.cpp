@@ -34,7 +34,7 @@ bool parse(RecordTopic topic, std::string_view bytes, RecordedMessage& out) {
       return parse_into<v1::Tick>(bytes, out);
     case RecordTopic::kReply:
       return parse_into<v1::CameraReply>(bytes, out);
-    case RecordTopic::kRejection:
+    case RecordTopic::kTickError:
       return parse_into<v1::TickError>(bytes, out);
     case RecordTopic::kFault:
       return parse_into<v1::Fault>(bytes, out);
@@ -125,7 +125,7 @@ RecordedReport Recording::read(const RecordedRange& range,
                                const std::function<bool(RecordedEvent&)>& visit) const {
   McapQuery query{.start_ns = range.start_s > 0 ? log_time_after(start_ns_, range.start_s) : 0,
                   .end_ns = log_time_after(start_ns_, range.end_s)};
-  for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kRejection,
+  for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kTickError,
                                   RecordTopic::kFault, RecordTopic::kGap})
     query.topics.push_back(name_of(topic));
   RecordedReport report;
@@ -177,7 +177,7 @@ bool StepAssembler::add(RecordedEvent& event) {
       step_.ticks.push_back(std::move(std::get<v1::Tick>(event.message)));
       step_.tick_log_ns.push_back(event.log_ns);
       return false;
-    case RecordTopic::kRejection:
+    case RecordTopic::kTickError:
       step_.rejections.push_back(std::move(std::get<v1::TickError>(event.message)));
       return false;
     case RecordTopic::kFault:

@@ -31,7 +31,7 @@ namespace sightline {
 using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::TickError, v1::Fault, v1::Gap>;
 
 struct RecordedEvent {
-  RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kRejection, kFault or kGap, as `message` holds
+  RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kTickError, kFault or kGap, as `message` holds
   uint64_t log_ns = 0;                     // when the server had it, since 1970 (UTC)
   uint64_t publish_ns = 0;                 // when the client sent it, or log_ns
   uint32_t sequence = 0;                   // within its topic; missing numbers are lost messages

@@ -72,7 +72,7 @@ void take_session(const Recording& recording, RecordingSummary& out) {
   const auto less = [](uint64_t a, uint64_t b) { return a > b ? a - b : 0; };
   out.ticks = less(messages_of(out, RecordTopic::kTick), snapshots);
   out.replies = messages_of(out, RecordTopic::kReply);
-  out.rejections = messages_of(out, RecordTopic::kRejection);
+  out.rejections = messages_of(out, RecordTopic::kTickError);
   out.faults = messages_of(out, RecordTopic::kFault);
   out.gaps = messages_of(out, RecordTopic::kGap);
   out.merged = less(less(out.ticks, out.rejections), out.replies);

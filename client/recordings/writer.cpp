@@ -64,7 +64,7 @@ Status RecordingWriter::write(const v1::CameraReply& reply, uint64_t log_ns) {
   return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_reply(reply, log_ns, emit); });
 }
 Status RecordingWriter::write(const v1::TickError& rejection, uint64_t log_ns) {
-  if (Status done = put(RecordTopic::kRejection, rejection, log_ns); !done) return done;
+  if (Status done = put(RecordTopic::kTickError, rejection, log_ns); !done) return done;
   snapshot_.take_rejection(rejection);
   return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_rejection(rejection, log_ns, emit); });
 }

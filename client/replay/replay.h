@@ -70,7 +70,7 @@ class ReplayFeed {
   uint64_t observed_left_out_ = 0, observed_kept_ = 0;
 };
 
-// True when nothing of the tick was applied. A failed step is reported as a Rejection too, but without a field.
+// True when nothing of the tick was applied. A failed step is reported as a TickError too, but without a field.
 bool refuses(const v1::TickError& rejection);
 
 // For each tick of the step, whether the recording says that it was refused. A tick whose step failed was not refused.

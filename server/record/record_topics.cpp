@@ -54,7 +54,7 @@ const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics() {
       {"/sightline/opened", v1::SessionOpened::descriptor()},
       {"/sightline/tick", v1::Tick::descriptor()},
       {"/sightline/reply", v1::CameraReply::descriptor()},
-      {"/sightline/rejection", v1::TickError::descriptor()},
+      {"/sightline/tick_error", v1::TickError::descriptor()},
       {"/sightline/fault", v1::Fault::descriptor()},
       {"/sightline/gap", v1::Gap::descriptor()},
       {"/sightline/visibility", v1::VisibilitySample::descriptor()},

@@ -20,7 +20,7 @@ enum class RecordTopic : uint16_t {
   kOpened,      // SessionOpened
   kTick,        // Tick
   kReply,       // CameraReply
-  kRejection,   // Rejection
+  kTickError,   // TickError
   kFault,       // Fault
   kGap,         // Gap
   kVisibility,  // VisibilitySample, made from replies

@@ -217,7 +217,7 @@ void RecordWriter::take_in(ActiveSession& active, const RecordMessage& message, 
         active.snapshot.take_reply(reply);
         if (shown) active.viewers.take_reply(reply, time_ns, emit);
       });
-    case RecordTopic::kRejection:
+    case RecordTopic::kTickError:
       return parsed(v1::TickError(), [&](const v1::TickError& rejection) {
         active.snapshot.take_rejection(rejection);
         if (shown) active.viewers.take_rejection(rejection, time_ns, emit);

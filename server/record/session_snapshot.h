@@ -48,7 +48,7 @@ struct WaitingTick {
 };
 
 // Finds the tick that a rejection refuses among the unanswered ones, oldest first; their end when there is none. The
-// rejection of a failed step refuses no tick: see Rejection. `number` gives a tick's sequence.
+// rejection of a failed step refuses no tick: see TickError. `number` gives a tick's sequence.
 template <typename Ticks, typename Number>
 auto find_refused(Ticks& waiting, const v1::TickError& rejection, const Number& number) {
   if (rejection.field_violations().empty()) return waiting.end();

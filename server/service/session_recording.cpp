@@ -83,7 +83,7 @@ void SessionRecording::tick(const v1::Tick& tick, int64_t arrival_ns) {
 }
 
 void SessionRecording::rejection(const v1::TickError& rejection) {
-  if (recorder_) recorder_->record(RecordTopic::kRejection, times(clock_()), rejection);
+  if (recorder_) recorder_->record(RecordTopic::kTickError, times(clock_()), rejection);
 }
 
 void SessionRecording::reply(v1::CameraReply& reply) {

@@ -52,7 +52,7 @@ TEST(Recorder, UnansweredTicksAreAlsoAtTheHeadOfTheNextPart) {
   v1::TickError refused;
   refused.set_sequence(7);
   refused.add_field_violations()->set_field("tick.dt_s");
-  recorder->record(RecordTopic::kRejection, {studio.files.now_ns, studio.files.now_ns}, refused);
+  recorder->record(RecordTopic::kTickError, {studio.files.now_ns, studio.files.now_ns}, refused);
   studio.later(1);
   studio.files.files.clear();  // so that the next part begins
   studio.later(2);

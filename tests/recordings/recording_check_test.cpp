@@ -198,7 +198,7 @@ void record_session(test::PretendedFiles& disk, const RecordSettings& settings, 
       v1::TickError refused;
       refused.set_sequence(sequence);
       refused.add_field_violations()->set_field("tick.dt_s");
-      put_one(RecordTopic::kRejection, refused);
+      put_one(RecordTopic::kTickError, refused);
     }
     v1::CameraReply reply;
     reply.set_sequence(sequence - 1);

@@ -91,12 +91,12 @@ TEST(RecordingWriterTest, TooLargeViewerMessagesAreLeftOut) {
 
   std::vector<std::pair<std::string, uint32_t>> kept;
   const MemorySource source(bytes);
-  const std::vector<std::string> topics{"/sightline/rejection", "/sightline/fault", "/log"};
+  const std::vector<std::string> topics{"/sightline/tick_error", "/sightline/fault", "/log"};
   McapReader::open(source, {}).value().read({.topics = topics}, [&](const McapMessage& m) {
     kept.emplace_back(m.channel.topic, m.message.sequence);
     return true;
   });
-  EXPECT_EQ(kept, (decltype(kept){{"/sightline/rejection", 1}, {"/sightline/fault", 1}, {"/log", 1}}));
+  EXPECT_EQ(kept, (decltype(kept){{"/sightline/tick_error", 1}, {"/sightline/fault", 1}, {"/log", 1}}));
 }
 
 TEST_F(Recorded, AnotherSeedOrAnotherLevelIsAnotherHash) {

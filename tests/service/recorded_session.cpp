@@ -99,7 +99,7 @@ FoundInFile read_all(const Recording& recording) {
     found.last_ns = std::max(found.last_ns, event.log_ns);
     if (event.topic == RecordTopic::kTick) found.ticks.push_back(std::get<v1::Tick>(event.message));
     if (event.topic == RecordTopic::kFault) found.faults.push_back(std::get<v1::Fault>(event.message));
-    if (event.topic == RecordTopic::kRejection)
+    if (event.topic == RecordTopic::kTickError)
       found.rejections.push_back(std::get<v1::TickError>(event.message));
     if (!steps.add(event)) return true;
     RecordedStep step = steps.take();

@@ -223,7 +223,7 @@ v1::TickError reject(const Error& error, const SceneMirror* mirror) {
   return rejection;
 }
 
-TEST(Rejection, NamesTheTickTheFieldAndTheReason) {
+TEST(TickError, NamesTheTickTheFieldAndTheReason) {
   const v1::TickError rejection =
       reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
   EXPECT_EQ(rejection.sequence(), 12u);
@@ -234,7 +234,7 @@ TEST(Rejection, NamesTheTickTheFieldAndTheReason) {
   EXPECT_EQ(rejection.field_violations(0).description(), "must not be negative");
 }
 
-TEST(Rejection, AsksForAResyncWhenTheMirrorsDisagree) {
+TEST(TickError, AsksForAResyncWhenTheMirrorsDisagree) {
   Wire wire(make_open());
   const SceneMirror* mirror = &wire.session->mirror();
   using E = ErrorCode;
