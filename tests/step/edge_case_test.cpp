@@ -41,7 +41,9 @@ TEST_P(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
   EXPECT_EQ(r.reason, MoveReason::kNoTargets);
   for (int i = 0; i < 120; ++i) r = watch.step();
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-3);
-  for (int i = 0; i < 180; ++i) r = watch.step();
+  // The default changes its velocity with a time constant, so the last of it fades slowly; the paper's preset is at rest by now.
+  const int fading_steps = GetParam() == Preset::kPaper ? 0 : 180;
+  for (int i = 0; i < fading_steps; ++i) r = watch.step();
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-9);
 }
 
@@ -129,7 +131,8 @@ TEST_P(EdgeCase, TeleportOfTheTargetAloneIsFollowedWithoutAJump) {
   world.move(1, {40, 1, 0});
   StepResult r;
   // The bound of the paper's preset is so small that its camera reaches only about 3.4 m/s.
-  for (int i = 0; i < 900; ++i) r = watch.step();
+  const int steps = GetParam() == Preset::kPaper ? 900 : 600;
+  for (int i = 0; i < steps; ++i) r = watch.step();
   EXPECT_LT(glm::distance(r.camera.pose.position_m, glm::dvec3(40, 1.6, 6)), 0.2);
 }
 
