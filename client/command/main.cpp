@@ -59,7 +59,10 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
                        "A generated scene by name, or a .glb with roles (default: all generated scenes); may be repeated");
   std::vector<std::string> names;
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
-  evaluate->add_option("--policy", options.policies, "A camera policy (default: all); may be repeated")
+  evaluate
+      ->add_option("--policy", options.policies,
+                   "A camera policy; may be repeated. Default: all but ceiling, a camera that knows the whole scene in advance. It "
+                   "shows what is possible at all, and takes a few seconds for each second of a scene")
       ->check(CLI::IsMember(names));
   evaluate
       ->add_option("--settings", options.settings,

@@ -16,7 +16,7 @@ namespace sightline {
 struct EvaluateOptions {
   std::vector<std::string>
       scenes;  // names of generated scenes, and paths of .glb or .gltf files; empty: all generated scenes
-  std::vector<std::string> policies;  // names; empty: all built-in policies
+  std::vector<std::string> policies;  // names; empty: all built-in policies but "ceiling"
   std::vector<std::string> settings;  // NAME=JSON, each a further policy (read_named_settings in policy.h)
   int seeds = 5;                      // [1, 100]: seeds 1 .. n
   double rate_hz = 60.0;

@@ -105,12 +105,13 @@ class Run {
   }
 
   Result<Played> play(const Scenario& scenario) {
-    PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
-                    shared_.extents, CameraLimits{}, 1 / options_.rate_hz, scene_.seed};
-    auto policy = policy_.make(site);
-    if (!policy) return tl::unexpected(policy.error());
     const auto ticks =
         static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;
+    PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
+                    shared_.extents, CameraLimits{}, 1 / options_.rate_hz, scene_.seed,
+                    ticks,           static_cast<size_t>(options_.picture_every)};
+    auto policy = policy_.make(site);
+    if (!policy) return tl::unexpected(policy.error());
     Played played;
     double steps_s = 0.0;
     for (size_t k = 0; k < ticks; ++k) {
@@ -123,6 +124,7 @@ class Run {
       if (step->reports) played.reports.push_back(std::move(*step->reports));
       progress_(kPlayShare * static_cast<double>(k) / static_cast<double>(ticks));
     }
+    record_.most_joint = (*policy)->most_joint();
     record_.timing.step_ms = 1000 * steps_s / static_cast<double>(ticks);
     return played;
   }

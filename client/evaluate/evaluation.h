@@ -53,6 +53,7 @@ struct RunRecord {
   RunMetrics metrics;
   ReactionMetrics reaction;
   std::optional<ReportMetrics> reports;  // only for policies that report what they see
+  std::optional<double> most_joint;      // only for policies that know it (policy.h)
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
 };

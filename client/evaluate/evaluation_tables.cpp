@@ -75,6 +75,22 @@ double mean(const Group& group, Value value) {
   return sum(group, value) / static_cast<double>(group.size());
 }
 
+// The mean over the seeds that the group and the ceiling's runs of its scene have in common, as a share of the ceiling's mean. "" where
+// the ceiling did not play, or sees nothing.
+std::string share_of_ceiling(const Group& group, const std::vector<Group>& groups) {
+  double own = 0.0, most = 0.0;
+  for (const Group& other : groups) {
+    if (other.front()->policy != kCeilingName || other.front()->scene != group.front()->scene) continue;
+    for (const Run* ceiling : other)
+      for (const Run* run : group)
+        if (run->seed == ceiling->seed) {
+          own += run->metrics.joint_visible_share();
+          most += ceiling->metrics.joint_visible_share();
+        }
+  }
+  return most > 0 ? formatted("%.1f %%", 100 * own / most) : "";
+}
+
 std::string percent(double share) {
   return formatted("%.2f %%", 100 * share);
 }
@@ -86,13 +102,13 @@ void write_runs(std::ostream& out, std::span<const Run> runs) {
   for (const RunFigure& figure : run_figures()) out << ',' << figure.name;
   for (const Column& column : kReactionColumns) out << ',' << column.name;
   for (const Column& column : kReportColumns) out << ',' << column.name;
-  out << ",reaction_delays_s\n";
+  out << ",most_joint,reaction_delays_s\n";
   for (const Run& run : runs) {
     write_identity(out, run);
     for (const RunFigure& figure : run_figures()) out << ',' << exact_text(figure.of(run.metrics));
     for (const Column& column : kReactionColumns) out << ',' << exact_text(column.of(run));
     for (const Column& column : kReportColumns) out << ',' << (run.reports ? exact_text(column.of(run)) : "");
-    out << ",\"";
+    out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ",\"";
     for (const double delay_s : run.reaction.delays_s) out << exact_text(delay_s) << ' ';
     out << "\"\n";
   }
@@ -123,6 +139,8 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"policy"},
                {"runs", true},
                {"joint", true},
+               {"of ceiling", true},
+               {"at most", true},
                {"r_N", true},
                {"r_P (5 %)", true},
                {"episodes", true},
@@ -133,11 +151,14 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"jerk m/s3", true},
                {"reaction s", true},
                {"report error", true}});
-  for (const Group& group : group_runs(runs)) {
+  const std::vector<Group> groups = group_runs(runs);
+  for (const Group& group : groups) {
     const auto of = [&](const char* format, auto value) { return formatted(format, mean(group, value)); };
     const auto total = [&](auto value) { return formatted("%.0f", sum(group, value)); };
     table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
                percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
+               share_of_ceiling(group, groups),
+               group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
                percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
                percent(mean(group, [](const Run& r) { return r.metrics.r_p_tolerant; })),
                of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
@@ -152,11 +173,10 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                    : ""});
   }
   table.print(out);
-  out << "\nMeans over seeds; collisions, limit violations and pops are frames, summed over seeds. joint: "
-         "share of\n"
-         "pictures in which every target is visible to 95 %. episodes: times that a target was lost from "
-         "sight.\n"
-         "report error: mean absolute error of the filtered visible share that the policy reports.\n";
+  out << "\nMeans over seeds; collisions, limit violations and pops are frames, summed over seeds. joint: share of\n"
+         "pictures in which every target is visible to 95 %. of ceiling: joint as a share of what the policy ceiling\n"
+         "reaches. at most: upper estimate of the joint share of any camera. episodes: times that a target was lost\n"
+         "from sight. report error: mean absolute error of the filtered visible share that the policy reports.\n";
 }
 
 std::string exact_text(double value) {

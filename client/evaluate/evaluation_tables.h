@@ -12,7 +12,7 @@
 namespace sightline {
 
 // One row a run with all its figures: run_figures() (client/truth/metrics.h), reactions (client/truth/reaction.h), and the errors
-// of what the policy reports. reaction_delays_s lists the single delays, separated by blanks. A cell is empty where a run lacks
+// of what the policy reports. most_joint is the upper estimate of the joint share that only the policy "ceiling" has. reaction_delays_s lists the single delays, separated by blanks. A cell is empty where a run lacks
 // the figure.
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
 // One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least.
@@ -20,7 +20,8 @@ void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);
 
-// A table of scene x policy, means over seeds.
+// A table of scene x policy, means over seeds. Where the policy "ceiling" played too, it shows the joint share as a share of the
+// ceiling's, and the upper estimate of what is possible.
 void print_summary(std::ostream& out, std::span<const RunRecord> runs);
 
 // The shortest text that reads back as the same double, in any locale.

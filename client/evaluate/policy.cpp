@@ -40,7 +40,7 @@ PolicyEntry baseline(std::string name) {
 std::vector<PolicyEntry> policies() {
   return {baseline<FollowPolicy>("follow"), baseline<SpringArmPolicy>("spring-arm"),
           baseline<RaycastPolicy>("raycast"), step_policy("paper", preset_settings(Preset::kPaper)),
-          step_policy("sightline", preset_settings(Preset::kSightline))};
+          step_policy("sightline", preset_settings(Preset::kSightline)), ceiling_policy()};
 }
 
 }  // namespace sightline

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "client/scenario/scenario_world.h"
@@ -26,6 +27,9 @@ struct PolicySite {
   CameraLimits limits;
   double tick_s = 1.0 / 60.0;  // > 0; actors' velocities are taken over this time
   uint64_t seed = 1;
+  // What will be played and judged. Only a policy that knows the future looks at it.
+  size_t ticks = 1;              // calls of next(), at times k tick_s
+  size_t ticks_per_picture = 1;  // every n-th is judged by a picture
 };
 
 struct PolicyStep {
@@ -42,14 +46,20 @@ class CameraPolicy {
   virtual ~CameraPolicy() = default;
   // The camera at `time_s` of the scene. Times never decrease; `dt_s` is the time since the last call, 0 at the first.
   virtual Result<PolicyStep> next(double time_s, double dt_s) = 0;
+  // The greatest joint visible share that any camera could have in this run, estimated from above; only of policies that know it.
+  virtual std::optional<double> most_joint() const { return std::nullopt; }
 };
 
 struct PolicyEntry {
   std::string name;
   std::function<Result<std::unique_ptr<CameraPolicy>>(const PolicySite& site)> make;
 };
-// The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline.
+// The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline, ceiling.
 std::vector<PolicyEntry> policies();
+// The camera that knows the whole scenario in advance (client/ceiling/plan.h). It takes about as long as the scene, so it plays only when
+// it is asked for.
+PolicyEntry ceiling_policy();
+inline constexpr std::string_view kCeilingName = "ceiling";
 // A policy of Sightline's step under these settings.
 PolicyEntry step_policy(std::string name, const StepSettings& settings);
 

@@ -24,6 +24,8 @@ RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_
                "d_s_heights", "rms_jerk_mps3", "body_collisions", "limit_violations", "pops", "reported_pairs",
                "reported_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
                "filtered_false_occluded", "filtered_share_error")
+# The ceiling's runs are fewer, and have a table of their own.
+CEILING_COLUMNS = ("scene", "seed", "joint_visible_share", "most_joint", "body_collisions", "limit_violations")
 HOW_KEYS = ("commands", "rate_hz", "seeds", "paper_every", "scenes_every", "minutes", "cores")
 
 
@@ -34,6 +36,8 @@ def take_over(folder, raw, how):
         write_table(folder / name, list(rows[0]), rows)
     runs = read_table(raw / "scenes" / "runs.csv")
     write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
+    if (raw / "ceiling").exists():
+        write_table(folder / "ceiling.csv", CEILING_COLUMNS, select(read_table(raw / "ceiling" / "runs.csv"), policy="ceiling"))
     plots = {"table2-r_n.svg": models_plot(read_runs(raw / "hall")), "table3-offset.svg": offsets_plot(read_table(raw / "fence" / "pictures.csv")),
              "bars-joint_visible_share.svg": joint_plot(runs), "hall-s1-share.svg": shares_plot(read_table(raw / "scenes" / "pictures.csv"))}
     for name, plot in plots.items():
@@ -81,7 +85,7 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     parts = [introduction(how, times), claims_part(models, stabilities, runs), notes_part(folder), table1_part(times),
-             table2_part(models), table3_part(stabilities), scenes_part(runs), reports_part(runs)]
+             table2_part(models), table3_part(stabilities), scenes_part(runs), ceiling_part(folder, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -223,6 +227,31 @@ def scene_row(scene, policy, runs):
             percent(mean(runs, "all_seen"), 1), number(mean(runs, "episodes"), 1), percent(mean(runs, "r_n")),
             percent(mean(runs, "r_p"))] + counts + [number(mean(runs, "d_c_m"), 1), number(mean(runs, "rms_jerk_mps3"), 0),
             f"{number(reaction, 2)} ({occlusions})" if occlusions else ""]
+
+
+# ---- the ceiling ----
+
+def ceiling_part(folder, runs):
+    if not (folder / "ceiling.csv").exists():
+        return ""
+    ceilings = read_table(folder / "ceiling.csv")
+    rows = [ceiling_row(scene, select(ceilings, scene=scene), select(runs, scene=scene, policy="sightline"))
+            for scene in distinct(ceilings, "scene")]
+    return """## What is possible
+
+The ceiling is a camera that knows the whole scenario in advance. It keeps the same motion limits, body, distances and elevations as the default. Its
+joint share was reached, so the true ceiling is no lower. *At most* is an upper estimate on a grid, for a camera that accelerates at once. *Of the
+ceiling* is the default's joint share as a share of the one that the ceiling reached, over the same seeds.
+
+""" + markdown(["<scene", "seeds", "default", "ceiling", "at most", "of the ceiling"], rows)
+
+
+def ceiling_row(scene, ceilings, own_runs):
+    seeds = {row["seed"] for row in ceilings}
+    own = mean([run for run in own_runs if run["seed"] in seeds], "joint_visible_share")
+    reached = mean(ceilings, "joint_visible_share")
+    share = own / reached if own is not None and reached else None
+    return [scene, len(seeds), percent(own, 1), percent(reached, 1), percent(mean(ceilings, "most_joint"), 1), percent(share, 1)]
 
 
 # ---- what the service reports ----

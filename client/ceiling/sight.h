@@ -1,0 +1,63 @@
+// What a camera could see of the targets from many places, estimated with a few rays to each target.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "client/scenario/scenario_world.h"
+#include "server/move/choose.h"
+#include "server/move/framing.h"
+#include "server/move/motion.h"
+#include "server/sample/extent.h"
+
+namespace sightline {
+
+// The aim from `eye_m` that shows all targets, without a dead zone. `present` is as in aim_at.
+ViewAngles best_aim(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
+                    const Lens& lens);
+
+// The targets of `world` as the aim and the distance limits need them. All count as required, since a picture counts only if it shows all.
+std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world);
+
+struct TargetsSeen {
+  bool allowed = false;      // within the distance and elevation limits, and every target fits into the picture
+  double mean_share = 0.0;   // mean visible share of the targets
+  double least_share = 0.0;  // of the target that is seen least
+};
+
+// `world` and `limits` must outlive the object. Used by one thread at a time.
+class SightEstimate {
+ public:
+  // `rays`: number of rays to each target in `from`, [1, kExtentPoints].
+  SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays);
+
+  // Takes over the present time of the world. `turn` chooses which of a target's surface points are used.
+  void refresh(size_t turn);
+  TargetsSeen from(const glm::dvec3& eye_m) const;
+  // The parts of `from`: whether the distance and elevation limits hold, and the shares, whatever fits into the picture.
+  bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
+  TargetsSeen shares(const glm::dvec3& eye_m, size_t rays) const;
+  std::span<const TrackedTarget> targets() const { return targets_; }
+
+ private:
+  struct Body {
+    std::shared_ptr<const ExtentTable> surface;
+    Affine world_from_mesh, mesh_from_world;
+    uint32_t slot = 0;
+    uint32_t layer_mask = 0;
+  };
+  double share(const Body& body, const glm::dvec3& eye_m, size_t rays) const;
+  bool fits(const glm::dvec3& eye_m) const;
+
+  const ScenarioWorld& world_;
+  const MoveSettings& limits_;
+  const Lens lens_;
+  const size_t rays_;
+  size_t first_point_ = 0;
+  std::vector<Body> bodies_;
+  std::vector<TrackedTarget> targets_;
+  std::optional<PlaceLimits> place_limits_;
+};
+
+}  // namespace sightline
