@@ -28,7 +28,7 @@ constexpr size_t kFirstRays = 16, kAllRays = kExtentPoints;
 constexpr double kSurelyHidden = 0.75, kSurelySeen = 0.98;
 // In a picture that is taken, a target should cover about this many pixels. It is judged more strictly than by the judge, whose
 // pixels are finer.
-constexpr double kTargetPixels = 160.0;
+constexpr double kTargetPixels = 160.0, kCarefulPixels = 600.0;
 constexpr double kStrictTolerance = 0.04;
 
 struct State {
@@ -115,6 +115,8 @@ class Beam {
     const std::vector<Affine> before = mover_frames();
     world_.set_time(timeline_.tick_time_s(tick));
     sight_.refresh(tick);
+    const size_t stage = tick / timeline_.ticks_per_stage;
+    careful_ = stage < options_.careful_stages.size() && options_.careful_stages[stage];
     const std::vector<Affine> now = mover_frames();
     mover_travel_m_ = 0.0;
     size_t k = 0;
@@ -258,7 +260,7 @@ class Beam {
     });
     TargetsSeen seen = sight_.shares(state.place_m, kFirstRays);
     if (inside && seen.least_share == 1.0) seen = sight_.shares(state.place_m, kAllRays);
-    if (inside && seen.least_share >= kSurelySeen) return;
+    if (inside && !careful_ && seen.least_share >= kSurelySeen) return;
     if (inside && seen.least_share < kSurelyHidden)
       state.cost += costs_.picture(false, seen.mean_share);
     else
@@ -280,8 +282,9 @@ class Beam {
     for (const TrackedTarget& target : sight_.targets())
       extent += target.radius_m / glm::distance(target.aim_m, eye_m) / static_cast<double>(sight_.targets().size());
     const double height = 2 * std::tan(lens_.vertical_fov_rad / 2);
+    const double pixels = careful_ ? kCarefulPixels : kTargetPixels;
     const double share = 3.14 / 3 * extent * extent / (height * height * lens_.aspect);
-    return static_cast<int>(std::clamp(std::sqrt(kTargetPixels / share), 16.0, double{kTruthSize}));
+    return static_cast<int>(std::clamp(std::sqrt(pixels / share), 16.0, double{kTruthSize}));
   }
 
   // ---- the result ----
@@ -317,6 +320,7 @@ class Beam {
   const std::vector<glm::dvec3> directions_ = directions();
   SightEstimate sight_;
   double mover_travel_m_ = 0.0;  // since the tick before
+  bool careful_ = false;
 };
 
 }  // namespace

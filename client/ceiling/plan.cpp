@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "client/ceiling/costs_to_go.h"
 #include "client/ceiling/sight.h"
@@ -15,6 +16,9 @@ constexpr double kShortestStageS = 0.05, kLongestStageS = 0.125;
 constexpr double kGridSkinM = 0.01;
 // The upper estimate counts a target as seen when this share of its rays arrives.
 constexpr double kDoubtfulShare = 0.8;
+// The search is repeated up to so often where the judge sees less of its path than it expected. Then it looks at those stages more
+// carefully.
+constexpr int kRounds = 3;
 // Cells this far from the targets' path, in metres, belong to the camera's way to them.
 constexpr double kWayToTargetsM = 2.0;
 
@@ -61,14 +65,35 @@ class Planner {
     plan.places = grid_.size();
     Guide guide(grid_, timeline_.stages());
     if (grid_.size() > 0) plan.most_joint = look_back(guide);
-    BeamResult best = search_beam(world_, extents_, world_.scenario().camera(), guide, timeline_, limits_,
-                                  place_limits_, options_.beam);
-    plan.path = std::move(best.path);
-    plan.joint = 1 - std::floor(best.cost) / static_cast<double>(timeline_.stages());
+    BeamOptions beam = options_.beam;
+    beam.careful_stages.assign(timeline_.stages(), false);
+    for (int round = 0; round < kRounds; ++round) {
+      BeamResult found = search_beam(world_, extents_, world_.scenario().camera(), guide, timeline_, limits_,
+                                     place_limits_, beam);
+      const std::vector<bool> hidden = judged_hidden(found.path);
+      const auto count = static_cast<double>(std::count(hidden.begin(), hidden.end(), true));
+      const double joint = 1 - count / static_cast<double>(timeline_.stages());
+      if (round == 0 || joint > plan.joint) plan.joint = joint, plan.path = std::move(found.path);
+      if (count <= std::floor(found.cost)) break;
+      std::transform(hidden.begin(), hidden.end(), beam.careful_stages.begin(), beam.careful_stages.begin(), std::logical_or<>());
+    }
     return plan;
   }
 
  private:
+  // The stages at which a path does not show all targets, by the judge's own pictures.
+  std::vector<bool> judged_hidden(const std::vector<Pose>& path) {
+    std::vector<bool> hidden;
+    for (size_t stage = 0; stage < timeline_.stages(); ++stage) {
+      const size_t tick = stage * timeline_.ticks_per_stage;
+      world_.set_time(timeline_.tick_time_s(tick));
+      const PictureTruth picture = measure_picture(world_.occluders(), world_.mirror(), world_.targets(), path[tick],
+                                                   world_.scenario().lens());
+      hidden.push_back(picture.fully_hidden() || picture.partly_hidden(kPartialTolerance));
+    }
+    return hidden;
+  }
+
   PlaceGrid make_grid() {
     world_.set_time(0.0);
     PlaceGridOptions options;

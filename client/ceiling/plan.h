@@ -36,7 +36,7 @@ struct PlanOptions {
 
 struct CeilingPlan {
   std::vector<Pose> path;   // by tick
-  double joint = 0.0;       // share of the stages that show all targets, by the plan's own coarse pictures
+  double joint = 0.0;       // share of the stages that show all targets, by the judge's pictures
   double most_joint = 1.0;  // the upper estimate
   size_t places = 0;
 };
