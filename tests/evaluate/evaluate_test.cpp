@@ -28,6 +28,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Random = std::mt19937_64;
 
 double unit(Random& random) {
@@ -200,6 +201,35 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_EQ(pictures.at("time_s")[3], "1");
   EXPECT_THAT(files.at("timing.csv"), HasSubstr("scene,seed,targets,policy,run_s,step_ms"));
   EXPECT_THAT(out.str(), HasSubstr("sightline"));
+}
+
+TEST_F(EvaluateCommand, PlaysTheCeilingOnlyWhenAsked) {
+  std::ostringstream out, err;
+  EvaluateOptions options = short_options("default");
+  options.seeds = 1;
+  options.duration_s = 0.2;
+  ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
+  const auto runs = columns_of(files_in(options.out).at("runs.csv"));
+  EXPECT_THAT(runs.at("policy"), ElementsAre("\"follow\"", "\"spring-arm\"", "\"raycast\"", "\"paper\"", "\"sightline\""));
+  EXPECT_THAT(runs.at("most_joint"), ElementsAre("", "", "", "", ""));
+  EXPECT_THAT(out.str(), Not(HasSubstr("100.0 %"))) << "no ceiling, no share of it";
+}
+
+// At its start the hall hides nothing, so the ceiling sees all, and the default's share of it is its own joint share.
+TEST_F(EvaluateCommand, ShowsTheShareOfTheCeiling) {
+  std::ostringstream out, err;
+  EvaluateOptions options = short_options("ceiling");
+  options.seeds = 1;
+  options.duration_s = 0.4;
+  options.picture_every = 6;
+  options.policies = {"sightline", "ceiling"};
+  ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
+  const auto runs = columns_of(files_in(options.out).at("runs.csv"));
+  EXPECT_THAT(runs.at("policy"), ElementsAre("\"sightline\"", "\"ceiling\""));
+  EXPECT_THAT(runs.at("joint_visible_share"), ElementsAre("1", "1"));
+  EXPECT_THAT(runs.at("most_joint"), ElementsAre("", "1"));
+  EXPECT_THAT(runs.at("limit_violations"), ElementsAre("0", "0"));
+  EXPECT_THAT(out.str(), HasSubstr("100.0 %"));
 }
 
 TEST_F(EvaluateCommand, SaysWhatItCannotFind) {

@@ -85,7 +85,7 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     parts = [introduction(how, times), claims_part(models, stabilities, runs), notes_part(folder), table1_part(times),
-             table2_part(models), table3_part(stabilities), scenes_part(runs), ceiling_part(folder, runs), reports_part(runs)]
+             table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(folder, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -232,18 +232,19 @@ def scene_row(scene, policy, runs):
 # ---- the ceiling ----
 
 def ceiling_part(folder, runs):
+    """One part, or none where the ceiling was not measured."""
     if not (folder / "ceiling.csv").exists():
-        return ""
+        return []
     ceilings = read_table(folder / "ceiling.csv")
     rows = [ceiling_row(scene, select(ceilings, scene=scene), select(runs, scene=scene, policy="sightline"))
             for scene in distinct(ceilings, "scene")]
-    return """## What is possible
+    return ["""## What is possible
 
 The ceiling is a camera that knows the whole scenario in advance. It keeps the same motion limits, body, distances and elevations as the default. Its
 joint share was reached, so the true ceiling is no lower. *At most* is an upper estimate on a grid, for a camera that accelerates at once. *Of the
 ceiling* is the default's joint share as a share of the one that the ceiling reached, over the same seeds.
 
-""" + markdown(["<scene", "seeds", "default", "ceiling", "at most", "of the ceiling"], rows)
+""" + markdown(["<scene", "seeds", "default", "ceiling", "at most", "of the ceiling"], rows)]
 
 
 def ceiling_row(scene, ceilings, own_runs):
