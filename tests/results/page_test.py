@@ -248,6 +248,28 @@ class SceneClaims(unittest.TestCase):
 
 # ---- the page ----
 
+class Ceiling(unittest.TestCase):
+    def ceiling_part(self, ceilings):
+        with tempfile.TemporaryDirectory() as folder:
+            figures.write_table(pathlib.Path(folder) / "ceiling.csv", make_page.CEILING_COLUMNS, ceilings)
+            runs = [run("hall", "sightline", seed, joint, 1.0) for seed, joint in ((1.0, 0.4), (2.0, 0.5), (3.0, 0.9))]
+            return make_page.ceiling_part(pathlib.Path(folder), runs)
+
+    def test_the_share_is_over_the_seeds_that_both_played(self):
+        ceiling = {"scene": "hall", "most_joint": 0.9, "body_collisions": 0, "limit_violations": 0}
+        (part,) = self.ceiling_part([ceiling | {"seed": 1, "joint_visible_share": 0.8}, ceiling | {"seed": 2, "joint_visible_share": 0.7}])
+        self.assertIn("| hall | 2 | 45.0 % | 75.0 % | 90.0 % | 60.0 % |", part)
+
+    def test_a_ceiling_that_sees_nothing_has_no_share(self):
+        (part,) = self.ceiling_part([{"scene": "hall", "seed": 1, "joint_visible_share": 0.0, "most_joint": 0.0,
+                                      "body_collisions": 0, "limit_violations": 0}])
+        self.assertIn("| 0.0 % | 0.0 % |  |", part)
+
+    def test_without_measurements_there_is_no_part(self):
+        with tempfile.TemporaryDirectory() as folder:
+            self.assertEqual(make_page.ceiling_part(pathlib.Path(folder), []), [])
+
+
 class Page(unittest.TestCase):
     def make_raw(self, raw):
         """What make.sh leaves: rows by name of policy, every figure the same for all."""
