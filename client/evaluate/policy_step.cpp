@@ -76,6 +76,7 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.camera = site.scenario.camera();
   options.lens = site.scenario.lens();
   options.limits = site.limits;
+  if (settings.move.strategy != Strategy::kMinCost) options.limits.max_jerk_mps3 = 0;  // the paper has no such limit
   options.settings = settings;
   options.extents = &site.extents;
   if (auto added = add_scene(site.scenario, site.store, options); !added)

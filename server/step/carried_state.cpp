@@ -5,6 +5,7 @@ namespace sightline {
 void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps) {
   state.camera.pose = pose;
   state.camera.velocity_mps = velocity_mps;
+  state.camera.acceleration_mps2 = glm::dvec3(0.0);
   state.camera.angular_velocity_radps = glm::dvec3(0.0);
   state.turn = TurnState{};
   state.turn.angles = angles_from_rotation(pose.rotation);

@@ -2,6 +2,7 @@
 // route to it. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/move/goal.h"
 #include "server/step/stages.h"
@@ -72,18 +73,17 @@ Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
 
 // The velocity towards the end of the leg, no faster than allows the camera to stop at the goal. It changes with the
 // time constant response_s.
-glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
-  const double response_s = step.input.settings.move.move_response_s;
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, double urgency) {
+  const MoveSettings& settings = step.input.settings.move;
+  const double response_s = std::lerp(settings.calm_response_s, settings.move_response_s, urgency);
   const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
   const double distance_m = glm::length(way_m);
   glm::dvec3 wanted_mps = with_mps;
   if (distance_m > 1e-9) {
-    const double brake_mps = std::sqrt(2 * kBrakeShare * step.input.limits.max_acceleration_mps2 * leg.length_m);
-    wanted_mps += way_m * (std::min(brake_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
+    const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(settings.approach_ratio * response_s, 2 * step.move_s)) / distance_m);
   }
-  const glm::dvec3 present_mps = step.camera.velocity_mps;
-  const double share = response_s > 0 ? std::min(1.0, step.move_s / response_s) : 1.0;
-  return clamp_velocity(present_mps, present_mps + share * (wanted_mps - present_mps), step.input.limits, step.move_s);
+  return clamp_velocity(step.camera, wanted_mps, step.input.limits, step.move_s, response_s);
 }
 
 // The newest reachable position of the targets' trail; empty if none is reachable.
@@ -116,11 +116,13 @@ Goal choose_goal(const MoveInput& in, MoveScratch& scratch) {
                        {.body_radius_m = body_radius_m, .exposure = settings.cost.exposure});
   CostWeights weights = settings.cost;
   if (targets_stand(in.step)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
+  std::optional<glm::dvec3> former_goal_m = in.carried.goal_m;
+  if (former_goal_m) *former_goal_m += settings.goal_travel * in.step.move_s * group_velocity_mps(in.step);
   const CandidateCosts costs({.position_m = position_m,
                           .hidden = in.sights.hidden,
                           .spacing_m = spacing_m,
                           .desired_m = in.desired_m,
-                          .former_goal_m = in.carried.goal_m},
+                          .former_goal_m = former_goal_m},
                          weights);
   const PlaceLimits limits(in.step.targets.tracked_targets, settings);
   const uint32_t found = find_goal({costs, scratch.edge_depths, limits, position_m}, scratch.routes);
@@ -133,14 +135,30 @@ glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratc
   if (goal.lost) {
     if (const auto leg = leg_to_trail(in, scratch.trail_colliders)) {
       goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
-      return velocity_along(in.step, *leg, glm::dvec3(0.0));
+      return velocity_along(in.step, *leg, glm::dvec3(0.0), 1.0);
     }
   }
   Leg leg{in.step.camera.pose.position_m, 0};
   if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = goal.choice.reason == MoveReason::kAtDesiredPlace;
-  return velocity_along(in.step, leg, travels ? group_velocity_mps(in.step) : glm::dvec3(0.0));
+  const MoveSettings& settings = in.step.input.settings.move;
+  const double stake = in.sights.hidden[in.sights.own_candidate] - settings.cost.tolerance;
+  const double urgency = settings.urgent_share > 0 ? std::clamp(stake / settings.urgent_share, 0.0, 1.0) : 1.0;
+  glm::dvec3 with_mps(0.0);
+  if (travels) {
+    with_mps = group_velocity_mps(in.step);
+  } else if (settings.forward > 0) {
+    // The part of the targets' velocity that leads on to the desired position.
+    const glm::dvec3 beyond_m = in.desired_m - goal.position_m;
+    const glm::dvec3 way_m = leg.to_m - in.step.camera.pose.position_m;
+    const double far_m = glm::length(beyond_m);
+    if (glm::dot(beyond_m, way_m) > 0 && far_m > 1e-6) {
+      leg.length_m += glm::dot(beyond_m, way_m) / glm::length(way_m) * settings.reach_m;
+      with_mps = settings.forward * group_velocity_mps(in.step);
+    }
+  }
+  return velocity_along(in.step, leg, with_mps, urgency);
 }
 
 }  // namespace sightline

@@ -54,7 +54,7 @@ Choice choose(const MoveInput& in, MoveScratch& scratch) {
 glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   const CameraState& camera = in.step.camera;
   const CameraLimits& limits = in.step.input.limits;
-  if (choice.candidate < 0) return clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits, in.step.move_s);
+  if (choice.candidate < 0) return clamp_velocity(camera, glm::dvec3(0.0), limits, in.step.move_s);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
   return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
@@ -100,8 +100,7 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
   decision.body_overlap = safe.overlap;
   if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
-  camera.velocity_mps = safe.velocity_mps;
-  camera.pose.position_m += safe.velocity_mps * in.step.move_s;
+  camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
 void turn(const MoveInput& in, Decision& decision) {
@@ -141,7 +140,7 @@ void gather_colliders(const StepContext& step, const Bound& bound, Surroundings&
   const glm::dvec3 position_m = step.camera.pose.position_m;
   const double body_m = swept_radius_m(limits, step.lens);
   const double reach_m = 2 * bound.radius_m + limits.max_speed_mps * step.move_s +
-                         braking_distance_m(glm::dvec3(limits.max_speed_mps, 0, 0), limits);
+                         2 * braking_distance_m(limits.max_speed_mps, limits);
   surroundings.colliders.gather(step.input.scene, position_m,
                                 std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m, {});
   for (size_t look = 0; look < kEvadeS.size(); ++look)

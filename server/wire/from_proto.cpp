@@ -65,6 +65,7 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   if (Status ok = read_frame(open, out.convention); !ok) return ok;
   if (Status ok = read_camera(open, out); !ok) return ok;
   if (Status ok = read_settings(open.settings(), open.tuning(), "open.", out.settings); !ok) return ok;
+  if (open.settings().preset() == v1::Settings::PRESET_PAPER) out.limits = preset_limits(Preset::kPaper);
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
