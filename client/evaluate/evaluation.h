@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
+#include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
 
 namespace sightline {
@@ -52,7 +53,10 @@ struct RunRecord {
   std::string policy;
   RunMetrics metrics;
   ReactionMetrics reaction;
-  std::optional<ReportMetrics> reports;  // only for policies that report what they see
+  // Only for policies that say what they see, what their status is, and where they head.
+  std::optional<ReportMetrics> reports;
+  std::optional<StatusMetrics> status;
+  std::optional<GoalMetrics> goals;
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
 };

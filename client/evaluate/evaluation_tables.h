@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-// One row a run with all its figures: run_figures() (client/truth/metrics.h), reactions (client/truth/reaction.h), and the errors
-// of what the policy reports. reaction_delays_s lists the single delays, separated by blanks. A cell is empty where a run lacks
-// the figure.
+// One row a run with all its figures: run_figures() (client/truth/metrics.h), reactions (client/truth/reaction.h), the errors of
+// what the policy reports (client/truth/reports.h) and the jumps of its goal (client/truth/motion.h). reaction_delays_s lists
+// the single delays, separated by blanks. A cell is empty where a run lacks the figure.
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
 // One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least.
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
