@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "client/truth/free_way.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {
@@ -152,7 +153,8 @@ class Run {
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
-    judge_goals(**world, played);
+    record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, CameraLimits{});
+    judge_against_targets(**world, played);
     return {};
   }
 
@@ -167,16 +169,19 @@ class Run {
     record_.status = judge_status(truths, played.tracking, required_ids);
   }
 
-  void judge_goals(ScenarioWorld& world, const Played& played) {
-    if (std::none_of(played.goals_m.begin(), played.goals_m.end(), [](const auto& g) { return g.has_value(); }))
-      return;
-    std::vector<GoalSample> samples;
+  // How the camera and its goal move, against the motion of the targets.
+  void judge_against_targets(ScenarioWorld& world, const Played& played) {
+    std::vector<glm::dvec3> centers_m;
+    std::vector<GoalSample> goals;
     for (size_t i = 0; i < played.frames.size(); ++i) {
-      world.set_time(played.frames[i].time_s);
-      samples.push_back(
-          {played.frames[i].time_s, played.goals_m[i], world.targets_center_m(), played.frames[i].jump});
+      const CameraFrame& frame = played.frames[i];
+      world.set_time(frame.time_s);
+      centers_m.push_back(world.targets_center_m());
+      goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
     }
-    record_.goals = goals_of(samples);
+    record_.turns = answers_to_turns(played.frames, centers_m);
+    if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
+      record_.goals = goals_of(goals);
   }
 
   static double least_share(const PictureTruth& picture) {

@@ -13,6 +13,7 @@
 #include "client/evaluate/policy.h"
 #include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
+#include "client/truth/turns.h"
 
 namespace sightline {
 
@@ -53,6 +54,8 @@ struct RunRecord {
   std::string policy;
   RunMetrics metrics;
   ReactionMetrics reaction;
+  TurnMetrics turns;
+  double longest_blind_with_way_s = 0.0;  // client/truth/free_way.h
   // Only for policies that say what they see, what their status is, and where they head.
   std::optional<ReportMetrics> reports;
   std::optional<StatusMetrics> status;

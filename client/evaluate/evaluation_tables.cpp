@@ -16,7 +16,11 @@ struct Column {
   double (*of)(const Run& run);
 };
 
-constexpr Column kReactionColumns[] = {
+constexpr Column kAnswerColumns[] = {
+    {"longest_blind_with_way_s", [](const Run& r) { return r.longest_blind_with_way_s; }},
+    {"turns", [](const Run& r) { return double(r.turns.turns); }},
+    {"mean_turn_answer_s", [](const Run& r) { return r.turns.mean_answer_s; }},
+    {"unanswered_turns", [](const Run& r) { return double(r.turns.unanswered); }},
     {"sustained_occlusions", [](const Run& r) { return double(r.reaction.occlusions); }},
     {"mean_reaction_s", [](const Run& r) { return r.reaction.mean_delay_s; }},
     {"p95_reaction_s", [](const Run& r) { return r.reaction.p95_delay_s; }},
@@ -58,6 +62,23 @@ constexpr OptionalColumns kOptionalColumns[] = {
     {kStatusColumns, [](const Run& r) { return r.status.has_value(); }},
     {kGoalColumns, [](const Run& r) { return r.goals.has_value(); }},
 };
+
+constexpr std::string_view kLegend = R"(
+Means over seeds. Collisions and violations are frames, summed over seeds; blind and with way are the longest of any seed.
+  joint           share of pictures in which every target is visible to 95 %
+  r_N             share of pictures without a visible pixel of any target
+  blind           longest stretch of such pictures
+  with way        longest part of one in which a place that sees a target could be reached within 2 s
+  episodes        how often a target is lost from sight
+  d_c             length of the camera's path
+  at a_max        share of frames at the acceleration limit
+  jerk            root mean square
+  reversals       the camera turns back
+  goals           the camera's goal moves more than 0.5 m in one tick
+  false TRACKING  share of pictures that have this status and no visible pixel of any target
+  reaction        from the onset of an occlusion until the camera leaves its course or sees the target again
+  report error    mean absolute error of the filtered visible share that the policy reports
+)";
 
 // In quotes, with quotes doubled: a user's file may have any name.
 std::string quoted(const std::string& text) {
@@ -122,14 +143,14 @@ std::string percent(double share) {
 void write_runs(std::ostream& out, std::span<const Run> runs) {
   out << "scene,seed,targets,policy";
   for (const RunFigure& figure : run_figures()) out << ',' << figure.name;
-  for (const Column& column : kReactionColumns) out << ',' << column.name;
+  for (const Column& column : kAnswerColumns) out << ',' << column.name;
   for (const OptionalColumns& group : kOptionalColumns)
     for (const Column& column : group.columns) out << ',' << column.name;
   out << ",reaction_delays_s\n";
   for (const Run& run : runs) {
     write_identity(out, run);
     for (const RunFigure& figure : run_figures()) out << ',' << exact_text(figure.of(run.metrics));
-    for (const Column& column : kReactionColumns) out << ',' << exact_text(column.of(run));
+    for (const Column& column : kAnswerColumns) out << ',' << exact_text(column.of(run));
     for (const OptionalColumns& group : kOptionalColumns)
       for (const Column& column : group.columns) out << ',' << (group.has(run) ? exact_text(column.of(run)) : "");
     out << ",\"";
@@ -165,6 +186,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"joint", true},
                {"r_N", true},
                {"blind s", true},
+               {"with way s", true},
                {"episodes", true},
                {"collisions", true},
                {"violations", true},
@@ -186,6 +208,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
                percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
                formatted("%.1f", greatest(group, [](const Run& r) { return r.metrics.longest_blind_s; })),
+               formatted("%.1f", greatest(group, [](const Run& r) { return r.longest_blind_with_way_s; })),
                of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
                total([](const Run& r) { return r.metrics.body_collisions; }),
                total([](const Run& r) { return r.metrics.limit_violations; }),
@@ -201,17 +224,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                                                 }))});
   }
   table.print(out);
-  out << "\nMeans over seeds; collisions and limit violations are frames, summed over seeds. joint: share of "
-         "pictures\n"
-         "in which every target is visible to 95 %. r_N: share in which no pixel of any target is. blind: "
-         "longest such\n"
-         "stretch of any seed. episodes: times that a target was lost from sight. at a_max: share of frames at "
-         "the\n"
-         "acceleration limit. jerk: root mean square. reversals: the camera turns back. goals: the goal moves "
-         "more than\n"
-         "0.5 m in one tick. false TRACKING: share of pictures with that status and no pixel of any target. "
-         "report\n"
-         "error: mean absolute error of the filtered visible share that the policy reports.\n";
+  out << kLegend;
 }
 
 std::string exact_text(double value) {

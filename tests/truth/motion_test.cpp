@@ -64,6 +64,13 @@ TEST(Reversals, AZigzagOfRightAnglesHasNoneAndASharperOneHasOneACorner) {
   EXPECT_EQ(direction_reversals(zigzag(91 * std::numbers::pi / 180)), 9u) << "ten legs have nine corners";
 }
 
+TEST(Reversals, ATightCurveTurnsBackAtEveryQuarter) {
+  // At 5 rad/s, the velocity turns by more than 90 degrees in 19 ticks; frame 1 has the first velocity.
+  const auto circle =
+      path_of(600, [](double t) { return 0.3 * glm::dvec3(std::cos(5 * t), 0, std::sin(5 * t)); });
+  EXPECT_EQ(direction_reversals(circle), 599u / 19);
+}
+
 TEST(Reversals, AStopOnTheWayBackCountsOnlyWhenItIsShort) {
   // There at 1 m/s for a second, a stop, and back.
   const auto there_and_back = [](double stop_s) {
