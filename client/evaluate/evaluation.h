@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
+#include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
+#include "client/truth/turns.h"
 
 namespace sightline {
 
@@ -52,7 +54,12 @@ struct RunRecord {
   std::string policy;
   RunMetrics metrics;
   ReactionMetrics reaction;
-  std::optional<ReportMetrics> reports;  // only for policies that report what they see
+  TurnMetrics turns;
+  double longest_blind_with_way_s = 0.0;  // client/truth/free_way.h
+  // Only for policies that say what they see, what their status is, and where they head.
+  std::optional<ReportMetrics> reports;
+  std::optional<StatusMetrics> status;
+  std::optional<GoalMetrics> goals;
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
 };

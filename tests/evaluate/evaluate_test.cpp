@@ -196,6 +196,10 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_THAT(runs.at("pictures"), ElementsAre("4", "4", "4", "4"));
   EXPECT_EQ(runs.at("reported_pairs")[0], "") << "follow reports nothing";
   EXPECT_EQ(runs.at("reported_pairs")[1], "8") << "two targets in four pictures";
+  for (const char* column : {"goal_jumps_per_s", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden"}) {
+    EXPECT_EQ(runs.at(column)[0], "") << "follow has neither a goal nor a status";
+    EXPECT_NE(runs.at(column)[1], "") << column;
+  }
   ASSERT_EQ(pictures.at("time_s").size(), 16u);
   EXPECT_EQ(pictures.at("time_s")[3], "1");
   EXPECT_THAT(files.at("timing.csv"), HasSubstr("scene,seed,targets,policy,run_s,step_ms"));
