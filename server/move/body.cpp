@@ -150,7 +150,7 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
       if (distance > 1e-6) velocity += (there - surface) * ((keep - distance) / distance / kEvadeS[look]);
     }
   }
-  return clamp_velocity(camera, velocity, limits, dt_s);
+  return velocity == wanted_mps ? wanted_mps : clamp_velocity(camera, velocity, limits, dt_s);
 }
 
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
