@@ -22,6 +22,8 @@ NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
+    (r"^grpcurl ", "needs grpcurl"),
+    (r"^protoc |\bgo mod ", "needs Go and its plugins for protoc"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
@@ -145,7 +147,7 @@ class Documents(unittest.TestCase):
         return [block for block in self.blocks if block.language == language]
 
     def test_every_block_says_its_language(self):
-        known = {"cpp", "python", "sh", "json", "text"}
+        known = {"cpp", "python", "sh", "json", "text", "cmake"}
         self.assertEqual([], [f"{b.path}:{b.line}: {b.language or 'none'}" for b in self.blocks if b.language not in known])
 
     def test_no_code_is_indented_instead(self):
