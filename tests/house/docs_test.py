@@ -160,6 +160,22 @@ class Documents(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.expect_a_moving_camera(done.stdout)
 
+    def test_a_game_adds_the_client_to_its_build(self):
+        (block,) = self.of_language("cmake")
+        with tempfile.TemporaryDirectory() as folder:
+            game = pathlib.Path(folder)
+            (game / "sightline").symlink_to(ROOT)
+            (game / "game.cpp").touch()
+            (game / "CMakeLists.txt").write_text("cmake_minimum_required(VERSION 3.25)\nproject(game LANGUAGES C CXX)\n"
+                                                 f"add_executable(game game.cpp)\n{block.text}")
+            done = subprocess.run(["cmake", "-S", game, "-B", game / "build", "-G", "Ninja"], capture_output=True, text=True, timeout=120)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            build = subprocess.run(["ninja", "-C", game / "build", "-t", "commands", "game"], capture_output=True, text=True, check=True).stdout
+            compile_game = next(line for line in build.splitlines() if line.endswith("game.cpp"))
+            self.assertRegex(compile_game, f"-I{game / 'sightline'} .*-std=[a-z+]*20")
+            self.assertNotIn("-W", compile_game, "a game keeps its own warnings")
+            self.assertNotIn("sightlined", build)
+
     def test_python_moves_a_camera(self):
         self.assertTrue(self.of_language("python"))
         for block in self.of_language("python"):
