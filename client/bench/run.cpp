@@ -364,7 +364,7 @@ class Bench {
   std::string scene_hash_;
   BenchOpened opened_;
   std::shared_ptr<grpc::Channel> session_channel_;
-  CompletionLoop loop_;
+  EventLoop loop_{std::make_unique<grpc::CompletionQueue>()};
   Streams sessions_, echoes_;  // an echo sends messages as long as its session's
   std::optional<BenchGenerator> generator_;
   std::vector<MeasuredWindow> windows_;
