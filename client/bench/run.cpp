@@ -10,11 +10,11 @@
 #include "client/bench/command.h"
 #include "client/bench/generator.h"
 #include "client/bench/process.h"
-#include "client/base/file_bytes.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
 #include "client/cpp/sightline_client.h"
 #include "scenes/catalog.h"
+#include "server/scene/confined_folder.h"
 
 namespace sightline {
 namespace {
@@ -35,7 +35,7 @@ Result<std::vector<std::byte>> scene_bytes(const BenchOptions& options) {
   if (const scenes::CatalogEntry* entry = scenes::find_scene(options.scene))
     return entry->make({.seed = options.world.seed});
   std::error_code trouble;
-  if (std::filesystem::is_regular_file(options.scene, trouble)) return read_file(options.scene);
+  if (std::filesystem::is_regular_file(options.scene, trouble)) return read_whole_file(options.scene, SIZE_MAX);
   return fail(ErrorCode::kNotFound, "scene",
               "\"" + options.scene + "\" is neither a generated scene nor a file");
 }
