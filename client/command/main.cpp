@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
 #include <iostream>
 
 #include "client/bench/command.h"
@@ -100,8 +99,7 @@ int main(int argc, char** argv) {
   add_evaluate(app, evaluate);
 
   sightline::BenchOptions bench;
-  std::error_code unknown;
-  bench.program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
+  bench.address = sightline::kDefaultAddress;
   bench.progress = drive.progress;
   sightline::add_bench_flags(app, bench);
 
