@@ -18,11 +18,12 @@ the least and greatest p50. When none agree in time, all windows are reported as
   round_trip   from when a tick was due to the reply that covers it
   transport    round trip - queue - step: gRPC, sockets and scheduling on both sides, and the generator's delay (send)
   queue        in the server, until the step starts; then follow the stages of the step and their sum
-CPU time and memory are the daemon's, as the kernel counts them; they need --daemon-pid.
+CPU time and memory are the daemon's, as the kernel counts them; for a daemon at --address, give --daemon-pid.
 
-  sightline bench                                                    one session at 60 Hz
-  sightline bench --sessions 60 --json bench.json                    sixty sessions
-  sightline bench --address unix:/run/sightline.sock --daemon-pid 4711)";
+  sightline bench                                      one session at 60 Hz over a unix socket to a daemon of its own
+  sightline bench --sessions 100 --json bench.json     a hundred sessions
+  sightline bench --tcp --daemon-flags "--threads 1"   another socket, a daemon with flags of its own
+  sightline bench --address unix:/run/sightline.sock   a daemon that is already running)";
 
 void add_load_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--sessions", options.world.sessions, "Sessions at the same time")
@@ -67,10 +68,24 @@ void add_settings_flags(CLI::App& bench, BenchOptions& options) {
 }
 
 void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
-  bench.add_option("--address", options.address, "host:port or unix:/path of the daemon")
-      ->capture_default_str();
-  bench.add_option("--daemon-pid", options.daemon_pid,
-                   "Process of the daemon, to watch its CPU time and memory");
+  CLI::Option* address = bench.add_option(
+      "--address", options.address,
+      "host:port or unix:/path of a running daemon (default: start one and stop it at the end)");
+  bench
+      .add_option("--daemon-pid", options.daemon_pid,
+                  "Process of the daemon at --address, to watch its CPU time and memory")
+      ->needs(address);
+  bench.add_option("--daemon", options.daemon, "Program to start (default: sightlined beside this one)")
+      ->excludes(address)
+      ->type_name("PATH");
+  bench
+      .add_option("--daemon-flags", options.daemon_flags, "Flags for the started daemon, separated by blanks")
+      ->excludes(address)
+      ->type_name("TEXT");
+  bench
+      .add_flag("--tcp", options.tcp,
+                "The started daemon listens at a TCP port of the loopback, not at a unix socket")
+      ->excludes(address);
 }
 
 void add_measuring_flags(CLI::App& bench, BenchOptions& options) {

@@ -26,8 +26,12 @@ struct BenchOptions {
   std::optional<uint32_t> resolution, candidates, points;  // over both
 
   // The daemon.
-  std::string address;   // host:port or unix:/path
-  pid_t daemon_pid = 0;  // the process at `address`, to watch its CPU time and memory; 0: not watched
+  std::string address;       // host:port or unix:/path of a running daemon; empty: one is started
+  pid_t daemon_pid = 0;      // the process at `address`, to watch its CPU time and memory; 0: not watched
+  std::string daemon;        // program to start; empty: sightlined beside `program`
+  std::string daemon_flags;  // for it, separated by blanks
+  bool tcp = false;          // it listens at TCP, not at a unix socket
+  std::string program;       // the path of this program
 
   // How the load is sent and measured.
   size_t sessions_per_channel = 16;  // >= 1
@@ -44,8 +48,8 @@ struct BenchOptions {
 // Adds the sub-command with its flags and manual. The flags write to `options`.
 void add_bench_flags(CLI::App& app, BenchOptions& options);
 
-// The result as client/README.md describes it. kNotFound: the scene is missing. kUnavailable: the daemon does
-// not answer or stay alive. kResourceExhausted: the daemon had no room for a session.
+// The result as client/README.md describes it. kNotFound: a scene or a daemon program is missing. kUnavailable: the
+// daemon does not start, answer or stay alive. kResourceExhausted: the daemon had no room for a session.
 // kInvalidArgument: settings or scene are not valid.
 Result<BenchJson> run_bench(const BenchOptions& options, std::ostream& err);
 

@@ -1,4 +1,4 @@
-// Runs a load from its start to its figures: scene, sessions, windows, result.
+// Runs a load from its start to its figures: scene, daemon, sessions, windows, result.
 #include <unistd.h>
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <sstream>
 #include <thread>
 
 #include "client/bench/command.h"
@@ -22,6 +23,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr size_t kDaemonSessions = 64;  // the daemon's own limit, unless a flag changes it
+constexpr auto kStartTimeout = 60s;
 constexpr auto kOpenTimeout = 60s;
 constexpr auto kSettleTimeout = 5s;  // for the answers to the last ticks
 constexpr auto kPoll = 5ms;
@@ -92,11 +95,12 @@ class Bench {
  public:
   Bench(const BenchOptions& options, std::ostream& err)
       : options_(options), schedule_(schedule_of(options)), bar_(err, options.progress) {}
+  // Closes the streams before the daemon at their other end.
   ~Bench() { close_streams(); }
 
   Result<BenchJson> run() {
     for (const auto part :
-         {&Bench::read_scene, &Bench::upload_scene, &Bench::open_first, &Bench::open_rest, &Bench::measure})
+         {&Bench::read_scene, &Bench::find_daemon, &Bench::open_first, &Bench::open_rest, &Bench::measure})
       if (const Status done = (this->*part)(); !done) return tl::unexpected(done.error());
     return finish();
   }
@@ -118,8 +122,12 @@ class Bench {
     return {};
   }
 
-  Status upload_scene() {
-    auto client = Client::connect(options_.address, 5s);
+  Status find_daemon() {
+    address_ = options_.address;
+    daemon_pid_ = options_.daemon_pid;
+    if (options_.address.empty())
+      if (const Status started = start_daemon(); !started) return started;
+    auto client = Client::connect(address_, 5s);
     if (!client) return tl::unexpected(client.error());
     client_.emplace(std::move(*client));
     start_bytes_ = resident_bytes();
@@ -127,6 +135,33 @@ class Bench {
     auto uploaded = client_->upload_scene(scene_, 2min);
     if (!uploaded) return tl::unexpected(uploaded.error());
     scene_hash_ = uploaded->hash();
+    return {};
+  }
+
+  Status start_daemon() {
+    bar_.show("daemon", 0, 1);
+    if (scratch_.path().empty()) return fail(ErrorCode::kUnavailable, "", "no temporary folder can be made");
+    const std::filesystem::path folder = scratch_.path(), own = options_.program;
+    const std::string program =
+        options_.daemon.empty() ? (own.parent_path() / "sightlined").string() : options_.daemon;
+    const std::string ready = folder / "ready";
+    std::vector<std::string> flags{"--ready-file", ready, "--log-level", "warning", "--listen"};
+    if (options_.tcp)
+      flags.push_back("127.0.0.1:0");
+    else
+      flags.insert(flags.end(), {"none", "--listen-unix", folder / "daemon.sock"});
+    if (options_.world.sessions > kDaemonSessions &&
+        options_.daemon_flags.find("--max-sessions") == std::string::npos)
+      flags.insert(flags.end(), {"--max-sessions", std::to_string(options_.world.sessions)});
+    std::istringstream given(options_.daemon_flags);
+    for (std::string word; given >> word;) flags.push_back(word);
+    auto process = ChildProcess::start(program, flags, folder / "daemon.log");
+    if (!process) return tl::unexpected(process.error());
+    daemon_ = std::move(*process);
+    auto address = daemon_->wait_for_line(ready, kStartTimeout);
+    if (!address) return tl::unexpected(address.error());
+    address_ = *address;
+    daemon_pid_ = daemon_->pid();
     return {};
   }
 
@@ -149,7 +184,7 @@ class Bench {
     for (size_t i = first; i < until; ++i) {
       v1::OpenSession open = world_->open(i, scene_hash_);
       open.MergeFrom(settings_);
-      add_stream(options_.address, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
+      add_stream(address_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
     }
     for (size_t i = first; i < until; ++i) {
       bar_.show("open", i, options_.world.sessions);
@@ -284,7 +319,7 @@ class Bench {
       return static_cast<double>(used_ns) / span_ns * options_.window_s * 1e6 / ticks;
     };
     measured.generator_cpu_us = a_tick_us(after.own_ns - before.own_ns);
-    if (options_.daemon_pid != 0) measured.daemon_cpu_us = a_tick_us(after.daemon_ns - before.daemon_ns);
+    if (daemon_pid_ != 0) measured.daemon_cpu_us = a_tick_us(after.daemon_ns - before.daemon_ns);
     if (!has_echo()) return;
     measured.echo.emplace();
     for (const auto& echo : echoes_) measured.echo->add(echo->take_window(window));
@@ -295,14 +330,14 @@ class Bench {
   CpuTimes cpu_times() const {
     CpuTimes times{.at_ns = BenchStream::monotonic_ns()};
     if (const auto own = usage_of(getpid())) times.own_ns = own->cpu_ns;
-    if (options_.daemon_pid == 0) return times;
-    if (const auto usage = usage_of(options_.daemon_pid)) times.daemon_ns = usage->cpu_ns;
+    if (daemon_pid_ == 0) return times;
+    if (const auto usage = usage_of(daemon_pid_)) times.daemon_ns = usage->cpu_ns;
     return times;
   }
 
   size_t resident_bytes() const {
-    const auto usage = usage_of(options_.daemon_pid);
-    return options_.daemon_pid != 0 && usage ? usage->resident_bytes : 0;
+    const auto usage = usage_of(daemon_pid_);
+    return daemon_pid_ != 0 && usage ? usage->resident_bytes : 0;
   }
 
   static std::vector<BenchStream*> pointers(const Streams& streams) {
@@ -335,7 +370,7 @@ class Bench {
     BenchJson result = summarize(std::span(windows_).last(reported), load_json());
     result["stable"] = stable_;
     result["windows"]["seen"] = seen;
-    result["daemon_memory"] = options_.daemon_pid == 0 ? BenchJson(nullptr) : memory_json();
+    result["daemon_memory"] = daemon_pid_ == 0 ? BenchJson(nullptr) : memory_json();
     TickCounts ticks;
     std::string trouble;
     for (const auto& session : sessions_) {
@@ -353,7 +388,7 @@ class Bench {
 
   BenchJson load_json() const {
     const BenchWorldOptions& world = options_.world;
-    return {{"address", options_.address},
+    return {{"address", address_},
             {"sampler", opened_.sampler},
             {"sessions", world.sessions},
             {"rate_hz", world.rate_hz},
@@ -377,9 +412,13 @@ class Bench {
   const BenchOptions& options_;
   const BenchSchedule schedule_;
   ProgressBar bar_;
+  ScratchFolder scratch_;
   std::vector<std::byte> scene_;
   std::optional<BenchWorld> world_;
   v1::OpenSession settings_;  // nothing but settings and tuning
+  std::unique_ptr<ChildProcess> daemon_;
+  pid_t daemon_pid_ = 0;
+  std::string address_;  // of the daemon
   std::optional<Client> client_;
   std::string scene_hash_;
   BenchOpened opened_;

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 
 #include "client/bench/command.h"
@@ -99,7 +100,8 @@ int main(int argc, char** argv) {
   add_evaluate(app, evaluate);
 
   sightline::BenchOptions bench;
-  bench.address = sightline::kDefaultAddress;
+  std::error_code unknown;
+  bench.program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
   bench.progress = drive.progress;
   sightline::add_bench_flags(app, bench);
 

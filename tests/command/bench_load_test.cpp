@@ -6,7 +6,6 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -27,6 +26,9 @@ using Json = nlohmann::json;
 BenchOptions quick_options() {
   BenchOptions options;
   options.scene = "hall";
+  options.program = SIGHTLINE_PATH;
+  options.daemon = SIGHTLINED_PATH;
+  options.daemon_flags = "--sampler embree";
   options.warm_up_s = 0.0;
   options.window_s = 0.5;
   options.max_duration_s = 1.5;
@@ -158,19 +160,11 @@ TEST(BenchEcho, AnswersWithTheSequenceAndAsManyBytesAsAsked) {
   }
 }
 
-// --- the command
+// --- the command, with a daemon of its own
 
 class BenchCommandTest : public testing::Test {
  protected:
   BenchCommandTest() : options_(quick_options()) { options_.json = folder_ / "bench.json"; }
-  // Starts a daemon to load.
-  void start_daemon(const std::vector<std::string>& flags = {}) {
-    std::vector<std::string> all{"--sampler", "embree"};
-    all.insert(all.end(), flags.begin(), flags.end());
-    daemon_.emplace(all);
-    options_.address = daemon_->address();
-    options_.daemon_pid = daemon_->pid();
-  }
   int run() { return run_bench_command(options_, out_, err_); }
   Json json() const { return Json::parse(std::ifstream(options_.json)); }
   void expect_error(const std::string& part) {
@@ -181,7 +175,6 @@ class BenchCommandTest : public testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  std::optional<test::DaemonProcess> daemon_;
   BenchOptions options_;
   std::ostringstream out_, err_;
 };
@@ -199,7 +192,6 @@ TEST_F(BenchCommandTest, EveryTickIsAccountedForAndEveryStageHasItsFigures) {
   options_.world.moving = 4;
   options_.world.instances = 6;
   options_.sessions_per_channel = 2;
-  start_daemon();
   ASSERT_EQ(run(), 0) << err_.str();
   const Json result = json();
   expect_ticks_add_up(result.at("ticks"));
@@ -230,7 +222,6 @@ TEST_F(BenchCommandTest, TheEchoIsLoadedInTurnsWithMessagesOfTheSameSize) {
   ASSERT_TRUE(echo_server) << to_string(echo_server.error());
   options_.echo = (*echo_server)->address();
   options_.max_duration_s = 2.0;
-  start_daemon();
   ASSERT_EQ(run(), 0) << err_.str();
   const Json result = json(), echo = result.at("echo");
   expect_ticks_add_up(result.at("ticks"));
@@ -244,7 +235,8 @@ TEST_F(BenchCommandTest, TheEchoIsLoadedInTurnsWithMessagesOfTheSameSize) {
 TEST_F(BenchCommandTest, AnOverloadedServerMergesAndNothingIsLost) {
   options_.world.sessions = 4;
   options_.world.rate_hz = 1000.0;
-  start_daemon({"--threads", "1"});
+  options_.tcp = true;
+  options_.daemon_flags.append(" --threads 1");
   options_.settings = R"({"tuning": {"sample": {"points": 16, "resolution": 24}, "aggregate": {"candidates": 4096}}})";
   ASSERT_EQ(run(), 0) << err_.str();
   const Json result = json();
@@ -254,22 +246,23 @@ TEST_F(BenchCommandTest, AnOverloadedServerMergesAndNothingIsLost) {
   EXPECT_THAT(result.at("load").at("address").get<std::string>(), testing::StartsWith("127.0.0.1:"));
 }
 
-TEST_F(BenchCommandTest, ADaemonIsLoadedTwiceAndLeftRunning) {
-  start_daemon();
-  options_.daemon_pid = 0;
+TEST_F(BenchCommandTest, ADaemonThatRunsAlreadyIsLoadedAndLeftRunning) {
+  test::DaemonProcess daemon;
+  options_.address = daemon.address();
   ASSERT_EQ(run(), 0) << err_.str();
   EXPECT_TRUE(json().at("daemon_memory").is_null()) << "nobody said which process it is";
   ASSERT_EQ(run(), 0) << err_.str();
-  EXPECT_EQ(daemon_->stop(), 0);
+  EXPECT_EQ(daemon.stop(), 0);
 }
 
 TEST_F(BenchCommandTest, ADaemonThatDiesUnderTheLoadIsAnErrorAndNotAFigure) {
-  start_daemon();
+  test::DaemonProcess daemon;
+  options_.address = daemon.address();
   options_.max_duration_s = 600.0;
   options_.all_windows = true;
   std::thread killer([&] {
     std::this_thread::sleep_for(2s);
-    daemon_->kill_now();
+    daemon.kill_now();
   });
   expect_error("unavailable");
   killer.join();
@@ -279,10 +272,15 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   options_.scene = "atlantis";
   expect_error("not found: scene: \"atlantis\"");
   options_ = quick_options();
+  options_.daemon = "/nowhere/sightlined";
+  expect_error("not found: /nowhere/sightlined");
+  options_ = quick_options();
+  options_.daemon_flags = "--warp 9";
+  expect_error("--warp");
+  options_ = quick_options();
   options_.address = "unix:/nowhere.sock";
   expect_error("/nowhere.sock");
   options_ = quick_options();
-  start_daemon();
   options_.settings = "{\"tuning\": {\"sample\": {\"resolution\": 1}}}";
   expect_error("tuning.sample.resolution");
   options_.settings = "no JSON";
@@ -297,7 +295,7 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
 
 TEST_F(BenchCommandTest, SessionsThatAreRefusedForWantOfRoomAreNamed) {
   options_.world.sessions = 3;
-  start_daemon({"--max-sessions", "2"});
+  options_.daemon_flags.append(" --max-sessions 2");
   expect_error("resource exhausted: sessions: session 3 of 3 was refused");
 }
 

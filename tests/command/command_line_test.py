@@ -71,7 +71,8 @@ class CommandLineTest(unittest.TestCase):
                               ("dump", file.name, "--end", "soon"), ("replay", file.name, "--rate", "0"),
                               ("replay", file.name, "--sampler", "eyes"), ("report", file.name, "--cells", "some"),
                               ("compare", file.name), ("recover", file.name),
-                              ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "one")):
+                              ("bench", "--sessions", "0"), ("bench", "--rate", "fast"), ("bench", "--daemon-pid", "1"),
+                              ("bench", "--address", "unix:/nowhere", "--tcp")):
                 result = run(*arguments)
                 self.assertEqual(result.returncode, WRONG_FLAGS, arguments)
                 self.assertTrue(result.stderr, arguments)

@@ -21,7 +21,6 @@ class DaemonProcess {
 
   // "127.0.0.1:41234"
   const std::string& address() const { return address_; }
-  pid_t pid() const { return pid_; }
 
   void ask_to_stop();  // SIGTERM
   void kill_now();     // SIGKILL

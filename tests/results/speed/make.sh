@@ -27,20 +27,12 @@ SECONDS=0
 "$bin/speed_bench" --out "$raw" "${quick[@]}" | tee "$raw/log.txt"
 "$bin/load_bench" --csv "$raw/load.csv" "${sizes[@]}"
 
-# The name of the load, the daemon's sampler and the most seconds it may take; then flags for `sightline bench`. Each load
-# has a new daemon.
+# The name of the load and the most seconds it may take; then flags for `sightline bench`.
 load() {
-  local name=$1 sampler=$2 at_most=$3 daemon
-  shift 3
-  rm -f "$raw/daemon.ready"
-  "$bin/sightlined" --sampler "$sampler" --max-sessions 100 --listen none --listen-unix "$raw/daemon.sock" --log-level warning \
-    --ready-file "$raw/daemon.ready" 9>&- &
-  daemon=$!
-  until [ -s "$raw/daemon.ready" ] || ! kill -0 "$daemon" 2>/dev/null; do sleep 0.1; done
-  "$bin/sightline" bench --address "unix:$raw/daemon.sock" --daemon-pid "$daemon" --rate 60 --targets 2 --resolution 7 \
-    --candidates 343 --max-duration "$at_most" --json "$raw/service/$name.json" "$@" || echo "$name: not measured" >&2
-  kill "$daemon" 2>/dev/null || true
-  wait "$daemon" || true
+  local name=$1 at_most=$2
+  shift 2
+  "$bin/sightline" bench --rate 60 --targets 2 --resolution 7 --candidates 343 --max-duration "$at_most" --json "$raw/service/$name.json" "$@" ||
+    echo "$name: not measured" >&2
 }
 plain=(--preset paper --settings '{"settings":{"prediction_s":0},"tuning":{"bound":{"mode":"BOUND_MODE_HORIZON"},"aggregate":{"volume":"VOLUME_LATTICE","filter":{"mode":"FILTER_MODE_NONE"}},"move":{"strategy":"STRATEGY_BASIC"}}}')
 # The echo serves until its standard input, this pipe, is closed.
@@ -48,13 +40,13 @@ mkfifo "$raw/echo.stdin"
 "$bin/echo_server" "unix:$raw/echo.sock" <"$raw/echo.stdin" >"$raw/echo.address" &
 exec 9>"$raw/echo.stdin"
 until [ -s "$raw/echo.address" ]; do sleep 0.1; done
-load one-plain auto $lone_seconds --sessions 1 --window 5 "${plain[@]}" --points 0 --echo "unix:$raw/echo.sock"
-load one-default auto $lone_seconds --sessions 1 --window 5 --echo "unix:$raw/echo.sock"
+load one-plain $lone_seconds --sessions 1 --window 5 "${plain[@]}" --points 0 --echo "unix:$raw/echo.sock"
+load one-default $lone_seconds --sessions 1 --window 5 --echo "unix:$raw/echo.sock"
 exec 9>&-
-load fifty-plain auto $seconds --all-windows --sessions 50 "${plain[@]}" --points 8
-load hundred-plain auto $seconds --all-windows --sessions 100 "${plain[@]}" --points 8
-load hundred-default auto $seconds --all-windows --sessions 100
-load twenty-egl egl $seconds --sessions 20 "${plain[@]}" --points 0
+load fifty-plain $seconds --all-windows --sessions 50 "${plain[@]}" --points 8
+load hundred-plain $seconds --all-windows --sessions 100 "${plain[@]}" --points 8
+load hundred-default $seconds --all-windows --sessions 100
+load twenty-egl $seconds --sessions 20 "${plain[@]}" --points 0 --daemon-flags "--sampler egl"
 
 cp -r "$raw/rows.csv" "$raw/ratios.csv" "$raw/load.csv" "$raw/service" "$page/"
 samplers=$(grep -E '^(egl|embree): ' "$raw/log.txt" | sed 's/^[a-z]*: //' | paste -sd '|' | sed 's/|/ and /')
