@@ -3,15 +3,14 @@
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <sstream>
 #include <thread>
 
 #include "client/bench/command.h"
 #include "client/bench/generator.h"
+#include "client/bench/process.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
 #include "client/cpp/sightline_client.h"
@@ -65,25 +64,6 @@ BenchSchedule schedule_of(const BenchOptions& options) {
                         .window_s = options.window_s,
                         .warm_up_s = options.warm_up_s,
                         .echo = !options.echo.empty()});
-}
-
-// The resources that a process has used since its start.
-struct ProcessUsage {
-  int64_t cpu_ns = 0;  // user and system time of all threads
-  size_t resident_bytes = 0;
-};
-
-// kUnavailable when the process does not exist or belongs to another user.
-Result<ProcessUsage> usage_of(pid_t pid) {
-  clockid_t clock{};
-  timespec used{};
-  size_t total_pages = 0, resident_pages = 0;
-  std::ifstream statm("/proc/" + std::to_string(pid) + "/statm");
-  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &used) != 0 ||
-      !(statm >> total_pages >> resident_pages))
-    return fail(ErrorCode::kUnavailable, "pid", "there is no process " + std::to_string(pid) + " to watch");
-  return ProcessUsage{used.tv_sec * int64_t{1'000'000'000} + used.tv_nsec,
-                      resident_pages * static_cast<size_t>(sysconf(_SC_PAGESIZE))};
 }
 
 // CPU times of this process and of the daemon up to one moment.
