@@ -9,7 +9,6 @@
 #include "client/page/contact_sheet.h"
 #include "client/drive/comparison.h"
 #include "client/drive/page.h"
-#include "client/base/file_bytes.h"
 #include "client/truth/follow.h"
 #include "client/truth/metrics.h"
 #include "client/drive/player.h"
@@ -19,6 +18,7 @@
 #include "client/drive/trace.h"
 #include "client/base/wire_presets.h"
 #include "server/base/cpu_budget.h"
+#include "server/scene/confined_folder.h"
 
 namespace sightline {
 namespace {
@@ -72,7 +72,7 @@ class Drive {
   Status steer() {
     auto client = Client::connect(options_.server, 5s);
     if (!client) return tl::unexpected(client.error());
-    auto file = read_file(options_.scenario);
+    auto file = read_whole_file(options_.scenario, SIZE_MAX);
     if (!file) return tl::unexpected(file.error());
     scene_file_ = std::move(*file);
     const auto scene = client->upload_scene(scene_file_, 2min);

@@ -148,8 +148,8 @@ class Run {
     judge_words(scenario, played, *truths);
     for (size_t i = 0; i < truths->size(); ++i)
       if (const auto& picture = (*truths)[i].picture)
-        record_.pictures.push_back(
-            {played.frames[i].time_s, played.frames[i].camera.position_m, least_share(*picture)});
+        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m,
+                                    least_share(*picture), picture->fully_hidden(), played.tracking[i]});
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);

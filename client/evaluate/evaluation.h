@@ -45,6 +45,8 @@ struct JudgedPicture {
   double time_s = 0.0;
   glm::dvec3 camera_m{0.0};
   double least_visible_share = 0.0;  // of the target that is seen least
+  bool lost = false;                 // no pixel of any target is visible
+  std::optional<bool> tracking;      // whether the policy's status was TRACKING; none without a status
 };
 
 struct RunRecord {

@@ -20,7 +20,8 @@ namespace sightline {
 //                tracking_while_half_hidden
 //   motion.h     goal_jumps_per_s
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
-// One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least.
+// One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least, and
+// as 0 or 1 whether no pixel of any target was visible (lost) and whether the status was TRACKING (empty without a status).
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);

@@ -26,7 +26,7 @@ struct FreeWay {
   uint64_t target_id = 0;
 };
 // The shortest free way of at most `reach_m` in the present state of `world`; none when there is none. `body_radius_m` > 0: cells
-// are as large, but at least 0.1 m. Time and memory grow with the cube of reach_m / body_radius_m: about 0.2 s and 1 MB at 50.
+// are as large, but at least 0.1 m. Time and memory grow with the cube of reach_m / body_radius_m: in the open, less than 0.1 s and 1 MB at 50.
 std::optional<FreeWay> find_free_way(const ScenarioWorld& world, const glm::dvec3& from_m, double body_radius_m,
                                      double reach_m);
 
