@@ -75,7 +75,7 @@ void RaycastPolicy::list_candidates(const Bound& bound, const glm::dvec3& desire
 Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
   const glm::dvec3 from = camera_.pose.position_m;
   const double body = swept_radius_m(site_.limits, lens_);
-  const double brake = braking_distance_m(site_.limits.max_speed_mps, site_.limits);
+  const double brake = braking_distance_m({site_.limits.max_speed_mps, 0, 0}, site_.limits);
   colliders_.gather(world_->mirror(), from,
                     2 * bound.radius_m + site_.limits.max_speed_mps * kMaxStepS + brake + 2 * body, {});
   StraightWays ways(colliders_, from, body);
@@ -84,7 +84,7 @@ Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
 }
 
 void RaycastPolicy::travel(const Choice& choice, double dt_s) {
-  glm::dvec3 wanted = clamp_velocity(camera_, glm::dvec3(0.0), site_.limits, dt_s);
+  glm::dvec3 wanted = clamp_velocity(camera_.velocity_mps, glm::dvec3(0.0), site_.limits, dt_s);
   if (choice.candidate >= 0) {
     const glm::dvec3 with =
         choice.reason == MoveReason::kAtDesiredPlace ? center_velocity_mps_ : glm::dvec3(0.0);

@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <span>
 
 #include "server/move/motion.h"
-#include "server/move/stop_path.h"
 
 namespace sightline {
 namespace {
@@ -53,16 +51,19 @@ class SafetyCheck {
 
   // Returns whether the path is free for the step and for braking after it.
   bool is_safe(const glm::dvec3& velocity) {
-    const StopPath stop(moved(camera_, velocity, dt_s_), limits_);
-    if (!stop.bends()) return is_free(camera_.pose.position_m, stop.end_m());
-    return is_free(camera_.pose.position_m, straight_stop_m(velocity)) && is_free(camera_.pose.position_m, stop.corners_m()[0]) &&
-           follows(stop.corners_m());
+    const double speed = glm::length(velocity);
+    if (speed < 1e-9) return true;
+    const double reach = speed * dt_s_ + braking_distance_m(velocity, limits_);
+    const glm::dvec3 from = camera_.pose.position_m;
+    return field_.is_free(from, from + velocity * (reach / speed), sweep_m_, blocker_);
   }
 
   // The velocity without its component into the surface in the way.
   glm::dvec3 along_surface(const glm::dvec3& velocity) const {
     const glm::dvec3 from = camera_.pose.position_m;
-    const glm::dvec3 to = straight_stop_m(velocity);
+    const double speed = glm::length(velocity);
+    const double reach = speed * dt_s_ + braking_distance_m(velocity, limits_);
+    const glm::dvec3 to = from + velocity * (reach / std::max(speed, 1e-9));
     const glm::dvec3 stop = from + (to - from) * field_.free_fraction(from, to, sweep_m_);
     glm::dvec3 surface;
     if (!field_.nearest(stop, sweep_m_ + 0.1, surface)) return velocity;
@@ -80,29 +81,16 @@ class SafetyCheck {
   // The least clearance after the step and at the end of braking after it.
   double room_m(const glm::dvec3& velocity) const {
     const glm::dvec3 next = camera_.pose.position_m + velocity * dt_s_;
-    const double reach_m = clearance_reach_m(body_m_);
-    const StopPath stop(moved(camera_, velocity, dt_s_), limits_);
-    return std::min(field_.clearance_m(next, reach_m), field_.clearance_m(stop.end_m(), reach_m));
+    const double speed = glm::length(velocity), reach_m = clearance_reach_m(body_m_);
+    const glm::dvec3 stop = speed > 1e-9 ? next + velocity * (braking_distance_m(velocity, limits_) / speed) : next;
+    return std::min(field_.clearance_m(next, reach_m), field_.clearance_m(stop, reach_m));
   }
 
   glm::dvec3 limited(const glm::dvec3& wanted) const {
-    return clamp_velocity(camera_, wanted, limits_, dt_s_);
+    return clamp_velocity(camera_.velocity_mps, wanted, limits_, dt_s_);
   }
 
  private:
-  bool is_free(const glm::dvec3& from, const glm::dvec3& to) { return field_.is_free(from, to, sweep_m_, blocker_); }
-  bool follows(std::span<const glm::dvec3> corners) {
-    for (size_t i = 1; i < corners.size(); ++i)
-      if (!is_free(corners[i - 1], corners[i])) return false;
-    return true;
-  }
-  // The position of rest when the camera brakes straight ahead after the step.
-  glm::dvec3 straight_stop_m(const glm::dvec3& velocity) const {
-    const double speed = glm::length(velocity);
-    const double reach = speed * dt_s_ + braking_distance_m(speed, limits_);
-    return camera_.pose.position_m + velocity * (reach / std::max(speed, 1e-9));
-  }
-
   const CameraState& camera_;
   const CameraLimits& limits_;
   const ClearanceField& field_;
@@ -150,7 +138,7 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
       if (distance > 1e-6) velocity += (there - surface) * ((keep - distance) / distance / kEvadeS[look]);
     }
   }
-  return velocity == wanted_mps ? wanted_mps : clamp_velocity(camera, velocity, limits, dt_s);
+  return clamp_velocity(camera.velocity_mps, velocity, limits, dt_s);
 }
 
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,

@@ -31,7 +31,7 @@ SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, cons
 inline constexpr std::array<double, 3> kEvadeS = {0.12, 0.24, 0.4};
 using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, from gather_movers
 
-// Changes `wanted_mps`, which must obey the limits already, so that the body is clear of moving colliders at each of kEvadeS. The result obeys the limits. Call make_safe next;
+// Changes `wanted_mps` so that the body is clear of moving colliders at each of kEvadeS. The result obeys the limits. Call make_safe next;
 // it takes care of the colliders as they are now.
 glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
                  const Lens& lens, const MoversAhead& movers, double dt_s);

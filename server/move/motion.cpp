@@ -110,18 +110,21 @@ Status validate(const CameraLimits& limits, const Lens& lens) {
   return {};
 }
 
-glm::dvec3 clamp_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
-                          double dt_s, double response_s) {
+glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
+                          double dt_s) {
+  return limit_rate(present, wanted, limits.max_speed_mps, limits.max_acceleration_mps2 * dt_s);
+}
+
+glm::dvec3 steer_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, double response_s,
+                          double dt_s) {
   const glm::dvec3& present = camera.velocity_mps;
   const double jerk = limits.max_jerk_mps3, share = response_s > dt_s ? dt_s / response_s : 1.0;
-  const glm::dvec3 plain = limit_rate(present, present + share * (wanted_mps - present), limits.max_speed_mps,
-                                      limits.max_acceleration_mps2 * dt_s);
-  if (jerk <= 0 || dt_s <= 0) return plain;
-  const bool too_fast = glm::length(present) > limits.max_speed_mps * kOverMaximum;
-  const glm::dvec3 wanted = too_fast ? (plain - present) / dt_s
-                                     : fading_acceleration(present, limit_length(wanted_mps, limits.max_speed_mps), limits, dt_s, response_s);
+  if (jerk <= 0 || dt_s <= 0 || glm::length(present) > limits.max_speed_mps * kOverMaximum)
+    return clamp_velocity(present, present + share * (wanted_mps - present), limits, dt_s);
+  const glm::dvec3 wanted = fading_acceleration(present, limit_length(wanted_mps, limits.max_speed_mps), limits, dt_s, response_s);
   const glm::dvec3 limited = limit_rate(camera.acceleration_mps2, wanted, limits.max_acceleration_mps2, jerk * dt_s);
-  return present + (too_fast ? limited : within_speed(camera, limited, limits, dt_s)) * dt_s;
+  // The last clamp matters only after a step that the limit of the jerk did not hold for.
+  return clamp_velocity(present, present + within_speed(camera, limited, limits, dt_s) * dt_s, limits, dt_s);
 }
 
 CameraState moved(const CameraState& camera, const glm::dvec3& velocity_mps, double dt_s) {
@@ -140,11 +143,11 @@ glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
   if (distance > 1e-9) {
     wanted += error * (arrival_speed_mps(distance, limits, dt_s) / distance);
   }
-  return clamp_velocity(camera, wanted, limits, dt_s);
+  return steer_velocity(camera, wanted, limits, 0.0, dt_s);
 }
 
-double braking_distance_m(double speed_mps, const CameraLimits& limits) {
-  return speed_mps * speed_mps / (2 * limits.max_acceleration_mps2) + speed_mps * onset_s(limits);
+double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& limits) {
+  return glm::dot(velocity_mps, velocity_mps) / (2 * limits.max_acceleration_mps2);
 }
 
 double arrival_speed_mps(double distance_m, const CameraLimits& limits, double dt_s) {

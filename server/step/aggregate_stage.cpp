@@ -179,8 +179,6 @@ void Aggregation::smooth_what_passes() {
   memory_.smoother.update(memory_.lattice, sights_.on_lattice, step_.move_s,
                           filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                           scratch_.hidden_by.by_passing);
-  memory_.staying.update(memory_.lattice, sights_.on_lattice, step_.move_s, settings_.staying_memory_s,
-                         scratch_.hidden_by.by_staying);
 }
 
 }  // namespace

@@ -39,7 +39,6 @@ struct CandidateMemory {
   Lattice lattice;
   TemporalVolume volume;   // which targets were seen from the lattice's cells
   OcclusionSmoother smoother;  // share of the targets that moving occluders have hidden there
-  OcclusionSmoother staying;   // the same for all other occluders
 };
 
 // The past poses of one target, from which its motion is predicted.

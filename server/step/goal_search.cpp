@@ -15,7 +15,7 @@ constexpr double kAllHidden = 0.999;
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
 constexpr double kRouteRoomM = 0.05;
 // Length of the trail that a lost camera examines.
-constexpr double kTrailReachM = 12.0;
+constexpr double kTrailReachM = 16.0;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
@@ -73,17 +73,16 @@ Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
 
 // The velocity towards the end of the leg, no faster than allows the camera to stop at the goal. It changes with the
 // time constant response_s.
-glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, double urgency) {
-  const MoveSettings& settings = step.input.settings.move;
-  const double response_s = std::lerp(settings.calm_response_s, settings.move_response_s, urgency);
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
+  const double response_s = step.input.settings.move.move_response_s;
   const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
   const double distance_m = glm::length(way_m);
   glm::dvec3 wanted_mps = with_mps;
   if (distance_m > 1e-9) {
     const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
-    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(settings.approach_ratio * response_s, 2 * step.move_s)) / distance_m);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
   }
-  return clamp_velocity(step.camera, wanted_mps, step.input.limits, step.move_s, response_s);
+  return steer_velocity(step.camera, wanted_mps, step.input.limits, response_s, step.move_s);
 }
 
 // The newest reachable position of the targets' trail; empty if none is reachable.
@@ -94,6 +93,12 @@ std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
                                               in.step.input.settings.move.min_distance_m);
   if (!to_m) return std::nullopt;
   return Leg{*to_m, glm::distance(from_m, *to_m)};
+}
+
+// A goal at the desired position, or where the bound ends on the way to it, moves with the targets; any other goal is fixed in the
+// world. The last candidate is that position (aggregate).
+bool leads_to_desired(const MoveInput& in, const Goal& goal) {
+  return glm::distance(goal.position_m, in.sights.position_m.back()) < in.carried.candidates.lattice.spacing_m();
 }
 
 }  // namespace
@@ -117,7 +122,7 @@ Goal choose_goal(const MoveInput& in, MoveScratch& scratch) {
   CostWeights weights = settings.cost;
   if (targets_stand(in.step)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
   std::optional<glm::dvec3> former_goal_m = in.carried.goal_m;
-  if (former_goal_m) *former_goal_m += settings.goal_travel * in.step.move_s * group_velocity_mps(in.step);
+  if (former_goal_m) *former_goal_m += group_velocity_mps(in.step) * in.step.move_s;
   const CandidateCosts costs({.position_m = position_m,
                           .hidden = in.sights.hidden,
                           .spacing_m = spacing_m,
@@ -135,30 +140,12 @@ glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratc
   if (goal.lost) {
     if (const auto leg = leg_to_trail(in, scratch.trail_colliders)) {
       goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
-      return velocity_along(in.step, *leg, glm::dvec3(0.0), 1.0);
+      return velocity_along(in.step, *leg, glm::dvec3(0.0));
     }
   }
   Leg leg{in.step.camera.pose.position_m, 0};
   if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
-  // A goal at the desired position moves with the targets; any other goal is fixed in the world.
-  const bool travels = goal.choice.reason == MoveReason::kAtDesiredPlace;
-  const MoveSettings& settings = in.step.input.settings.move;
-  const double stake = in.sights.hidden[in.sights.own_candidate] - settings.cost.tolerance;
-  const double urgency = settings.urgent_share > 0 ? std::clamp(stake / settings.urgent_share, 0.0, 1.0) : 1.0;
-  glm::dvec3 with_mps(0.0);
-  if (travels) {
-    with_mps = group_velocity_mps(in.step);
-  } else if (settings.forward > 0) {
-    // The part of the targets' velocity that leads on to the desired position.
-    const glm::dvec3 beyond_m = in.desired_m - goal.position_m;
-    const glm::dvec3 way_m = leg.to_m - in.step.camera.pose.position_m;
-    const double far_m = glm::length(beyond_m);
-    if (glm::dot(beyond_m, way_m) > 0 && far_m > 1e-6) {
-      leg.length_m += glm::dot(beyond_m, way_m) / glm::length(way_m) * settings.reach_m;
-      with_mps = settings.forward * group_velocity_mps(in.step);
-    }
-  }
-  return velocity_along(in.step, leg, with_mps, urgency);
+  return velocity_along(in.step, leg, leads_to_desired(in, goal) ? group_velocity_mps(in.step) : glm::dvec3(0.0));
 }
 
 }  // namespace sightline

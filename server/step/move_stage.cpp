@@ -54,7 +54,7 @@ Choice choose(const MoveInput& in, MoveScratch& scratch) {
 glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   const CameraState& camera = in.step.camera;
   const CameraLimits& limits = in.step.input.limits;
-  if (choice.candidate < 0) return clamp_velocity(camera, glm::dvec3(0.0), limits, in.step.move_s);
+  if (choice.candidate < 0) return steer_velocity(camera, glm::dvec3(0.0), limits, 0.0, in.step.move_s);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
   return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
@@ -140,7 +140,7 @@ void gather_colliders(const StepContext& step, const Bound& bound, Surroundings&
   const glm::dvec3 position_m = step.camera.pose.position_m;
   const double body_m = swept_radius_m(limits, step.lens);
   const double reach_m = 2 * bound.radius_m + limits.max_speed_mps * step.move_s +
-                         2 * braking_distance_m(limits.max_speed_mps, limits);
+                         braking_distance_m(glm::dvec3(limits.max_speed_mps, 0, 0), limits);
   surroundings.colliders.gather(step.input.scene, position_m,
                                 std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m, {});
   for (size_t look = 0; look < kEvadeS.size(); ++look)
