@@ -23,7 +23,9 @@ void add_seeds(const CatalogEntry& entry, const std::string& name, SceneRequest 
   for (int seed = 1; seed <= seeds; ++seed) {
     request.seed = static_cast<uint64_t>(seed);
     const auto load = [&entry, request](GeometryStore& store) -> Result<Scenario> {
-      const auto asset = read_gltf(entry.make(request), nullptr, store);
+      const auto bytes = entry.make(request);
+      if (!bytes) return tl::unexpected(bytes.error());
+      const auto asset = read_gltf(*bytes, nullptr, store);
       if (!asset) return tl::unexpected(asset.error());
       return Scenario::from_asset(*asset);
     };

@@ -66,10 +66,11 @@ Status make_recording(const Options& options, const std::string& path) {
   const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
   if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
   const auto glb = entry->make({});
+  if (!glb) return tl::unexpected(glb.error());
   const auto sampler = make_sampler(options.sampler, options.threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   LocalWorld world("", *sampler);
-  const auto asset = world.scenes.add_uploaded(glb);
+  const auto asset = world.scenes.add_uploaded(*glb);
   if (!asset) return tl::unexpected(asset.error());
   const auto scenario = Scenario::from_asset(*asset);
   if (!scenario) return tl::unexpected(scenario.error());
