@@ -26,10 +26,12 @@ enum class SceneGroup {
   kStudy,   // one difficulty each: what the results page shows
   kLevels,  // rooms, halls and storeys of plain boxes
   kTiles,   // the same levels of the tiles of a folder
+  kSituations,  // one unusual use each: a lift, a maze, a car in streets, targets that part
 };
-std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles"
+std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "situations"
 std::optional<SceneGroup> find_group(std::string_view name);
-inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels, SceneGroup::kTiles};
+inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels, SceneGroup::kTiles,
+                                             SceneGroup::kSituations};
 
 struct CatalogEntry {
   std::string name;  // also the file's name, before ".glb"

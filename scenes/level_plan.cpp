@@ -12,6 +12,10 @@ namespace {
 constexpr double kSharpestCosine = -0.1;  // a turn of 96 degrees
 constexpr double kFromWall_m = 2.2;       // a corner in a room keeps this far from the middle of its walls
 
+LevelRoom any_of(const std::vector<LevelRoom>& rooms, CounterRandom& random) {
+  return rooms[random.next_below(static_cast<uint32_t>(rooms.size()))];
+}
+
 // A corner in a room that the path can take between two doors without a sharp turn.
 bool fits(const glm::dvec2& before, const glm::dvec2& in, const glm::dvec2& p, const glm::dvec2& out, const glm::dvec2& after) {
   return length(p - in) > 1.2 && length(out - p) > 1.2 && turn_cosine(before, in, p) > kSharpestCosine &&
@@ -22,7 +26,8 @@ bool fits(const glm::dvec2& before, const glm::dvec2& in, const glm::dvec2& p, c
 
 LevelPlan::LevelPlan(int rooms_x, int rooms_z, int tiles, CounterRandom& random)
     : rooms_x_(rooms_x), rooms_z_(rooms_z), tiles_(tiles), walls_(static_cast<size_t>(2 * rooms_x * rooms_z)) {
-  for (Wall& wall : walls_) wall.door = 1 + static_cast<int>(random.next_below(static_cast<uint32_t>(tiles - 1)));
+  for (Wall& wall : walls_)
+    if (tiles > 1) wall.door = 1 + static_cast<int>(random.next_below(static_cast<uint32_t>(tiles - 1)));
 }
 
 double LevelPlan::room_m() const {
@@ -68,20 +73,24 @@ std::vector<LevelRoom> LevelPlan::rooms() const {
   return all;
 }
 
-void LevelPlan::open_some(double share, CounterRandom& random) {
-  const auto any_of = [&](const std::vector<LevelRoom>& some) { return some[random.next_below(static_cast<uint32_t>(some.size()))]; };
-  // A random walk that opens the wall by which it enters a room for the first time: every tree of doors is equally probable.
+// A random walk that opens the wall by which it enters a room for the first time (Aldous, "The random walk construction of uniform spanning
+// trees", 1990).
+void LevelPlan::open_tree(CounterRandom& random) {
   std::vector<LevelRoom> visited{{0, 0}};
   for (LevelRoom here{0, 0}; visited.size() < rooms().size();) {
-    const LevelRoom next = any_of(neighbours(here));
+    const LevelRoom next = any_of(neighbours(here), random);
     if (std::find(visited.begin(), visited.end(), next) == visited.end()) {
       open(here, next);
       visited.push_back(next);
     }
     here = next;
   }
+}
+
+void LevelPlan::open_some(double share, CounterRandom& random) {
+  open_tree(random);
   for (const LevelRoom& room : rooms()) {
-    while (reachable(room).size() < 2) open(room, any_of(neighbours(room)));
+    while (reachable(room).size() < 2) open(room, any_of(neighbours(room), random));
     for (const LevelRoom& next : neighbours(room))
       if (next.i + next.j > room.i + room.j && random.next_unit() < share) open(room, next);
   }
@@ -97,7 +106,7 @@ std::vector<LevelRoom> wander(const LevelPlan& plan, const LevelRoom& first, siz
     auto least = visits(choices[0]);
     for (const LevelRoom& room : choices) least = std::min(least, visits(room));
     std::erase_if(choices, [&](const LevelRoom& room) { return visits(room) > least; });
-    route.push_back(choices[random.next_below(static_cast<uint32_t>(choices.size()))]);
+    route.push_back(any_of(choices, random));
   }
   return route;
 }

@@ -16,8 +16,9 @@ struct LevelRoom {
 
 class LevelPlan {
  public:
-  // Rooms of `tiles` x `tiles` tiles, tiles >= 2; room (i, j) covers [i, i + 1] x [j, j + 1] times room_m(), to the middle of its walls.
-  // Chooses the position of the doorway in each wall, and shuts them all.
+  // Rooms of `tiles` x `tiles` tiles; room (i, j) covers [i, i + 1] x [j, j + 1] times room_m(), to the middle of its walls.
+  // Chooses the position of the doorway in each wall, and shuts them all. With tiles == 1 there is no room for doorways: open walls are
+  // left out altogether.
   LevelPlan(int rooms_x, int rooms_z, int tiles, CounterRandom& random);
 
   int rooms_x() const { return rooms_x_; }
@@ -29,8 +30,9 @@ class LevelPlan {
   // `a` and `b` are neighbours.
   bool is_open(const LevelRoom& a, const LevelRoom& b) const { return wall(a, b).open; }
   void open(const LevelRoom& a, const LevelRoom& b) { wall(a, b).open = true; }
-  // Opens walls until every room can be reached from every other and has two doors or more, and then each further wall with
-  // probability `share`.
+  // Opens walls until there is exactly one way from every room to every other; every such tree is equally probable.
+  void open_tree(CounterRandom& random);
+  // The same, then walls until every room has two doors or more, and then each further wall with probability `share`.
   void open_some(double share, CounterRandom& random);
   // The middle of the doorway between two neighbours, on a corner of tiles.
   glm::dvec2 door_between(const LevelRoom& a, const LevelRoom& b) const;

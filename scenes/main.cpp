@@ -67,7 +67,7 @@ int main(int argc, char** argv) {
   std::string group = "study";
   app.add_option("--tiles", request.tiles,
                  "folder of the tile set, for the scenes tile-...; default: the environment variable SIGHTLINE_TILES");
-  app.add_option("--group", group, "scenes to make when none is named: study, levels or tiles")
+  app.add_option("--group", group, "scenes to make when none is named: study, levels, tiles or situations")
       ->check([](const std::string& name) { return find_group(name) ? "" : "no group '" + name + "'; see --list"; })
       ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");
