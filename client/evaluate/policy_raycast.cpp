@@ -95,6 +95,7 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
   const glm::dvec3 before_m = world_->targets_center_m();
   world_->set_time(time_s);
   update_views();
+  PolicyStep step;
   if (dt_s > 0) {
     center_velocity_mps_ = (world_->targets_center_m() - before_m) / dt_s;
     const Bound bound = bound_camera(camera_, site_.limits, settings_.bound, horizon_s_, dt_s);
@@ -106,8 +107,11 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
     horizon_s_ *= choice.status == MoveStatus::kTracking ? 1 / factor : factor;
     horizon_s_ = std::clamp(horizon_s_, settings_.bound.horizon_s, settings_.bound.max_horizon_s);
     travel(choice, dt_s);
+    if (choice.candidate >= 0) step.goal_m = candidates_.position_m[static_cast<size_t>(choice.candidate)];
   }
-  return PolicyStep{.camera = camera_.pose, .lens = lens_, .reports = {}};
+  step.camera = camera_.pose;
+  step.lens = lens_;
+  return step;
 }
 
 }  // namespace sightline
