@@ -1,5 +1,5 @@
-// Levels: rooms, halls and storeys on a grid of 4 m, furnished, with one to four targets that walk through them. They stand for the levels
-// of games, which are composed of the parts of a set: walls 1 m thick and 4 m high, doorways 1.9 m wide, windows, pillars and furniture.
+// Levels: furnished rooms, halls and storeys on a grid of 4 m, with one to four targets that walk through them. They are built as levels of
+// games are, from the parts of a set: walls 1 m thick and 4 m high, doorways 1.9 m wide, windows, pillars and furniture.
 #pragma once
 
 #include <cstddef>
@@ -21,12 +21,12 @@ struct LevelOptions {
 
 // 4 x 3 rooms, 8 m from wall to wall; every room has two doors or more. A .glb file, as of the other two.
 std::vector<std::byte> make_level_rooms(const LevelOptions& options, const PartMeshes& parts);
-// 2 x 2 halls of 20 m with pillars every 4 m where they do not stand in the way, and openings 2.5 m wide and as high as the walls.
+// 2 x 2 halls of 20 m. Pillars stand every 4 m, except in the targets' way. Openings are 2.5 m wide and as high as the walls.
 std::vector<std::byte> make_level_halls(const LevelOptions& options, const PartMeshes& parts);
-// The same rooms; two targets leave the first one by two doors, walk through parallel rows of rooms with a wall between them, meet again
-// behind the last one and go on together. `walk` has no meaning.
+// The same rooms. Two targets leave the first room by different doors and walk through parallel rows of rooms with a wall between them. They
+// meet again at the end of the rows and go on together. `walk` has no meaning.
 std::vector<std::byte> make_level_parted(const LevelOptions& options, const PartMeshes& parts);
-// Two storeys of 3 x 2 rooms of 12 m and two flights of stairs (level_storeys.cpp). `walk` is kOne or kRow. `roofed` is about the upper one.
+// Two storeys of 3 x 2 rooms of 12 m, and two flights of stairs. `walk` is kOne or kRow. `roofed` puts a ceiling on the upper storey.
 std::vector<std::byte> make_level_storeys(const LevelOptions& options, const PartMeshes& parts);
 
 }  // namespace sightline::scenes

@@ -1,5 +1,5 @@
-// Targets on open ground, where nothing but the camera's own limits and rules keeps it from seeing all: one that is faster than the camera,
-// two that part, one that leaves for good, one that jumps, and a camera that starts inside a wall.
+// Situations in which no wall hides a target. One target is faster than the camera; two part from each other; one leaves for good; one jumps.
+// In the last scene the camera starts inside a wall.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@ struct PartingOptions {
   double duration_s = 60.0;  // [50, 600]
   bool for_good = false;     // the second target leaves at 8 m/s instead and does not come back
 };
-// Two targets walk side by side for 8 s, part until they are 60 m from each other after 28 s, stay so for 6 s, and come back.
+// Two targets walk side by side for 8 s. At 28 s they are 60 m apart; they stay there for 6 s and come back.
 std::vector<std::byte> make_parting(const PartingOptions& options);
 
 struct TeleportOptions {

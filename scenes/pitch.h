@@ -1,5 +1,5 @@
-// Pitch: a football pitch of 105 m x 68 m with 22 players and a ball. Two of them run over the pitch and pass the ball to each other; they
-// and the ball are the targets, the other 20 move with the game and occlude. It tests targets of different sizes and quick changes of place.
+// Pitch: a football pitch of 105 m x 68 m with 22 players and a ball. Two players run and pass the ball to each other. These two and the ball
+// are the targets. The other 20 players move with the game and occlude. It tests a small, fast target beside large ones.
 #pragma once
 
 #include <cstddef>
