@@ -17,8 +17,9 @@ struct Sample {
   double fastest_mps;
 };
 
-// From `from` (not included) to `to` in pieces of at most kSample_m.
-void append_straight(std::vector<Sample>& samples, const glm::dvec2& from, const glm::dvec2& to, double fastest_mps) {
+// From the last sample to `to` in pieces of at most kSample_m.
+void append_straight(std::vector<Sample>& samples, const glm::dvec2& to, double fastest_mps) {
+  const glm::dvec2 from = samples.back().p;
   const int pieces = std::max(1, static_cast<int>(std::ceil(length(to - from) / kSample_m)));
   for (int k = 1; k <= pieces; ++k) samples.push_back({from + (to - from) * (static_cast<double>(k) / pieces), fastest_mps});
 }
@@ -37,13 +38,13 @@ std::vector<Sample> rounded(const Polyline& line, const DriveLimits& limits) {
   std::vector<Sample> samples{{line[0], limits.cruise_mps}};
   for (size_t k = 1; k < line.size(); ++k) {
     if (k + 1 == line.size()) {
-      append_straight(samples, samples.back().p, line[k], limits.cruise_mps);
+      append_straight(samples, line[k], limits.cruise_mps);
       break;
     }
     const glm::dvec2 in = line[k] - line[k - 1], out = line[k + 1] - line[k];
     const double radius = std::min({limits.corner_radius_m, length(in) / 2, length(out) / 2});
     const glm::dvec2 from = line[k] - in * (radius / length(in)), to = line[k] + out * (radius / length(out));
-    append_straight(samples, samples.back().p, from, limits.cruise_mps);
+    append_straight(samples, from, limits.cruise_mps);
     append_corner(samples, from, line[k], to, std::min(limits.cruise_mps, std::sqrt(limits.lateral_mps2 * radius * 2 / 3)));
   }
   return samples;
