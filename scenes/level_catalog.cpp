@@ -22,7 +22,7 @@ constexpr std::array<Variant, 14> kVariants{{
     {"rooms-row", "the rooms, two targets one behind the other", make_level_rooms, {.walk = LevelWalk::kRow}},
     {"rooms-beside", "the rooms, two targets side by side", make_level_rooms, {.walk = LevelWalk::kBeside}},
     {"rooms-crossing", "the rooms, two targets that change sides", make_level_rooms, {.walk = LevelWalk::kCrossing}},
-    {"rooms-parted", "the rooms, two targets parted by a wall for 20 s", make_level_parted, {}},
+    {"rooms-parted", "the rooms, two targets parted by a wall for 12 to 16 s", make_level_parted, {}},
     {"rooms-four", "the rooms, two pairs", make_level_rooms, {.walk = LevelWalk::kFour}},
     {"roofed-one", "the rooms under a ceiling, one target", make_level_rooms, {.walk = LevelWalk::kOne, .roofed = true}},
     {"roofed-row", "the rooms under a ceiling, two targets one behind the other", make_level_rooms, {.walk = LevelWalk::kRow, .roofed = true}},

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "scenes/catalog.h"
@@ -154,6 +155,94 @@ TEST_P(EveryLevel, StartsTheCameraInFreeSpaceWithEveryTargetInSight) {
     EXPECT_LE(std::abs(in_view.y), -in_view.z * 0.364) << role.name;
     const RayFilter filter{.ignored_slots = targets};
     EXPECT_EQ(occluders.trace(camera.position_m, glm::vec3(chest - camera.position_m), 0, 1, filter).slot, UINT32_MAX) << role.name;
+  }
+}
+
+// Furniture is placed by the sizes in the table, so no part may be larger.
+void expect_furniture_fits(const PartMeshes& parts) {
+  for (auto k = static_cast<size_t>(kFirstFurniture); k < kPartCount; ++k) {
+    const PartKind& kind = kind_of(static_cast<Part>(k));
+    ASSERT_FALSE(parts[k].indices.empty()) << kind.name;
+    for (const glm::vec3& p : parts[k].positions) {
+      EXPECT_LE(std::abs(p.x), kind.half_m.x + 0.01) << kind.name;
+      EXPECT_LE(std::abs(p.z), kind.half_m.y + 0.01) << kind.name;
+      EXPECT_GE(p.y, -0.01) << kind.name;
+      EXPECT_LE(p.y, kind.height_m + 0.01) << kind.name;
+    }
+  }
+}
+
+TEST(LevelParts, OfBoxesAreNoLargerThanTheTableSays) {
+  expect_furniture_fits(block_parts());
+}
+
+TEST(LevelParts, OfTilesAreNoLargerThanTheTableSays) {
+  if (tiles_folder("").empty()) GTEST_SKIP() << "no folder of tiles: " << kTilesVariable << " is not set";
+  const auto parts = read_tiles(tiles_folder(""));
+  ASSERT_TRUE(parts) << to_string(parts.error());
+  expect_furniture_fits(*parts);
+}
+
+TEST(LevelParts, OfAFolderWithoutTilesAreRefusedWithItsName) {
+  const auto parts = read_tiles("no-such-folder");
+  ASSERT_FALSE(parts);
+  EXPECT_EQ(parts.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(parts.error().message, testing::HasSubstr("no-such-folder"));
+}
+
+TEST(Levels, OfTilesHaveTheWalksAndTheFurnitureOfThoseOfBoxes) {
+  if (tiles_folder("").empty()) GTEST_SKIP() << "no folder of tiles: " << kTilesVariable << " is not set";
+  for (const CatalogEntry* entry : scenes_of(SceneGroup::kLevels)) {
+    const Stage boxes(*entry->make({.seed = 3})), tiles(*find_scene("tile-" + entry->name.substr(6))->make({.seed = 3}));
+    ASSERT_EQ(boxes.asset().nodes.size(), tiles.asset().nodes.size()) << entry->name;
+    for (size_t n = 0; n < boxes.asset().nodes.size(); ++n) {
+      EXPECT_EQ(boxes.asset().nodes[n].name, tiles.asset().nodes[n].name) << entry->name;
+      EXPECT_EQ(boxes.asset().nodes[n].translation_m, tiles.asset().nodes[n].translation_m) << entry->name;
+    }
+    for (const Role& role : boxes.with_role("target"))
+      for (double time_s = 0; time_s < boxes.duration_s(); time_s += 1.0)
+        EXPECT_EQ(boxes.pose_of(role, time_s).position_m, tiles.pose_of(role, time_s).position_m) << entry->name;
+  }
+}
+
+TEST(Levels, LeadTheirTargetsThroughAtLeastFourRooms) {
+  for (const char* name : {"level-rooms-one", "level-rooms-four", "level-roofed-row", "level-rooms-parted"}) {
+    const Stage stage(*find_scene(name)->make({.seed = 5}));
+    for (const Role& role : stage.with_role("target")) {
+      std::set<std::pair<int, int>> rooms;
+      for (double time_s = 0; time_s < stage.duration_s(); time_s += 0.25) {
+        const glm::dvec3 p = stage.pose_of(role, time_s).position_m;
+        rooms.insert({static_cast<int>(p.x / 8), static_cast<int>(p.z / 8)});
+      }
+      EXPECT_GE(rooms.size(), 4u) << name << " " << role.name;
+    }
+  }
+}
+
+TEST(Levels, PartTheirTwoTargetsByAWall) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    Stage stage(*find_scene("level-rooms-parted")->make({.seed = seed}));
+    const std::vector<Role> targets = stage.with_role("target");
+    double parted_s = 0;
+    for (double time_s = 0; time_s < stage.duration_s(); time_s += 0.25) {
+      const glm::dvec3 a = stage.pose_of(targets[0], time_s).position_m, b = stage.pose_of(targets[1], time_s).position_m;
+      parted_s += a.z < 7.5 && b.z > 8.5 ? 0.25 : 0.0;  // in rows 0 and 1
+    }
+    EXPECT_GE(parted_s, 9) << "seed " << seed;
+    EXPECT_LT(glm::distance(stage.pose_of(targets[0], 38).position_m, stage.pose_of(targets[1], 38).position_m), 6);
+  }
+}
+
+TEST(Levels, OfTwoStoreysLeadUpAndDownAgain) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    const Stage stage(*find_scene("level-storeys-one")->make({.seed = seed}));
+    const Role role = stage.with_role("target")[0];
+    double highest_m = 0;
+    for (double time_s = 0; time_s < stage.duration_s(); time_s += 0.25)
+      highest_m = std::max(highest_m, stage.pose_of(role, time_s).position_m.y);
+    EXPECT_GT(highest_m, 4) << "seed " << seed;
+    EXPECT_LT(highest_m, 4.3) << "seed " << seed;
+    EXPECT_LT(stage.pose_of(role, stage.duration_s()).position_m.y, 4) << "on the way down, or down; seed " << seed;
   }
 }
 
