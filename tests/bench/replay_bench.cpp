@@ -92,7 +92,7 @@ Status make_recording(const Options& options, const std::string& path) {
   Status done = (*writer)->write(open, kStartNs);
   if (done) done = (*writer)->write((*session)->opened(), kStartNs);
   if (done)
-    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb.data()), glb.size()}},
+    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb->data()), glb->size()}},
                              kStartNs);
   const auto ticks = static_cast<uint64_t>(options.minutes * 60 * kRateHz);
   const auto loop_ticks = std::max<uint64_t>(1, static_cast<uint64_t>(scenario->duration_s() * kRateHz));
