@@ -23,9 +23,9 @@ struct SceneRequest {
 };
 
 enum class SceneGroup {
-  kStudy,   // one difficulty each: what the results page shows
-  kLevels,  // rooms, halls and storeys of plain boxes
-  kTiles,   // the same levels of the tiles of a folder
+  kStudy,       // one difficulty each: what the results page shows
+  kLevels,      // rooms, halls and storeys of plain boxes
+  kTiles,       // the same levels of the tiles of a folder
   kSituations,  // one unusual use each: a lift, a maze, a car in streets, targets that part
 };
 std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "situations"

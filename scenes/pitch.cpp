@@ -42,7 +42,8 @@ glm::dvec2 runner_m(const TimedPath& game, int which, double time_s) {
 
 // Where the others stand when the game is in the middle.
 glm::dvec2 home_of(int player) {
-  static constexpr std::array<glm::dvec2, 10> kHalf{{{-48, 0}, {-34, -20}, {-36, -7}, {-36, 7}, {-34, 20}, {-16, -22}, {-20, -6}, {-18, 8}, {-15, 21}, {-5, 3}}};
+  static constexpr std::array<glm::dvec2, 10> kHalf{{{-48, 0}, {-34, -20}, {-36, -7}, {-36, 7}, {-34, 20},
+                                                        {-16, -22}, {-20, -6}, {-18, 8}, {-15, 21}, {-5, 3}}};
   const glm::dvec2 home = kHalf[static_cast<size_t>(player % 10)];
   return player < 10 ? home : glm::dvec2(-home.x, -home.y);
 }
