@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "client/scenario/scenario_limits.h"
 #include "client/truth/free_way.h"
 #include "server/sample/embree_sampler.h"
 
@@ -89,6 +90,9 @@ class Run {
     const auto start = std::chrono::steady_clock::now();
     auto scenario = load_case(scene_, shared_);
     if (!scenario) return tl::unexpected(scenario.error());
+    const auto limits = limits_of(*scenario);
+    if (!limits) return in_scene(scene_, limits.error());
+    limits_ = *limits;
     record_.scene = scene_.name;
     record_.seed = scene_.seed;
     record_.policy = policy_.name;
@@ -109,7 +113,7 @@ class Run {
 
   Result<Played> play(const Scenario& scenario) {
     PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
-                    shared_.extents, CameraLimits{}, 1 / options_.rate_hz, scene_.seed};
+                    shared_.extents, limits_,         1 / options_.rate_hz, scene_.seed};
     auto policy = policy_.make(site);
     if (!policy) return tl::unexpected(policy.error());
     const auto ticks =
@@ -143,7 +147,7 @@ class Run {
     };
     const auto truths = judge(scenario, shared_.store, shared_.device, played.frames, judging);
     if (!truths) return tl::unexpected(truths.error());
-    record_.metrics = summarize(scenario, played.frames, *truths, CameraLimits{});
+    record_.metrics = summarize(scenario, played.frames, *truths, limits_);
     record_.target_count = record_.metrics.targets.size();
     judge_words(scenario, played, *truths);
     for (size_t i = 0; i < truths->size(); ++i)
@@ -153,7 +157,7 @@ class Run {
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
-    record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, CameraLimits{});
+    record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
     judge_against_targets(**world, played);
     return {};
   }
@@ -196,6 +200,7 @@ class Run {
   const int threads_;
   Shared& shared_;
   const std::function<void(double)> progress_;
+  CameraLimits limits_;  // of the scenario
   RunRecord record_;
 };
 

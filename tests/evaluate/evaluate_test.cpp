@@ -15,6 +15,7 @@
 #include "client/evaluate/evaluation_tables.h"
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
+#include "scenes/catalog.h"
 #include "scenes/glb_writer.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
@@ -304,7 +305,7 @@ TEST_F(EvaluateCommand, SaysWhichSettingIsWrong) {
   }
 }
 
-TEST(EvaluateCases, WithoutNamesAreEverySceneAtEverySeed) {
+TEST(EvaluateCases, WithoutNamesAreEverySceneOfTheStudyAtEverySeed) {
   EvaluateOptions options;
   options.seeds = 2;
   const auto cases = cases_of(options);
@@ -321,6 +322,34 @@ TEST(EvaluateCases, WithoutNamesAreEverySceneAtEverySeed) {
     if (scene.name != "arena-7") continue;
     EXPECT_EQ(scene.load(store)->targets().size(), 7u);
   }
+}
+
+TEST(EvaluateCases, OfAGroupAreItsScenesFromTheFirstSeedOn) {
+  EvaluateOptions options;
+  options.groups = {"levels"};
+  options.seeds = 2;
+  options.first_seed = 101;
+  const auto cases = cases_of(options);
+  ASSERT_TRUE(cases);
+  ASSERT_EQ(cases->size(), 2 * scenes::scenes_of(scenes::SceneGroup::kLevels).size());
+  EXPECT_EQ((*cases)[0].name, "level-rooms-one");
+  EXPECT_EQ((*cases)[0].seed, 101u);
+  EXPECT_EQ((*cases)[1].seed, 102u);
+  GeometryStore store;
+  const auto scenario = (*cases)[1].load(store);
+  ASSERT_TRUE(scenario);
+  EXPECT_NE(scenario->asset().hash, (*cases)[0].load(store)->asset().hash) << "another seed, another level";
+}
+
+TEST(EvaluateCases, SayWhichGroupOrFolderIsMissing) {
+  EvaluateOptions options;
+  options.groups = {"no-such-group"};
+  ASSERT_FALSE(cases_of(options));
+  EXPECT_EQ(cases_of(options).error().field, "group");
+  options.groups = {"tiles"};
+  options.tiles = "no-such-folder";
+  ASSERT_FALSE(cases_of(options));
+  EXPECT_EQ(cases_of(options).error().field, "tiles");
 }
 
 // Every line of the settings file, by name.
