@@ -32,6 +32,11 @@ struct WantedShot {
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
+
+  // The chosen viewpoint; empty while the client's shot is kept.
+  std::optional<size_t> other_viewpoint() const {
+    return viewpoint && *viewpoint != asked_viewpoint ? viewpoint : std::nullopt;
+  }
 };
 
 // Visibility from each candidate over the last steps.

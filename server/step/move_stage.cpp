@@ -69,12 +69,30 @@ double next_horizon_s(const MoveInput& in, MoveStatus status) {
   return all_seen ? in.carried.horizon_s / factor : in.carried.horizon_s * factor;
 }
 
+// See Decision::view_way_m. `routes` must have settled the candidate; strategies that have no routes pass null.
+std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, RouteFinder* routes) {
+  if (choice.candidate < 0) return std::nullopt;
+  const auto goal = static_cast<uint32_t>(choice.candidate);
+  const std::span<const uint32_t> seen = in.sights.candidates.filtered();
+  const auto sees = [&](uint32_t candidate) { return (seen[candidate] & in.step.targets.steered) != 0; };
+  glm::dvec3 at_m = in.step.camera.pose.position_m;
+  if (!routes)
+    return sees(goal) ? std::optional(glm::distance(at_m, in.sights.candidates.position_m[goal])) : std::nullopt;
+  double way_m = 0.0;
+  for (const uint32_t node : routes->to(goal)) {
+    way_m += glm::distance(at_m, in.sights.position_m[node]);
+    at_m = in.sights.position_m[node];
+    if (sees(node)) return way_m;
+  }
+  return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_m) : std::nullopt;
+}
+
 struct Course {
   Choice choice;
   glm::dvec3 wanted_mps{0.0};
 };
 
-// Chooses the candidate to go to and the velocity. Sets the horizon and the goal.
+// Chooses the candidate to go to and the velocity. Sets the horizon, the goal, and what is expected to be seen on the way.
 Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
   const bool by_goal = weighs_hidden(in.step.input);
   Goal goal;
@@ -87,9 +105,15 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
     }
   }
   decision.horizon_s = next_horizon_s(in, goal.choice.status);
-  if (!by_goal) return {goal.choice, velocity_to(in, goal.choice)};
-  const glm::dvec3 wanted_mps = velocity_to_goal(in, goal, scratch);
+  const glm::dvec3 wanted_mps = by_goal ? velocity_to_goal(in, goal, scratch) : velocity_to(in, goal.choice);
+  decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.routes : nullptr);
+  decision.sees_none = by_goal ? goal.lost : !decision.view_way_m;
   return {goal.choice, wanted_mps};
+}
+
+// More than by rounding.
+bool differ(const glm::dvec3& a_mps, const glm::dvec3& b_mps) {
+  return glm::distance(a_mps, b_mps) > 1e-6;
 }
 
 void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
@@ -98,6 +122,9 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   CameraState& camera = decision.camera;
   const glm::dvec3 evading_mps = evade(camera, wanted_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
   const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
+  decision.wanted_mps = wanted_mps;
+  decision.evading = differ(evading_mps, wanted_mps);
+  decision.deflected = differ(safe.velocity_mps, evading_mps);
   decision.body_overlap = safe.overlap;
   if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
   camera.velocity_mps = safe.velocity_mps;

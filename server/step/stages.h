@@ -72,7 +72,6 @@ struct TakenMaps {
 // The number of a target's sight points that are visible from `position_m`.
 struct OwnSight {
   uint32_t seen = 0, points = 0;
-  uint32_t occluder = kNoOccluder;  // mirror slot of the instance that hides the first hidden point
   double share() const { return points > 0 ? static_cast<double>(seen) / points : 0.0; }
 };
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m);
@@ -91,6 +90,13 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
                        ViewpointScratch& scratch);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
+
+// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
+// rest.
+inline constexpr double kPredictedShare = 0.5;
+
+// The position itself if it is in the bound, else the nearest one in the bound.
+glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m);
 
 struct AggregateInput {
   const StepContext& step;
@@ -141,6 +147,9 @@ Decision decide(const MoveInput& input, MoveScratch& scratch);
 void list_all_visible(const MoveInput& input, MoveScratch& scratch);
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
+
+// From this hidden share on, a candidate counts as seeing nothing.
+inline constexpr double kAllHidden = 0.999;
 
 struct Goal {
   Choice choice;

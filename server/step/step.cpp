@@ -121,7 +121,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   glm::dvec3 desired_m(0.0);
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
+    const std::optional<size_t> before = carried_.shot.other_viewpoint();
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
+    dump_.new_shot = carried_.shot.other_viewpoint() != before;
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
@@ -138,7 +140,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
 
-  StepResult result = report_step(*work.input, dump_, taken, carried_.shares);
+  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts}, carried_.shares);
   result.stage_ns = work.stage_ns;
   return result;
 }

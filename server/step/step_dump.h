@@ -108,7 +108,11 @@ struct Decision {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   int chosen_candidate = -1;  // -1: none
-  bool body_overlap = false;
+  // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
+  std::optional<double> view_way_m;
+  bool sees_none = false;      // no candidate that can be reached sees any target
+  glm::dvec3 wanted_mps{0.0};  // the velocity that leads to the goal, before collisions are avoided
+  bool body_overlap = false, evading = false, deflected = false;  // as StepFlags
   CameraState camera;  // at the end of the step
   TurnState turn;
   double vertical_fov_rad = 0.0;
@@ -122,6 +126,7 @@ struct StepDump {
   SamplePlan plan;
   std::vector<DepthMap> maps;  // by request of the plan
   CandidateSights sights;
+  bool new_shot = false;  // the viewpoint search chose another shot
   Surroundings surroundings;
   Decision decision;
 };
