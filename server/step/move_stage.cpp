@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 
+#include "server/move/keep_together.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -131,13 +132,34 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera.pose.position_m += safe.velocity_mps * in.step.move_s;
 }
 
+// Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture cannot
+// hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets).
+Aim choose_aim(const MoveInput& in, Decision& decision) {
+  const StepContext& step = in.step;
+  const FramingSettings& framing = step.input.settings.framing;
+  const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
+  const glm::dvec3 eye_m = decision.camera.pose.position_m;
+  const ViewAngles& present = decision.turn.angles;
+  const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
+  if (step.input.settings.move.follow != Follow::kStay) return all;
+  const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
+  if (all.fits && former == step.targets.steered) return all;
+  const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
+    return fits_picture(eye_m, kept, present, lens, room, true);
+  };
+  const uint32_t kept = keep_together(targets, eye_m, former, std::cref(fit));
+  if (kept == step.targets.steered) return all;
+  decision.not_aimed_at = dropped_ids(step.targets, kept);
+  TargetMemory memory;
+  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, framing);
+}
+
 void turn(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
   const FramingSettings& framing = step.input.settings.framing;
   CameraState& camera = decision.camera;
   Aim aim{decision.turn.angles, step.lens.vertical_fov_rad, true};
-  if (step.targets.steered != 0)
-    aim = aim_at(camera.pose.position_m, step.targets.tracked_targets, decision.turn.angles, step.lens, framing);
+  if (step.targets.steered != 0) aim = choose_aim(in, decision);
   const glm::dquat before = camera.pose.rotation;
   decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, framing.aim_response_s, step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
@@ -158,6 +180,7 @@ Decision unmoved(const MoveInput& in) {
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
   if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m;
+  if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
   return decision;
 }
 

@@ -25,6 +25,10 @@ void remember_share(const TakenMaps& taken, size_t target, const Pose& pose, con
   shares.add(target, seen, inside);
 }
 
+bool contains(const TargetIds& ids, uint64_t id) {
+  return std::find(ids.begin(), ids.end(), id) != ids.end();
+}
+
 TargetSight sight_of(const ReportInput& step, size_t target, const Lens& lens, const ShareWindow& shares) {
   const StepDump& dump = step.dump;
   const Pose& pose = dump.decision.camera.pose;
@@ -37,6 +41,7 @@ TargetSight sight_of(const ReportInput& step, size_t target, const Lens& lens, c
   sight.picture_share = picture_share(step, target, lens);
   sight.filtered_visible = dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
   sight.in_picture = in_picture(pose, lens, aim_m);
+  sight.given_up = contains(step.given_up, sight.id) || contains(dump.decision.not_aimed_at, sight.id);
   sight.distance_m = glm::distance(pose.position_m, aim_m);
   list_occlusions(step, target, sight);
   sight.forecast = forecast_sight(step, target, sight.filtered_share);

@@ -12,6 +12,7 @@ struct ReportInput {
   const StepDump& dump;
   const TakenMaps& taken;
   std::span<const TargetPast> pasts;
+  const TargetIds& given_up;
 };
 
 // Adds the visible shares in the picture of the returned pose to `shares`.

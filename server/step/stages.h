@@ -34,6 +34,9 @@ struct StepContext {
 
 // The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
+// The steered targets as a mask, without those of an earlier step's list; and the list of the steered ones outside the mask.
+uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
+TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
 // True if no steered target moves.
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.

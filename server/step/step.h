@@ -78,6 +78,7 @@ struct TargetSight {
   double picture_share = 0.0;     // part of the target's image that lies inside the picture, hidden or not, [0, 1]
   bool filtered_visible = false;  // visible from the camera's position after the temporal filter
   bool in_picture = false;        // the aim point is
+  bool given_up = false;          // the camera does not try to show it, because it stands too far apart from other targets
   double distance_m = 0.0;
   InlineVector<Occlusion, kMaxOcclusions> occlusions;  // greatest share first; of equal ones the lower mirror slot
   std::optional<SightForecast> forecast;               // empty: nothing is predicted in this step

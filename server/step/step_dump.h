@@ -22,13 +22,18 @@
 
 namespace sightline {
 
+using TargetIds = InlineVector<uint64_t, kMaxTargets>;
+
 // Before the first stage: the targets as they are now. Lists are in the order of the input.
 struct TargetsNow {
   std::vector<TrackedTarget> tracked_targets;
   std::vector<uint64_t> ids;
   std::vector<double> sight_weights;                 // weight of seeing each target
   std::vector<std::vector<uint32_t>> ignored_slots;  // mirror slots of instances that never occlude each target
-  uint32_t steered = 0;                              // bit i: target i has a weight
+  uint32_t weighted = 0;                             // bit i: target i has a weight
+  // Bit i: the camera moves for target i. Targets with a weight that stand too far apart from the others are given up; their
+  // weight in `tracked_targets` and `sight_weights` is 0.
+  uint32_t steered = 0;
 };
 
 // Surface points of the targets, and the maps that are taken from them. A point has one or more maps that cover the
@@ -118,6 +123,7 @@ struct Decision {
   double vertical_fov_rad = 0.0;
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;
+  TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };
 
 struct StepDump {

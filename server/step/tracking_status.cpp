@@ -34,10 +34,10 @@ class StatusFinder {
       : step_(step), decision_(step.dump.decision), targets_(step.dump.targets), lens_(lens), result_(result) {}
 
   void find() {
-    if (targets_.steered == 0) return set(TrackingStatus::kHolding);
+    if (targets_.weighted == 0) return set(TrackingStatus::kHolding);
     if (sees_required()) return set(TrackingStatus::kTracking);
-    if (any_steered([&](size_t i) { return glimpses(result_.targets[i]); })) return set(TrackingStatus::kPartialView);
-    if (any_steered([&](size_t i) { return result_.targets[i].visible_share > 0; })) return turn_to_view();
+    if (any_of(targets_.weighted, [&](size_t i) { return glimpses(result_.targets[i]); })) return set(TrackingStatus::kPartialView);
+    if (any_of(targets_.steered, [&](size_t i) { return result_.targets[i].visible_share > 0; })) return turn_to_view();
     if (decision_.view_way_m) return move_to_view();
     const SightCounts& counts = step_.dump.sights.counts;
     const bool any_candidate = counts.all_visible + counts.some_visible > 0;
@@ -55,14 +55,14 @@ class StatusFinder {
   }
 
   template <typename Test>
-  bool any_steered(Test test) const {
+  bool any_of(uint32_t mask, Test test) const {
     for (size_t i = 0; i < result_.targets.size(); ++i)
-      if ((targets_.steered >> i & 1u) != 0 && test(i)) return true;
+      if ((mask >> i & 1u) != 0 && test(i)) return true;
     return false;
   }
   bool sees_required() const {
-    const bool any_required = any_steered([&](size_t i) { return targets_.tracked_targets[i].required; });
-    return !any_steered([&](size_t i) {
+    const bool any_required = any_of(targets_.weighted, [&](size_t i) { return targets_.tracked_targets[i].required; });
+    return !any_of(targets_.weighted, [&](size_t i) {
       return (targets_.tracked_targets[i].required || !any_required) && !sees(result_.targets[i]);
     });
   }

@@ -105,6 +105,7 @@ void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraRepl
   target.set_picture_share(sight.picture_share);
   target.set_distance(sight.distance_m / metres_per_unit);
   target.set_in_picture(sight.in_picture);
+  target.set_given_up(sight.given_up);
   for (const Occlusion& occlusion : sight.occlusions) {
     v1::Occluder& occluder = *target.add_occluders();
     occluder.set_id(occlusion.id);

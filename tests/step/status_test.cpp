@@ -209,7 +209,7 @@ TEST(Status, IsBlockedWhenTheWayIsKnownButTheBodyIsStopped) {
     dump.decision.camera.velocity_mps = velocity_mps;
     dump.decision.deflected = deflected;
     r.blocked_by = 0;
-    set_tracking_status({input, dump, taken, world.stepper.carried().pasts}, world.lens, r);
+    set_tracking_status({input, dump, taken, world.stepper.carried().pasts, {}}, world.lens, r);
     return r.status;
   };
   EXPECT_EQ(status_of({2, 0, 0}, false), TrackingStatus::kSeeking);
