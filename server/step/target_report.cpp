@@ -1,5 +1,5 @@
-// What a step reports of one target beside its shares: the instances that hide it, the part of it that is inside the
-// picture, and what is expected to be seen of it soon.
+// The parts of a target's report besides its shares: the instances that hide it, the part of it that is inside the
+// picture, and its expected visibility.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,8 +26,8 @@ void count_hidden_point(uint32_t slot, SlotCounts& counts) {
 
 // ---- the picture ----
 
-// How far a sphere's centre is inside the picture's sides, by the nearest of their planes, in radii: from 1 on the whole
-// sphere is inside, up to -1 nothing of it is.
+// Distance from a sphere's centre to the nearest side of the picture's frustum, in radii, positive inside. From 1 on the
+// whole sphere is inside; at -1 and below it is outside.
 double inside_radii(const Pose& pose, const Lens& lens, const glm::dvec3& center_m, double radius_m) {
   const glm::dvec3 p = inverse_transform_point(pose, center_m);
   const auto inside_m = [&](double aside, double half_rad) {

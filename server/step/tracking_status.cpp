@@ -1,5 +1,5 @@
-// The status of a step: which targets the camera sees, and if it sees none, whether it is on the way to a view of them,
-// and what is in the way.
+// The status of a step. It says which targets the camera sees. If the camera sees none, it says whether the camera is on
+// the way to a view, and what is in the way.
 #include <algorithm>
 #include <cmath>
 #include <limits>
