@@ -277,6 +277,12 @@ glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dv
   return center + outwards * distance;
 }
 
+glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const MoveSettings& settings) {
+  const glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
+  const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
+  return weighted_center_m(targets) + glm::normalize(with_elevation(offset, elevation)) * settings.max_distance_m;
+}
+
 PlaceLimits::PlaceLimits(std::span<const TrackedTarget> targets, const MoveSettings& settings)
     : targets_(targets),
       settings_(settings),

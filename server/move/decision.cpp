@@ -30,15 +30,21 @@ std::string_view explain(MoveReason reason) {
   return "";
 }
 
-std::string_view to_string(MoveStatus status) {
+std::string_view to_string(TrackingStatus status) {
   switch (status) {
-    case MoveStatus::kTracking:
+    case TrackingStatus::kTracking:
       return "tracking";
-    case MoveStatus::kPartial:
-      return "partial";
-    case MoveStatus::kEscaping:
-      return "escaping";
-    case MoveStatus::kHolding:
+    case TrackingStatus::kPartialView:
+      return "partial_view";
+    case TrackingStatus::kSeeking:
+      return "seeking";
+    case TrackingStatus::kBlocked:
+      return "blocked";
+    case TrackingStatus::kWaiting:
+      return "waiting";
+    case TrackingStatus::kLost:
+      return "lost";
+    case TrackingStatus::kHolding:
       return "holding";
   }
   return "";

@@ -200,7 +200,8 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
   if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
   if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;
   const Affine there = world_from_instance_ahead(instance, ahead_s), back = inverse(there);
-  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back)});
+  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back),
+                  slot});
 }
 
 void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -343,6 +344,24 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
     return true;
   });
   return free / way.length_m;
+}
+
+std::optional<uint32_t> ClearanceField::first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m,
+                                                     double radius_m) const {
+  const Way way(from_m, to_m, radius_m);
+  if (!(way.length_m > kTouchM)) return std::nullopt;
+  double free = way.length_m;
+  std::optional<uint32_t> first;
+  for_each_beside(way, [&](size_t index) {
+    sweep(
+        at(index), way, [&] { return free; },
+        [&](const WorldTriangle& t) {
+          const double moved = sweep_triangle(way.from_m, way.direction, free, radius_m, t);
+          if (moved < free) free = moved, first = at(index).slot;
+        });
+    return true;
+  });
+  return first;
 }
 
 bool ClearanceField::meets(const Collider& collider, const Way& way) const {

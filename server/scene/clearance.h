@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,9 @@ class ClearanceField {
   // in the way, if any. Paths from one point are mostly blocked by the same collider. Any number is valid at first.
   bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
+  // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as fast as is_free.
+  std::optional<uint32_t> first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
+
   // The number of colliders within the requested reach.
   size_t collider_count() const;
 
@@ -51,6 +55,7 @@ class ClearanceField {
     glm::dvec3 center_m;  // of the bounding sphere
     double radius_m;
     double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
+    uint32_t slot;       // in the mirror
   };
   // Describes standing_: the mirror's static colliders within reach_m of center_m, without ignored ones.
   struct Gathered {

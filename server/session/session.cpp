@@ -20,8 +20,8 @@ tl::unexpected<Error> below(const std::string& prefix, Error error) {
   return tl::unexpected(std::move(error));
 }
 
-// The lens at its widest zoom; the body must contain the corners of its near plane.
-Lens widest(const Lens& lens, const FramingSettings& framing) {
+// The widest of the lens and its zoom. The body must contain the corners of its near plane.
+Lens lens_for_body(const Lens& lens, const FramingSettings& framing) {
   Lens wide = lens;
   if (zooms(framing)) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
   return wide;
@@ -32,7 +32,7 @@ Status check_options(const SessionOptions& options) {
   if (Status ok = check_pose(options.camera, "open.camera"); !ok) return ok;
   if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
   if (Status ok = validate(options.settings); !ok) return below("open.", ok.error());
-  if (Status ok = validate(options.limits, widest(options.lens, options.settings.framing)); !ok)
+  if (Status ok = validate(options.limits, lens_for_body(options.lens, options.settings.framing)); !ok)
     return below("open.limits.", ok.error());
   if (options.label.size() > kMaxLabelBytes)
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(options.label.size()));
@@ -176,7 +176,7 @@ Status Session::check_terms(const TickInput& tick) const {
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(settings); !ok) return below("tick.", ok.error());
-  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, lens_for_body(lens, settings.framing));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
   return invalid(tick.lens ? "tick.lens" : "tick.settings.max_vertical_fov_rad",

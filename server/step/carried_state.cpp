@@ -13,6 +13,8 @@ void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& veloc
   state.horizon_s = 0.0;
   state.goal_m.reset();
   state.shares.forget();
+  state.given_up.clear();
+  state.not_aimed_at.clear();
   state.viewpoints.forget();
 }
 

@@ -13,9 +13,11 @@
 #include "server/aggregate/viewpoint_map.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
+#include "server/base/inline_vector.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/trail.h"
+#include "server/scene/target.h"
 
 namespace sightline {
 
@@ -32,6 +34,11 @@ struct WantedShot {
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
+
+  // The chosen viewpoint; empty while the client's shot is kept.
+  std::optional<size_t> other_viewpoint() const {
+    return viewpoint && *viewpoint != asked_viewpoint ? viewpoint : std::nullopt;
+  }
 };
 
 // Visibility from each candidate over the last steps.
@@ -61,10 +68,13 @@ struct CarriedState {
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   ShareWindow shares;                // recent visible shares of the targets
+  // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
+  InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take
+  InlineVector<uint64_t, kMaxTargets> not_aimed_at;  // from where it is
 };
 
-// Puts the camera at `pose`, as at the start or at a cut. Resets the wanted shot, the horizon, the goal and the results
-// of the viewpoint search.
+// Puts the camera at `pose`, as at the start or at a cut. Resets the wanted shot, the horizon, the goal, the targets that
+// were given up and the results of the viewpoint search.
 void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
 // Puts the camera at `pose` without a cut. The wanted shot stays.
 void observe_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);

@@ -10,8 +10,6 @@
 namespace sightline {
 namespace {
 
-// From this hidden share on, a candidate counts as seeing nothing.
-constexpr double kAllHidden = 0.999;
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
 constexpr double kRouteRoomM = 0.05;
 // Length of the trail that a lost camera examines.

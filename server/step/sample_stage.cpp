@@ -269,12 +269,8 @@ double TakenMaps::falls_short_m(uint32_t sight, const glm::dvec3& position_m) co
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m) {
   const MapRange& sights = taken.plan.now.sights_of_target[target];
   OwnSight own{.points = sights.count};
-  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
-    const bool visible = taken.falls_short_m(k, position_m) <= 0;
-    own.seen += visible;
-    if (!visible && own.occluder == kNoOccluder)
-      own.occluder = taken.maps[taken.plan.now.first_sight + k].occluder_at(0, 0);
-  }
+  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k)
+    own.seen += taken.falls_short_m(k, position_m) <= 0;
   return own;
 }
 

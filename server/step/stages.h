@@ -34,6 +34,9 @@ struct StepContext {
 
 // The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
+// The steered targets as a mask, without those of an earlier step's list; and the list of the steered ones outside the mask.
+uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
+TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
 // True if no steered target moves.
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
@@ -72,7 +75,6 @@ struct TakenMaps {
 // The number of a target's sight points that are visible from `position_m`.
 struct OwnSight {
   uint32_t seen = 0, points = 0;
-  uint32_t occluder = kNoOccluder;  // mirror slot of the instance that hides the first hidden point
   double share() const { return points > 0 ? static_cast<double>(seen) / points : 0.0; }
 };
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m);
@@ -91,6 +93,13 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
                        ViewpointScratch& scratch);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
+
+// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
+// rest.
+inline constexpr double kPredictedShare = 0.5;
+
+// The position itself if it is in the bound, else the nearest one in the bound.
+glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m);
 
 struct AggregateInput {
   const StepContext& step;
@@ -141,6 +150,9 @@ Decision decide(const MoveInput& input, MoveScratch& scratch);
 void list_all_visible(const MoveInput& input, MoveScratch& scratch);
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
+
+// From this hidden share on, a candidate counts as seeing nothing.
+inline constexpr double kAllHidden = 0.999;
 
 struct Goal {
   Choice choice;

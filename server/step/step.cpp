@@ -114,6 +114,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   // Nothing can fail from here on, so the changes of `begin` are stored now.
   carried_.zoom = work.opening.zoom;
   carried_.shot = work.opening.shot;
+  carried_.given_up = work.opening.given_up;
   carried_.horizon_s = horizon_s(carried_, work.input->settings.bound);
   carried_.pasts.swap(work.opening.pasts);
   if (step.targets.steered != 0) carried_.trail.pass(step.center_m());
@@ -121,7 +122,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   glm::dvec3 desired_m(0.0);
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
+    const std::optional<size_t> before = carried_.shot.other_viewpoint();
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
+    dump_.new_shot = carried_.shot.other_viewpoint() != before;
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
@@ -137,8 +140,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.zoom.vertical_fov_rad = dump_.decision.vertical_fov_rad;
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
+  carried_.not_aimed_at = dump_.decision.not_aimed_at;
 
-  StepResult result = report_step(*work.input, dump_, taken, carried_.shares);
+  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
   result.stage_ns = work.stage_ns;
   return result;
 }

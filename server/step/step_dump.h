@@ -22,13 +22,18 @@
 
 namespace sightline {
 
+using TargetIds = InlineVector<uint64_t, kMaxTargets>;
+
 // Before the first stage: the targets as they are now. Lists are in the order of the input.
 struct TargetsNow {
   std::vector<TrackedTarget> tracked_targets;
   std::vector<uint64_t> ids;
   std::vector<double> sight_weights;                 // weight of seeing each target
   std::vector<std::vector<uint32_t>> ignored_slots;  // mirror slots of instances that never occlude each target
-  uint32_t steered = 0;                              // bit i: target i has a weight
+  uint32_t weighted = 0;                             // bit i: target i has a weight
+  // Bit i: the camera moves for target i. Targets with a weight that stand too far apart from the others are given up; their
+  // weight in `tracked_targets` and `sight_weights` is 0.
+  uint32_t steered = 0;
 };
 
 // Surface points of the targets, and the maps that are taken from them. A point has one or more maps that cover the
@@ -108,12 +113,17 @@ struct Decision {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   int chosen_candidate = -1;  // -1: none
-  bool body_overlap = false;
+  // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
+  std::optional<double> view_way_m;
+  bool sees_none = false;      // no candidate that can be reached sees any target
+  glm::dvec3 wanted_mps{0.0};  // the velocity that leads to the goal, before collisions are avoided
+  bool body_overlap = false, evading = false, deflected = false;  // as StepFlags
   CameraState camera;  // at the end of the step
   TurnState turn;
   double vertical_fov_rad = 0.0;
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;
+  TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };
 
 struct StepDump {
@@ -122,6 +132,7 @@ struct StepDump {
   SamplePlan plan;
   std::vector<DepthMap> maps;  // by request of the plan
   CandidateSights sights;
+  bool new_shot = false;  // the viewpoint search chose another shot
   Surroundings surroundings;
   Decision decision;
 };
