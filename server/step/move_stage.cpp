@@ -96,8 +96,12 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
-  const glm::dvec3 evading_mps = evade(camera, wanted_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
+  const glm::dvec3 pull_mps = in.carried.pull_mps;
+  const glm::dvec3 pulled_mps =
+      pull_mps == glm::dvec3(0.0) ? wanted_mps : clamp_velocity(camera.velocity_mps, wanted_mps + pull_mps, limits, in.step.move_s);
+  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
+  const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
   decision.body_overlap = safe.overlap;
   if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
   camera.velocity_mps = safe.velocity_mps;

@@ -13,6 +13,7 @@ struct Opening {
   ZoomState zoom;
   WantedShot shot;
   std::vector<TargetPast> pasts;  // in the order of the input
+  bool target_jumped = false;     // a required target that is steered (see CutState)
 };
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening);
 

@@ -34,7 +34,7 @@ TargetSight sight_of(const StepInput& input, const StepDump& dump, const TakenMa
   sight.id = dump.targets.ids[target];
   sight.visible_share = own.share();
   sight.filtered_share = shares.share(target).value_or(own.share());
-  sight.filtered_visible = dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
+  sight.filtered_visible = dump.decision.cut ? own.seen > 0 : dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
   sight.in_picture = in_picture(pose, lens, aim_m);
   sight.distance_m = glm::distance(pose.position_m, aim_m);
   if (own.occluder != kNoOccluder) sight.occluder_id = input.scene.instances()[own.occluder].id;
@@ -52,9 +52,14 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   result.pair_needs_two = dump.plan.pair.needs_two;
   result.pair_gap = dump.plan.pair.gap;
   result.chosen_candidate = dump.decision.chosen_candidate;
+  result.cut = dump.decision.cut;
+  const BrokenLimits broken =
+      broken_limits(result.camera.pose.position_m, dump.targets.tracked_targets, input.settings.move);
   result.flags = {.dt_capped = input.dt_s > kMaxStepS,
                   .used_cube_map = dump.plan.used_cube_map,
-                  .body_overlap = dump.decision.body_overlap};
+                  .body_overlap = dump.decision.body_overlap,
+                  .distance_given_up = broken.distance,
+                  .elevation_given_up = broken.elevation};
   return result;
 }
 

@@ -54,6 +54,8 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
+    case MoveReason::kCut:
+      return v1::MOVE_REASON_CUT;
   }
   return v1::MOVE_REASON_UNSPECIFIED;
 }
@@ -106,6 +108,8 @@ void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_dt_capped(flags.dt_capped);
   out.set_used_cube_map(flags.used_cube_map);
   out.set_body_overlap(flags.body_overlap);
+  out.set_distance_given_up(flags.distance_given_up);
+  out.set_elevation_given_up(flags.elevation_given_up);
 }
 
 void set(int level, const StepSettings& used, v1::Degradation& out) {
