@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 
 #include "server/move/motion.h"
 
@@ -134,15 +136,15 @@ class WayOut {
     glm::dvec3 surface_m;
     if (field_.nearest(from_m_, field_.reach_m(), surface_m) && surface_m != from_m_)
       try_way(glm::normalize(inside_ ? surface_m - from_m_ : from_m_ - surface_m));
-    for (int x = -1; x <= 1; ++x)
-      for (int y = -1; y <= 1; ++y)
-        for (int z = -1; z <= 1; ++z)
-          if (x != 0 || y != 0 || z != 0) try_way(glm::normalize(glm::dvec3(x, y, z)));
+    for (int i = 0; i < kDirections; ++i) try_way(spread_direction(i));
+    for (const double aside : {0.3, 0.15, 0.07, 0.03}) try_beside(aside);
     return found_m_;
   }
 
  private:
   static constexpr double kFarthestOutM = 10.0;
+  // Spread evenly over the sphere, about 25 degrees apart; the shortest way is then sought in between.
+  static constexpr int kDirections = 64;
   // A way that turns out longer than the shortest by less than this factor may lead across the nearest surface, only aslant.
   static constexpr double kAslant = 1.3;
   static constexpr double kShortestStepM = 0.005;
@@ -157,6 +159,27 @@ class WayOut {
     if (!field_.nearest(*there_m, 2 * room_m_, surface_m)) return;
     const glm::dvec3 across_m = *there_m - surface_m;
     if (const auto straight_m = first_free_m(glm::normalize(across_m), least_m_)) take(*straight_m);
+  }
+
+  // The directions of a Fibonacci lattice.
+  static glm::dvec3 spread_direction(int i) {
+    const double y = 1 - (2 * i + 1.0) / kDirections, turn = i * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double flat = std::sqrt(1 - y * y);
+    return {flat * std::cos(turn), y, flat * std::sin(turn)};
+  }
+
+  // Tries directions round the best one, `aside` radians apart. Where several surfaces leave little room, the shortest way is
+  // across none of them.
+  void try_beside(double aside) {
+    if (!found_m_) return;
+    const glm::dvec3 best = glm::normalize(*found_m_ - from_m_);
+    const glm::dvec3 across = glm::normalize(glm::cross(best, std::abs(best.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
+    const glm::dvec3 other = glm::cross(best, across);
+    for (int i = 0; i < 8; ++i) {
+      const double turn = i * std::numbers::pi / 4;
+      const glm::dvec3 direction = glm::normalize(best + aside * (std::cos(turn) * across + std::sin(turn) * other));
+      if (const auto there_m = first_free_m(direction, least_m_)) take(*there_m);
+    }
   }
 
   void take(const glm::dvec3& place_m) {

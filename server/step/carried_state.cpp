@@ -6,12 +6,26 @@ namespace {
 // Nearer to the path than this, the viewer's camera is on it: a client that follows late lies between poses that were
 // returned.
 constexpr double kOnPathM = 0.002;
-// Nearer than this, the viewer's camera follows. Smoothing with a time constant of 0.2 s leaves a path that turns at
-// 10 m/s^2 by 0.4 m, and a direction that turns at 12 rad/s^2 by 0.25 rad.
-constexpr double kNearM = 1.0, kNearRad = 0.35;
-// Pull towards the viewer's camera, as a share of its distance from the path per second. The strategies correct a
-// position in 0.15 s, so the pull never leads far from where they want to be.
+// The viewer's camera follows if it is nearer to the path than this, plus kLateShare of the path's length. Smoothing with a
+// time constant of 0.2 s leaves a path that turns at 10 m/s^2 by 0.2 m, and a direction that turns at 12 rad/s^2 by
+// 0.24 rad. The share lets a client be 0.2 s later than the path is long.
+constexpr double kNearM = 1.0, kNearRad = 0.35, kLateShare = 0.4;
+// The pull towards the viewer's camera, as a share of its distance from the path per second.
 constexpr double kPullPerS = 1.0;
+
+double apart(const glm::dvec3& a, const glm::dvec3& b) {
+  return glm::distance(a, b);
+}
+double apart(const glm::dquat& a, const glm::dquat& b) {
+  return angle_between(a, b);
+}
+// Metres or radians.
+template <typename Value>
+double length(const RecentTrack<Value>& track) {
+  double sum = 0;
+  for (size_t i = 1; i < track.count(); ++i) sum += apart(track[i - 1], track[i]);
+  return sum;
+}
 
 void start_position(CarriedState& state, const ViewerCamera& viewer) {
   state.camera.pose.position_m = viewer.pose.position_m;
@@ -60,8 +74,10 @@ bool observe_camera(CarriedState& state, const ViewerCamera& viewer) {
   const glm::dvec3 away_m = away_from(state.path.position_m, viewer.pose.position_m);
   const bool moves_at_start = is_at_start(state) && viewer.velocity_mps != still;
   const bool turns_at_start = is_at_start(state) && viewer.angular_velocity_radps != still;
-  if (turns_at_start || angle_from(state.path.rotation, viewer.pose.rotation) > kNearRad) start_rotation(state, viewer);
-  if (moves_at_start || glm::length(away_m) > kNearM + viewer.rounding_m) {
+  const double near_rad = kNearRad + kLateShare * length(state.path.rotation);
+  const double near_m = kNearM + kLateShare * length(state.path.position_m) + viewer.rounding_m;
+  if (turns_at_start || angle_from(state.path.rotation, viewer.pose.rotation) > near_rad) start_rotation(state, viewer);
+  if (moves_at_start || glm::length(away_m) > near_m) {
     start_position(state, viewer);
     return true;
   }

@@ -48,7 +48,7 @@ struct TargetPast {
   MotionPredictor predictor;
 };
 
-// What decides about cuts (Settings.cut_after_s).
+// The data that decide about cuts (Settings.cut_after_s).
 struct CutState {
   double since_s = 0.0;         // since the camera was placed or cut
   double unseen_s = 0.0;        // since a required target was last seen in the picture

@@ -1,6 +1,7 @@
-// Cuts: while no required target has been seen for a set time, and no short way leads to a view of one, every step examines
-// some places round the targets. The best place that sees all required targets is taken; when no place does, the one that
-// sees most of them. Sight lines are exact: each examined place has maps of its own in this very step.
+// Cuts. They become due when no required target has been seen for a set time and no short way leads to a view of one. Every
+// step then examines some places round the targets, best first. The camera takes the first place that sees all required
+// targets. If there is none, it takes the place that sees most of them. Sight lines are exact, because each examined place
+// has maps of its own in this very step.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,7 +19,7 @@ constexpr double kLeastBetweenS = 2.0;
 constexpr size_t kRanksAtOnce = 40;
 // One radian away from the wanted shot counts like this share of a target's visibility.
 constexpr double kApartWeight = 0.2;
-// The place of the wanted shot, beside those of the viewpoints.
+// Stands for the wanted shot in the list of viewpoints.
 constexpr size_t kWantedShot = ViewpointMap::kViewpoints;
 
 bool is_required(const StepContext& step, size_t target) {
@@ -159,7 +160,7 @@ double way_m(const MoveInput& in, const Decision& decision, MoveScratch& scratch
   return length_m;
 }
 
-// Everything was examined: from now on the place that sees most is good enough, or the search begins anew.
+// Called when all places were examined. The next round takes the place that sees most. The round after it begins afresh.
 void begin_next_round(CutState& state) {
   state.takes_partial = !state.takes_partial && state.most_seen > 0;
   if (!state.takes_partial) state.most_seen = 0;
