@@ -130,9 +130,11 @@ class WayOut {
         from_m_(from_m),
         room_m_(room_m),
         inside_(field.is_inside(from_m)),
+        first_step_m_(step_m(from_m, inside_)),
         least_m_(std::min(kFarthestOutM, field.reach_m() - 2 * room_m)) {}
 
   std::optional<glm::dvec3> find() {
+    if (first_step_m_ < kTightM) return from_m_;
     glm::dvec3 surface_m;
     if (field_.nearest(from_m_, field_.reach_m(), surface_m) && surface_m != from_m_)
       try_way(glm::normalize(inside_ ? surface_m - from_m_ : from_m_ - surface_m));
@@ -192,15 +194,19 @@ class WayOut {
 
   // Goes as far in each step as no free place can be nearer. From inside a solid the ball has to pass the nearest surface whole.
   std::optional<glm::dvec3> first_free_m(const glm::dvec3& direction, double most_m) const {
-    double gone_m = 0;
+    double gone_m = first_step_m_;
     for (int step = 0; step < kMostSteps && gone_m <= most_m; ++step) {
       const glm::dvec3 place_m = from_m_ + gone_m * direction;
-      const double clearance_m = field_.clearance_m(place_m, 4 * room_m_);
-      const bool inside = field_.is_inside(place_m);
-      if (!inside && clearance_m >= room_m_ - kTightM) return place_m;
-      gone_m += std::max(inside ? clearance_m + room_m_ : room_m_ - clearance_m, kShortestStepM);
+      const double least_step_m = step_m(place_m, field_.is_inside(place_m));
+      if (least_step_m < kTightM) return place_m;
+      gone_m += std::max(least_step_m, kShortestStepM);
     }
     return std::nullopt;
+  }
+  // No free place is nearer than this; at most 0 if the place itself is free.
+  double step_m(const glm::dvec3& place_m, bool inside) const {
+    const double clearance_m = field_.clearance_m(place_m, 4 * room_m_);
+    return inside ? clearance_m + room_m_ : room_m_ - clearance_m;
   }
   static constexpr double kTightM = 1e-6;  // rounding
 
@@ -208,6 +214,7 @@ class WayOut {
   const glm::dvec3 from_m_;
   const double room_m_;
   const bool inside_;
+  const double first_step_m_;
   double least_m_;  // of the ways that were found
   std::optional<glm::dvec3> found_m_;
 };

@@ -39,7 +39,7 @@ TEST(GivenUp, AReplySaysWhichWishItBreaks) {
 }
 
 TEST(GivenUp, NothingIsGivenUpWithoutATarget) {
-  OneFilmed world({0, -20, 90});
+  OneFilmed world({0, -40, 90});
   EXPECT_TRUE(world.step(1.0 / 60).flags.elevation_given_up);
   world.targets[0].weight = 0;
   const StepResult result = world.step(1.0 / 60);
