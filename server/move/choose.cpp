@@ -316,6 +316,20 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> tar
          elevation <= settings.max_elevation_rad;
 }
 
+BrokenLimits broken_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
+                           const MoveSettings& settings) {
+  constexpr double kToleratedM = 1e-3, kToleratedRad = 1e-3;
+  if (steered_mask(targets) == 0) return {};
+  const glm::dvec3 from_center = place_m - weighted_center_m(targets);
+  const double elevation = elevation_rad(from_center);
+  BrokenLimits broken{.distance = glm::length(from_center) > settings.max_distance_m + kToleratedM,
+                      .elevation = elevation < settings.min_elevation_rad - kToleratedRad ||
+                                   elevation > settings.max_elevation_rad + kToleratedRad};
+  for (const TrackedTarget& t : targets)
+    broken.distance |= t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m - kToleratedM;
+  return broken;
+}
+
 Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
                     std::span<const double> cost, const glm::dvec3& desired_m, double ahead_weight,
                     const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch) {

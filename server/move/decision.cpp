@@ -23,9 +23,11 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kBlockedByGeometry:
       return "some positions see the targets, but the camera cannot reach them in a straight line";
     case MoveReason::kBodyOverlap:
-      return "the camera body touches a collider; backing out";
+      return "the camera body touches a collider or is inside one; leaving it";
     case MoveReason::kObservedCut:
       return "the client moved the camera by a cut";
+    case MoveReason::kCut:
+      return "jumped to a position that sees the targets";
   }
   return "";
 }
@@ -74,6 +76,8 @@ std::string_view to_string(MoveReason reason) {
       return "body_overlap";
     case MoveReason::kObservedCut:
       return "observed_cut";
+    case MoveReason::kCut:
+      return "cut";
   }
   return "";
 }

@@ -37,6 +37,7 @@ enum class MoveReason {
   kBlockedByGeometry,
   kBodyOverlap,
   kObservedCut,
+  kCut,
 };
 
 // The reason as one sentence: "no position in reach sees all targets; going to the best partial view".

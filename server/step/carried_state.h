@@ -18,6 +18,7 @@
 #include "server/move/predict.h"
 #include "server/move/trail.h"
 #include "server/scene/target.h"
+#include "server/step/suggested_path.h"
 
 namespace sightline {
 
@@ -54,6 +55,15 @@ struct TargetPast {
   MotionPredictor predictor;
 };
 
+// The data that decide about cuts (Settings.cut_after_s).
+struct CutState {
+  double since_s = 0.0;         // since the camera was placed or cut
+  double unseen_s = 0.0;        // since a required target was last seen in the picture
+  size_t next_rank = 0;         // of the ranked places (cut_stage.cpp), the first that was not examined yet
+  double most_seen = 0.0;       // of all places examined so far, the greatest weight of required targets that one sees
+  bool takes_partial = false;   // every place was examined and none sees all required targets
+};
+
 // All members are values. Limits, settings and the lens may differ at every step. The state keeps none of their former
 // values, although the camera's path so far depends on them.
 struct CarriedState {
@@ -71,12 +81,24 @@ struct CarriedState {
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take
   InlineVector<uint64_t, kMaxTargets> not_aimed_at;  // from where it is
+  SuggestedPath path;                // poses of the last half second
+  CutState cut;
+  glm::dvec3 pull_mps{0.0};          // added to the next step's velocity: towards the camera that was observed
 };
 
-// Puts the camera at `pose`, as at the start or at a cut. Resets the wanted shot, the horizon, the goal, the targets that
-// were given up and the results of the viewpoint search.
-void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
-// Puts the camera at `pose` without a cut. The wanted shot stays.
-void observe_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
+// Where the viewer's camera is.
+struct ViewerCamera {
+  Pose pose;
+  glm::dvec3 velocity_mps{0.0}, angular_velocity_radps{0.0};  // a roll is left out
+  double rounding_m = 0.0;  // how far `pose` may be from a pose that was returned, since the client rounded it
+};
+
+// Puts the camera there, as at the start or at a cut. Resets the wanted shot, the horizon, the goal, the path, the
+// targets that were given up and the results of the viewpoint search.
+void place_camera(CarriedState& state, const ViewerCamera& viewer);
+// Compares the camera with the path, by position and by rotation. Either may be near the path and go on from where it
+// is, or far from it and start again from the viewer's camera (contract: ObservedCamera in session.proto). The wanted
+// shot and the horizon stay. Returns true if the position starts again.
+bool observe_camera(CarriedState& state, const ViewerCamera& viewer);
 
 }  // namespace sightline

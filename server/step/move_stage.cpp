@@ -117,14 +117,26 @@ bool differ(const glm::dvec3& a_mps, const glm::dvec3& b_mps) {
   return glm::distance(a_mps, b_mps) > 1e-6;
 }
 
+// Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of the
+// last step's pull already.
+glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
+  const double speed_mps = glm::length(in.carried.pull_mps);
+  if (speed_mps == 0) return wanted_mps;
+  const glm::dvec3 direction = in.carried.pull_mps / speed_mps;
+  const double missing_mps = std::clamp(speed_mps - glm::dot(wanted_mps, direction), 0.0, speed_mps);
+  return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
+}
+
 void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
-  const glm::dvec3 evading_mps = evade(camera, wanted_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
-  decision.wanted_mps = wanted_mps;
-  decision.evading = differ(evading_mps, wanted_mps);
+  const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
+  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
+  const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
+  decision.wanted_mps = pulled_mps;
+  decision.evading = differ(evading_mps, pulled_mps);
   decision.deflected = differ(safe.velocity_mps, evading_mps);
   decision.body_overlap = safe.overlap;
   if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;

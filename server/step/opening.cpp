@@ -68,12 +68,28 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, Target
   targets.steered = kept;
 }
 
+// A target that moves more than this far, and faster than this, has jumped.
+constexpr double kJumpM = 3.0, kJumpMps = 100.0;
+
+bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before) {
+  for (const Target& target : input.targets) {
+    if (!target.required || !(target.weight > 0)) continue;
+    const auto known = std::ranges::find(before, target.instance_id, &TargetPast::id);
+    if (known == before.end()) continue;
+    const glm::dvec3 now_m = input.scene.find(target.instance_id)->pose.position_m;
+    const double moved_m = glm::distance(known->predictor.at(0.0).pose.position_m, now_m);
+    if (moved_m > std::max(kJumpM, kJumpMps * input.dt_s)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening) {
   look_at_targets(input, targets);
   give_up_targets(input, carried, targets, opening.given_up);
   set_sight_weights(targets);
+  opening.target_jumped = target_jumped(input, carried.pasts);
   observe_targets(input, carried.pasts, opening.pasts);
   opening.move_s = std::min(input.dt_s, kMaxStepS);
   opening.zoom = zoom_of(input, carried.zoom);

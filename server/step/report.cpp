@@ -39,7 +39,7 @@ TargetSight sight_of(const ReportInput& step, size_t target, const Lens& lens, c
   sight.visible_share = own.share();
   sight.filtered_share = shares.share(target).value_or(own.share());
   sight.picture_share = picture_share(step, target, lens);
-  sight.filtered_visible = dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
+  sight.filtered_visible = dump.decision.cut ? own.seen > 0 : dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
   sight.in_picture = in_picture(pose, lens, aim_m);
   sight.given_up = contains(step.given_up, sight.id) || contains(dump.decision.not_aimed_at, sight.id);
   sight.distance_m = glm::distance(pose.position_m, aim_m);
@@ -58,12 +58,17 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   result.pair_needs_two = dump.plan.pair.needs_two;
   result.pair_gap = dump.plan.pair.gap;
   result.chosen_candidate = dump.decision.chosen_candidate;
+  result.cut = dump.decision.cut;
+  const BrokenLimits broken =
+      broken_limits(result.camera.pose.position_m, dump.targets.tracked_targets, input.settings.move);
   result.flags = {.dt_capped = input.dt_s > kMaxStepS,
                   .used_cube_map = dump.plan.used_cube_map,
                   .body_overlap = dump.decision.body_overlap,
                   .evading = dump.decision.evading,
                   .deflected = dump.decision.deflected,
-                  .new_shot = dump.new_shot};
+                  .new_shot = dump.new_shot,
+                  .distance_given_up = broken.distance,
+                  .elevation_given_up = broken.elevation};
   return result;
 }
 

@@ -22,11 +22,6 @@ glm::dvec2 texel_jitter(const StepInput& input) {
   return {x, y};
 }
 
-const ExtentTable* table_of(const StepInput& input, size_t target) {
-  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
-  return input.extents[target];
-}
-
 void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> points,
                 const Affine& world_from_instance) {
   for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
@@ -237,6 +232,11 @@ void clear(SamplePlan& plan) {
 }
 
 }  // namespace
+
+const ExtentTable* table_of(const StepInput& input, size_t target) {
+  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
+  return input.extents[target];
+}
 
 void plan_sample(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan) {
   clear(plan);

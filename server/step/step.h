@@ -89,10 +89,12 @@ struct TargetSight {
 struct StepFlags {
   bool dt_capped = false;      // dt was over kMaxStepS: the camera moved for kMaxStepS
   bool used_cube_map = false;  // cube faces were taken for some target
-  bool body_overlap = false;
   bool evading = false;    // the camera moves aside for a moving collider
   bool deflected = false;  // colliders changed or stopped the camera's motion
   bool new_shot = false;   // the viewpoint search chose another shot to keep
+  bool body_overlap = false;       // the body touches a collider or is inside one
+  bool distance_given_up = false;  // the returned pose breaks a limit of distance (BrokenLimits)
+  bool elevation_given_up = false;
 };
 
 struct StepResult {
@@ -110,6 +112,7 @@ struct StepResult {
   PairGap pair_gap = PairGap::kNone;
   InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
   int chosen_candidate = -1;
+  bool cut = false;  // the camera jumped (MoveReason::kCut)
   StepFlags flags;
   std::array<int64_t, kStageCount> stage_ns{};
 };
@@ -128,9 +131,10 @@ class Stepper {
   Stepper(Stepper&&) noexcept;
   Stepper& operator=(Stepper&&) noexcept;
 
-  // Put the camera at a pose, with effect from the next step. carried_state.h lists the state that each of them resets.
+  // Say where the camera is, with effect from the next step. carried_state.h describes them.
   void place_camera(const Pose& pose, const glm::dvec3& velocity_mps);
-  void observe_camera(const Pose& pose, const glm::dvec3& velocity_mps);
+  void place_camera(const ViewerCamera& viewer);
+  bool observe_camera(const ViewerCamera& viewer);
 
   // The first half of a step: it computes the bound and plans the maps. The maps are taken between the halves, so that
   // those of many sessions can be taken together. The carried state does not change. If the maps cannot be taken,
@@ -147,6 +151,8 @@ class Stepper {
 
  private:
   struct Work;
+  void begin_at_cut(const CutPlace& place);
+
   CarriedState carried_;
   StepDump dump_;
   std::unique_ptr<Work> work_;  // data between the halves of a step, and memory that is reused

@@ -76,6 +76,24 @@ struct ViewpointLook {
   MapRange maps;
 };
 
+// A place that the camera may jump to, with sights of every target from there, as in Sampled.
+struct CutPlace {
+  glm::dvec3 position_m{0.0};
+  std::optional<size_t> viewpoint;  // empty: the wanted shot
+  std::vector<glm::dvec3> sights_m;
+  std::vector<MapRange> sights_of_target;
+  uint32_t first_sight = 0;
+};
+inline constexpr size_t kCutPlaces = 8;  // examined in one step
+
+// The places that are examined in this step, because a cut is due; best first.
+struct CutPlan {
+  bool due = false;
+  InlineVector<CutPlace, kCutPlaces> places;
+  size_t next_rank = 0;  // see CutState
+  bool examined_all = false;
+};
+
 // Result of the sample stage: the maps to take.
 struct SamplePlan {
   Sampled now;              // the targets at their present poses
@@ -87,6 +105,7 @@ struct SamplePlan {
   std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
   PairChain chain;                    // of these points; valid when pair.used
   ViewpointLook look;
+  CutPlan cut;
   bool used_cube_map = false;  // cube faces are taken for some target
   std::vector<MapView> views;
   std::vector<MapRequest> requests;  // parallel to the views
@@ -118,6 +137,7 @@ struct Decision {
   bool sees_none = false;      // no candidate that can be reached sees any target
   glm::dvec3 wanted_mps{0.0};  // the velocity that leads to the goal, before collisions are avoided
   bool body_overlap = false, evading = false, deflected = false;  // as StepFlags
+  bool cut = false;    // the camera jumps
   CameraState camera;  // at the end of the step
   TurnState turn;
   double vertical_fov_rad = 0.0;

@@ -60,6 +60,8 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
+    case MoveReason::kCut:
+      return v1::MOVE_REASON_CUT;
   }
   return v1::MOVE_REASON_UNSPECIFIED;
 }
@@ -129,6 +131,8 @@ void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_evading(flags.evading);
   out.set_deflected(flags.deflected);
   out.set_new_shot(flags.new_shot);
+  out.set_distance_given_up(flags.distance_given_up);
+  out.set_elevation_given_up(flags.elevation_given_up);
 }
 
 void set(int level, const StepSettings& used, v1::Degradation& out) {
