@@ -32,7 +32,7 @@ class StepPolicy : public CameraPolicy {
     step.camera = answer->step.camera.pose;
     step.lens = answer->lens;
     step.jump = answer->cut || answer->step.flags.dt_capped;
-    step.tracking = answer->step.status == MoveStatus::kTracking;
+    step.tracking = answer->step.status == TrackingStatus::kTracking;
     step.goal_m = goal_of(session_->dump());
     step.reports.emplace();
     for (const TargetSight& sight : answer->step.targets)

@@ -89,10 +89,10 @@ struct TargetSight {
 struct StepFlags {
   bool dt_capped = false;      // dt was over kMaxStepS: the camera moved for kMaxStepS
   bool used_cube_map = false;  // cube faces were taken for some target
-  bool evading = false;    // the camera moves aside for a moving collider
-  bool deflected = false;  // colliders changed or stopped the camera's motion
-  bool new_shot = false;   // the viewpoint search chose another shot to keep
   bool body_overlap = false;       // the body touches a collider or is inside one
+  bool evading = false;            // the camera moves aside for a moving collider
+  bool deflected = false;          // colliders changed or stopped the camera's motion
+  bool new_shot = false;           // the viewpoint search chose another shot to keep
   bool distance_given_up = false;  // the returned pose breaks a limit of distance (BrokenLimits)
   bool elevation_given_up = false;
 };

@@ -55,7 +55,7 @@ TEST(Cut, FollowsATargetThatJumpsInTheSameStep) {
   stage.move(1, {20, 1, 5});
   EXPECT_EQ(stage.play(kTickS), 1);
   EXPECT_EQ(stage.last.reason, MoveReason::kCut);
-  EXPECT_EQ(stage.last.status, MoveStatus::kTracking);
+  EXPECT_EQ(stage.last.status, TrackingStatus::kTracking);
   EXPECT_LT(glm::distance(stage.camera().pose.position_m, glm::dvec3(20, 1, 5) + offset_m), 1.0) << "it keeps the shot";
   EXPECT_TRUE(stage.last.targets[0].in_picture);
   EXPECT_EQ(stage.last.targets[0].visible_share, 1.0);
@@ -128,7 +128,7 @@ TEST(Cut, SeesTheHeaviestTargetsWhereNotAllCanBeSeen) {
   int cuts = 0;
   for (int i = 0; i < 600 && cuts == 0; ++i) cuts += stage.play(kTickS);
   ASSERT_EQ(cuts, 1);
-  EXPECT_EQ(stage.last.status, MoveStatus::kPartial);
+  EXPECT_EQ(stage.last.status, TrackingStatus::kPartialView);
   EXPECT_GT(stage.last.targets[1].visible_share, 0.5);
 }
 
