@@ -96,6 +96,7 @@ std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
 // A goal at the desired position, or where the bound ends on the way to it, moves with the targets; any other goal is fixed in the
 // world. The last candidate is that position (aggregate).
 bool leads_to_desired(const MoveInput& in, const Goal& goal) {
+  if (goal.choice.candidate < 0) return false;  // without targets there are no candidates
   return glm::distance(goal.position_m, in.sights.position_m.back()) < in.carried.candidates.lattice.spacing_m();
 }
 

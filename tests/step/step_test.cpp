@@ -214,6 +214,7 @@ TEST(Step, ChainAndLatticeSeeTheSameShares) {
 // The filter knows only positions in the world. So the chain's maps fill the histories of the lattice's cells.
 TEST(Step, AFilteredChainAnswersForTheLattice) {
   Row world(3);
+  world.limits.max_jerk_mps3 = 0;
   world.settings.aggregate.filter.mode = FilterMode::kJoint;
   world.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});
   for (int i = 0; i < 20; ++i) ASSERT_EQ(world.step(kTick).volume, Volume::kPair);
@@ -357,6 +358,7 @@ TEST(Step, SurfacePointsSeePartialOcclusionAtOnce) {
 TEST(Step, TheFilterOverlooksAPassingPost) {
   const auto travelled = [](FilterMode mode) {
     World world;
+    world.limits.max_jerk_mps3 = 0;
     world.settings.aggregate.filter.mode = mode;
     world.settings.sample.resolution = 15;
     world.add_target(1, {0, 1, 0});
