@@ -23,7 +23,7 @@ done
 
 deploy/install-packages.sh build
 cmake --preset release >/dev/null
-cmake --build --preset release --parallel "$(nproc)" --target sightlined sightline make-scenes
+cmake --build --preset release --parallel "$(nproc)" --target sightlined sightline make-scenes sightline_python_stubs
 bin=build/release/bin
 
 run=$(mktemp -d)

@@ -1,6 +1,6 @@
 #include "scenes/catalog.h"
 
-#include <array>
+#include <iterator>
 
 #include "scenes/arena.h"
 #include "scenes/city.h"
@@ -10,42 +10,125 @@
 #include "scenes/fence.h"
 #include "scenes/forest.h"
 #include "scenes/hall.h"
+#include "scenes/level_catalog.h"
+#include "scenes/lift.h"
+#include "scenes/maze.h"
+#include "scenes/open_ground.h"
+#include "scenes/pitch.h"
 #include "scenes/rooms.h"
+#include "scenes/stairwell.h"
+#include "scenes/streets.h"
 
 namespace sightline::scenes {
 namespace {
 
-constexpr std::array<CatalogEntry, 10> kCatalog{{
-    {"fence", "a sparse fence sways before two standing targets (Table 3)",
-     [](const SceneRequest& r) { return make_fence({.seed = r.seed}); }},
-    {"fence-board", "the same, and after 4 s a solid board before the targets that stays",
-     [](const SceneRequest& r) { return make_fence({.seed = r.seed, .board_at_s = 4.0}); }},
-    {"hall", "a colonnade, sharp turns, sudden occluders (Table 2)",
-     [](const SceneRequest& r) { return make_hall({.seed = r.seed}); }},
-    {"rooms", "nine rooms, two targets through the doors",
-     [](const SceneRequest& r) { return make_rooms({.seed = r.seed}); }},
-    {"city", "280 K triangles of streets and buildings (Table 1)",
-     [](const SceneRequest& r) { return make_city({.seed = r.seed}); }},
-    {"arena", "two to eight targets run around obstacles",
-     [](const SceneRequest& r) { return make_arena({.seed = r.seed, .targets = r.arena_targets}); }},
-    {"forest", "winding ways between some 400 trees",
-     [](const SceneRequest& r) { return make_forest({.seed = r.seed}); }},
-    {"crowd", "up to 35 others walk through the targets' way on a plaza",
-     [](const SceneRequest& r) { return make_crowd({.seed = r.seed, .movers = r.crowd_movers}); }},
-    {"doors", "rooms whose doors close behind the targets",
-     [](const SceneRequest& r) { return make_doors({.seed = r.seed}); }},
-    {"corridors", "narrow passages with right-angled corners",
-     [](const SceneRequest& r) { return make_corridors({.seed = r.seed}); }},
-}};
+std::vector<CatalogEntry> study_entries() {
+  return {
+      {"fence", "a sparse fence sways before two standing targets (Table 3)", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_fence({.seed = r.seed}); }},
+      {"fence-board", "the same, and after 4 s a solid board before the targets that stays", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_fence({.seed = r.seed, .board_at_s = 4.0}); }},
+      {"hall", "a colonnade, sharp turns, sudden occluders (Table 2)", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_hall({.seed = r.seed}); }},
+      {"rooms", "nine rooms, two targets through the doors", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_rooms({.seed = r.seed}); }},
+      {"city", "280 K triangles of streets and buildings (Table 1)", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_city({.seed = r.seed}); }},
+      {"arena", "two to eight targets run around obstacles", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_arena({.seed = r.seed, .targets = r.arena_targets}); }},
+      {"forest", "winding ways between some 400 trees", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_forest({.seed = r.seed}); }},
+      {"crowd", "up to 35 others walk through the targets' way on a plaza", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_crowd({.seed = r.seed, .movers = r.crowd_movers}); }},
+      {"doors", "rooms whose doors close behind the targets", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_doors({.seed = r.seed}); }},
+      {"corridors", "narrow passages with right-angled corners", SceneGroup::kStudy,
+       [](const SceneRequest& r) { return make_corridors({.seed = r.seed}); }},
+  };
+}
+
+std::vector<CatalogEntry> situation_entries() {
+  constexpr SceneGroup kGroup = SceneGroup::kSituations;
+  return {
+      {"corridor-one", "the corridors of the group study, one target", kGroup,
+       [](const SceneRequest& r) { return make_corridors({.seed = r.seed, .targets = 1}); }},
+      {"corridor-narrow", "the same, 1 m wide", kGroup,
+       [](const SceneRequest& r) { return make_corridors({.seed = r.seed, .width_m = 1.0, .targets = 1}); }},
+      {"doors-roofed", "nine roofed rooms whose doors shut from 0.8 s behind the targets on", kGroup,
+       [](const SceneRequest& r) { return make_doors({.seed = r.seed, .hold_s = 0.8, .roofed = true}); }},
+      {"maze", "a maze of 11 x 11 cells, two targets", kGroup, [](const SceneRequest& r) { return make_maze({.seed = r.seed}); }},
+      {"maze-roofed", "the maze under a ceiling, one target", kGroup,
+       [](const SceneRequest& r) { return make_maze({.seed = r.seed, .targets = 1, .roofed = true}); }},
+      {"stairwell", "four storeys of stairs in a closed shaft, one target", kGroup,
+       [](const SceneRequest& r) { return make_stairwell({.seed = r.seed}); }},
+      {"lift", "a cabin with a target in a tower of four storeys", kGroup,
+       [](const SceneRequest& r) { return make_lift({.seed = r.seed}); }},
+      {"street", "a car at 15 to 30 m/s in a grid of streets with traffic", kGroup,
+       [](const SceneRequest& r) { return make_street({.seed = r.seed}); }},
+      {"block", "a car rounds a block of 120 m at 20 m/s and waits", kGroup,
+       [](const SceneRequest& r) { return make_block({.seed = r.seed}); }},
+      {"pitch", "22 players and a ball; two of them and the ball are the targets", kGroup,
+       [](const SceneRequest& r) { return make_pitch({.seed = r.seed}); }},
+      {"sprint-10", "open ground, a car faster than the camera, then slower; camera 10 m/s, 10 m/s^2", kGroup,
+       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {10, 10}}); }},
+      {"sprint-12", "the same; camera 12 m/s, 4 m/s^2", kGroup,
+       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {12, 4}}); }},
+      {"sprint-40", "the same; camera 40 m/s, 20 m/s^2", kGroup,
+       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {40, 20}}); }},
+      {"parting", "open ground, two targets part for 60 m and come back", kGroup,
+       [](const SceneRequest& r) { return make_parting({.seed = r.seed}); }},
+      {"leaving", "open ground, one of two targets leaves for good", kGroup,
+       [](const SceneRequest& r) { return make_parting({.seed = r.seed, .duration_s = 50, .for_good = true}); }},
+      {"teleport", "a target among columns that jumps by 20 m every 8 s", kGroup,
+       [](const SceneRequest& r) { return make_teleport({.seed = r.seed}); }},
+      {"walled-in", "the camera starts inside a wall", kGroup,
+       [](const SceneRequest& r) { return make_walled_in({.seed = r.seed}); }},
+  };
+}
+
+std::vector<CatalogEntry> all_entries() {
+  std::vector<CatalogEntry> all = study_entries();
+  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), situation_entries()})
+    all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+  return all;
+}
 
 }  // namespace
 
+std::string_view name_of(SceneGroup group) {
+  switch (group) {
+    case SceneGroup::kStudy:
+      return "study";
+    case SceneGroup::kLevels:
+      return "levels";
+    case SceneGroup::kTiles:
+      return "tiles";
+    case SceneGroup::kSituations:
+      break;
+  }
+  return "situations";
+}
+
+std::optional<SceneGroup> find_group(std::string_view name) {
+  for (const SceneGroup group : kAllGroups)
+    if (name_of(group) == name) return group;
+  return {};
+}
+
 std::span<const CatalogEntry> catalog() {
-  return kCatalog;
+  static const std::vector<CatalogEntry> entries = all_entries();
+  return entries;
+}
+
+std::vector<const CatalogEntry*> scenes_of(SceneGroup group) {
+  std::vector<const CatalogEntry*> found;
+  for (const CatalogEntry& entry : catalog())
+    if (entry.group == group) found.push_back(&entry);
+  return found;
 }
 
 const CatalogEntry* find_scene(std::string_view name) {
-  for (const CatalogEntry& entry : kCatalog)
+  for (const CatalogEntry& entry : catalog())
     if (entry.name == name) return &entry;
   return nullptr;
 }

@@ -3,9 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
+
+#include "server/base/error.h"
 
 namespace sightline::scenes {
 
@@ -14,15 +19,30 @@ struct SceneRequest {
   uint64_t seed = 1;
   int arena_targets = 4;  // [2, 8]
   int crowd_movers = 20;  // [0, 35]
+  std::string tiles = {};  // folder of the tile set; empty: that of the environment variable (tile_set.h)
 };
 
+enum class SceneGroup {
+  kStudy,       // one difficulty each: what the results page shows
+  kLevels,      // rooms, halls and storeys of plain boxes
+  kTiles,       // the same levels of the tiles of a folder
+  kSituations,  // one unusual use each: a lift, a maze, a car in streets, targets that part
+};
+std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "situations"
+std::optional<SceneGroup> find_group(std::string_view name);
+inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels, SceneGroup::kTiles,
+                                             SceneGroup::kSituations};
+
 struct CatalogEntry {
-  std::string_view name;  // also the file's name, before ".glb"
-  std::string_view summary;
-  std::vector<std::byte> (*make)(const SceneRequest& request);
+  std::string name;  // also the file's name, before ".glb"
+  std::string summary;
+  SceneGroup group = SceneGroup::kStudy;
+  // A .glb file. Fails only in the group kTiles: kNotFound when the folder is missing or incomplete.
+  std::function<Result<std::vector<std::byte>>(const SceneRequest& request)> make;
 };
 
 std::span<const CatalogEntry> catalog();
+std::vector<const CatalogEntry*> scenes_of(SceneGroup group);
 // Null when no scene has this name.
 const CatalogEntry* find_scene(std::string_view name);
 

@@ -16,10 +16,9 @@ namespace {
 // Crossings stand on a square grid; passages join neighbours. Seen from above, +x to the right, +z down:
 //
 //   +---+     +---+
-//   |   |=====|   |    a crossing is 2 m square, a passage 2 m long
+//   |   |=====|   |    a crossing is as long as it is wide, 2 m; a passage is as long as is left of the pitch, 2 m
 //   +---+     +---+
 constexpr double kPitch_m = 4.0;
-constexpr double kHalfWidth_m = 1.0;
 constexpr double kHeight_m = 2.8;
 constexpr double kWall_m = 0.1875;  // thick, outside of the passage
 constexpr double kSlowest_mps = 1.5;
@@ -117,15 +116,15 @@ void open_blind_passages(Passages& passages, double share, CounterRandom& random
 
 // Adds two kinds of wall. Each side of a crossing without a passage gets one that is long enough to close the corners with its
 // neighbours. Each passage gets two that are no longer than the passage, so that none juts into another.
-void add_walls(ScenarioBuilder& scene, const Passages& passages) {
+void add_walls(ScenarioBuilder& scene, const Passages& passages, double half_width_m) {
   const int closing = scene.add_mesh(
-      "closing", standing_box(2 * kHalfWidth_m + 2 * kWall_m, kHeight_m, kWall_m), colors::kWall);
+      "closing", standing_box(2 * half_width_m + 2 * kWall_m, kHeight_m, kWall_m), colors::kWall);
   const int along =
-      scene.add_mesh("along", standing_box(2 * kHalfWidth_m, kHeight_m, kWall_m), colors::kWall);
+      scene.add_mesh("along", standing_box(kPitch_m - 2 * half_width_m, kHeight_m, kWall_m), colors::kWall);
   int count = 0;
   const auto put = [&](int mesh, const glm::dvec2& middle, size_t side) {
     const glm::dvec2 out(kSides[side].first, kSides[side].second);
-    const glm::dvec2 p = middle + out * (kHalfWidth_m + kWall_m / 2);
+    const glm::dvec2 p = middle + out * (half_width_m + kWall_m / 2);
     scene.add_static(numbered("wall", ++count), mesh, {p.x, 0, p.y}, quarter_turns(side % 2 == 0 ? 1 : 0));
   };
   for (const Crossing& c : passages.crossings())
@@ -146,7 +145,7 @@ void add_slabs(ScenarioBuilder& scene, const Passages& passages) {
     low = glm::min(low, middle_of(c));
     high = glm::max(high, middle_of(c));
   }
-  const glm::dvec2 size = high - low + 4 * kHalfWidth_m, middle = (low + high) / 2.0;
+  const glm::dvec2 size = high - low + kPitch_m, middle = (low + high) / 2.0;
   const int slab = scene.add_mesh("slab", standing_box(size.x, 0.25, size.y), colors::kFloor);
   scene.add_static("floor", slab, {middle.x, -0.25, middle.y});
   scene.add_static("ceiling", slab, {middle.x, kHeight_m, middle.y});
@@ -163,11 +162,11 @@ std::vector<std::byte> make_corridors(const CorridorsOptions& options) {
 
   ScenarioBuilder scene(options.duration_s);
   add_slabs(scene, way.passages());
-  add_walls(scene, way.passages());
+  add_walls(scene, way.passages(), options.width_m / 2);
   const glm::dvec2 start = way.corners().front();
   scene.add_camera({start.x - 2.75, 1.8, start.y}, {start.x + 1, 1.2, start.y});
-  scene.add_character("target-1", walk(way.path(kFollowing_s), options.duration_s));
-  scene.add_character("target-2", walk(way.path(0), options.duration_s));
+  if (options.targets > 1) scene.add_character("target-1", walk(way.path(kFollowing_s), options.duration_s));
+  scene.add_character(numbered("target", options.targets), walk(way.path(0), options.duration_s));
   return scene.write();
 }
 

@@ -11,6 +11,8 @@ namespace sightline::scenes {
 struct CorridorsOptions {
   uint64_t seed = 1;
   double duration_s = 30.0;   // [1, 600]
+  double width_m = 2.0;       // [1, 2.5]: of the passages
+  int targets = 2;            // 1 or 2
   double blind_share = 0.35;  // [0, 1]: of the places where a side passage has room, how many have one
 };
 

@@ -13,20 +13,22 @@ using namespace sightline;
 using namespace sightline::scenes;
 
 void list_scenes() {
-  for (const CatalogEntry& entry : catalog())
-    std::printf("%-12.*s %.*s\n", static_cast<int>(entry.name.size()), entry.name.data(),
-                static_cast<int>(entry.summary.size()), entry.summary.data());
+  for (const SceneGroup group : kAllGroups) {
+    std::printf("%s:\n", std::string(name_of(group)).c_str());
+    for (const CatalogEntry* entry : scenes_of(group)) std::printf("  %-22s %s\n", entry->name.c_str(), entry->summary.c_str());
+  }
 }
 
 // Reads the file back before writing it: a scenario that the server would refuse is never left on the disk.
 Status write_scene(const CatalogEntry& entry, const SceneRequest& request,
                    const std::filesystem::path& path) {
-  const std::vector<std::byte> bytes = entry.make(request);
+  const auto bytes = entry.make(request);
+  if (!bytes) return tl::unexpected(bytes.error());
   GeometryStore store;
-  const auto asset = read_gltf(bytes, nullptr, store);
+  const auto asset = read_gltf(*bytes, nullptr, store);
   if (!asset) return tl::unexpected(asset.error());
   std::ofstream file(path, std::ios::binary);
-  file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  file.write(reinterpret_cast<const char*>(bytes->data()), static_cast<std::streamsize>(bytes->size()));
   file.close();
   if (!file) return fail(ErrorCode::kUnavailable, path.string(), "cannot be written");
   std::printf("%s  %zu triangles  %.1f s\n", path.c_str(), (*asset)->triangle_count(),
@@ -62,8 +64,14 @@ int main(int argc, char** argv) {
   app.add_option("--movers", request.crowd_movers, "movers in the crowd")
       ->check(CLI::Range(0, 35))
       ->capture_default_str();
+  std::string group = "study";
+  app.add_option("--tiles", request.tiles,
+                 "folder of the tile set, for the scenes tile-...; default: the environment variable SIGHTLINE_TILES");
+  app.add_option("--group", group, "scenes to make when none is named: study, levels, tiles or situations")
+      ->check([](const std::string& name) { return find_group(name) ? "" : "no group '" + name + "'; see --list"; })
+      ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");
-  app.add_option("NAME", names, "scenes to make; all when none is named")->check([](const std::string& name) {
+  app.add_option("NAME", names, "scenes to make; all of the group when none is named")->check([](const std::string& name) {
     return find_scene(name) ? "" : "no scene '" + name + "'; see --list";
   });
   CLI11_PARSE(app, argc, argv);
@@ -73,6 +81,6 @@ int main(int argc, char** argv) {
     return 2;
   }
   if (names.empty())
-    for (const CatalogEntry& entry : catalog()) names.emplace_back(entry.name);
+    for (const CatalogEntry* entry : scenes_of(*find_group(group))) names.push_back(entry->name);
   return make_all(names, request, folder);
 }

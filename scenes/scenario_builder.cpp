@@ -99,6 +99,10 @@ void ScenarioBuilder::add_character(const std::string& name, const Motion& motio
   writer_.add_node({name + "-visor", node, visor_mesh_, -1, {}, {1, 0, 0, 0}, {}});
 }
 
+void ScenarioBuilder::add_target(const std::string& name, int mesh, const Motion& motion, double weight) {
+  add_moving(name, mesh, motion, {{"role", "target"}, {"weight", weight}, {"required", true}});
+}
+
 void ScenarioBuilder::add_occluder(const std::string& name, int mesh, const Motion& motion,
                                    const InstanceAttributes& attributes) {
   Json role = Json::object({{"role", "occluder"}});
@@ -106,10 +110,12 @@ void ScenarioBuilder::add_occluder(const std::string& name, int mesh, const Moti
   add_moving(name, mesh, motion, std::move(role));
 }
 
-void ScenarioBuilder::add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m) {
+void ScenarioBuilder::add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m, const CameraMotion& motion) {
   const int camera = writer_.add_camera(0.6981317007977318, 16.0 / 9.0, 0.1);  // 40 degrees
-  writer_.add_node({"camera", -1, -1, camera, snap(eye_m), looking(snap(eye_m), snap(at_m)),
-                    extras_of(Json::object({{"role", "camera"}}))});
+  Json role = Json::object({{"role", "camera"}});
+  if (motion.max_speed_mps > 0) role["max_speed_mps"] = motion.max_speed_mps;
+  if (motion.max_acceleration_mps2 > 0) role["max_acceleration_mps2"] = motion.max_acceleration_mps2;
+  writer_.add_node({"camera", -1, -1, camera, snap(eye_m), looking(snap(eye_m), snap(at_m)), extras_of(role)});
 }
 
 }  // namespace sightline::scenes

@@ -30,6 +30,12 @@ struct Motion {
 // Keys over [0, duration_s] of a walker on the floor that faces its direction of travel. Targets have 60 a second.
 Motion walk(const TimedPath& path, double duration_s, double keys_per_second = kKeysPerSecond);
 
+// The limits that a scenario is made for, as the extras of its camera.
+struct CameraMotion {
+  double max_speed_mps = 0.0;
+  double max_acceleration_mps2 = 0.0;
+};
+
 // "column", 3 -> "column-3".
 std::string numbered(std::string name, int number);
 
@@ -43,10 +49,12 @@ class ScenarioBuilder {
   // A character 1.8 m high and 0.6 m across with its feet at the node's origin, facing +Z: a capsule, and
   // below it in the hierarchy a visor.
   void add_character(const std::string& name, const Motion& motion);
+  // A target of another shape.
+  void add_target(const std::string& name, int mesh, const Motion& motion, double weight = 1.0);
   void add_occluder(const std::string& name, int mesh, const Motion& motion,
                     const InstanceAttributes& attributes);
-  // Where the camera starts.
-  void add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m);
+  // Where the camera starts, and how fast it may move; 0 leaves the default of the session.
+  void add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m, const CameraMotion& motion = {});
 
   double duration_s() const { return duration_s_; }
   std::vector<std::byte> write() const { return writer_.finish("scenario"); }

@@ -11,11 +11,11 @@
 #include "client/bench/command.h"
 #include "client/bench/generator.h"
 #include "client/bench/process.h"
-#include "client/base/file_bytes.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
 #include "client/cpp/sightline_client.h"
 #include "scenes/catalog.h"
+#include "server/scene/confined_folder.h"
 
 namespace sightline {
 namespace {
@@ -38,7 +38,7 @@ Result<std::vector<std::byte>> scene_bytes(const BenchOptions& options) {
   if (const scenes::CatalogEntry* entry = scenes::find_scene(options.scene))
     return entry->make({.seed = options.world.seed});
   std::error_code trouble;
-  if (std::filesystem::is_regular_file(options.scene, trouble)) return read_file(options.scene);
+  if (std::filesystem::is_regular_file(options.scene, trouble)) return read_whole_file(options.scene, SIZE_MAX);
   return fail(ErrorCode::kNotFound, "scene",
               "\"" + options.scene + "\" is neither a generated scene nor a file");
 }
@@ -403,7 +403,7 @@ class Bench {
   std::string scene_hash_;
   BenchOpened opened_;
   std::shared_ptr<grpc::Channel> session_channel_;
-  CompletionLoop loop_;
+  EventLoop loop_{std::make_unique<grpc::CompletionQueue>()};
   Streams sessions_, echoes_;  // an echo sends messages as long as its session's
   std::optional<BenchGenerator> generator_;
   std::vector<MeasuredWindow> windows_;

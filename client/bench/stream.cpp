@@ -11,22 +11,11 @@ double us_between(int64_t from_ns, int64_t to_ns) {
 
 }  // namespace
 
-CompletionLoop::~CompletionLoop() {
-  queue_.Shutdown();
-  thread_.join();
-}
-
-void CompletionLoop::run() {
-  void* event = nullptr;
-  bool ok = false;
-  while (queue_.Next(&event, &ok)) static_cast<Event*>(event)->ready(ok);
-}
-
 int64_t BenchStream::monotonic_ns() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
 }
 
-BenchStream::BenchStream(CompletionLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
+BenchStream::BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
                          int64_t late_ns)
     : protocol_(std::move(protocol)),
       late_ns_(late_ns),

@@ -14,42 +14,21 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "client/bench/protocol.h"
 #include "client/bench/request_log.h"
 #include "client/bench/result.h"
 #include "server/base/error.h"
+#include "server/rpc/event_loop.h"
 
 namespace sightline {
-
-// A completion queue of gRPC's and the one thread that waits at it, as in the daemon (server/rpc/event_loop.h says why).
-class CompletionLoop {
- public:
-  // The tag of an operation; ready() is called once on the loop's thread, when the operation has ended.
-  class Event {
-   public:
-    virtual void ready(bool ok) = 0;
-
-   protected:
-    ~Event() = default;
-  };
-  CompletionLoop() : thread_([this] { run(); }) {}
-  ~CompletionLoop();  // every stream must have ended
-  grpc::CompletionQueue& queue() { return queue_; }
-
- private:
-  void run();
-  grpc::CompletionQueue queue_;
-  std::thread thread_;
-};
 
 class BenchStream {
  public:
   // Starts the call and sends the opening. `loop` moves the messages and must outlive the stream. Round trips of more than
   // `late_ns` count as late.
-  BenchStream(CompletionLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
+  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
               int64_t late_ns);
   ~BenchStream();  // cancels the call if it is still open, and waits for its end
   BenchStream(const BenchStream&) = delete;
@@ -84,7 +63,7 @@ class BenchStream {
  private:
   // An operation of the call; `reaction` is called on the loop's thread when it has ended.
   template <void (BenchStream::*reaction)(bool)>
-  struct Reaction final : CompletionLoop::Event {
+  struct Reaction final : Event {
     explicit Reaction(BenchStream& its_stream) : stream(its_stream) {}
     void ready(bool ok) override { (stream.*reaction)(ok); }
     BenchStream& stream;

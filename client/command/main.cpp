@@ -56,7 +56,12 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   CLI::App* evaluate = app.add_subcommand(
       "evaluate", "Play scenes under several camera policies in this process; write tables of how well they did");
   evaluate->add_option("--scene", options.scenes,
-                       "A generated scene by name, or a .glb with roles (default: all generated scenes); may be repeated");
+                       "A generated scene by name, or a .glb with roles; may be repeated");
+  evaluate->add_option("--group", options.groups,
+                       "All generated scenes of a group, as make-scenes --list names them (default: study, unless --scene is "
+                       "given); may be repeated");
+  evaluate->add_option("--tiles", options.tiles,
+                       "Folder of the tile set for the group tiles (default: the environment variable SIGHTLINE_TILES)");
   std::vector<std::string> names;
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
   evaluate
@@ -69,9 +74,10 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
                    "NAME=JSON: a further policy, Sightline's step under these settings, e.g. "
                    "calm={\"settings\":{\"move_response_s\":0.4}}; proto/SETTINGS.md lists them; may be repeated")
       ->allow_extra_args(false);
-  evaluate->add_option("--seeds", options.seeds, "Number of variants of each scene: seeds 1 to N")
+  evaluate->add_option("--seeds", options.seeds, "Number of variants of each scene, with one seed after the other")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
+  evaluate->add_option("--first-seed", options.first_seed, "The first of these seeds")->capture_default_str();
   evaluate->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();

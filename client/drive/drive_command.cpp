@@ -9,16 +9,17 @@
 #include "client/page/contact_sheet.h"
 #include "client/drive/comparison.h"
 #include "client/drive/page.h"
-#include "client/base/file_bytes.h"
 #include "client/truth/follow.h"
 #include "client/truth/metrics.h"
 #include "client/drive/player.h"
 #include "client/base/progress_bar.h"
 #include "client/drive/report.h"
+#include "client/scenario/scenario_limits.h"
 #include "client/scenario/scenario_session.h"
 #include "client/drive/trace.h"
 #include "client/base/wire_presets.h"
 #include "server/base/cpu_budget.h"
+#include "server/scene/confined_folder.h"
 
 namespace sightline {
 namespace {
@@ -53,6 +54,9 @@ class Drive {
     if (!scenario) return tl::unexpected(scenario.error());
     scenario_.emplace(std::move(*scenario));
     for (const std::string& warning : scenario_->asset().warnings) out_ << "warning: " << warning << '\n';
+    const auto limits = limits_of(*scenario_);
+    if (!limits) return tl::unexpected(limits.error());
+    limits_ = *limits;
     auto world = ScenarioWorld::make(*scenario_, store_, device_);
     if (!world) return tl::unexpected(world.error());
     world_ = std::move(*world);
@@ -72,7 +76,7 @@ class Drive {
   Status steer() {
     auto client = Client::connect(options_.server, 5s);
     if (!client) return tl::unexpected(client.error());
-    auto file = read_file(options_.scenario);
+    auto file = read_whole_file(options_.scenario, SIZE_MAX);
     if (!file) return tl::unexpected(file.error());
     scene_file_ = std::move(*file);
     const auto scene = client->upload_scene(scene_file_, 2min);
@@ -80,6 +84,8 @@ class Drive {
     const auto preset = preset_named(options_.preset);
     if (!preset) return tl::unexpected(preset.error());
     open_ = open_request(*scenario_, scene->hash(), options_.seed);
+    open_.mutable_limits()->set_max_speed_mps(limits_.max_speed_mps);
+    open_.mutable_limits()->set_max_acceleration_mps2(limits_.max_acceleration_mps2);
     open_.mutable_settings()->set_preset(*preset);
     open_.mutable_diagnostics()->set_candidates(!options_.page.empty());
     auto session = client->open_session(open_, 30s);
@@ -119,7 +125,7 @@ class Drive {
     bar_.clear();
     if (!truths) return tl::unexpected(truths.error());
     Judged judged{std::move(*truths), {}};
-    judged.metrics = summarize(*scenario_, path, judged.truths, CameraLimits{});
+    judged.metrics = summarize(*scenario_, path, judged.truths, limits_);
     return judged;
   }
 
@@ -189,6 +195,7 @@ class Drive {
   GeometryStore store_;
   EmbreeDevice device_;
   std::optional<Scenario> scenario_;
+  CameraLimits limits_;  // of the scenario
   std::unique_ptr<ScenarioWorld> world_;
   std::vector<std::byte> scene_file_;
   PlayOptions play_;

@@ -1,17 +1,11 @@
 #include "client/drive/report.h"
 
 #include <algorithm>
-#include <iomanip>
 
 #include "client/base/text_table.h"
 #include "server/wire/short_name.h"
 
 namespace sightline {
-namespace {
-
-constexpr int kLabelWidth = 44;
-
-}  // namespace
 
 std::string summary_line(const Scenario& scenario, const PlayedFrame& frame) {
   const v1::CameraReply& reply = frame.reply;
@@ -55,9 +49,7 @@ void print_table(std::ostream& out, const RunMetrics& run, const std::optional<R
   std::vector<std::string> columns{"sightline"};
   if (follow) columns.emplace_back("follow");
   print_rows(out, columns, truth_rows(run, follow));
-  for (const FigureRow& row : latency_rows(frames))
-    out << "  " << std::left << std::setw(kLabelWidth) << row.label << std::right << row.values.front()
-        << '\n';
+  print_rows(out, {}, latency_rows(frames));
 }
 
 }  // namespace sightline

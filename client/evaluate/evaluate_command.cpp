@@ -7,6 +7,7 @@
 #include "client/base/progress_bar.h"
 #include "client/evaluate/evaluation_tables.h"
 #include "scenes/catalog.h"
+#include "scenes/tile_set.h"
 #include "server/base/cpu_budget.h"
 #include "server/scene/gltf.h"
 
@@ -14,16 +15,24 @@ namespace sightline {
 namespace {
 
 using scenes::CatalogEntry;
+using scenes::SceneGroup;
 using scenes::SceneRequest;
 
 // ---- which scenes ----
 
-void add_seeds(const CatalogEntry& entry, const std::string& name, SceneRequest request, int seeds,
+uint64_t seed_of(const EvaluateOptions& options, int k) {
+  return options.first_seed + static_cast<uint64_t>(k);
+}
+
+void add_seeds(const CatalogEntry& entry, const std::string& name, SceneRequest request, const EvaluateOptions& options,
                std::vector<SceneCase>& cases) {
-  for (int seed = 1; seed <= seeds; ++seed) {
-    request.seed = static_cast<uint64_t>(seed);
+  request.tiles = options.tiles;
+  for (int k = 0; k < options.seeds; ++k) {
+    request.seed = seed_of(options, k);
     const auto load = [&entry, request](GeometryStore& store) -> Result<Scenario> {
-      const auto asset = read_gltf(entry.make(request), nullptr, store);
+      const auto bytes = entry.make(request);
+      if (!bytes) return tl::unexpected(bytes.error());
+      const auto asset = read_gltf(*bytes, nullptr, store);
       if (!asset) return tl::unexpected(asset.error());
       return Scenario::from_asset(*asset);
     };
@@ -32,26 +41,49 @@ void add_seeds(const CatalogEntry& entry, const std::string& name, SceneRequest 
 }
 
 void add_sizes(const CatalogEntry& entry, int SceneRequest::*size, std::initializer_list<int> sizes,
-               int seeds, std::vector<SceneCase>& cases) {
+               const EvaluateOptions& options, std::vector<SceneCase>& cases) {
   for (const int n : sizes) {
     SceneRequest request;
     request.*size = n;
-    add_seeds(entry, std::string(entry.name).append("-").append(std::to_string(n)), request, seeds, cases);
+    add_seeds(entry, std::string(entry.name).append("-").append(std::to_string(n)), request, options, cases);
   }
 }
 
-void add_generated(const CatalogEntry& entry, int seeds, std::vector<SceneCase>& cases) {
+// The tiles are looked for before anything is played.
+Status add_generated(const CatalogEntry& entry, const EvaluateOptions& options, std::vector<SceneCase>& cases) {
+  if (entry.group == SceneGroup::kTiles)
+    if (const auto tiles = scenes::read_tiles(scenes::tiles_folder(options.tiles)); !tiles)
+      return tl::unexpected(tiles.error());
   if (entry.name == "arena")
-    return add_sizes(entry, &SceneRequest::arena_targets, {2, 3, 4, 5, 6, 7, 8}, seeds, cases);
-  if (entry.name == "crowd")
-    return add_sizes(entry, &SceneRequest::crowd_movers, {0, 10, 20, 35}, seeds, cases);
-  add_seeds(entry, std::string(entry.name), {}, seeds, cases);
+    add_sizes(entry, &SceneRequest::arena_targets, {2, 3, 4, 5, 6, 7, 8}, options, cases);
+  else if (entry.name == "crowd")
+    add_sizes(entry, &SceneRequest::crowd_movers, {0, 10, 20, 35}, options, cases);
+  else
+    add_seeds(entry, entry.name, {}, options, cases);
+  return {};
 }
 
-void add_file(const std::string& path, int seeds, std::vector<SceneCase>& cases) {
-  for (int seed = 1; seed <= seeds; ++seed)
-    cases.push_back({std::filesystem::path(path).stem().string(), static_cast<uint64_t>(seed),
+Status add_group(const std::string& name, const EvaluateOptions& options, std::vector<SceneCase>& cases) {
+  const auto group = scenes::find_group(name);
+  if (!group) return fail(ErrorCode::kNotFound, "group", "no group \"" + name + "\"");
+  for (const CatalogEntry* entry : scenes::scenes_of(*group))
+    if (Status done = add_generated(*entry, options, cases); !done) return done;
+  return {};
+}
+
+void add_file(const std::string& path, const EvaluateOptions& options, std::vector<SceneCase>& cases) {
+  for (int k = 0; k < options.seeds; ++k)
+    cases.push_back({std::filesystem::path(path).stem().string(), seed_of(options, k),
                      [path](GeometryStore& store) { return Scenario::read(path, store); }});
+}
+
+Status add_scene(const std::string& scene, const EvaluateOptions& options, std::vector<SceneCase>& cases) {
+  std::error_code trouble;
+  if (const CatalogEntry* entry = scenes::find_scene(scene)) return add_generated(*entry, options, cases);
+  if (!std::filesystem::is_regular_file(scene, trouble))
+    return fail(ErrorCode::kNotFound, "scene", "\"" + scene + "\" is neither a generated scene nor a file");
+  add_file(scene, options, cases);
+  return {};
 }
 
 // ---- which policies ----
@@ -123,17 +155,12 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
 
 Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options) {
   std::vector<SceneCase> cases;
-  if (options.scenes.empty())
-    for (const CatalogEntry& entry : scenes::catalog()) add_generated(entry, options.seeds, cases);
-  for (const std::string& scene : options.scenes) {
-    std::error_code trouble;
-    if (const CatalogEntry* entry = scenes::find_scene(scene))
-      add_generated(*entry, options.seeds, cases);
-    else if (std::filesystem::is_regular_file(scene, trouble))
-      add_file(scene, options.seeds, cases);
-    else
-      return fail(ErrorCode::kNotFound, "scene", "\"" + scene + "\" is neither a generated scene nor a file");
-  }
+  std::vector<std::string> groups = options.groups;
+  if (groups.empty() && options.scenes.empty()) groups.emplace_back(scenes::name_of(SceneGroup::kStudy));
+  for (const std::string& group : groups)
+    if (Status done = add_group(group, options, cases); !done) return tl::unexpected(done.error());
+  for (const std::string& scene : options.scenes)
+    if (Status done = add_scene(scene, options, cases); !done) return tl::unexpected(done.error());
   return cases;
 }
 

@@ -5,6 +5,7 @@
 //   timing.csv     times measured by a clock; the other files have the same bytes on every run
 #pragma once
 
+#include <cstdint>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -14,11 +15,13 @@
 namespace sightline {
 
 struct EvaluateOptions {
-  std::vector<std::string>
-      scenes;  // names of generated scenes, and paths of .glb or .gltf files; empty: all generated scenes
+  std::vector<std::string> scenes;    // names of generated scenes, and paths of .glb or .gltf files
+  std::vector<std::string> groups;    // of generated scenes, by name; without scenes and groups: "study"
+  std::string tiles;                  // folder of the tile set; empty: that of the environment variable SIGHTLINE_TILES
   std::vector<std::string> policies;  // names; empty: all built-in policies but "ceiling"
   std::vector<std::string> settings;  // NAME=JSON, each a further policy (read_named_settings in policy.h)
-  int seeds = 5;                      // [1, 100]: seeds 1 .. n
+  int seeds = 5;                      // [1, 100]: how many, one after the other
+  uint64_t first_seed = 1;
   double rate_hz = 60.0;
   double duration_s = 0.0;  // longest part of each scene to play; 0: all of it
   int picture_every = 6;
@@ -29,7 +32,8 @@ struct EvaluateOptions {
 
 // The scene cases that the options ask for, one a seed. A generated scene that comes in several sizes gives a case for each size:
 // the arena with 2 to 8 targets, the crowd with 0 to 35 others. A file is the same at every seed; only the session's seed
-// changes. kNotFound: neither a generated scene nor a file.
+// changes. kNotFound: neither a generated scene nor a file, no such
+// group, or a scene of tiles without its folder.
 Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options);
 
 // 0 when everything was played and written, else 1 with the reason on `err`.

@@ -7,6 +7,8 @@
 #include <mutex>
 #include <thread>
 
+#include "client/scenario/scenario_limits.h"
+#include "client/truth/free_way.h"
 #include "server/sample/embree_sampler.h"
 
 namespace sightline {
@@ -68,6 +70,8 @@ class Progress {
 struct Played {
   std::vector<CameraFrame> frames;
   std::vector<std::vector<ReportedShare>> reports;  // by frame; empty when the policy reports nothing
+  std::vector<std::optional<bool>> tracking;        // by frame
+  std::vector<std::optional<glm::dvec3>> goals_m;   // by frame
 };
 
 // One policy in one scene.
@@ -86,6 +90,9 @@ class Run {
     const auto start = std::chrono::steady_clock::now();
     auto scenario = load_case(scene_, shared_);
     if (!scenario) return tl::unexpected(scenario.error());
+    const auto limits = limits_of(*scenario);
+    if (!limits) return in_scene(scene_, limits.error());
+    limits_ = *limits;
     record_.scene = scene_.name;
     record_.seed = scene_.seed;
     record_.policy = policy_.name;
@@ -108,7 +115,7 @@ class Run {
     const auto ticks =
         static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;
     PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
-                    shared_.extents, CameraLimits{}, 1 / options_.rate_hz, scene_.seed,
+                    shared_.extents, limits_,         1 / options_.rate_hz, scene_.seed,
                     ticks,           static_cast<size_t>(options_.picture_every)};
     auto policy = policy_.make(site);
     if (!policy) return tl::unexpected(policy.error());
@@ -122,6 +129,8 @@ class Run {
       if (!step) return tl::unexpected(step.error());
       played.frames.push_back({time_s, step->camera, step->lens, step->jump});
       if (step->reports) played.reports.push_back(std::move(*step->reports));
+      played.tracking.push_back(step->tracking);
+      played.goals_m.push_back(step->goal_m);
       progress_(kPlayShare * static_cast<double>(k) / static_cast<double>(ticks));
     }
     record_.most_joint = (*policy)->most_joint();
@@ -140,17 +149,45 @@ class Run {
     };
     const auto truths = judge(scenario, shared_.store, shared_.device, played.frames, judging);
     if (!truths) return tl::unexpected(truths.error());
-    record_.metrics = summarize(scenario, played.frames, *truths, CameraLimits{});
+    record_.metrics = summarize(scenario, played.frames, *truths, limits_);
     record_.target_count = record_.metrics.targets.size();
-    if (!played.reports.empty()) record_.reports = judge_reports(*truths, played.reports);
+    judge_words(scenario, played, *truths);
     for (size_t i = 0; i < truths->size(); ++i)
       if (const auto& picture = (*truths)[i].picture)
-        record_.pictures.push_back(
-            {played.frames[i].time_s, played.frames[i].camera.position_m, least_share(*picture)});
+        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m,
+                                    least_share(*picture), picture->fully_hidden(), played.tracking[i]});
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
+    record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
+    judge_against_targets(**world, played);
     return {};
+  }
+
+  // What the policy says of its view, against the truth.
+  void judge_words(const Scenario& scenario, const Played& played, std::span<const FrameTruth> truths) {
+    if (!played.reports.empty()) record_.reports = judge_reports(truths, played.reports);
+    if (std::none_of(played.tracking.begin(), played.tracking.end(), [](const auto& t) { return t.has_value(); }))
+      return;
+    std::vector<uint64_t> required_ids;
+    for (const ScenarioActor& target : scenario.targets())
+      if (target.required && target.weight > 0.0) required_ids.push_back(target.id);
+    record_.status = judge_status(truths, played.tracking, required_ids);
+  }
+
+  // How the camera and its goal move, against the motion of the targets.
+  void judge_against_targets(ScenarioWorld& world, const Played& played) {
+    std::vector<glm::dvec3> centers_m;
+    std::vector<GoalSample> goals;
+    for (size_t i = 0; i < played.frames.size(); ++i) {
+      const CameraFrame& frame = played.frames[i];
+      world.set_time(frame.time_s);
+      centers_m.push_back(world.targets_center_m());
+      goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
+    }
+    record_.turns = answers_to_turns(played.frames, centers_m);
+    if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
+      record_.goals = goals_of(goals);
   }
 
   static double least_share(const PictureTruth& picture) {
@@ -165,6 +202,7 @@ class Run {
   const int threads_;
   Shared& shared_;
   const std::function<void(double)> progress_;
+  CameraLimits limits_;  // of the scenario
   RunRecord record_;
 };
 

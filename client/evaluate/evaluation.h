@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
+#include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
+#include "client/truth/turns.h"
 
 namespace sightline {
 
@@ -43,6 +45,8 @@ struct JudgedPicture {
   double time_s = 0.0;
   glm::dvec3 camera_m{0.0};
   double least_visible_share = 0.0;  // of the target that is seen least
+  bool lost = false;                 // no pixel of any target is visible
+  std::optional<bool> tracking;      // whether the policy's status was TRACKING; none without a status
 };
 
 struct RunRecord {
@@ -52,8 +56,13 @@ struct RunRecord {
   std::string policy;
   RunMetrics metrics;
   ReactionMetrics reaction;
-  std::optional<ReportMetrics> reports;  // only for policies that report what they see
-  std::optional<double> most_joint;      // only for policies that know it (policy.h)
+  TurnMetrics turns;
+  double longest_blind_with_way_s = 0.0;  // client/truth/free_way.h
+  // Only for policies that say what they see, what their status is, and where they head.
+  std::optional<ReportMetrics> reports;
+  std::optional<StatusMetrics> status;
+  std::optional<GoalMetrics> goals;
+  std::optional<double> most_joint;  // only for policies that know it (policy.h)
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <iterator>
 
 #include "client/base/text_table.h"
 
@@ -15,7 +16,11 @@ struct Column {
   double (*of)(const Run& run);
 };
 
-constexpr Column kReactionColumns[] = {
+constexpr Column kAnswerColumns[] = {
+    {"longest_blind_with_way_s", [](const Run& r) { return r.longest_blind_with_way_s; }},
+    {"turns", [](const Run& r) { return double(r.turns.turns); }},
+    {"mean_turn_answer_s", [](const Run& r) { return r.turns.mean_answer_s; }},
+    {"unanswered_turns", [](const Run& r) { return double(r.turns.unanswered); }},
     {"sustained_occlusions", [](const Run& r) { return double(r.reaction.occlusions); }},
     {"mean_reaction_s", [](const Run& r) { return r.reaction.mean_delay_s; }},
     {"p95_reaction_s", [](const Run& r) { return r.reaction.p95_delay_s; }},
@@ -34,6 +39,46 @@ constexpr Column kReportColumns[] = {
     {"filtered_false_occluded", [](const Run& r) { return r.reports->filtered.false_occluded; }},
     {"filtered_share_error", [](const Run& r) { return r.reports->filtered.mean_absolute_error; }},
 };
+
+// Only of runs that have a status.
+constexpr Column kStatusColumns[] = {
+    {"tracking_while_lost", [](const Run& r) { return r.status->tracking_while_lost; }},
+    {"lost_called_tracking", [](const Run& r) { return r.status->lost_called_tracking; }},
+    {"tracking_while_half_hidden", [](const Run& r) { return r.status->tracking_while_half_hidden; }},
+};
+
+// Only of runs that have goals.
+constexpr Column kGoalColumns[] = {
+    {"goal_jumps_per_s", [](const Run& r) { return r.goals->jumps_per_s; }},
+};
+
+// A group of columns that a run may lack.
+struct OptionalColumns {
+  std::span<const Column> columns;
+  bool (*has)(const Run& run);
+};
+constexpr OptionalColumns kOptionalColumns[] = {
+    {kReportColumns, [](const Run& r) { return r.reports.has_value(); }},
+    {kStatusColumns, [](const Run& r) { return r.status.has_value(); }},
+    {kGoalColumns, [](const Run& r) { return r.goals.has_value(); }},
+};
+
+constexpr std::string_view kLegend = R"(
+Means over seeds. Collisions and violations are frames, summed over seeds; blind and with way are the longest of any seed.
+  joint           share of pictures in which every target is visible to 95 %
+  r_N             share of pictures without a visible pixel of any target
+  blind           longest stretch of such pictures
+  with way        longest part of one in which a place that sees a target could be reached within 2 s
+  episodes        how often a target is lost from sight
+  d_c             length of the camera's path
+  at a_max        share of frames at the acceleration limit
+  jerk            root mean square
+  reversals       the camera turns back
+  goals           the camera's goal moves more than 0.5 m in one tick
+  false TRACKING  share of pictures that have this status and no visible pixel of any target
+  reaction        from the onset of an occlusion until the camera leaves its course or sees the target again
+  report error    mean absolute error of the filtered visible share that the policy reports
+)";
 
 // In quotes, with quotes doubled: a user's file may have any name.
 std::string quoted(const std::string& text) {
@@ -61,6 +106,13 @@ std::vector<Group> group_runs(std::span<const Run> runs) {
     group == groups.end() ? groups.push_back({&run}) : group->push_back(&run);
   }
   return groups;
+}
+
+template <typename Has>
+Group only(const Group& group, Has has) {
+  Group some;
+  std::copy_if(group.begin(), group.end(), std::back_inserter(some), [&](const Run* run) { return has(*run); });
+  return some;
 }
 
 template <typename Value>
@@ -91,6 +143,13 @@ std::string share_of_ceiling(const Group& group, const std::vector<Group>& group
   return most > 0 ? formatted("%.1f %%", 100 * own / most) : "";
 }
 
+template <typename Value>
+double greatest(const Group& group, Value value) {
+  double most = value(*group.front());
+  for (const Run* run : group) most = std::max<double>(most, value(*run));
+  return most;
+}
+
 std::string percent(double share) {
   return formatted("%.2f %%", 100 * share);
 }
@@ -100,14 +159,16 @@ std::string percent(double share) {
 void write_runs(std::ostream& out, std::span<const Run> runs) {
   out << "scene,seed,targets,policy";
   for (const RunFigure& figure : run_figures()) out << ',' << figure.name;
-  for (const Column& column : kReactionColumns) out << ',' << column.name;
-  for (const Column& column : kReportColumns) out << ',' << column.name;
+  for (const Column& column : kAnswerColumns) out << ',' << column.name;
+  for (const OptionalColumns& group : kOptionalColumns)
+    for (const Column& column : group.columns) out << ',' << column.name;
   out << ",most_joint,reaction_delays_s\n";
   for (const Run& run : runs) {
     write_identity(out, run);
     for (const RunFigure& figure : run_figures()) out << ',' << exact_text(figure.of(run.metrics));
-    for (const Column& column : kReactionColumns) out << ',' << exact_text(column.of(run));
-    for (const Column& column : kReportColumns) out << ',' << (run.reports ? exact_text(column.of(run)) : "");
+    for (const Column& column : kAnswerColumns) out << ',' << exact_text(column.of(run));
+    for (const OptionalColumns& group : kOptionalColumns)
+      for (const Column& column : group.columns) out << ',' << (group.has(run) ? exact_text(column.of(run)) : "");
     out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ",\"";
     for (const double delay_s : run.reaction.delays_s) out << exact_text(delay_s) << ' ';
     out << "\"\n";
@@ -115,14 +176,15 @@ void write_runs(std::ostream& out, std::span<const Run> runs) {
 }
 
 void write_pictures(std::ostream& out, std::span<const Run> runs) {
-  out << "scene,seed,targets,policy,time_s,camera_x_m,camera_y_m,camera_z_m,least_visible_share\n";
+  out << "scene,seed,targets,policy,time_s,camera_x_m,camera_y_m,camera_z_m,least_visible_share,lost,"
+         "tracking\n";
   for (const Run& run : runs)
     for (const JudgedPicture& picture : run.pictures) {
       write_identity(out, run);
       const glm::dvec3& p = picture.camera_m;
       for (const double value : {picture.time_s, p.x, p.y, p.z, picture.least_visible_share})
         out << ',' << exact_text(value);
-      out << '\n';
+      out << ',' << picture.lost << ',' << (picture.tracking ? std::to_string(*picture.tracking) : "") << '\n';
     }
 }
 
@@ -142,41 +204,49 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"of ceiling", true},
                {"at most", true},
                {"r_N", true},
-               {"r_P (5 %)", true},
+               {"blind s", true},
+               {"with way s", true},
                {"episodes", true},
                {"collisions", true},
                {"violations", true},
-               {"pops", true},
                {"d_c m", true},
+               {"at a_max", true},
                {"jerk m/s3", true},
+               {"reversals/s", true},
+               {"goals/s", true},
+               {"false TRACKING", true},
                {"reaction s", true},
                {"report error", true}});
   const std::vector<Group> groups = group_runs(runs);
   for (const Group& group : groups) {
     const auto of = [&](const char* format, auto value) { return formatted(format, mean(group, value)); };
+    const Group goals = only(group, [](const Run& r) { return r.goals.has_value(); });
+    const Group status = only(group, [](const Run& r) { return r.status.has_value(); });
+    const Group reports = only(group, [](const Run& r) { return r.reports.has_value(); });
     const auto total = [&](auto value) { return formatted("%.0f", sum(group, value)); };
     table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
                percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
                share_of_ceiling(group, groups),
                group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
                percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
-               percent(mean(group, [](const Run& r) { return r.metrics.r_p_tolerant; })),
+               formatted("%.1f", greatest(group, [](const Run& r) { return r.metrics.longest_blind_s; })),
+               formatted("%.1f", greatest(group, [](const Run& r) { return r.longest_blind_with_way_s; })),
                of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
                total([](const Run& r) { return r.metrics.body_collisions; }),
                total([](const Run& r) { return r.metrics.limit_violations; }),
-               total([](const Run& r) { return r.metrics.pops; }),
                of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
+               percent(mean(group, [](const Run& r) { return r.metrics.acceleration_limit_share; })),
                of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),
+               of("%.2f", [](const Run& r) { return r.metrics.reversals_per_s; }),
+               goals.empty() ? "" : formatted("%.2f", mean(goals, [](const Run& r) { return r.goals->jumps_per_s; })),
+               status.empty() ? "" : percent(mean(status, [](const Run& r) { return r.status->tracking_while_lost; })),
                of("%.2f", [](const Run& r) { return r.reaction.mean_delay_s; }),
-               group.front()->reports
-                   ? of("%.3f", [](const Run& r) { return r.reports->filtered.mean_absolute_error; })
-                   : ""});
+               reports.empty() ? "" : formatted("%.3f", mean(reports, [](const Run& r) {
+                                                  return r.reports->filtered.mean_absolute_error;
+                                                }))});
   }
   table.print(out);
-  out << "\nMeans over seeds; collisions, limit violations and pops are frames, summed over seeds. joint: share of\n"
-         "pictures in which every target is visible to 95 %. of ceiling: joint as a share of what the policy ceiling\n"
-         "reaches. at most: upper estimate of the joint share of any camera. episodes: times that a target was lost\n"
-         "from sight. report error: mean absolute error of the filtered visible share that the policy reports.\n";
+  out << kLegend;
 }
 
 std::string exact_text(double value) {

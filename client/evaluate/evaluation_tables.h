@@ -11,11 +11,18 @@
 
 namespace sightline {
 
-// One row a run with all its figures: run_figures() (client/truth/metrics.h), reactions (client/truth/reaction.h), and the errors
-// of what the policy reports. most_joint is the upper estimate of the joint share that only the policy "ceiling" has. reaction_delays_s lists the single delays, separated by blanks. A cell is empty where a run lacks
-// the figure.
+// One row a run with all its figures. A cell is empty where a run lacks the figure. client/truth/ defines them:
+//   metrics.h    run_figures()
+//   free_way.h   longest_blind_with_way_s
+//   turns.h      turns, mean_turn_answer_s, unanswered_turns
+//   reaction.h   sustained_occlusions to unanswered_occlusions; reaction_delays_s lists the single delays, separated by blanks
+//   reports.h    reported_pairs to filtered_share_error, and the status: tracking_while_lost, lost_called_tracking,
+//                tracking_while_half_hidden
+//   motion.h     goal_jumps_per_s
+// most_joint is the upper estimate of the joint share that only the policy "ceiling" has.
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
-// One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least.
+// One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least, and
+// as 0 or 1 whether no pixel of any target was visible (lost) and whether the status was TRACKING (empty without a status).
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);

@@ -15,7 +15,7 @@ class FollowPolicy : public CameraPolicy {
 
   Result<PolicyStep> next(double time_s, double) override {
     world_->set_time(time_s);
-    return PolicyStep{.camera = follow_.pose(*world_), .lens = lens_, .reports = {}};
+    return PolicyStep{.camera = follow_.pose(*world_), .lens = lens_};
   }
 
  private:

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/scenario/scenario_world.h"
-#include "client/truth/metrics.h"
+#include "client/truth/reports.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 #include "server/step/step.h"
@@ -36,8 +36,10 @@ struct PolicyStep {
   Pose camera;
   Lens lens;
   bool jump = false;  // see CameraFrame
-  std::optional<std::vector<ReportedShare>>
-      reports;  // what the policy reports that its camera sees, if it reports anything
+  // What the policy says in this tick, each absent where it says nothing:
+  std::optional<std::vector<ReportedShare>> reports = std::nullopt;  // the visible shares of the targets
+  std::optional<bool> tracking = std::nullopt;                       // whether its status is TRACKING
+  std::optional<glm::dvec3> goal_m = std::nullopt;                   // world; the position that it heads for
 };
 
 // Deterministic: the same site and the same calls give the same answers. Used by one thread at a time.

@@ -17,6 +17,12 @@ glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& point_m) {
   return distance <= reach ? point_m : bound.center_m + out * (reach / distance);
 }
 
+// The limits that games know.
+PolicySite without_jerk_limit(PolicySite site) {
+  site.limits.max_jerk_mps3 = 0;
+  return site;
+}
+
 }  // namespace
 
 void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
@@ -37,7 +43,7 @@ void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
 }
 
 RaycastPolicy::RaycastPolicy(const PolicySite& site, std::unique_ptr<ScenarioWorld> world)
-    : site_(site),
+    : site_(without_jerk_limit(site)),
       settings_(),
       lens_(site.scenario.lens()),
       world_(std::move(world)),
@@ -95,6 +101,7 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
   const glm::dvec3 before_m = world_->targets_center_m();
   world_->set_time(time_s);
   update_views();
+  PolicyStep step;
   if (dt_s > 0) {
     center_velocity_mps_ = (world_->targets_center_m() - before_m) / dt_s;
     const Bound bound = bound_camera(camera_, site_.limits, settings_.bound, horizon_s_, dt_s);
@@ -106,8 +113,11 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
     horizon_s_ *= choice.status == MoveStatus::kTracking ? 1 / factor : factor;
     horizon_s_ = std::clamp(horizon_s_, settings_.bound.horizon_s, settings_.bound.max_horizon_s);
     travel(choice, dt_s);
+    if (choice.candidate >= 0) step.goal_m = candidates_.position_m[static_cast<size_t>(choice.candidate)];
   }
-  return PolicyStep{.camera = camera_.pose, .lens = lens_, .reports = {}};
+  step.camera = camera_.pose;
+  step.lens = lens_;
+  return step;
 }
 
 }  // namespace sightline

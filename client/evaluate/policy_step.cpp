@@ -11,6 +11,13 @@
 namespace sightline {
 namespace {
 
+// The position that the last step heads for. A strategy without a goal of its own goes to the candidate that it chose.
+std::optional<glm::dvec3> goal_of(const StepDump& dump) {
+  const Decision& decision = dump.decision;
+  if (decision.goal_m || decision.chosen_candidate < 0) return decision.goal_m;
+  return dump.sights.candidates.position_m[static_cast<size_t>(decision.chosen_candidate)];
+}
+
 class StepPolicy : public CameraPolicy {
  public:
   StepPolicy(const PolicySite& site, std::unique_ptr<Session> session)
@@ -25,6 +32,8 @@ class StepPolicy : public CameraPolicy {
     step.camera = answer->step.camera.pose;
     step.lens = answer->lens;
     step.jump = answer->cut || answer->step.flags.dt_capped;
+    step.tracking = answer->step.status == TrackingStatus::kTracking;
+    step.goal_m = goal_of(session_->dump());
     step.reports.emplace();
     for (const TargetSight& sight : answer->step.targets)
       step.reports->push_back({sight.id, sight.visible_share, sight.filtered_share});
@@ -76,6 +85,7 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.camera = site.scenario.camera();
   options.lens = site.scenario.lens();
   options.limits = site.limits;
+  if (settings.move.strategy != Strategy::kMinCost) options.limits.max_jerk_mps3 = 0;  // the paper has no such limit
   options.settings = settings;
   options.extents = &site.extents;
   if (auto added = add_scene(site.scenario, site.store, options); !added)

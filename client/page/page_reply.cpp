@@ -10,7 +10,8 @@ namespace {
 
 uint32_t flag_bits(const v1::StepFlags& flags) {
   const bool set[] = {flags.dt_capped(), flags.used_cube_map(), flags.body_overlap(), flags.degraded(),
-                      flags.recording_degraded()};
+                      flags.recording_degraded(), flags.evading(), flags.deflected(), flags.new_shot(),
+                      flags.distance_given_up(), flags.elevation_given_up()};
   uint32_t bits = 0;
   for (size_t i = 0; i < std::size(set); ++i)
     if (set[i]) bits |= 1u << i;
@@ -42,7 +43,8 @@ std::vector<std::string> page_stages() {
 }
 
 std::vector<std::string> page_flags() {
-  return {"dt capped", "faces resampled", "body overlap", "degraded", "recording degraded"};
+  return {"dt capped", "faces resampled", "body overlap", "degraded", "recording degraded", "evading", "deflected", "new shot",
+          "distance given up", "elevation given up"};
 }
 
 PageFrame page_frame(const v1::CameraReply& reply, const Convention& convention, double aspect,

@@ -67,8 +67,8 @@ struct PageSight {
   double true_share = kPageUnknown;  // of the target's pixels, by a re-render, [0, 1]; most frames have none
   std::string state;            // "VISIBLE", "PARTIAL", "OCCLUDED", "OFF_SCREEN": other words are shown grey
   double distance_m = 0.0;      // from the camera to aim_m
-  uint64_t occluder_id = 0;     // the main occluder; 0: none
-  double occluder_share = 0.0;  // of its points that are hidden, [0, 1]
+  uint64_t occluder_id = 0;     // the instance that hides most of it; 0: none
+  double occluder_share = 0.0;  // of the target's points that it hides, [0, 1]
 };
 
 // A candidate camera position of the step.

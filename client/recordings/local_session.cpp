@@ -7,6 +7,13 @@
 
 namespace sightline {
 
+Result<std::string> LocalWorld::bring(std::span<const std::byte> file) {
+  auto asset = scenes.add_uploaded(file);
+  if (!asset) return tl::unexpected(std::move(asset.error()));
+  brought.push_back(*asset);
+  return to_hex((*asset)->hash);
+}
+
 Result<std::unique_ptr<LocalSession>> LocalSession::open(const v1::OpenSession& request, LocalWorld& world,
                                                          StageClock clock) {
   std::vector<std::string> warnings;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,14 +18,18 @@ namespace sightline {
 
 // Shared by the sessions of a process. The sampler device must outlive it.
 struct LocalWorld {
-  // `scene_folder` may be empty: then scenes can only be named by hash (LocalWorld::scenes.add_uploaded).
+  // `scene_folder` may be empty: then scenes can only be named by hash (bring).
   LocalWorld(std::string scene_folder, SamplerDevice& sampler_device)
       : sampler(sampler_device), scenes(std::move(scene_folder), GltfLimits{}, geometry) {}
+
+  // Takes one scene file, complete in itself, and returns its hash. It is kept, for ticks that name it later.
+  Result<std::string> bring(std::span<const std::byte> file);
 
   SamplerDevice& sampler;
   GeometryStore geometry;
   ExtentCache extents;
   SceneLibrary scenes;
+  std::vector<std::shared_ptr<const SceneAsset>> brought;
 };
 
 // Single-threaded.

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "client/base/file_bytes.h"
 #include "client/page/page_data.h"
 #include "server/base/hash.h"
+#include "server/scene/confined_folder.h"
 #include "server/scene/gltf.h"
 #include "server/scene/gltf_buffers.h"
 
@@ -113,8 +113,10 @@ void SceneFiles::add_attachments(const Wanted& wanted, std::vector<Place>& place
 void SceneFiles::add_files(const Wanted& wanted, std::vector<Place>& places) const {
   const auto add = [&](const fs::path& path) {
     places.push_back(
-        {[path] { return read_file(path.string()); },
-         [path](const std::string& relative) { return read_file((path.parent_path() / relative).string()); },
+        {[path] { return read_whole_file(path.string(), SIZE_MAX); },
+         [path](const std::string& relative) {
+           return read_whole_file((path.parent_path() / relative).string(), SIZE_MAX);
+         },
          path.string()});
   };
   for (const std::string& file : options_.files)

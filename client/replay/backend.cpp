@@ -20,12 +20,7 @@ class LocalBackend final : public ReplayBackend {
   LocalBackend(std::unique_ptr<SamplerDevice> sampler, bool steps)
       : sampler_(std::move(sampler)), world_("", *sampler_), steps_(steps) {}
 
-  Result<std::string> bring(std::span<const std::byte> file) override {
-    auto asset = world_.scenes.add_uploaded(file);
-    if (!asset) return tl::unexpected(std::move(asset.error()));
-    held_.push_back(*asset);
-    return to_hex((*asset)->hash);
-  }
+  Result<std::string> bring(std::span<const std::byte> file) override { return world_.bring(file); }
 
   Result<v1::SessionOpened> open(const v1::OpenSession& open) override {
     session_.reset();
@@ -54,7 +49,6 @@ class LocalBackend final : public ReplayBackend {
   const std::unique_ptr<SamplerDevice> sampler_;
   LocalWorld world_;
   const bool steps_;
-  std::vector<std::shared_ptr<const SceneAsset>> held_;  // files that were brought, for ticks that name them later
   std::unique_ptr<LocalSession> session_;
   bool waiting_ = false;  // a tick was applied and no step taken since
 };

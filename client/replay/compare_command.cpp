@@ -87,16 +87,11 @@ void print_first(std::ostream& out, const std::optional<ReplyDifference>& first)
 
 void print_fields(std::ostream& out, const std::vector<FieldDeviation>& deviations) {
   if (deviations.empty()) return;
-  size_t width = 5;
-  for (const FieldDeviation& deviation : deviations) width = std::max(width, deviation.field.size());
-  const int columns = static_cast<int>(width);
-  out << "  " << std::string("field").append(width - 5, ' ') << "     replies  first tick        largest\n";
-  for (const FieldDeviation& deviation : deviations) {
-    out << "  " << deviation.field << std::string(static_cast<size_t>(columns) - deviation.field.size(), ' ')
-        << formatted("  %10lu  %10lu", static_cast<unsigned long>(deviation.replies),
-                     static_cast<unsigned long>(deviation.first_sequence));
-    out << (deviation.is_number ? formatted("  %13.6g\n", deviation.largest) : formatted("  %13s\n", "-"));
-  }
+  Table table({{"field"}, {"replies", true}, {"first tick", true}, {"largest", true}});
+  for (const FieldDeviation& deviation : deviations)
+    table.row({deviation.field, std::to_string(deviation.replies), std::to_string(deviation.first_sequence),
+               deviation.is_number ? formatted("%.6g", deviation.largest) : "-"});
+  table.print(out);
 }
 
 void print(std::ostream& out, const RecordingComparison& comparison) {

@@ -13,10 +13,6 @@ void line(std::ostream& out, const char* label, const std::string& text) {
   out << formatted("%-11s ", label) << text << '\n';
 }
 
-std::string counted(uint64_t count) {
-  return std::to_string(count);
-}
-
 }  // namespace
 
 const char* to_string(ReplayVerdict verdict) {
@@ -82,9 +78,9 @@ ReplayVerdict ReplayResult::verdict() const {
 }
 
 void ReplayResult::print(std::ostream& out) const {
-  std::string count = formatted("%s compared, %s equal", counted(replies_.compared()).c_str(),
-                                counted(replies_.equal()).c_str());
-  if (only_recorded_ > 0) count.append(", ").append(counted(only_recorded_)).append(" not answered again");
+  std::string count = formatted("%s compared, %s equal", std::to_string(replies_.compared()).c_str(),
+                                std::to_string(replies_.equal()).c_str());
+  if (only_recorded_ > 0) count.append(", ").append(std::to_string(only_recorded_)).append(" not answered again");
   line(out, "replies", count);
   line(out, "hash",
        formatted("%016lx recorded, %016lx replayed", static_cast<unsigned long>(replies_.hash_a()),
@@ -100,21 +96,21 @@ void ReplayResult::print(std::ostream& out) const {
   if (refused_both_ + refused_recorded_.size() + refused_only_replayed_ > 0)
     line(out, "refused",
          formatted("%s ticks as recorded, %s only in the recording, %s only now",
-                   counted(refused_both_).c_str(), counted(refused_recorded_.size()).c_str(),
-                   counted(refused_only_replayed_).c_str()));
+                   std::to_string(refused_both_).c_str(), std::to_string(refused_recorded_.size()).c_str(),
+                   std::to_string(refused_only_replayed_).c_str()));
   if (first_new_refusal_)
     line(out, "",
-         "tick " + counted(first_new_refusal_->sequence()) + " now: " + first_new_refusal_->message());
-  if (faults_ > 0) line(out, "faults", counted(faults_) + " in the recording, first: " + first_fault_);
+         "tick " + std::to_string(first_new_refusal_->sequence()) + " now: " + first_new_refusal_->message());
+  if (faults_ > 0) line(out, "faults", std::to_string(faults_) + " in the recording, first: " + first_fault_);
   if (gaps_ > 0)
     line(out, "gaps",
          formatted("%s, %s messages are missing; %s of %s replies before the first are equal",
-                   counted(gaps_).c_str(), counted(missing_).c_str(), counted(equal_before_gap_).c_str(),
-                   counted(compared_before_gap_).c_str()));
+                   std::to_string(gaps_).c_str(), std::to_string(missing_).c_str(), std::to_string(equal_before_gap_).c_str(),
+                   std::to_string(compared_before_gap_).c_str()));
   if (lost_replies_ > 0)
-    line(out, "", counted(lost_replies_) + " steps were taken whose replies are missing");
+    line(out, "", std::to_string(lost_replies_) + " steps were taken whose replies are missing");
   if (unanswered_ticks_ > 0)
-    line(out, "", "the recording ends before the answer to " + counted(unanswered_ticks_) + " ticks");
+    line(out, "", "the recording ends before the answer to " + std::to_string(unanswered_ticks_) + " ticks");
   if (never_equal_ == kOtherSettings) return line(out, "result", never_equal_);
   std::string verdict = to_string(this->verdict());
   if (!never_equal_.empty() && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");

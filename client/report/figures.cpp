@@ -45,7 +45,7 @@ void print_rows(std::ostream& out, std::span<const std::string> columns, std::sp
     for (const std::string& value : values) out << std::setw(static_cast<int>(width)) << value;
     out << '\n';
   };
-  print("", columns);
+  if (!columns.empty()) print("", columns);
   for (const FigureRow& row : rows) print(row.label, row.values);
 }
 

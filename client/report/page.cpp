@@ -85,12 +85,7 @@ class Maker {
     auto convention = convention_of(recording_.open_session());
     if (!convention) return tl::unexpected(convention.error());
     convention_ = *convention;
-    scenes_.bring_to([this](std::span<const std::byte> bytes) -> Result<std::string> {
-      auto asset = world_.scenes.add_uploaded(bytes);
-      if (!asset) return tl::unexpected(asset.error());
-      held_.push_back(*asset);
-      return to_hex((*asset)->hash);
-    });
+    scenes_.bring_to([this](std::span<const std::byte> bytes) { return world_.bring(bytes); });
     placeholders_.emplace(scenes_, convention_);
     return open_session();
   }
@@ -122,7 +117,7 @@ class Maker {
   // `scene` is the scene of the session in this process: by hash, or empty.
   std::unordered_map<uint64_t, std::string> names(const v1::SceneRef& scene) const {
     std::unordered_map<uint64_t, std::string> names;
-    for (const auto& asset : held_)
+    for (const auto& asset : world_.brought)
       if (to_hex(asset->hash) == scene.hash()) names = asset_names(*asset);
     for (const v1::NodeBinding& binding : recording_.open_session().scene().bindings())
       names[binding.id()] = binding.node();
@@ -387,7 +382,6 @@ class Maker {
   Convention convention_;
   LocalWorld world_;
   SceneFiles scenes_;
-  std::vector<std::shared_ptr<const SceneAsset>> held_;
   std::optional<Placeholders> placeholders_;
   std::unique_ptr<LocalSession> session_;
   std::optional<InstanceTimeline> timeline_;

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
+
+#include "client/truth/blindness.h"
 
 namespace sightline {
 namespace {
@@ -24,64 +25,25 @@ constexpr RunFigure kFigures[] = {
     {"p95_episode_s", [](const Run& r) { return r.episodes.p95_length_s; }},
     {"mean_reacquire_s", [](const Run& r) { return r.episodes.mean_reacquire_s; }},
     {"never_reacquired", [](const Run& r) { return double(r.episodes.never_reacquired); }},
+    {"longest_blind_s", [](const Run& r) { return r.longest_blind_s; }},
     {"d_c_m", [](const Run& r) { return r.d_c_m; }},
     {"d_s_heights", [](const Run& r) { return r.d_s_heights; }},
     {"rms_acceleration_mps2", [](const Run& r) { return r.rms_acceleration_mps2; }},
     {"peak_acceleration_mps2", [](const Run& r) { return r.peak_acceleration_mps2; }},
     {"rms_jerk_mps3", [](const Run& r) { return r.rms_jerk_mps3; }},
+    {"p99_jerk_mps3", [](const Run& r) { return r.p99_jerk_mps3; }},
     {"peak_jerk_mps3", [](const Run& r) { return r.peak_jerk_mps3; }},
     {"peak_speed_mps", [](const Run& r) { return r.peak_speed_mps; }},
     {"peak_angular_speed_radps", [](const Run& r) { return r.peak_angular_speed_radps; }},
     {"peak_angular_acceleration_radps2", [](const Run& r) { return r.peak_angular_acceleration_radps2; }},
+    {"acceleration_limit_share", [](const Run& r) { return r.acceleration_limit_share; }},
+    {"speed_limit_share", [](const Run& r) { return r.speed_limit_share; }},
+    {"reversals_per_s", [](const Run& r) { return r.reversals_per_s; }},
     {"pops", [](const Run& r) { return double(r.pops); }},
     {"body_collisions", [](const Run& r) { return double(r.body_collisions); }},
     {"least_clearance_m", [](const Run& r) { return r.least_clearance_m; }},
     {"limit_violations", [](const Run& r) { return double(r.limit_violations); }},
 };
-
-struct Heading {
-  double yaw_rad = 0.0, pitch_rad = 0.0;
-};
-
-// The heading of a camera without roll. Yaw comes from its right axis, which stays level even when it looks straight up or down.
-Heading heading_of(const glm::dquat& rotation) {
-  const glm::dvec3 right = rotation * glm::dvec3(1, 0, 0), forward = rotation * glm::dvec3(0, 0, -1);
-  const glm::dvec3 ahead(right.z, 0.0, -right.x);  // level, at a right angle to `right`
-  return {std::atan2(-right.z, right.x), std::atan2(forward.y, glm::dot(forward, ahead))};
-}
-
-double wrapped(double angle_rad) {
-  return std::remainder(angle_rad, 2 * std::numbers::pi);
-}
-
-bool exceeds(double value, double limit, double slack) {
-  return value > limit * (1 + slack) + slack;
-}
-
-// The rates at one frame; the next frame takes differences of them.
-struct Rates {
-  glm::dvec3 velocity_mps{0.0};
-  double yaw_radps = 0.0, pitch_radps = 0.0;
-  glm::dvec3 acceleration_mps2{0.0};
-};
-
-Rates rates_between(const CameraFrame& before, const CameraFrame& now, double dt_s) {
-  const Heading from = heading_of(before.camera.rotation), to = heading_of(now.camera.rotation);
-  return {(now.camera.position_m - before.camera.position_m) / dt_s,
-          wrapped(to.yaw_rad - from.yaw_rad) / dt_s, (to.pitch_rad - from.pitch_rad) / dt_s, glm::dvec3(0.0)};
-}
-
-MotionSample sample_of(const Rates& before, const Rates& now, double dt_s) {
-  MotionSample sample;
-  sample.valid = true;
-  sample.speed_mps = glm::length(now.velocity_mps);
-  sample.acceleration_mps2 = glm::length(now.acceleration_mps2);
-  sample.jerk_mps3 = glm::length(now.acceleration_mps2 - before.acceleration_mps2) / dt_s;
-  sample.angular_speed_radps = std::hypot(now.yaw_radps, now.pitch_radps);
-  sample.angular_acceleration_radps2 =
-      std::hypot(now.yaw_radps - before.yaw_radps, now.pitch_radps - before.pitch_radps) / dt_s;
-  return sample;
-}
 
 bool pops(const CameraFrame& before, const CameraFrame& now) {
   return glm::distance(now.camera.position_m, before.camera.position_m) > kPopM ||
@@ -101,26 +63,42 @@ void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth>
   }
 }
 
+// Turns the sums of squares and of frames at a limit into means.
+void divide_by_samples(size_t samples, size_t jerks, RunMetrics& metrics) {
+  const auto divide = [](double& sum, size_t n) { sum /= static_cast<double>(std::max<size_t>(n, 1)); };
+  divide(metrics.acceleration_limit_share, samples);
+  divide(metrics.speed_limit_share, samples);
+  divide(metrics.rms_acceleration_mps2, samples);
+  divide(metrics.rms_jerk_mps3, jerks);
+  metrics.rms_acceleration_mps2 = std::sqrt(metrics.rms_acceleration_mps2);
+  metrics.rms_jerk_mps3 = std::sqrt(metrics.rms_jerk_mps3);
+}
+
 void add_motion(std::span<const CameraFrame> frames, const CameraLimits& limits, RunMetrics& metrics) {
-  size_t accelerations = 0, jerks = 0;
+  size_t samples = 0;
+  std::vector<double> jerks_mps3;
   for (const MotionSample& sample : motion_of(frames)) {
     if (!sample.valid) continue;
+    ++samples;
     if (breaks_limits(sample, limits)) ++metrics.limit_violations;
+    metrics.acceleration_limit_share += sample.acceleration_mps2 >= kAtLimit * limits.max_acceleration_mps2;
+    metrics.speed_limit_share += sample.speed_mps >= kAtLimit * limits.max_speed_mps;
     const auto raise = [](double& peak, double value) { peak = std::max(peak, value); };
     raise(metrics.peak_speed_mps, sample.speed_mps);
     raise(metrics.peak_acceleration_mps2, sample.acceleration_mps2);
     raise(metrics.peak_angular_speed_radps, sample.angular_speed_radps);
     raise(metrics.peak_angular_acceleration_radps2, sample.angular_acceleration_radps2);
     metrics.rms_acceleration_mps2 += sample.acceleration_mps2 * sample.acceleration_mps2;
-    ++accelerations;
     if (!sample.has_jerk) continue;
+    jerks_mps3.push_back(sample.jerk_mps3);
     raise(metrics.peak_jerk_mps3, sample.jerk_mps3);
     metrics.rms_jerk_mps3 += sample.jerk_mps3 * sample.jerk_mps3;
-    ++jerks;
   }
-  const auto root_of_mean = [](double sum, size_t n) { return std::sqrt(sum / std::max<size_t>(n, 1)); };
-  metrics.rms_acceleration_mps2 = root_of_mean(metrics.rms_acceleration_mps2, accelerations);
-  metrics.rms_jerk_mps3 = root_of_mean(metrics.rms_jerk_mps3, jerks);
+  divide_by_samples(samples, jerks_mps3.size(), metrics);
+  metrics.p99_jerk_mps3 = percentile(std::move(jerks_mps3), 0.99);
+  const double length_s = frames.empty() ? 0.0 : frames.back().time_s - frames.front().time_s;
+  if (length_s > 0)
+    metrics.reversals_per_s = static_cast<double>(direction_reversals(frames)) / length_s;
 }
 
 void add_bodies(std::span<const FrameTruth> truths, double body_radius_m, RunMetrics& metrics) {
@@ -187,20 +165,8 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   divide_by_pictures(metrics);
   metrics.mean_hidden_share = pairs == 0 ? 0.0 : hidden / static_cast<double>(pairs);
   metrics.episodes = episodes_of(sights);
-}
-
-void add_report(double said, double truth, ReportErrors& sums) {
-  sums.false_visible += said >= 0.5 && truth < 0.5;
-  sums.false_occluded += said < 0.5 && truth >= 0.5;
-  sums.mean_absolute_error += std::abs(said - truth);
-}
-
-// Turns sums over pairs into shares and a mean.
-void divide_by_pairs(const ReportMetrics& metrics, ReportErrors& errors) {
-  const auto divide = [](double& sum, size_t n) { sum = n == 0 ? 0.0 : sum / static_cast<double>(n); };
-  divide(errors.false_visible, metrics.hidden_pairs);
-  divide(errors.false_occluded, metrics.pairs - metrics.hidden_pairs);
-  divide(errors.mean_absolute_error, metrics.pairs);
+  for (const BlindStretch& stretch : blind_stretches(frames, truths))
+    metrics.longest_blind_s = std::max(metrics.longest_blind_s, stretch.length_s(frames));
 }
 
 // The first index from `from` on for which `wanted` is true; the last index when there is none.
@@ -220,30 +186,6 @@ double RunMetrics::joint_visible_share() const {
   return std::round((1.0 - r_n - r_p_tolerant) * n) / n;
 }
 
-std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames) {
-  std::vector<MotionSample> samples(frames.size());
-  Rates before;
-  for (size_t i = 1; i < frames.size(); ++i) {
-    const double dt_s = frames[i].time_s - frames[i - 1].time_s;
-    if (!(dt_s > 0)) continue;
-    Rates now = rates_between(frames[i - 1], frames[i], dt_s);
-    now.acceleration_mps2 = (now.velocity_mps - before.velocity_mps) / dt_s;
-    // Neither the jump nor the change of velocity right after it is a motion.
-    if (!frames[i].jump && !frames[i - 1].jump) samples[i] = sample_of(before, now, dt_s);
-    samples[i].has_jerk = samples[i].valid && (i == 1 || samples[i - 1].valid);
-    before = now;
-  }
-  return samples;
-}
-
-bool breaks_limits(const MotionSample& sample, const CameraLimits& limits) {
-  constexpr double kSlack = 1e-6, kAngleSlack = 1e-4;
-  return exceeds(sample.speed_mps, limits.max_speed_mps, kSlack) ||
-         exceeds(sample.acceleration_mps2, limits.max_acceleration_mps2, kSlack) ||
-         exceeds(sample.angular_speed_radps, limits.max_angular_speed_radps, kAngleSlack) ||
-         exceeds(sample.angular_acceleration_radps2, limits.max_angular_acceleration_radps2, kAngleSlack);
-}
-
 EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
   EpisodeMetrics metrics;
   std::vector<double> lengths;
@@ -261,26 +203,6 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
   metrics.count = lengths.size();
   if (metrics.count > 0) metrics.mean_reacquire_s /= static_cast<double>(metrics.count);
   metrics.p95_length_s = percentile(std::move(lengths), 0.95);
-  return metrics;
-}
-
-ReportMetrics judge_reports(std::span<const FrameTruth> truths,
-                            std::span<const std::vector<ReportedShare>> reports) {
-  ReportMetrics metrics;
-  for (size_t i = 0; i < truths.size(); ++i) {
-    if (!truths[i].picture) continue;
-    for (const TargetTruth& target : truths[i].picture->targets) {
-      const auto report = std::find_if(reports[i].begin(), reports[i].end(),
-                                       [&](const ReportedShare& r) { return r.id == target.id; });
-      if (report == reports[i].end() || target.alone_pixels == 0) continue;
-      ++metrics.pairs;
-      metrics.hidden_pairs += target.visible_share() < 0.5;
-      add_report(report->visible_share, target.visible_share(), metrics.visible);
-      add_report(report->filtered_share, target.visible_share(), metrics.filtered);
-    }
-  }
-  divide_by_pairs(metrics, metrics.visible);
-  divide_by_pairs(metrics, metrics.filtered);
   return metrics;
 }
 

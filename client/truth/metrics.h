@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "client/truth/judge.h"
-#include "server/base/camera.h"
+#include "client/truth/motion.h"
 #include "server/settings/camera_limits.h"
 
 namespace sightline {
@@ -50,15 +50,24 @@ struct RunMetrics {
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four motion limits
   EpisodeMetrics episodes;
+  // The longest stretch with nobody in sight, in seconds: from a judged picture that holds no pixel of any target to the next
+  // picture that holds one, or to the last picture. 0 when every picture holds a pixel. Its resolution is the time between
+  // judged pictures.
+  double longest_blind_s = 0.0;
   double d_c_m = 0.0;  // length of the camera's path (paper, section 6)
   // Length of the path of the targets' projected centres in the picture, summed over targets, in picture heights (paper,
   // section 6). Only pairs of neighbouring frames that both hold the centre count.
   double d_s_heights = 0.0;
-  size_t pops =
-      0;  // frames that are more than kPopM or kPopRad from the frame before, without a declared jump
+  // Frames that are more than kPopM or kPopRad from the frame before, without a declared jump. A camera that keeps its motion
+  // limits has none.
+  size_t pops = 0;
   double peak_speed_mps = 0.0, peak_acceleration_mps2 = 0.0;
   double peak_angular_speed_radps = 0.0, peak_angular_acceleration_radps2 = 0.0;
-  double rms_acceleration_mps2 = 0.0, rms_jerk_mps3 = 0.0, peak_jerk_mps3 = 0.0;
+  double rms_acceleration_mps2 = 0.0;
+  double rms_jerk_mps3 = 0.0, p99_jerk_mps3 = 0.0, peak_jerk_mps3 = 0.0;  // p99: 99th percentile over frames
+  // Shares of the frames with a valid MotionSample at which the camera uses at least kAtLimit of the limit, in [0, 1].
+  double acceleration_limit_share = 0.0, speed_limit_share = 0.0;
+  double reversals_per_s = 0.0;  // direction_reversals (motion.h) per second of the run
 };
 
 // Every figure of a run but those of single targets: the keys of to_json and columns of `sightline evaluate`.
@@ -71,22 +80,6 @@ std::span<const RunFigure> run_figures();
 inline constexpr double kPopM = 0.5;
 inline constexpr double kPopRad = 0.08726646259971647;  // 5 degrees
 
-// How a camera moved between two frames, by finite differences of its poses.
-struct MotionSample {
-  double speed_mps = 0.0, acceleration_mps2 = 0.0;
-  double angular_speed_radps = 0.0;
-  double angular_acceleration_radps2 = 0.0;  // change of (yaw rate, pitch rate)
-  bool valid = false;                        // false for the first frame, a jump, or when no time has passed
-  double jerk_mps3 = 0.0;                    // change of acceleration
-  bool has_jerk = false;                     // this frame and the one before are valid
-};
-// One sample a frame. The camera is taken to be at rest before the first.
-std::vector<MotionSample> motion_of(std::span<const CameraFrame> frames);
-
-// True when `sample` breaks a limit by more than rounding explains: 1e-6 of the limit for positions, and 1e-4 for
-// angles. Second differences of angles over a short step cancel most of a double's digits.
-bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
-
 // The visibility of a target in one picture.
 struct SightSample {
   double time_s = 0.0;
@@ -94,28 +87,6 @@ struct SightSample {
 };
 // `targets`: for each target its samples in the order of time.
 EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
-
-// The visible shares that a policy reports for one target at one frame.
-struct ReportedShare {
-  uint64_t id = 0;
-  double visible_share = 0.0;   // in this step, [0, 1]
-  double filtered_share = 0.0;  // over the last steps, [0, 1]
-};
-// How wrong one of the two reported shares is.
-struct ReportErrors {
-  double false_visible = 0.0;        // share of the hidden pairs that were reported visible
-  double false_occluded = 0.0;       // share of the visible pairs that were reported hidden
-  double mean_absolute_error = 0.0;  // of the share, over all pairs
-};
-// A policy's reports against the truth. A pair is a judged picture and a target with at least one pixel in it. A target is
-// visible at a share of at least one half, both as reported and in truth.
-struct ReportMetrics {
-  size_t pairs = 0, hidden_pairs = 0;  // all pairs; pairs whose target is truly not visible
-  ReportErrors visible, filtered;      // of visible_share and of filtered_share
-};
-// `reports`: one list a frame, as long as `truths`. Targets are matched by id; one that was not reported is left out.
-ReportMetrics judge_reports(std::span<const FrameTruth> truths,
-                            std::span<const std::vector<ReportedShare>> reports);
 
 // The figures of a scenario's run. `truths` is as long as `frames`.
 RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,

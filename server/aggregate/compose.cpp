@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cassert>
 
-#include "server/base/check.h"
 #include "server/base/vector_clones.h"
 
 namespace sightline {

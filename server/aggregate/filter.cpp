@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 
-#include "server/base/check.h"
 
 namespace sightline {
 namespace {

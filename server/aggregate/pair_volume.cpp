@@ -97,20 +97,6 @@ double row(const PairVolume& v, double texel_y) {
   return lerp(v.y_top, -v.y_top, texel_y / v.resolution);
 }
 
-glm::dvec3 printed_trilinear(const PairVolume& volume, double u, double v, double w) {
-  const auto corner = [&](int iu, int iv, int iw) {
-    return meet(volume, iw ? volume.xa_min : volume.xa_max, iu ? volume.xb_max : volume.xb_min,
-                iv ? -volume.y_top : volume.y_top);
-  };
-  const glm::dvec3 origin = corner(0, 0, 0);
-  const glm::dvec3 i = corner(1, 0, 0) - origin;
-  const glm::dvec3 j1 = corner(0, 1, 0) - origin, j2 = corner(1, 1, 0) - corner(1, 0, 0);
-  const glm::dvec3 k1 = corner(0, 0, 1) - origin, k2 = corner(0, 1, 1) - corner(0, 1, 0);
-  const glm::dvec3 k3 = corner(1, 1, 1) - corner(1, 1, 0), k4 = corner(1, 0, 1) - corner(1, 0, 0);
-  return origin + u * i + v * ((1 - u) * j1 + u * j2) +
-         w * ((1 - u) * ((1 - v) * k1 + v * k2) + u * ((1 - v) * k4 + v * k3));
-}
-
 void compose_pair(const PairVolume& volume, const DepthMap& map_a, const DepthMap& map_b, const Bound& bound,
                   double relative_bias, CandidateSet& candidates) {
   candidates.clear();

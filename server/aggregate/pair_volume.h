@@ -7,8 +7,7 @@
 // visibility of both targets is known exactly: no interpolation.
 //
 // The paper addresses the volume by a trilinear map of its eight corners. Equal pixel steps give a projective grid, which
-// agrees with the trilinear one only at the corners; `printed_trilinear` keeps the printed formula, and the tests show
-// both facts.
+// agrees with the trilinear one only at the corners, as the tests show.
 #pragma once
 
 #include <array>
@@ -59,10 +58,6 @@ PairCoordinates pair_coordinates(const PairVolume& volume, const glm::dvec3& poi
 double column_of_a(const PairVolume& volume, double texel_x);
 double column_of_b(const PairVolume& volume, double texel_x);
 double row(const PairVolume& volume, double texel_y);
-
-// The paper's map I_AB from [u v w], each in [0, 1], to the world: u along B's columns, v along rows, 1 - w along A's
-// columns. Equals `meet` at the eight corners only.
-glm::dvec3 printed_trilinear(const PairVolume& volume, double u, double v, double w);
 
 // Lists the r^3 meeting points that lie in the bound, each with two bits: 0 for A, 1 for B. Distances are compared at the
 // texel itself, with the same rule as look_up.

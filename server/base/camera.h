@@ -11,6 +11,7 @@ namespace sightline {
 struct CameraState {
   Pose pose;                               // world_from_camera
   glm::dvec3 velocity_mps{0.0};            // world frame
+  glm::dvec3 acceleration_mps2{0.0};       // of the last step: its change of the velocity, by its time; world frame
   glm::dvec3 angular_velocity_radps{0.0};  // world frame
 };
 

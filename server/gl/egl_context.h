@@ -20,7 +20,7 @@ struct EglContextInfo {
   std::string drm_node;    // "/dev/dri/renderD128"; empty when the device has none
   std::string renderer;    // GL_RENDERER
   std::string gl_version;  // GL_VERSION
-  bool software = false;
+  bool software = false;   // Mesa's llvmpipe, softpipe or swrast
   bool robust = false;     // the driver reports resets (lose_context_on_reset)
 };
 

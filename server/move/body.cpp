@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 
 #include "server/move/motion.h"
 
@@ -78,6 +80,13 @@ class SafetyCheck {
     return away_m_ / clearance_m_ * std::sqrt(2 * limits_.max_acceleration_mps2 * std::max(missing, 0.0));
   }
 
+  // Returns whether a body that moves straight away from the nearest surface meets an opposite one.
+  bool is_wedged() const {
+    if (clearance_m_ < 1e-9) return true;
+    const glm::dvec3 out = camera_.pose.position_m + away_m_ * ((body_m_ + kBodySkinM - clearance_m_) / clearance_m_);
+    return field_.clearance_m(out, body_m_) < body_m_;
+  }
+
   // The least clearance after the step and at the end of braking after it.
   double room_m(const glm::dvec3& velocity) const {
     const glm::dvec3 next = camera_.pose.position_m + velocity * dt_s_;
@@ -113,6 +122,103 @@ glm::dvec3 roomiest(const SafetyCheck& check) {
   return best;
 }
 
+// Finds the nearest place where a ball of radius `room_m` is free and outside of every solid.
+class WayOut {
+ public:
+  WayOut(const ClearanceField& field, const glm::dvec3& from_m, double room_m)
+      : field_(field),
+        from_m_(from_m),
+        room_m_(room_m),
+        inside_(field.is_inside(from_m)),
+        first_step_m_(step_m(from_m, inside_)),
+        least_m_(std::min(kFarthestOutM, field.reach_m() - 2 * room_m)) {}
+
+  std::optional<glm::dvec3> find() {
+    if (first_step_m_ < kTightM) return from_m_;
+    glm::dvec3 surface_m;
+    if (field_.nearest(from_m_, field_.reach_m(), surface_m) && surface_m != from_m_)
+      try_way(glm::normalize(inside_ ? surface_m - from_m_ : from_m_ - surface_m));
+    for (int i = 0; i < kDirections; ++i) try_way(spread_direction(i));
+    for (const double aside : {0.3, 0.15, 0.07, 0.03}) try_beside(aside);
+    return found_m_;
+  }
+
+ private:
+  static constexpr double kFarthestOutM = 10.0;
+  // Spread evenly over the sphere, about 25 degrees apart; the shortest way is then sought in between.
+  static constexpr int kDirections = 64;
+  // A way that turns out longer than the shortest by less than this factor may lead across the nearest surface, only aslant.
+  static constexpr double kAslant = 1.3;
+  static constexpr double kShortestStepM = 0.005;
+  static constexpr int kMostSteps = 64;
+
+  // Tries a direction, and then the one straight across the surface that it leaves.
+  void try_way(const glm::dvec3& direction) {
+    const auto there_m = first_free_m(direction, kAslant * least_m_);
+    if (!there_m) return;
+    take(*there_m);
+    glm::dvec3 surface_m;
+    if (!field_.nearest(*there_m, 2 * room_m_, surface_m)) return;
+    const glm::dvec3 across_m = *there_m - surface_m;
+    if (const auto straight_m = first_free_m(glm::normalize(across_m), least_m_)) take(*straight_m);
+  }
+
+  // The directions of a Fibonacci lattice.
+  static glm::dvec3 spread_direction(int i) {
+    const double y = 1 - (2 * i + 1.0) / kDirections, turn = i * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double flat = std::sqrt(1 - y * y);
+    return {flat * std::cos(turn), y, flat * std::sin(turn)};
+  }
+
+  // Tries directions round the best one, `aside` radians apart. Where several surfaces leave little room, the shortest way is
+  // across none of them.
+  void try_beside(double aside) {
+    if (!found_m_) return;
+    const glm::dvec3 best = glm::normalize(*found_m_ - from_m_);
+    const glm::dvec3 across = glm::normalize(glm::cross(best, std::abs(best.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
+    const glm::dvec3 other = glm::cross(best, across);
+    for (int i = 0; i < 8; ++i) {
+      const double turn = i * std::numbers::pi / 4;
+      const glm::dvec3 direction = glm::normalize(best + aside * (std::cos(turn) * across + std::sin(turn) * other));
+      if (const auto there_m = first_free_m(direction, least_m_)) take(*there_m);
+    }
+  }
+
+  void take(const glm::dvec3& place_m) {
+    const double distance_m = glm::distance(from_m_, place_m);
+    if (distance_m >= least_m_) return;
+    size_t blocker = 0;
+    if (!inside_ && !field_.is_free(from_m_, place_m, 0.0, blocker)) return;
+    least_m_ = distance_m, found_m_ = place_m;
+  }
+
+  // Goes as far in each step as no free place can be nearer. From inside a solid the ball has to pass the nearest surface whole.
+  std::optional<glm::dvec3> first_free_m(const glm::dvec3& direction, double most_m) const {
+    double gone_m = first_step_m_;
+    for (int step = 0; step < kMostSteps && gone_m <= most_m; ++step) {
+      const glm::dvec3 place_m = from_m_ + gone_m * direction;
+      const double least_step_m = step_m(place_m, field_.is_inside(place_m));
+      if (least_step_m < kTightM) return place_m;
+      gone_m += std::max(least_step_m, kShortestStepM);
+    }
+    return std::nullopt;
+  }
+  // No free place is nearer than this; at most 0 if the place itself is free.
+  double step_m(const glm::dvec3& place_m, bool inside) const {
+    const double clearance_m = field_.clearance_m(place_m, 4 * room_m_);
+    return inside ? clearance_m + room_m_ : room_m_ - clearance_m;
+  }
+  static constexpr double kTightM = 1e-6;  // rounding
+
+  const ClearanceField& field_;
+  const glm::dvec3 from_m_;
+  const double room_m_;
+  const bool inside_;
+  const double first_step_m_;
+  double least_m_;  // of the ways that were found
+  std::optional<glm::dvec3> found_m_;
+};
+
 }  // namespace
 
 double swept_radius_m(const CameraLimits& limits, const Lens& lens) {
@@ -141,10 +247,19 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
   return clamp_velocity(camera.velocity_mps, velocity, limits, dt_s);
 }
 
+std::optional<glm::dvec3> way_out(const ClearanceField& field, const glm::dvec3& from_m, double body_radius_m) {
+  return WayOut(field, from_m, body_radius_m + kBodySkinM).find();
+}
+
 SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
-                   const Lens& lens, const ClearanceField& field, double dt_s) {
+                   const Lens& lens, const ClearanceField& field, double dt_s, bool blind) {
   SafetyCheck check(camera, limits, lens, field, dt_s);
-  if (check.overlaps()) return {roomiest(check), true};
+  const bool overlaps = check.overlaps();
+  const bool inside = (overlaps || blind) && field.is_inside(camera.pose.position_m);
+  if (inside || (overlaps && check.is_wedged()))
+    if (const auto out_m = way_out(field, camera.pose.position_m, swept_radius_m(limits, lens)))
+      return {velocity_towards(camera, *out_m, glm::dvec3(0.0), limits, dt_s), true};
+  if (overlaps) return {roomiest(check), true};
   if (check.is_safe(wanted_mps)) return {wanted_mps, false};
   // Too close to a surface: away from it first, unless another surface is opposite.
   if (const glm::dvec3 out = check.limited(check.velocity_out()); !check.has_skin() && check.is_safe(out))

@@ -277,6 +277,12 @@ glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dv
   return center + outwards * distance;
 }
 
+glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const MoveSettings& settings) {
+  const glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
+  const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
+  return weighted_center_m(targets) + glm::normalize(with_elevation(offset, elevation)) * settings.max_distance_m;
+}
+
 PlaceLimits::PlaceLimits(std::span<const TrackedTarget> targets, const MoveSettings& settings)
     : targets_(targets),
       settings_(settings),
@@ -308,6 +314,20 @@ bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> tar
   const double elevation = elevation_rad(from_center);
   return glm::length(from_center) <= settings.max_distance_m && elevation >= settings.min_elevation_rad &&
          elevation <= settings.max_elevation_rad;
+}
+
+BrokenLimits broken_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
+                           const MoveSettings& settings) {
+  constexpr double kToleratedM = 1e-3, kToleratedRad = 1e-3;
+  if (steered_mask(targets) == 0) return {};
+  const glm::dvec3 from_center = place_m - weighted_center_m(targets);
+  const double elevation = elevation_rad(from_center);
+  BrokenLimits broken{.distance = glm::length(from_center) > settings.max_distance_m + kToleratedM,
+                      .elevation = elevation < settings.min_elevation_rad - kToleratedRad ||
+                                   elevation > settings.max_elevation_rad + kToleratedRad};
+  for (const TrackedTarget& t : targets)
+    broken.distance |= t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m - kToleratedM;
+  return broken;
 }
 
 Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarget> targets,

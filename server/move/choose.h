@@ -31,11 +31,22 @@ glm::dvec3 weighted_center_m(std::span<const TrackedTarget> targets);
 glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const Lens& lens,
                            double framing_margin, const MoveSettings& settings);
 
+// The farthest position that the camera may take on the side of the targets that `offset_m` names: max_distance_m from the weighted
+// centre, within the elevation limits.
+glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const MoveSettings& settings);
+
 // Returns whether a position is within the distance and elevation limits.
 bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
                    const MoveSettings& settings);
 
-// The same test for many positions around the same targets, with the same results. A position that is too near to an elevation limit
+// Which limits a position breaks by more than 1 mm or 0.001 rad. Neither without a steered target.
+struct BrokenLimits {
+  bool distance = false, elevation = false;
+};
+BrokenLimits broken_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
+                           const MoveSettings& settings);
+
+// The same test as within_limits for many positions around the same targets, with the same results. A position that is too near to an elevation limit
 // for the quick test is tested by within_limits.
 class PlaceLimits {
  public:

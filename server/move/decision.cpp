@@ -23,22 +23,30 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kBlockedByGeometry:
       return "some positions see the targets, but the camera cannot reach them in a straight line";
     case MoveReason::kBodyOverlap:
-      return "the camera body touches a collider; backing out";
+      return "the camera body touches a collider or is inside one; leaving it";
     case MoveReason::kObservedCut:
       return "the client moved the camera by a cut";
+    case MoveReason::kCut:
+      return "jumped to a position that sees the targets";
   }
   return "";
 }
 
-std::string_view to_string(MoveStatus status) {
+std::string_view to_string(TrackingStatus status) {
   switch (status) {
-    case MoveStatus::kTracking:
+    case TrackingStatus::kTracking:
       return "tracking";
-    case MoveStatus::kPartial:
-      return "partial";
-    case MoveStatus::kEscaping:
-      return "escaping";
-    case MoveStatus::kHolding:
+    case TrackingStatus::kPartialView:
+      return "partial_view";
+    case TrackingStatus::kSeeking:
+      return "seeking";
+    case TrackingStatus::kBlocked:
+      return "blocked";
+    case TrackingStatus::kWaiting:
+      return "waiting";
+    case TrackingStatus::kLost:
+      return "lost";
+    case TrackingStatus::kHolding:
       return "holding";
   }
   return "";
@@ -68,6 +76,8 @@ std::string_view to_string(MoveReason reason) {
       return "body_overlap";
     case MoveReason::kObservedCut:
       return "observed_cut";
+    case MoveReason::kCut:
+      return "cut";
   }
   return "";
 }

@@ -1,15 +1,28 @@
-// The status and the reason of the move stage's decision, as enums and as text.
+// The reason of the move stage's decision and the status of the camera's search for a view, as enums and as text.
 #pragma once
 
 #include <string_view>
 
 namespace sightline {
 
+// The targets that the chosen candidate sees. It says nothing about what the camera sees; TrackingStatus does.
 enum class MoveStatus {
-  kTracking,  // going to, or at, a position that sees all targets
-  kPartial,   // no such position in reach: going to the best partial view
-  kEscaping,  // no position in reach sees any target: the horizon grows
+  kTracking,  // the candidate sees all targets
+  kPartial,   // no such candidate in reach: the best partial view
+  kEscaping,  // no candidate in reach sees any target: the horizon grows
   kHolding,   // no target has a weight, or no candidate can be taken
+};
+
+// The targets that the camera sees from the returned pose, and if it sees none, what it does about that. "The required
+// targets" are all targets with a weight if none of those is required.
+enum class TrackingStatus {
+  kTracking,     // all required targets are seen
+  kPartialView,  // not all of them, but a part of some target
+  kSeeking,      // nothing: on the way to a position that is expected to see a target
+  kBlocked,      // nothing: such a position is known, but something stands in the way
+  kWaiting,      // nothing: such a position is known, but the camera stays, because going there gains nothing
+  kLost,         // nothing, and no position is known that sees a target
+  kHolding,      // no target has a weight
 };
 
 enum class MoveReason {
@@ -24,11 +37,12 @@ enum class MoveReason {
   kBlockedByGeometry,
   kBodyOverlap,
   kObservedCut,
+  kCut,
 };
 
 // The reason as one sentence: "no position in reach sees all targets; going to the best partial view".
 std::string_view explain(MoveReason reason);
-std::string_view to_string(MoveStatus status);
+std::string_view to_string(TrackingStatus status);
 std::string_view to_string(MoveReason reason);
 
 }  // namespace sightline

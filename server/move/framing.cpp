@@ -32,11 +32,14 @@ bool must_fit(const TrackedTarget& target, bool any_required) {
   return target.steered() && (target.required || !any_required);
 }
 
+bool any_required_of(std::span<const TrackedTarget> targets) {
+  return std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
+}
+
 Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles) {
   const glm::dquat camera_from_world =
       glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
-  const bool any_required =
-      std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
+  const bool any_required = any_required_of(targets);
   Extents out;
   double weight = 0;
   for (const TrackedTarget& target : targets) {
@@ -99,6 +102,27 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, cons
   aim.angles.pitch_rad =
       present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);
   return aim;
+}
+
+bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,
+                  double room, bool required_only) {
+  const bool any_required = required_only && any_required_of(targets);
+  ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
+  Extents at;
+  for (int i = 0; i <= kAimIterations; ++i) {
+    const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
+    at = {};
+    for (const TrackedTarget& target : targets) {
+      if (!must_fit(target, any_required)) continue;
+      const glm::dvec3 p = camera_from_world * (target.aim_m - eye_m);
+      at.x.include(std::atan2(p.x, -p.z), 0.0);
+      at.y.include(std::atan2(p.y, -p.z), 0.0);
+    }
+    if (i == kAimIterations) break;
+    angles.yaw_rad -= (at.x.low + at.x.high) / 2;
+    angles.pitch_rad = std::clamp(angles.pitch_rad + (at.y.low + at.y.high) / 2, -kMaxPitchRad, kMaxPitchRad);
+  }
+  return at.x.reach() <= room * half_horizontal_fov_rad(lens) && at.y.reach() <= room * lens.vertical_fov_rad / 2;
 }
 
 bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& point_m) {

@@ -15,6 +15,12 @@ inline bool zooms(const FramingSettings& settings) {
   return settings.max_vertical_fov_rad > 0.0;
 }
 
+// The lens at its widest zoom.
+inline Lens widest(Lens lens, const FramingSettings& settings) {
+  if (zooms(settings)) lens.vertical_fov_rad = settings.max_vertical_fov_rad;
+  return lens;
+}
+
 struct Aim {
   ViewAngles angles;
   double vertical_fov_rad = 0.0;  // what shows the group with the margin, within the zoom range
@@ -26,6 +32,12 @@ struct Aim {
 // dead zone around it. At least one target must be steered.
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings);
+
+// Returns whether the camera could turn so that the aim points of all targets with a weight are in the picture from `eye_m`. With
+// `required_only`, those of the required targets suffice, if there are any. `room` in (0, 1] is the share of the picture that they may fill.
+// `present` is as in aim_at.
+bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,
+                  double room, bool required_only);
 
 // Returns whether a world point is inside the picture.
 bool in_picture(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& point_m);

@@ -22,6 +22,11 @@ double approach_speed(double distance, double a, double dt_s) {
   return -a * dt_s + std::sqrt(a * a * dt_s * dt_s + 2 * a * distance);
 }
 
+// Time for which a change of the acceleration from 0 to its maximum takes on average, seconds.
+double onset_s(const CameraLimits& limits) {
+  return limits.max_jerk_mps3 > 0 ? limits.max_acceleration_mps2 / (2 * limits.max_jerk_mps3) : 0.0;
+}
+
 template <typename Vec>
 Vec limit_length(const Vec& v, double most) {
   const double length = glm::length(v);
@@ -54,6 +59,39 @@ glm::dvec2 brake_before_pole(const glm::dvec2& present, const glm::dvec2& rates,
   return {present.x + std::clamp(rates.x - present.x, -yaw_change, yaw_change), pitch_rate};
 }
 
+// The velocity at which the camera arrives if its acceleration fades as fast as the limit of the jerk allows.
+glm::dvec3 settled_velocity(const glm::dvec3& velocity, const glm::dvec3& acceleration, double jerk) {
+  return velocity + acceleration * (glm::length(acceleration) / (2 * jerk));
+}
+
+// The acceleration that brings the velocity to `wanted` soonest, so that it can fade in time.
+glm::dvec3 fading_acceleration(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits, double dt_s,
+                               double response_s) {
+  const glm::dvec3 change = wanted - present;
+  const double size = glm::length(change);
+  if (size < 1e-12) return glm::dvec3(0.0);
+  const double fading = approach_speed(size, limits.max_jerk_mps3, dt_s);
+  return change * (std::min({fading, size / std::max(response_s, dt_s), limits.max_acceleration_mps2}) / size);
+}
+
+// Between the fading of the present acceleration, after which the speed is within its limit, and `wanted`.
+glm::dvec3 within_speed(const CameraState& camera, const glm::dvec3& wanted, const CameraLimits& limits, double dt_s) {
+  const double jerk = limits.max_jerk_mps3, most = limits.max_speed_mps * kOverMaximum;
+  const auto obeys = [&](const glm::dvec3& a) {
+    const glm::dvec3 velocity = camera.velocity_mps + a * dt_s;
+    return glm::length(velocity) <= most && glm::length(settled_velocity(velocity, a, jerk)) <= most;
+  };
+  if (obeys(wanted)) return wanted;
+  const double size = glm::length(camera.acceleration_mps2);
+  const glm::dvec3 fading = size > jerk * dt_s ? camera.acceleration_mps2 * (1 - jerk * dt_s / size) : glm::dvec3(0.0);
+  double low = 0, high = 1;
+  for (int i = 0; i < 20; ++i) {
+    const double middle = (low + high) / 2;
+    (obeys(fading + middle * (wanted - fading)) ? low : high) = middle;
+  }
+  return fading + low * (wanted - fading);
+}
+
 double roll_after(double roll_rad, double most) {
   return roll_rad - std::clamp(roll_rad, -most, most);
 }
@@ -77,20 +115,43 @@ glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, c
   return limit_rate(present, wanted, limits.max_speed_mps, limits.max_acceleration_mps2 * dt_s);
 }
 
+glm::dvec3 steer_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, double response_s,
+                          double dt_s) {
+  const glm::dvec3& present = camera.velocity_mps;
+  const double jerk = limits.max_jerk_mps3, share = response_s > dt_s ? dt_s / response_s : 1.0;
+  if (jerk <= 0 || dt_s <= 0 || glm::length(present) > limits.max_speed_mps * kOverMaximum)
+    return clamp_velocity(present, present + share * (wanted_mps - present), limits, dt_s);
+  const glm::dvec3 wanted = fading_acceleration(present, limit_length(wanted_mps, limits.max_speed_mps), limits, dt_s, response_s);
+  const glm::dvec3 limited = limit_rate(camera.acceleration_mps2, wanted, limits.max_acceleration_mps2, jerk * dt_s);
+  // The last clamp matters only after a step that the limit of the jerk did not hold for.
+  return clamp_velocity(present, present + within_speed(camera, limited, limits, dt_s) * dt_s, limits, dt_s);
+}
+
+CameraState moved(const CameraState& camera, const glm::dvec3& velocity_mps, double dt_s) {
+  CameraState next = camera;
+  next.acceleration_mps2 = (velocity_mps - camera.velocity_mps) / dt_s;
+  next.velocity_mps = velocity_mps;
+  next.pose.position_m += velocity_mps * dt_s;
+  return next;
+}
+
 glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
                             const glm::dvec3& goal_velocity_mps, const CameraLimits& limits, double dt_s) {
   const glm::dvec3 error = goal_m - camera.pose.position_m;
   const double distance = glm::length(error);
   glm::dvec3 wanted = goal_velocity_mps;
   if (distance > 1e-9) {
-    const double speed = approach_speed(distance, kBrakeShare * limits.max_acceleration_mps2, dt_s);
-    wanted += error * (speed / distance);
+    wanted += error * (arrival_speed_mps(distance, limits, dt_s) / distance);
   }
-  return clamp_velocity(camera.velocity_mps, wanted, limits, dt_s);
+  return steer_velocity(camera, wanted, limits, 0.0, dt_s);
 }
 
 double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& limits) {
   return glm::dot(velocity_mps, velocity_mps) / (2 * limits.max_acceleration_mps2);
+}
+
+double arrival_speed_mps(double distance_m, const CameraLimits& limits, double dt_s) {
+  return approach_speed(distance_m, kBrakeShare * limits.max_acceleration_mps2, dt_s + onset_s(limits));
 }
 
 ViewAngles angles_from_rotation(const glm::dquat& world_from_camera) {

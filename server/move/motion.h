@@ -2,7 +2,7 @@
 //
 // A step from time t to t + dt moves the camera by v' dt, where v' is the velocity after the step. Between two poses the path is straight
 // at constant speed. So |v'| <= max_speed and |v' - v| <= max_acceleration * dt hold exactly for finite differences of the returned poses,
-// however dt varies.
+// however dt varies. With a' = (v' - v) / dt, |a' - a| <= max_jerk * dt holds too, unless the body has to keep clear of geometry (body.h).
 #pragma once
 
 #include <glm/glm.hpp>
@@ -32,8 +32,20 @@ glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
 glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
                           double dt_s);
 
+// The velocity after a step that approaches `wanted_mps` with this time constant, or as fast as the limits of speed, acceleration and jerk
+// allow (response_s = 0). The acceleration fades in time, so that the velocity settles at the wanted one without overshoot. While the
+// speed is above a lowered maximum the camera brakes as above, without a limit of the jerk.
+glm::dvec3 steer_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, double response_s,
+                          double dt_s);
+
+// The camera after a step of dt_s > 0 at this velocity. Its orientation stays.
+CameraState moved(const CameraState& camera, const glm::dvec3& velocity_mps, double dt_s);
+
 // Path length in which the camera can stop from velocity v, |v|^2 / (2 a), metres. Braking in discrete steps stays within it.
 double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& limits);
+// The greatest speed from which one more step and then braking with the share kBrakeShare of the acceleration, which sets in within the
+// limit of the jerk, stays within `distance_m`.
+double arrival_speed_mps(double distance_m, const CameraLimits& limits, double dt_s);
 
 // Yaw about +Y (0 looks along -Z, positive turns left), pitch above the horizontal, roll about the view axis. A camera
 // without roll turns by yaw rate about +Y and by pitch rate about its right-hand side. These axes are orthogonal, so its angular speed is

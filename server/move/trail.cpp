@@ -11,6 +11,7 @@ void Trail::pass(const glm::dvec3& center_m) {
     if (gone > kJumpM) places_m_.clear();
   }
   if (places_m_.size() == kPlaces) places_m_.erase(places_m_.begin());
+  places_m_.reserve(kPlaces);  // at once, so that no later step allocates
   places_m_.push_back(center_m);
 }
 

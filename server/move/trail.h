@@ -12,9 +12,9 @@ namespace sightline {
 
 class Trail {
  public:
-  static constexpr double kStepM = 0.25;  // between remembered points
+  static constexpr double kStepM = 0.5;  // between remembered points
   static constexpr double kJumpM = 3.0;   // moving farther in one step is a jump, after which a new trail begins
-  static constexpr size_t kPlaces = 100;  // points remembered: 25 m
+  static constexpr size_t kPlaces = 1000;  // points remembered: 500 m
 
   // Adds the targets' centre of this step.
   void pass(const glm::dvec3& center_m);

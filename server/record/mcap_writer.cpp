@@ -208,16 +208,6 @@ std::string McapWriter::summary(mcap::Footer& footer) const {
   return out;
 }
 
-uint64_t McapWriter::bytes_to_finish() const {
-  constexpr uint64_t kRecordBytes = 256;  // more than any record below without its texts and maps
-  uint64_t bytes = 4096 + open_chunk_.size() + open_messages_ * 16 + pending_.size();
-  for (const mcap::Schema& schema : schemas_) bytes += kRecordBytes + schema.name.size() + schema.data.size();
-  for (const ChannelState& state : channels_) bytes += kRecordBytes + 2 * state.channel.topic.size();
-  for (const mcap::AttachmentIndex& index : attachments_) bytes += kRecordBytes + index.name.size();
-  bytes += (chunks_.size() + 1) * (kRecordBytes + 10 * channels_.size()) + metadata_.size() * kRecordBytes;
-  return bytes;
-}
-
 Status McapWriter::finish() {
   if (Status ok = end_chunk(); !ok) return ok;
   mcap::append_record(pending_, mcap::DataEnd{data_crc_});

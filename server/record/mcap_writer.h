@@ -66,9 +66,8 @@ class McapWriter {
 
   // Hands all messages so far to the sink. Call it when time passes without messages.
   Status end_chunk();
-  // Log time of the open chunk's first message; none: no message waits.
+  // False: no message waits.
   bool has_open_chunk() const { return open_messages_ > 0; }
-  uint64_t open_chunk_time_ns() const { return first_time_ns_; }
 
   // Closes the chunk and writes the summary. Afterwards only bytes_written() may be called.
   Status finish();
@@ -77,8 +76,6 @@ class McapWriter {
   const Status& status() const { return trouble_; }
   // Handed to the sink.
   uint64_t bytes_written() const { return position_; }
-  // An upper bound of the bytes that finish() would add, with the open chunk.
-  uint64_t bytes_to_finish() const;
 
  private:
   struct ChannelState {

@@ -82,6 +82,7 @@ void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
   camera_.emplace();
   *camera_->mutable_pose() = reply.pose();
   if (reply.has_velocity()) *camera_->mutable_velocity() = reply.velocity();
+  if (reply.has_angular_velocity()) *camera_->mutable_angular_velocity() = reply.angular_velocity();
 }
 
 void SessionSnapshot::take_rejection(const v1::TickError& rejection) {

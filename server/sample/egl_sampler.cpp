@@ -4,7 +4,6 @@
 #include <mutex>
 #include <utility>
 
-#include "server/gl/egl_context.h"
 #include "server/sample/map_renderer.h"
 #include "server/sample/map_taker.h"
 #include "server/sample/occluder_tree.h"
@@ -225,19 +224,12 @@ Status EglSampler::take(std::span<const MapJob> jobs) {
 }
 
 EglDeviceInfo describe(int index, const ContextResult& context) {
+  if (context) return {(*context)->info(), "", false};
   EglDeviceInfo out;
   out.index = index;
   out.platform = index == kSurfacelessIndex ? "surfaceless" : "device";
   out.drm_node = egl_drm_node(index);
-  if (!context) {
-    out.trouble = context.error().message;
-    return out;
-  }
-  const EglContextInfo& info = (*context)->info();
-  out.renderer = info.renderer;
-  out.gl_version = info.gl_version;
-  out.software = info.software;
-  out.robust = info.robust;
+  out.trouble = context.error().message;
   return out;
 }
 
@@ -256,9 +248,7 @@ std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options) {
 Result<EglDeviceInfo> choose_egl_device(const EglOptions& options) {
   const ContextResult context = create_context(options);
   if (!context) return tl::unexpected(context.error());
-  EglDeviceInfo info = describe((*context)->info().index, context);
-  info.chosen = true;
-  return info;
+  return EglDeviceInfo{(*context)->info(), "", true};
 }
 
 Result<std::unique_ptr<EglSamplerDevice>> make_egl_sampler_device(const EglOptions& options) {

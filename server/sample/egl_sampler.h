@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/gl/egl_context.h"
 #include "server/sample/sampler.h"
 
 namespace sightline {
@@ -17,16 +18,9 @@ struct EglOptions {
 };
 
 // One line of the `devices` report.
-struct EglDeviceInfo {
-  int index = -1;        // -1: the surfaceless platform, which is not a device
-  std::string platform;  // "device" or "surfaceless"
-  std::string drm_node;  // "/dev/dri/renderD128"; empty when the device has none
-  std::string renderer;  // GL_RENDERER; empty when no context could be made
-  std::string gl_version;
-  bool software = false;  // Mesa's llvmpipe, softpipe or swrast
-  bool robust = false;    // a context with reset notification can be made
-  std::string trouble;    // why it cannot be used; empty when it can
-  bool chosen = false;    // what the given options pick
+struct EglDeviceInfo : EglContextInfo {
+  std::string trouble;  // why it cannot be used, and then nothing is known of a context; empty when it can
+  bool chosen = false;  // what the given options pick
 };
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
 // The one of them that the options pick; fails as make_egl_sampler_device does.

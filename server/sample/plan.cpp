@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/base/check.h"
 
 namespace sightline {
 namespace {

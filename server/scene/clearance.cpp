@@ -143,6 +143,36 @@ double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, doubl
   return advance(from, direction, length_m, radius_m, triangle);
 }
 
+// The rays of is_inside: a cube's faces and corners, opposite ones in turn, turned so that none runs along a world axis or a diagonal, on
+// which edges of boxes lie.
+constexpr double kRayM = 2e4;
+constexpr int kMostOutside = 2;
+const std::array<glm::dvec3, 14> kRays = [] {
+  const glm::dquat turn = glm::normalize(glm::dquat(0.9, 0.31, -0.17, 0.23));
+  std::array<glm::dvec3, 14> rays;
+  size_t n = 0;
+  for (const glm::dvec3& ray : {glm::dvec3(0, 1, 0), glm::dvec3(1, 0, 0), glm::dvec3(0, 0, 1), glm::dvec3(1, 1, 1), glm::dvec3(1, 1, -1),
+                                glm::dvec3(1, -1, 1), glm::dvec3(1, -1, -1)})
+    for (const double sign : {1.0, -1.0}) rays[n++] = turn * glm::normalize(sign * ray);
+  return rays;
+}();
+
+// Where a ray passes through a triangle (Moeller & Trumbore, 1997), as a share of `move`; `leaves` if it meets the back.
+struct Crossing {
+  bool hit = false, leaves = false;
+  double share = 0.0;
+};
+Crossing cross(const glm::dvec3& from, const glm::dvec3& move, const Corners& t) {
+  const glm::dvec3 a(t[0]), ab = glm::dvec3(t[1]) - a, ac = glm::dvec3(t[2]) - a;
+  const glm::dvec3 p = glm::cross(move, ac);
+  const double det = glm::dot(ab, p);
+  if (det == 0) return {};
+  const glm::dvec3 to_from = from - a, q = glm::cross(to_from, ab);
+  const double u = glm::dot(to_from, p) / det, v = glm::dot(move, q) / det, share = glm::dot(ac, q) / det;
+  if (u < 0 || v < 0 || u + v > 1 || share <= 0) return {};
+  return {true, det < 0, share};
+}
+
 // Spheres, by coordinate.
 struct Spheres {
   const double *x_m, *y_m, *z_m, *radius_m;
@@ -200,7 +230,8 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
   if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
   if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;
   const Affine there = world_from_instance_ahead(instance, ahead_s), back = inverse(there);
-  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back)});
+  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back),
+                  slot});
 }
 
 void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -253,6 +284,37 @@ void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
     radius_m_[index] = collider.radius_m;
   }
   stands_listed_ = true;
+}
+
+bool ClearanceField::leaves_solid(const glm::dvec3& from_m, const glm::dvec3& direction) const {
+  const Way way(from_m, from_m + kRayM * direction, 0.0);
+  int left = 0;
+  double first = INFINITY;
+  bool first_is_back = false;
+  for_each_beside(way, [&](size_t index) {
+    const Collider& collider = at(index);
+    const glm::dvec3 from = transform_point(collider.instance_from_world, from_m),
+                     move = transform_vector(collider.instance_from_world, way.to_m - way.from_m);
+    const Path path(from, move, kPruneSlackM / collider.min_stretch);
+    const auto visit = [&](const Corners& t) {
+      const Crossing crossing = cross(from, move, t);
+      if (!crossing.hit) return;
+      left += crossing.leaves ? 1 : -1;
+      if (crossing.share < first) first = crossing.share, first_is_back = crossing.leaves;
+    };
+    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
+      search(
+          *collider.geometry, *tree, [&](const Aabb& box) { return path.enters(box); }, [] { return INFINITY; }, visit);
+    return true;
+  });
+  return left > 0 || first_is_back;
+}
+
+bool ClearanceField::is_inside(const glm::dvec3& point_m) const {
+  int outside = 0;
+  for (const glm::dvec3& direction : kRays)
+    if (!leaves_solid(point_m, direction) && ++outside > kMostOutside) return false;
+  return true;
 }
 
 size_t ClearanceField::collider_count() const {
@@ -343,6 +405,24 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
     return true;
   });
   return free / way.length_m;
+}
+
+std::optional<uint32_t> ClearanceField::first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m,
+                                                     double radius_m) const {
+  const Way way(from_m, to_m, radius_m);
+  if (!(way.length_m > kTouchM)) return std::nullopt;
+  double free = way.length_m;
+  std::optional<uint32_t> first;
+  for_each_beside(way, [&](size_t index) {
+    sweep(
+        at(index), way, [&] { return free; },
+        [&](const WorldTriangle& t) {
+          const double moved = sweep_triangle(way.from_m, way.direction, free, radius_m, t);
+          if (moved < free) free = moved, first = at(index).slot;
+        });
+    return true;
+  });
+  return first;
 }
 
 bool ClearanceField::meets(const Collider& collider, const Way& way) const {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,18 @@ class ClearanceField {
   // in the way, if any. Paths from one point are mostly blocked by the same collider. Any number is valid at first.
   bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
+  // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as fast as is_free.
+  std::optional<uint32_t> first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
+
+  // True if the point is inside a solid. Of 14 rays from it, at least 12 must leave more surfaces than they enter, or first meet the
+  // back of one. The first kind also finds the solids that overlap others, the second the space between rooms that are modelled
+  // from inside. The back of an open surface, such as a roof or a leaf, does not count. Which side is the front follows from the
+  // winding, as in glTF. Only solids whose bounding sphere reaches into the gathered ball count.
+  bool is_inside(const glm::dvec3& point_m) const;
+
+  // The radius of the ball that was gathered.
+  double reach_m() const { return reach_m_; }
+
   // The number of colliders within the requested reach.
   size_t collider_count() const;
 
@@ -51,6 +64,7 @@ class ClearanceField {
     glm::dvec3 center_m;  // of the bounding sphere
     double radius_m;
     double min_stretch;  // lower bound of world_from_instance's, for pruning in the instance's own frame
+    uint32_t slot;       // in the mirror
   };
   // Describes standing_: the mirror's static colliders within reach_m of center_m, without ignored ones.
   struct Gathered {
@@ -78,6 +92,7 @@ class ClearanceField {
   template <typename Limit, typename Visit>
   void sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const;
   bool meets(const Collider& collider, const Way& way) const;
+  bool leaves_solid(const glm::dvec3& from_m, const glm::dvec3& direction) const;
   const Collider& at(size_t index) const {
     return index < standing_.size() ? standing_[index] : moving_[index - standing_.size()];
   }

@@ -39,6 +39,7 @@ enum class Kind {
   kBoolean,
   kNumber,
   kPositive,     // a number above 0
+  kShare,        // a number in [0, 1]
   kWhole,        // a whole number in [low, high]
   kWord,         // one of `words`
   kIndex,        // into the document's array `collection`
@@ -150,6 +151,9 @@ class JsonCheck {
         return expect(value.is_number(), value, path, "must be a number");
       case Kind::kPositive:
         return expect(value.is_number() && value.get<double>() > 0.0, value, path, "must be a number above 0");
+      case Kind::kShare:
+        return expect(value.is_number() && value.get<double>() >= 0.0 && value.get<double>() <= 1.0, value, path,
+                      "must be a number in [0, 1]");
       case Kind::kWhole:
         return check_whole(value, path, member), value;
       case Kind::kWord:
@@ -351,6 +355,17 @@ void check_camera(JsonCheck& check, const json& camera, const std::string& path,
     check.complain(in(path, type), "is missing");
 }
 
+// The part of a node's extras that Sightline reads. Other members are for the players of the scene.
+constexpr Member kOurExtras[] = {whole("layers", 0, std::numeric_limits<uint32_t>::max()),
+                                 plain("opacity", Kind::kShare), plain("occludes", Kind::kBoolean),
+                                 plain("collides", Kind::kBoolean), plain("visible", Kind::kBoolean)};
+constexpr Member kExtras[] = {object("sightline", kOurExtras)};
+
+void check_extras(JsonCheck& check, const json& node, const std::string& path, json&) {
+  const auto extras = node.find("extras");
+  if (extras != node.end() && extras->is_object()) check.walk(*extras, in(path, "extras"), kExtras, nullptr);
+}
+
 constexpr Member kInstancing[] = {required(accessors_by_name("attributes"))};
 constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing)};
 constexpr Member kNode[] = {text("name"),
@@ -398,7 +413,7 @@ constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("bufferViews", kView, check_view),
                             objects("accessors", kAccessor, check_component_type),
                             objects("meshes", kMesh),
-                            objects("nodes", kNode),
+                            objects("nodes", kNode, check_extras),
                             index("scene", "scenes"),
                             objects("scenes", kScene),
                             objects("cameras", kCamera, check_camera),

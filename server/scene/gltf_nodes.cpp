@@ -4,7 +4,6 @@
 
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
-#include "server/scene/gltf_extras.h"
 
 namespace sightline {
 namespace {
@@ -115,6 +114,19 @@ Status read_instances(GltfDocument& document, const tinygltf::Node& source, cons
   return GltfBudget::take(document.budget.instances, 1, field, "instances");
 }
 
+// gltf_check.cpp has checked the members.
+void read_extras(const nlohmann::json& extras, AssetNode& node) {
+  node.extras_json = extras.dump();
+  if (!extras.contains("sightline")) return;
+  const nlohmann::json& ours = extras["sightline"];
+  InstanceAttributes& to = node.attributes;
+  to.layers = ours.value("layers", to.layers);
+  to.opacity = ours.value("opacity", to.opacity);
+  to.occludes = ours.value("occludes", to.occludes);
+  to.collides = ours.value("collides", to.collides);
+  to.visible = ours.value("visible", to.visible);
+}
+
 Result<AssetNode> read_node(GltfDocument& document, size_t index, const std::vector<int>& asset_camera_of) {
   const tinygltf::Node& source = document.model.nodes[index];
   const std::string field = gltf_path("nodes", index);
@@ -123,10 +135,7 @@ Result<AssetNode> read_node(GltfDocument& document, size_t index, const std::vec
   node.mesh = source.mesh;
   node.camera = source.camera < 0 ? -1 : asset_camera_of[static_cast<size_t>(source.camera)];
   const nlohmann::json& json = document.json["nodes"][index];
-  if (json.contains("extras")) node.extras_json = json["extras"].dump();
-  const auto attributes = read_instance_attributes(json, field);
-  if (!attributes) return tl::unexpected(attributes.error());
-  node.attributes = *attributes;
+  if (json.contains("extras")) read_extras(json["extras"], node);
   if (const Status s = read_local_transform(source, field, document.warnings, node); !s)
     return tl::unexpected(s.error());
   if (const Status s = read_instances(document, source, field, node); !s) return tl::unexpected(s.error());

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/service/retry_info.h"
+#include "server/wire/error_to_proto.h"
 
 namespace sightline {
 namespace {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "server/service/read_timeout.h"
-#include "server/service/retry_info.h"
 #include "server/wire/error_to_proto.h"
 
 namespace sightline {

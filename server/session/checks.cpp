@@ -104,6 +104,12 @@ Status check_speed(const glm::dvec3& velocity_mps, const std::string& field) {
   return invalid(field, "must be finite and at most 1e6 m/s, got " + number(speed) + " m/s");
 }
 
+Status check_turn(const glm::dvec3& angular_velocity_radps, const std::string& field) {
+  const double speed = glm::length(angular_velocity_radps);
+  if (speed <= kMaxSentTurnRadps) return {};
+  return invalid(field, "must be finite and at most 1000 rad/s, got " + number(speed) + " rad/s");
+}
+
 Status check_lens(const Lens& lens, const std::string& field) {
   if (!(lens.vertical_fov_rad > kMinFovRad && lens.vertical_fov_rad < kMaxFovRad))
     return invalid(field + ".field_of_view", "must be in (0.01, 3) radians measured vertically, got " +

@@ -43,6 +43,8 @@ bool is_unit(const glm::dquat& rotation);
 Status check_pose(const Pose& pose, const std::string& field);
 // Refuses speeds over kMaxSentSpeedMps.
 Status check_speed(const glm::dvec3& velocity_mps, const std::string& field);
+// Refuses angular speeds over kMaxSentTurnRadps.
+Status check_turn(const glm::dvec3& angular_velocity_radps, const std::string& field);
 // Ranges of server/base/camera.h; fields "<field>.field_of_view", ".aspect", ".near_m".
 Status check_lens(const Lens& lens, const std::string& field);
 

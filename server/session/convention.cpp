@@ -130,6 +130,10 @@ glm::dquat rotation_to_client(const Convention& c, const glm::dquat& r) {
   return turn_axis(glm::transpose(c.canonical_from_client), handedness(c), r);
 }
 
+glm::dvec3 angular_velocity_from_client(const Convention& c, const glm::dvec3& w) {
+  return handedness(c) * (c.canonical_from_client * w);
+}
+
 glm::dvec3 angular_velocity_to_client(const Convention& c, const glm::dvec3& w) {
   return handedness(c) * (glm::transpose(c.canonical_from_client) * w);
 }

@@ -49,6 +49,7 @@ glm::dvec3 scale_from_client(const Convention& c, const glm::dvec3& scale);
 glm::dquat rotation_from_client(const Convention& c, const glm::dquat& r);
 glm::dquat rotation_to_client(const Convention& c, const glm::dquat& r);
 // Angular velocity is an axial vector: under a mirror it changes sign.
+glm::dvec3 angular_velocity_from_client(const Convention& c, const glm::dvec3& w);
 glm::dvec3 angular_velocity_to_client(const Convention& c, const glm::dvec3& w);
 // world_from_object.
 Pose pose_from_client(const Convention& c, const Pose& client_pose);

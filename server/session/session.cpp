@@ -20,8 +20,8 @@ tl::unexpected<Error> below(const std::string& prefix, Error error) {
   return tl::unexpected(std::move(error));
 }
 
-// The lens at its widest zoom; the body must contain the corners of its near plane.
-Lens widest(const Lens& lens, const FramingSettings& framing) {
+// The widest of the lens and its zoom. The body must contain the corners of its near plane.
+Lens lens_for_body(const Lens& lens, const FramingSettings& framing) {
   Lens wide = lens;
   if (zooms(framing)) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
   return wide;
@@ -32,7 +32,7 @@ Status check_options(const SessionOptions& options) {
   if (Status ok = check_pose(options.camera, "open.camera"); !ok) return ok;
   if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
   if (Status ok = validate(options.settings); !ok) return below("open.", ok.error());
-  if (Status ok = validate(options.limits, widest(options.lens, options.settings.framing)); !ok)
+  if (Status ok = validate(options.limits, lens_for_body(options.lens, options.settings.framing)); !ok)
     return below("open.limits.", ok.error());
   if (options.label.size() > kMaxLabelBytes)
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(options.label.size()));
@@ -47,6 +47,13 @@ Error in_open_request(Error error, size_t scene_instances) {
   const std::string named = client_field(error.field);
   return {error.code, indexed("open.instances", index - scene_instances) + named.substr(named.find(']') + 1),
           std::move(error.message)};
+}
+
+// How far a position may be from one that was sent to the client, if the client keeps positions in single precision: four
+// times the rounding error of the largest coordinate.
+double rounding_m(const Convention& convention, const glm::dvec3& position_m) {
+  const glm::dvec3 client_m = glm::abs(position_m + convention.origin_m);
+  return 0x1p-22 * std::max({client_m.x, client_m.y, client_m.z});
 }
 
 // The first required target with a weight, else the first target with a weight; null: there is none.
@@ -165,6 +172,8 @@ Status Session::check_camera(const TickInput& tick) const {
     if (Status ok = check_pose(tick.observed_camera->pose, "tick.observed_camera.pose"); !ok) return ok;
     if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok)
       return ok;
+    if (Status ok = check_turn(tick.observed_camera->angular_velocity_radps, "tick.observed_camera.angular_velocity"); !ok)
+      return ok;
   }
   return check_terms(tick);
 }
@@ -176,7 +185,7 @@ Status Session::check_terms(const TickInput& tick) const {
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(settings); !ok) return below("tick.", ok.error());
-  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, widest(lens, settings.framing));
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, lens_for_body(lens, settings.framing));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
   return invalid(tick.lens ? "tick.lens" : "tick.settings.max_vertical_fov_rad",
@@ -274,12 +283,15 @@ void Session::remember_derived(const TickInput& tick, double dt_s) {
 }
 
 void Session::observe(const ObservedCamera& observed, double dt_s) {
+  const ViewerCamera viewer{observed.pose, observed.velocity_mps, observed.angular_velocity_radps,
+                            rounding_m(options_.convention, observed.pose.position_m)};
+  bool starts_again = observed.cut;
   if (observed.cut)
-    stepper_.place_camera(observed.pose, observed.velocity_mps);
+    stepper_.place_camera(viewer);
   else
-    stepper_.observe_camera(observed.pose, observed.velocity_mps);
+    starts_again = stepper_.observe_camera(viewer);
   pending_cut_ |= observed.cut;
-  pending_dt_s_ = dt_s;
+  if (starts_again) pending_dt_s_ = dt_s;
 }
 
 Result<SessionAnswer> Session::step(int quality_level) {
@@ -312,8 +324,9 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.step = std::move(result);
   answer.lens = options_.lens;
   answer.lens.vertical_fov_rad = answer.step.vertical_fov_rad;
-  answer.cut = std::exchange(pending_cut_, false);
-  if (answer.cut) answer.step.reason = MoveReason::kObservedCut;
+  const bool observed_cut = std::exchange(pending_cut_, false);
+  if (observed_cut && !answer.step.cut) answer.step.reason = MoveReason::kObservedCut;
+  answer.cut = observed_cut || answer.step.cut;
   answer.merged_ticks = pending_ticks_ > 0 ? std::exchange(pending_ticks_, 0) - 1 : 0;
   answer.quality_level = quality_level_;
   if (degrades(options_.settings, quality_level_)) answer.degraded = degraded_;

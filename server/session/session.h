@@ -22,6 +22,7 @@ namespace sightline {
 
 // Greater speeds are refused, because their squares and products would leave a position no significant digit.
 inline constexpr double kMaxSentSpeedMps = 1e6;
+inline constexpr double kMaxSentTurnRadps = 1000.0;
 // A shorter dt counts as 0, because rates derived over it are noise.
 inline constexpr double kShortestStepS = 1e-6;
 // An instance whose positions imply a greater speed counts as teleported, and its derived velocity is 0. Clients send
@@ -62,6 +63,7 @@ struct ObservedCamera {
   Pose pose;
   glm::dvec3 velocity_mps{0.0};  // at most kMaxSentSpeedMps
   bool cut = false;
+  glm::dvec3 angular_velocity_radps{0.0};  // at most kMaxSentTurnRadps
 };
 
 struct TickInput {
@@ -115,8 +117,8 @@ class Session {
                                                StageClock clock);
 
   // Applies a tick completely, or returns an error (field "tick....") and leaves the session unchanged. Several ticks
-  // may be applied before one step, which merges them. The dt of merged ticks adds up. An observed camera restarts
-  // the sum, because the camera's pose is known at that tick. The newest settings, limits and lens are used.
+  // may be applied before one step, which merges them. The dt of merged ticks adds up. An observed camera that
+  // starts the position again restarts the sum, because the position is known at that tick. The newest settings, limits and lens are used.
   //
   // If a tick lowers a limit below the camera's present value, the camera brakes as hard as the new acceleration
   // allows. The camera kept room only for its former acceleration and body. After a lower acceleration or a larger

@@ -194,8 +194,9 @@ def step_header(model):
         enum_text(model.preset, model.comments[".sightline.v1.Settings.Preset"]) +
         comment("All settings of a step; by default those of the preset SIGHTLINE.") +
         f"struct StepSettings {{\n{members}}};\n" +
-        "Status validate(const StepSettings& settings);\nStepSettings preset_settings(Preset preset);\n\n",
-        [f"settings/{stage}_settings.h" for stage, _ in model.stages])
+        "Status validate(const StepSettings& settings);\nStepSettings preset_settings(Preset preset);\n" +
+        comment("The limits of a session that sends none.") + "CameraLimits preset_limits(Preset preset);\n\n",
+        ["settings/camera_limits.h", *(f"settings/{stage}_settings.h" for stage, _ in model.stages)])
 
 
 # ---- checks and presets
@@ -217,11 +218,14 @@ def checks_and_presets(model):
     structs = [struct for _, struct in reversed(model.all())] + [model.limits]
     paper = "".join(f"  s.{member}.{s.name} = {s.cpp(s.paper)};\n"
                     for member, struct in model.all() for s, _ in struct.settings if s.paper)
+    limits = "".join(f"  s.{s.name} = {s.cpp(s.paper)};\n" for s, _ in model.limits.settings if s.paper)
     stages = "".join(f"  if (Status ok = validate(s.{stage}); !ok) return ok;\n" for stage, _ in model.stages)
     return (GENERATED + '#include "server/base/check.h"\n#include "server/settings/rules.h"\n\nnamespace sightline {\n\n' +
             "".join(map(check_text, structs)) + f"Status validate(const StepSettings& s) {{\n{stages}  return {{}};\n}}\n\n" +
             "StepSettings preset_settings(Preset preset) {\n  StepSettings s;\n" +
-            f"  if (preset != Preset::kPaper) return s;\n{paper}  return s;\n}}\n\n}}  // namespace sightline\n")
+            f"  if (preset != Preset::kPaper) return s;\n{paper}  return s;\n}}\n\n" +
+            "CameraLimits preset_limits(Preset preset) {\n  CameraLimits s;\n" +
+            f"  if (preset != Preset::kPaper) return s;\n{limits}  return s;\n}}\n\n}}  // namespace sightline\n")
 
 
 # ---- messages to structs and back

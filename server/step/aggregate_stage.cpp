@@ -7,10 +7,6 @@
 namespace sightline {
 namespace {
 
-// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
-// rest.
-constexpr double kPredictedShare = 0.5;
-
 class Aggregation {
  public:
   Aggregation(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights)
@@ -71,13 +67,6 @@ void Aggregation::list_candidates() {
     candidates_.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
   else
     compose_chain(plan_.chain, taken_.maps, bound_, settings_.relative_bias, candidates_);
-}
-
-// The position itself if it is in the bound, else the nearest one in the bound.
-glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m) {
-  const glm::dvec3 out_m = position_m - bound.center_m;
-  const double distance_m = glm::length(out_m), reach_m = bound.radius_m * (1 - 1e-9);
-  return distance_m <= reach_m ? position_m : bound.center_m + out_m * (reach_m / distance_m);
 }
 
 // Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would
@@ -182,6 +171,12 @@ void Aggregation::smooth_what_passes() {
 }
 
 }  // namespace
+
+glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m) {
+  const glm::dvec3 out_m = position_m - bound.center_m;
+  const double distance_m = glm::length(out_m), reach_m = bound.radius_m * (1 - 1e-9);
+  return distance_m <= reach_m ? position_m : bound.center_m + out_m * (reach_m / distance_m);
+}
 
 void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
   sights.candidates.clear();

@@ -13,9 +13,12 @@
 #include "server/aggregate/viewpoint_map.h"
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
+#include "server/base/inline_vector.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/trail.h"
+#include "server/scene/target.h"
+#include "server/step/suggested_path.h"
 
 namespace sightline {
 
@@ -32,6 +35,11 @@ struct WantedShot {
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
+
+  // The chosen viewpoint; empty while the client's shot is kept.
+  std::optional<size_t> other_viewpoint() const {
+    return viewpoint && *viewpoint != asked_viewpoint ? viewpoint : std::nullopt;
+  }
 };
 
 // Visibility from each candidate over the last steps.
@@ -45,6 +53,15 @@ struct CandidateMemory {
 struct TargetPast {
   uint64_t id = 0;
   MotionPredictor predictor;
+};
+
+// The data that decide about cuts (Settings.cut_after_s).
+struct CutState {
+  double since_s = 0.0;         // since the camera was placed or cut
+  double unseen_s = 0.0;        // since a required target was last seen in the picture
+  size_t next_rank = 0;         // of the ranked places (cut_stage.cpp), the first that was not examined yet
+  double most_seen = 0.0;       // of all places examined so far, the greatest weight of required targets that one sees
+  bool takes_partial = false;   // every place was examined and none sees all required targets
 };
 
 // All members are values. Limits, settings and the lens may differ at every step. The state keeps none of their former
@@ -61,12 +78,27 @@ struct CarriedState {
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   ShareWindow shares;                // recent visible shares of the targets
+  // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
+  InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take
+  InlineVector<uint64_t, kMaxTargets> not_aimed_at;  // from where it is
+  SuggestedPath path;                // poses of the last half second
+  CutState cut;
+  glm::dvec3 pull_mps{0.0};          // added to the next step's velocity: towards the camera that was observed
 };
 
-// Puts the camera at `pose`, as at the start or at a cut. Resets the wanted shot, the horizon, the goal and the results
-// of the viewpoint search.
-void place_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
-// Puts the camera at `pose` without a cut. The wanted shot stays.
-void observe_camera(CarriedState& state, const Pose& pose, const glm::dvec3& velocity_mps);
+// Where the viewer's camera is.
+struct ViewerCamera {
+  Pose pose;
+  glm::dvec3 velocity_mps{0.0}, angular_velocity_radps{0.0};  // a roll is left out
+  double rounding_m = 0.0;  // how far `pose` may be from a pose that was returned, since the client rounded it
+};
+
+// Puts the camera there, as at the start or at a cut. Resets the wanted shot, the horizon, the goal, the path, the
+// targets that were given up and the results of the viewpoint search.
+void place_camera(CarriedState& state, const ViewerCamera& viewer);
+// Compares the camera with the path, by position and by rotation. Either may be near the path and go on from where it
+// is, or far from it and start again from the viewer's camera (contract: ObservedCamera in session.proto). The wanted
+// shot and the horizon stay. Returns true if the position starts again.
+bool observe_camera(CarriedState& state, const ViewerCamera& viewer);
 
 }  // namespace sightline

@@ -2,6 +2,7 @@
 // route to it. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/move/goal.h"
 #include "server/step/stages.h"
@@ -9,12 +10,10 @@
 namespace sightline {
 namespace {
 
-// From this hidden share on, a candidate counts as seeing nothing.
-constexpr double kAllHidden = 0.999;
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
 constexpr double kRouteRoomM = 0.05;
 // Length of the trail that a lost camera examines.
-constexpr double kTrailReachM = 12.0;
+constexpr double kTrailReachM = 16.0;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
@@ -78,12 +77,10 @@ glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dv
   const double distance_m = glm::length(way_m);
   glm::dvec3 wanted_mps = with_mps;
   if (distance_m > 1e-9) {
-    const double brake_mps = std::sqrt(2 * kBrakeShare * step.input.limits.max_acceleration_mps2 * leg.length_m);
-    wanted_mps += way_m * (std::min(brake_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
+    const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
   }
-  const glm::dvec3 present_mps = step.camera.velocity_mps;
-  const double share = response_s > 0 ? std::min(1.0, step.move_s / response_s) : 1.0;
-  return clamp_velocity(present_mps, present_mps + share * (wanted_mps - present_mps), step.input.limits, step.move_s);
+  return steer_velocity(step.camera, wanted_mps, step.input.limits, response_s, step.move_s);
 }
 
 // The newest reachable position of the targets' trail; empty if none is reachable.
@@ -94,6 +91,13 @@ std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
                                               in.step.input.settings.move.min_distance_m);
   if (!to_m) return std::nullopt;
   return Leg{*to_m, glm::distance(from_m, *to_m)};
+}
+
+// A goal at the desired position, or where the bound ends on the way to it, moves with the targets; any other goal is fixed in the
+// world. The last candidate is that position (aggregate).
+bool leads_to_desired(const MoveInput& in, const Goal& goal) {
+  if (goal.choice.candidate < 0) return false;  // without targets there are no candidates
+  return glm::distance(goal.position_m, in.sights.position_m.back()) < in.carried.candidates.lattice.spacing_m();
 }
 
 }  // namespace
@@ -116,11 +120,13 @@ Goal choose_goal(const MoveInput& in, MoveScratch& scratch) {
                        {.body_radius_m = body_radius_m, .exposure = settings.cost.exposure});
   CostWeights weights = settings.cost;
   if (targets_stand(in.step)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
+  std::optional<glm::dvec3> former_goal_m = in.carried.goal_m;
+  if (former_goal_m) *former_goal_m += group_velocity_mps(in.step) * in.step.move_s;
   const CandidateCosts costs({.position_m = position_m,
                           .hidden = in.sights.hidden,
                           .spacing_m = spacing_m,
                           .desired_m = in.desired_m,
-                          .former_goal_m = in.carried.goal_m},
+                          .former_goal_m = former_goal_m},
                          weights);
   const PlaceLimits limits(in.step.targets.tracked_targets, settings);
   const uint32_t found = find_goal({costs, scratch.edge_depths, limits, position_m}, scratch.routes);
@@ -138,9 +144,7 @@ glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratc
   }
   Leg leg{in.step.camera.pose.position_m, 0};
   if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
-  // A goal at the desired position moves with the targets; any other goal is fixed in the world.
-  const bool travels = goal.choice.reason == MoveReason::kAtDesiredPlace;
-  return velocity_along(in.step, leg, travels ? group_velocity_mps(in.step) : glm::dvec3(0.0));
+  return velocity_along(in.step, leg, leads_to_desired(in, goal) ? group_velocity_mps(in.step) : glm::dvec3(0.0));
 }
 
 }  // namespace sightline

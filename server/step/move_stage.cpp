@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 
+#include "server/move/keep_together.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -54,7 +55,7 @@ Choice choose(const MoveInput& in, MoveScratch& scratch) {
 glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   const CameraState& camera = in.step.camera;
   const CameraLimits& limits = in.step.input.limits;
-  if (choice.candidate < 0) return clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits, in.step.move_s);
+  if (choice.candidate < 0) return steer_velocity(camera, glm::dvec3(0.0), limits, 0.0, in.step.move_s);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
   return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
@@ -69,12 +70,30 @@ double next_horizon_s(const MoveInput& in, MoveStatus status) {
   return all_seen ? in.carried.horizon_s / factor : in.carried.horizon_s * factor;
 }
 
+// See Decision::view_way_m. `routes` must have settled the candidate; strategies that have no routes pass null.
+std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, RouteFinder* routes) {
+  if (choice.candidate < 0) return std::nullopt;
+  const auto goal = static_cast<uint32_t>(choice.candidate);
+  const std::span<const uint32_t> seen = in.sights.candidates.filtered();
+  const auto sees = [&](uint32_t candidate) { return (seen[candidate] & in.step.targets.steered) != 0; };
+  glm::dvec3 at_m = in.step.camera.pose.position_m;
+  if (!routes)
+    return sees(goal) ? std::optional(glm::distance(at_m, in.sights.candidates.position_m[goal])) : std::nullopt;
+  double way_m = 0.0;
+  for (const uint32_t node : routes->to(goal)) {
+    way_m += glm::distance(at_m, in.sights.position_m[node]);
+    at_m = in.sights.position_m[node];
+    if (sees(node)) return way_m;
+  }
+  return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_m) : std::nullopt;
+}
+
 struct Course {
   Choice choice;
   glm::dvec3 wanted_mps{0.0};
 };
 
-// Chooses the candidate to go to and the velocity. Sets the horizon and the goal.
+// Chooses the candidate to go to and the velocity. Sets the horizon, the goal, and what is expected to be seen on the way.
 Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
   const bool by_goal = weighs_hidden(in.step.input);
   Goal goal;
@@ -87,21 +106,63 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
     }
   }
   decision.horizon_s = next_horizon_s(in, goal.choice.status);
-  if (!by_goal) return {goal.choice, velocity_to(in, goal.choice)};
-  const glm::dvec3 wanted_mps = velocity_to_goal(in, goal, scratch);
+  const glm::dvec3 wanted_mps = by_goal ? velocity_to_goal(in, goal, scratch) : velocity_to(in, goal.choice);
+  decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.routes : nullptr);
+  decision.sees_none = by_goal ? goal.lost : !decision.view_way_m;
   return {goal.choice, wanted_mps};
+}
+
+// More than by rounding.
+bool differ(const glm::dvec3& a_mps, const glm::dvec3& b_mps) {
+  return glm::distance(a_mps, b_mps) > 1e-6;
+}
+
+// Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of the
+// last step's pull already.
+glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
+  const double speed_mps = glm::length(in.carried.pull_mps);
+  if (speed_mps == 0) return wanted_mps;
+  const glm::dvec3 direction = in.carried.pull_mps / speed_mps;
+  const double missing_mps = std::clamp(speed_mps - glm::dot(wanted_mps, direction), 0.0, speed_mps);
+  return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
 }
 
 void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
-  const glm::dvec3 evading_mps = evade(camera, wanted_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s);
+  const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
+  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
+  const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
+  decision.wanted_mps = pulled_mps;
+  decision.evading = differ(evading_mps, pulled_mps);
+  decision.deflected = differ(safe.velocity_mps, evading_mps);
   decision.body_overlap = safe.overlap;
   if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
-  camera.velocity_mps = safe.velocity_mps;
-  camera.pose.position_m += safe.velocity_mps * in.step.move_s;
+  camera = moved(camera, safe.velocity_mps, in.step.move_s);
+}
+
+// Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture cannot
+// hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets).
+Aim choose_aim(const MoveInput& in, Decision& decision) {
+  const StepContext& step = in.step;
+  const FramingSettings& framing = step.input.settings.framing;
+  const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
+  const glm::dvec3 eye_m = decision.camera.pose.position_m;
+  const ViewAngles& present = decision.turn.angles;
+  const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
+  if (step.input.settings.move.follow != Follow::kStay) return all;
+  const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
+  if (all.fits && former == step.targets.steered) return all;
+  const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
+    return fits_picture(eye_m, kept, present, lens, room, true);
+  };
+  const uint32_t kept = keep_together(targets, eye_m, former, std::cref(fit));
+  if (kept == step.targets.steered) return all;
+  decision.not_aimed_at = dropped_ids(step.targets, kept);
+  TargetMemory memory;
+  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, framing);
 }
 
 void turn(const MoveInput& in, Decision& decision) {
@@ -109,8 +170,7 @@ void turn(const MoveInput& in, Decision& decision) {
   const FramingSettings& framing = step.input.settings.framing;
   CameraState& camera = decision.camera;
   Aim aim{decision.turn.angles, step.lens.vertical_fov_rad, true};
-  if (step.targets.steered != 0)
-    aim = aim_at(camera.pose.position_m, step.targets.tracked_targets, decision.turn.angles, step.lens, framing);
+  if (step.targets.steered != 0) aim = choose_aim(in, decision);
   const glm::dquat before = camera.pose.rotation;
   decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, framing.aim_response_s, step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
@@ -131,6 +191,7 @@ Decision unmoved(const MoveInput& in) {
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
   if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m;
+  if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
   return decision;
 }
 

@@ -12,12 +12,16 @@ struct Opening {
   double move_s = 0.0;
   ZoomState zoom;
   WantedShot shot;
+  TargetIds given_up;
   std::vector<TargetPast> pasts;  // in the order of the input
+  bool target_jumped = false;     // a required target that is steered (see CutState)
 };
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening);
 
-// Lists the targets of this step with their present poses.
+// Lists the targets of this step with their present poses, all those with a weight as steered.
 void look_at_targets(const StepInput& input, TargetsNow& now);
+// Sets the weights of seeing each target.
+void set_sight_weights(TargetsNow& now);
 // Copies the pasts of the targets and adds this step's poses; `before` does not change.
 void observe_targets(const StepInput& input, const std::vector<TargetPast>& before, std::vector<TargetPast>& now);
 

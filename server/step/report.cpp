@@ -25,19 +25,26 @@ void remember_share(const TakenMaps& taken, size_t target, const Pose& pose, con
   shares.add(target, seen, inside);
 }
 
-TargetSight sight_of(const StepInput& input, const StepDump& dump, const TakenMaps& taken, size_t target,
-                     const Lens& lens, const ShareWindow& shares) {
+bool contains(const TargetIds& ids, uint64_t id) {
+  return std::find(ids.begin(), ids.end(), id) != ids.end();
+}
+
+TargetSight sight_of(const ReportInput& step, size_t target, const Lens& lens, const ShareWindow& shares) {
+  const StepDump& dump = step.dump;
   const Pose& pose = dump.decision.camera.pose;
   const glm::dvec3 aim_m = dump.targets.tracked_targets[target].aim_m;
-  const OwnSight own = own_sight(taken, target, pose.position_m);
+  const OwnSight own = own_sight(step.taken, target, pose.position_m);
   TargetSight sight;
   sight.id = dump.targets.ids[target];
   sight.visible_share = own.share();
   sight.filtered_share = shares.share(target).value_or(own.share());
-  sight.filtered_visible = dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
+  sight.picture_share = picture_share(step, target, lens);
+  sight.filtered_visible = dump.decision.cut ? own.seen > 0 : dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
   sight.in_picture = in_picture(pose, lens, aim_m);
+  sight.given_up = contains(step.given_up, sight.id) || contains(dump.decision.not_aimed_at, sight.id);
   sight.distance_m = glm::distance(pose.position_m, aim_m);
-  if (own.occluder != kNoOccluder) sight.occluder_id = input.scene.instances()[own.occluder].id;
+  list_occlusions(step, target, sight);
+  sight.forecast = forecast_sight(step, target, sight.filtered_share);
   return sight;
 }
 
@@ -45,30 +52,38 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   StepResult result;
   result.camera = dump.decision.camera;
   result.vertical_fov_rad = dump.decision.vertical_fov_rad;
-  result.status = dump.decision.status;
   result.reason = dump.decision.reason;
   result.volume = dump.plan.pair.used ? Volume::kPair : Volume::kLattice;
   result.pair_asked = dump.plan.pair.asked;
   result.pair_needs_two = dump.plan.pair.needs_two;
   result.pair_gap = dump.plan.pair.gap;
   result.chosen_candidate = dump.decision.chosen_candidate;
+  result.cut = dump.decision.cut;
+  const BrokenLimits broken =
+      broken_limits(result.camera.pose.position_m, dump.targets.tracked_targets, input.settings.move);
   result.flags = {.dt_capped = input.dt_s > kMaxStepS,
                   .used_cube_map = dump.plan.used_cube_map,
-                  .body_overlap = dump.decision.body_overlap};
+                  .body_overlap = dump.decision.body_overlap,
+                  .evading = dump.decision.evading,
+                  .deflected = dump.decision.deflected,
+                  .new_shot = dump.new_shot,
+                  .distance_given_up = broken.distance,
+                  .elevation_given_up = broken.elevation};
   return result;
 }
 
 }  // namespace
 
-StepResult report_step(const StepInput& input, const StepDump& dump, const TakenMaps& taken, ShareWindow& shares) {
+StepResult report_step(const ReportInput& step, ShareWindow& shares) {
   static_assert(kShareWindowS <= kMaxStepS, "so that a step that was capped leaves nothing from before it");
-  StepResult result = result_of(input, dump);
+  const StepInput& input = step.input;
+  StepResult result = result_of(input, step.dump);
   Lens lens = input.lens;
   lens.vertical_fov_rad = result.vertical_fov_rad;
-  shares.begin_step(dump.targets.ids, std::min(input.dt_s, kMaxStepS));
-  for (size_t i = 0; i < input.targets.size(); ++i) remember_share(taken, i, result.camera.pose, lens, shares);
-  for (size_t i = 0; i < input.targets.size(); ++i)
-    result.targets.push_back(sight_of(input, dump, taken, i, lens, shares));
+  shares.begin_step(step.dump.targets.ids, std::min(input.dt_s, kMaxStepS));
+  for (size_t i = 0; i < input.targets.size(); ++i) remember_share(step.taken, i, result.camera.pose, lens, shares);
+  for (size_t i = 0; i < input.targets.size(); ++i) result.targets.push_back(sight_of(step, i, lens, shares));
+  set_tracking_status(step, lens, result);
   return result;
 }
 

@@ -22,11 +22,6 @@ glm::dvec2 texel_jitter(const StepInput& input) {
   return {x, y};
 }
 
-const ExtentTable* table_of(const StepInput& input, size_t target) {
-  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
-  return input.extents[target];
-}
-
 void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> points,
                 const Affine& world_from_instance) {
   for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
@@ -238,6 +233,11 @@ void clear(SamplePlan& plan) {
 
 }  // namespace
 
+const ExtentTable* table_of(const StepInput& input, size_t target) {
+  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
+  return input.extents[target];
+}
+
 void plan_sample(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan) {
   clear(plan);
   decide_ahead(in, plan);
@@ -269,12 +269,8 @@ double TakenMaps::falls_short_m(uint32_t sight, const glm::dvec3& position_m) co
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m) {
   const MapRange& sights = taken.plan.now.sights_of_target[target];
   OwnSight own{.points = sights.count};
-  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k) {
-    const bool visible = taken.falls_short_m(k, position_m) <= 0;
-    own.seen += visible;
-    if (!visible && own.occluder == kNoOccluder)
-      own.occluder = taken.maps[taken.plan.now.first_sight + k].occluder_at(0, 0);
-  }
+  for (uint32_t k = sights.first; k < sights.first + sights.count; ++k)
+    own.seen += taken.falls_short_m(k, position_m) <= 0;
   return own;
 }
 

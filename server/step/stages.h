@@ -34,6 +34,9 @@ struct StepContext {
 
 // The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
+// The steered targets as a mask, without those of an earlier step's list; and the list of the steered ones outside the mask.
+uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
+TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
 // True if no steered target moves.
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
@@ -55,6 +58,8 @@ struct SampleInput {
   const WantedShot& shot;
 };
 void plan_sample(const SampleInput& input, std::vector<glm::vec3>& picked, SamplePlan& plan);
+// The sample table of a target; null if only its aim point is sampled.
+const ExtentTable* table_of(const StepInput& input, size_t target);
 
 // The maps of a step, with the plan for which they were taken.
 struct TakenMaps {
@@ -72,12 +77,18 @@ struct TakenMaps {
 // The number of a target's sight points that are visible from `position_m`.
 struct OwnSight {
   uint32_t seen = 0, points = 0;
-  uint32_t occluder = kNoOccluder;  // mirror slot of the instance that hides the first hidden point
   double share() const { return points > 0 ? static_cast<double>(seen) / points : 0.0; }
 };
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m);
 
 // ---- the viewpoint search (viewpoint_search.cpp): which side of the targets has a good and stable view? ----
+
+// `offset_m` from the targets' centre after the corrections by framing and limits. Some target must be steered.
+glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m);
+// False if the framing would push a camera at `offset_m` out by more than 5 % to show the whole group.
+bool shows_group(const StepContext& step, const glm::dvec3& offset_m);
+// The third of the four distances of the viewpoints.
+double viewpoint_distance_m(const StepContext& step, const WantedShot& shot);
 
 // Appends the maps that show all directions from one target.
 ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
@@ -91,6 +102,13 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
                        ViewpointScratch& scratch);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
+
+// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
+// rest.
+inline constexpr double kPredictedShare = 0.5;
+
+// The position itself if it is in the bound, else the nearest one in the bound.
+glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m);
 
 struct AggregateInput {
   const StepContext& step;
@@ -132,15 +150,41 @@ struct MoveScratch {
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
   EdgeDepths edge_depths;              // within the group of candidates that see all targets
   RouteFinder routes;
-  ClearanceField trail_colliders;
+  ClearanceField trail_colliders;  // also of cuts
 };
 void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
+
+// ---- cuts (cut_stage.cpp; Settings.cut_after_s): is there a place to jump to? ----
+
+struct CutScratch {
+  ViewpointMap pattern;  // for the places of the viewpoints alone
+  struct Ranked {
+    double score = 0;
+    size_t place = 0;
+  };
+  std::vector<Ranked> ranked;
+  ClearanceField colliders;
+};
+// If a cut is due, adds places and the maps of their sights to a plan that plan_sample has made.
+void plan_cut(const SampleInput& input, const CarriedState& carried, bool target_jumped, std::vector<glm::vec3>& picked,
+              CutScratch& scratch, SamplePlan& plan);
+// The place to jump to instead of following the decision; null: none. Keeps count of the places in `state`.
+const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool target_jumped, const Decision& decision,
+                           MoveScratch& scratch, CutState& state);
+// Changes the decision into a cut to `place`, and the shot into the one from there.
+void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
+            Decision& decision);
+// Counts the time without a sight of any required target.
+void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, CutState& state);
 
 // Lists the candidates' cells and which of them see all steered targets.
 void list_all_visible(const MoveInput& input, MoveScratch& scratch);
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
+
+// From this hidden share on, a candidate counts as seeing nothing.
+inline constexpr double kAllHidden = 0.999;
 
 struct Goal {
   Choice choice;

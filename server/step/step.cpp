@@ -66,6 +66,7 @@ struct Stepper::Work {
   ViewpointScratch viewpoints;
   AggregateScratch aggregate;
   MoveScratch move;
+  CutScratch cut;
 
   StepContext context(const TargetsNow& targets, const CameraState& camera) const {
     Lens lens = input->lens;
@@ -81,11 +82,15 @@ Stepper::Stepper(Stepper&&) noexcept = default;
 Stepper& Stepper::operator=(Stepper&&) noexcept = default;
 
 void Stepper::place_camera(const Pose& pose, const glm::dvec3& velocity_mps) {
-  sightline::place_camera(carried_, pose, velocity_mps);
+  place_camera({.pose = pose, .velocity_mps = velocity_mps});
 }
 
-void Stepper::observe_camera(const Pose& pose, const glm::dvec3& velocity_mps) {
-  sightline::observe_camera(carried_, pose, velocity_mps);
+void Stepper::place_camera(const ViewerCamera& viewer) {
+  sightline::place_camera(carried_, viewer);
+}
+
+bool Stepper::observe_camera(const ViewerCamera& viewer) {
+  return sightline::observe_camera(carried_, viewer);
 }
 
 MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
@@ -101,7 +106,9 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   }
   {  // 2. Which maps are needed, and from which points?
     const StageTimer timer = work.time(clock, Stage::kSample);
-    plan_sample({step, dump_.bound, work.opening.pasts, work.opening.shot}, work.picked, dump_.plan);
+    const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot};
+    plan_sample(in, work.picked, dump_.plan);
+    plan_cut(in, carried, work.opening.target_jumped, work.picked, work.cut, dump_.plan);
   }
   if (dump_.plan.requests.empty()) dump_.maps.clear();
   return {dump_.plan.requests, &dump_.maps};
@@ -114,6 +121,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   // Nothing can fail from here on, so the changes of `begin` are stored now.
   carried_.zoom = work.opening.zoom;
   carried_.shot = work.opening.shot;
+  carried_.given_up = work.opening.given_up;
   carried_.horizon_s = horizon_s(carried_, work.input->settings.bound);
   carried_.pasts.swap(work.opening.pasts);
   if (step.targets.steered != 0) carried_.trail.pass(step.center_m());
@@ -121,7 +129,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   glm::dvec3 desired_m(0.0);
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
+    const std::optional<size_t> before = carried_.shot.other_viewpoint();
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
+    dump_.new_shot = carried_.shot.other_viewpoint() != before;
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
@@ -129,18 +139,36 @@ StepResult Stepper::finish(const StageClock& clock) {
      // of the paper `choose_place` and `choose_basic` (move/choose.cpp).
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
-    dump_.decision =
-        decide({step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m}, work.move);
+    const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m};
+    dump_.decision = decide(in, work.move);
+    const CutPlace* place =
+        choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
+    if (place) cut_to(in, taken, *place, work.move, carried_.shot, dump_.decision), begin_at_cut(*place);
   }
   carried_.camera = dump_.decision.camera;
+  carried_.path.pass(carried_.camera.pose, step.move_s);
+  carried_.pull_mps = glm::dvec3(0.0);
   carried_.turn = dump_.decision.turn;
   carried_.zoom.vertical_fov_rad = dump_.decision.vertical_fov_rad;
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
+  carried_.not_aimed_at = dump_.decision.not_aimed_at;
 
-  StepResult result = report_step(*work.input, dump_, taken, carried_.shares);
+  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
+  note_sights(step, result, work.opening.target_jumped, carried_.cut);
   result.stage_ns = work.stage_ns;
   return result;
+}
+
+// The state begins again as after place_camera, and the report uses the sights from the new place.
+void Stepper::begin_at_cut(const CutPlace& place) {
+  carried_.cut = {};
+  carried_.shares.forget();
+  carried_.path.start(dump_.decision.camera.pose);
+  Sampled& now = dump_.plan.now;
+  now.sights_m = place.sights_m;
+  now.sights_of_target = place.sights_of_target;
+  now.first_sight = place.first_sight;
 }
 
 Result<StepResult> Stepper::take(const StepInput& input, Sampler& sampler, const StageClock& clock) {

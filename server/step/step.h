@@ -54,28 +54,56 @@ using StageClock = std::function<int64_t()>;
 enum class Stage { kBound, kSample, kAggregate, kMove };
 inline constexpr size_t kStageCount = 4;
 
+// An instance that hides a part of a target.
+struct Occlusion {
+  uint64_t id = 0;
+  double share = 0.0;  // sampled points that it hides from the returned pose / all sampled points
+};
+inline constexpr size_t kMaxOcclusions = 8;  // of one target: those that hide most
+
+// What the camera is expected to see of a target when the time of the prediction has passed, if it goes on as now.
+struct SightForecast {
+  double ahead_s = 0.0;           // time of the prediction
+  double share = 0.0;             // expected share of the target that is visible then, [0, 1]
+  double confidence = 0.0;        // of the prediction of this target's motion, [0, 1] (see MotionPredictor::confidence)
+  std::optional<double> loss_s;   // time until the target's share falls below the visibility threshold; empty: it does not within ahead_s
+};
+
 struct TargetSight {
   uint64_t id = 0;
   double visible_share = 0.0;  // seen from the returned pose in this step / sampled points
   // Estimate of its visible pixels / its pixels, from the sampled points in the picture over a short time (see
   // ShareWindow). It equals visible_share while no sampled point is in the picture.
   double filtered_share = 0.0;
+  double picture_share = 0.0;     // part of the target's image that lies inside the picture, hidden or not, [0, 1]
   bool filtered_visible = false;  // visible from the camera's position after the temporal filter
-  bool in_picture = false;
+  bool in_picture = false;        // the aim point is
+  bool given_up = false;          // the camera does not try to show it, because it stands too far apart from other targets
   double distance_m = 0.0;
-  uint64_t occluder_id = 0;  // an instance that hides some of it; 0: none
+  InlineVector<Occlusion, kMaxOcclusions> occlusions;  // greatest share first; of equal ones the lower mirror slot
+  std::optional<SightForecast> forecast;               // empty: nothing is predicted in this step
+
+  uint64_t main_occluder_id() const { return occlusions.empty() ? 0 : occlusions[0].id; }
 };
 
 struct StepFlags {
-  bool dt_capped = false;        // dt was over kMaxStepS: the camera moved for kMaxStepS
+  bool dt_capped = false;      // dt was over kMaxStepS: the camera moved for kMaxStepS
   bool used_cube_map = false;  // cube faces were taken for some target
-  bool body_overlap = false;
+  bool body_overlap = false;       // the body touches a collider or is inside one
+  bool evading = false;            // the camera moves aside for a moving collider
+  bool deflected = false;          // colliders changed or stopped the camera's motion
+  bool new_shot = false;           // the viewpoint search chose another shot to keep
+  bool distance_given_up = false;  // the returned pose breaks a limit of distance (BrokenLimits)
+  bool elevation_given_up = false;
 };
 
 struct StepResult {
   CameraState camera;
   double vertical_fov_rad = 0.0;
-  MoveStatus status = MoveStatus::kHolding;
+  TrackingStatus status = TrackingStatus::kHolding;
+  // kSeeking: estimated time until the camera sees a target, if it moves and turns as fast as its limits allow.
+  std::optional<double> view_s;
+  uint64_t blocked_by = 0;  // kBlocked: the instance in the way; 0: none alone
   MoveReason reason = MoveReason::kNoTargets;
   Volume volume = Volume::kLattice;
   // The reason why pair volumes were not used although they were requested.
@@ -84,6 +112,7 @@ struct StepResult {
   PairGap pair_gap = PairGap::kNone;
   InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
   int chosen_candidate = -1;
+  bool cut = false;  // the camera jumped (MoveReason::kCut)
   StepFlags flags;
   std::array<int64_t, kStageCount> stage_ns{};
 };
@@ -102,9 +131,10 @@ class Stepper {
   Stepper(Stepper&&) noexcept;
   Stepper& operator=(Stepper&&) noexcept;
 
-  // Put the camera at a pose, with effect from the next step. carried_state.h lists the state that each of them resets.
+  // Say where the camera is, with effect from the next step. carried_state.h describes them.
   void place_camera(const Pose& pose, const glm::dvec3& velocity_mps);
-  void observe_camera(const Pose& pose, const glm::dvec3& velocity_mps);
+  void place_camera(const ViewerCamera& viewer);
+  bool observe_camera(const ViewerCamera& viewer);
 
   // The first half of a step: it computes the bound and plans the maps. The maps are taken between the halves, so that
   // those of many sessions can be taken together. The carried state does not change. If the maps cannot be taken,
@@ -121,6 +151,8 @@ class Stepper {
 
  private:
   struct Work;
+  void begin_at_cut(const CutPlace& place);
+
   CarriedState carried_;
   StepDump dump_;
   std::unique_ptr<Work> work_;  // data between the halves of a step, and memory that is reused

@@ -22,13 +22,18 @@
 
 namespace sightline {
 
+using TargetIds = InlineVector<uint64_t, kMaxTargets>;
+
 // Before the first stage: the targets as they are now. Lists are in the order of the input.
 struct TargetsNow {
   std::vector<TrackedTarget> tracked_targets;
   std::vector<uint64_t> ids;
   std::vector<double> sight_weights;                 // weight of seeing each target
   std::vector<std::vector<uint32_t>> ignored_slots;  // mirror slots of instances that never occlude each target
-  uint32_t steered = 0;                              // bit i: target i has a weight
+  uint32_t weighted = 0;                             // bit i: target i has a weight
+  // Bit i: the camera moves for target i. Targets with a weight that stand too far apart from the others are given up; their
+  // weight in `tracked_targets` and `sight_weights` is 0.
+  uint32_t steered = 0;
 };
 
 // Surface points of the targets, and the maps that are taken from them. A point has one or more maps that cover the
@@ -71,6 +76,24 @@ struct ViewpointLook {
   MapRange maps;
 };
 
+// A place that the camera may jump to, with sights of every target from there, as in Sampled.
+struct CutPlace {
+  glm::dvec3 position_m{0.0};
+  std::optional<size_t> viewpoint;  // empty: the wanted shot
+  std::vector<glm::dvec3> sights_m;
+  std::vector<MapRange> sights_of_target;
+  uint32_t first_sight = 0;
+};
+inline constexpr size_t kCutPlaces = 8;  // examined in one step
+
+// The places that are examined in this step, because a cut is due; best first.
+struct CutPlan {
+  bool due = false;
+  InlineVector<CutPlace, kCutPlaces> places;
+  size_t next_rank = 0;  // see CutState
+  bool examined_all = false;
+};
+
 // Result of the sample stage: the maps to take.
 struct SamplePlan {
   Sampled now;              // the targets at their present poses
@@ -82,6 +105,7 @@ struct SamplePlan {
   std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
   PairChain chain;                    // of these points; valid when pair.used
   ViewpointLook look;
+  CutPlan cut;
   bool used_cube_map = false;  // cube faces are taken for some target
   std::vector<MapView> views;
   std::vector<MapRequest> requests;  // parallel to the views
@@ -108,12 +132,18 @@ struct Decision {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   int chosen_candidate = -1;  // -1: none
-  bool body_overlap = false;
+  // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
+  std::optional<double> view_way_m;
+  bool sees_none = false;      // no candidate that can be reached sees any target
+  glm::dvec3 wanted_mps{0.0};  // the velocity that leads to the goal, before collisions are avoided
+  bool body_overlap = false, evading = false, deflected = false;  // as StepFlags
+  bool cut = false;    // the camera jumps
   CameraState camera;  // at the end of the step
   TurnState turn;
   double vertical_fov_rad = 0.0;
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;
+  TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };
 
 struct StepDump {
@@ -122,6 +152,7 @@ struct StepDump {
   SamplePlan plan;
   std::vector<DepthMap> maps;  // by request of the plan
   CandidateSights sights;
+  bool new_shot = false;  // the viewpoint search chose another shot
   Surroundings surroundings;
   Decision decision;
 };

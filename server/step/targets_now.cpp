@@ -42,16 +42,20 @@ void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vec
 void look_at_targets(const StepInput& input, TargetsNow& now) {
   now.tracked_targets.clear();
   now.ids.clear();
-  now.sight_weights.clear();
-  now.steered = 0;
+  now.weighted = 0;
   now.ignored_slots.resize(input.targets.size());
   for (size_t i = 0; i < input.targets.size(); ++i) {
     const Target& target = input.targets[i];
     now.tracked_targets.push_back(view_of(target, *input.scene.find(target.instance_id)));
     now.ids.push_back(target.instance_id);
-    if (target.weight > 0) now.steered |= 1u << i;
+    if (target.weight > 0) now.weighted |= 1u << i;
     list_ignored_slots(input.scene, target, now.ignored_slots[i]);
   }
+  now.steered = now.weighted;
+}
+
+void set_sight_weights(TargetsNow& now) {
+  now.sight_weights.clear();
   const double optional = optional_share(now.tracked_targets);
   for (const TrackedTarget& target : now.tracked_targets) now.sight_weights.push_back(sight_weight(target, optional));
 }
@@ -66,6 +70,20 @@ void observe_targets(const StepInput& input, const std::vector<TargetPast>& befo
     past.predictor.configure({.ahead_s = input.settings.move.prediction_s});
     past.predictor.observe(input.dt_s, input.scene.find(target.instance_id)->pose);
   }
+}
+
+uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped) {
+  uint32_t kept = now.steered;
+  for (size_t i = 0; i < now.ids.size(); ++i)
+    if (std::ranges::find(dropped, now.ids[i]) != dropped.end()) kept &= ~(1u << i);
+  return kept;
+}
+
+TargetIds dropped_ids(const TargetsNow& now, uint32_t kept) {
+  TargetIds dropped;
+  for (size_t i = 0; i < now.ids.size(); ++i)
+    if ((now.steered & ~kept) >> i & 1u) dropped.push_back(now.ids[i]);
+  return dropped;
 }
 
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id) {

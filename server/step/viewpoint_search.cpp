@@ -18,9 +18,6 @@ constexpr double kKnownShare = 0.5;
 // The eyes of the maps lie within this share of the target's box, since the corners of a box are mostly outside the
 // shape.
 constexpr double kBoxShare = 0.7;
-// A shot is rejected if the framing would push the camera out by more than this factor to show the whole group.
-constexpr double kFitSlack = 1.05;
-
 bool searches(const StepContext& step) {
   const MoveSettings& settings = step.input.settings.move;
   return settings.strategy == Strategy::kMinCost && settings.search_viewpoints && settings.follow == Follow::kOffset &&
@@ -32,18 +29,6 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   const double x = random.next_unit(), y = random.next_unit(), z = random.next_unit();
   const glm::dvec3 from_center = (glm::dvec3(x, y, z) - 0.5) * glm::dvec3(box.half_extent()) * 2.0 * kBoxShare;
   return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
-}
-
-// `offset_m` after the corrections by framing and limits.
-glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
-  const FramingSettings& framing = step.input.settings.framing;
-  return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
-         step.center_m();
-}
-
-// The third of the four distances of the viewpoints.
-double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
-  return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
 }
 
 // The shot from this offset that looks at the targets' centre, with all targets taken as visible.
@@ -62,8 +47,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   capture(step, framed_offset_m(step, shot.asked_offset_m), scratch.asked);
   capture(step, present_m, scratch.present);
   const auto allowed = [&](const glm::dvec3& offset_m) {
-    return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) &&
-           glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
+    return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };
   shot.asked_viewpoint = viewpoints.nearest_viewpoint(scratch.asked.from_center_m);
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, scratch.asked, shot.asked_viewpoint,
@@ -79,6 +63,21 @@ void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
 }
 
 }  // namespace
+
+glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
+  const FramingSettings& framing = step.input.settings.framing;
+  return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
+         step.center_m();
+}
+
+bool shows_group(const StepContext& step, const glm::dvec3& offset_m) {
+  constexpr double kFitSlack = 1.05;
+  return glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
+}
+
+double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
+  return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
+}
 
 ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   const StepInput& input = in.step.input;

@@ -28,16 +28,12 @@ grpc::StatusCode code_of(ErrorCode code) {
   return grpc::StatusCode::INTERNAL;
 }
 
-std::string binary_details(const Error& error, int code, const std::string& message) {
-  google::rpc::BadRequest bad_request;
-  google::rpc::BadRequest::FieldViolation& violation = *bad_request.add_field_violations();
-  violation.set_field(error.field);
-  violation.set_description(error.message);
+grpc::Status detailed(grpc::StatusCode code, const std::string& message, const google::protobuf::Message& detail) {
   google::rpc::Status details;
   details.set_code(code);
   details.set_message(message);
-  details.add_details()->PackFrom(bad_request);
-  return details.SerializeAsString();
+  details.add_details()->PackFrom(detail);
+  return {code, message, details.SerializeAsString()};
 }
 
 // A status travels in headers, which clients take up to 8 KiB; the message is in it twice, once in base64.
@@ -62,7 +58,17 @@ grpc::Status status_from_error(const Error& whole) {
   const grpc::StatusCode code = code_of(error.code);
   const std::string message = describe(error);
   if (error.field.empty()) return {code, message};
-  return {code, message, binary_details(error, code, message)};
+  google::rpc::BadRequest bad_request;
+  google::rpc::BadRequest::FieldViolation& violation = *bad_request.add_field_violations();
+  violation.set_field(error.field);
+  violation.set_description(error.message);
+  return detailed(code, message, bad_request);
+}
+
+grpc::Status exhausted_status(const std::string& message, std::chrono::seconds retry_delay) {
+  google::rpc::RetryInfo retry;
+  retry.mutable_retry_delay()->set_seconds(retry_delay.count());
+  return detailed(grpc::StatusCode::RESOURCE_EXHAUSTED, message, retry);
 }
 
 }  // namespace sightline

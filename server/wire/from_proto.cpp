@@ -7,6 +7,7 @@
 #include "server/step/quality_level.h"
 #include "server/wire/from_proto_scene.h"
 #include "server/wire/from_proto_values.h"
+#include "server/wire/suspect_sizes.h"
 
 namespace sightline {
 namespace {
@@ -65,9 +66,11 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   if (Status ok = read_frame(open, out.convention); !ok) return ok;
   if (Status ok = read_camera(open, out); !ok) return ok;
   if (Status ok = read_settings(open.settings(), open.tuning(), "open.", out.settings); !ok) return ok;
+  if (open.settings().preset() == v1::Settings::PRESET_PAPER) out.limits = preset_limits(Preset::kPaper);
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
+  for (std::string& warning : suspect_sizes(out)) warnings.push_back(std::move(warning));
   out.seed = open.seed();
   out.diagnostics = {open.diagnostics().candidates(), open.diagnostics().depth_maps()};
   out.label = open.label();
@@ -82,6 +85,9 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   glm::dvec3 velocity(0.0);
   if (Status ok = read_vector(wire.velocity(), "tick.observed_camera.velocity", velocity); !ok) return ok;
   out.velocity_mps = vector_from_client(convention, velocity);
+  glm::dvec3 turning(0.0);
+  if (Status ok = read_vector(wire.angular_velocity(), "tick.observed_camera.angular_velocity", turning); !ok) return ok;
+  out.angular_velocity_radps = angular_velocity_from_client(convention, turning);
   out.cut = wire.cut();
   return {};
 }

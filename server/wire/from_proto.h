@@ -21,7 +21,7 @@ struct SceneSource {
 };
 
 // Fields "open....". Reads the scene file, so it may take seconds. `warnings` receives the warnings of the file's
-// reader. Absent messages and values have the defaults of SessionOptions.
+// reader and those of suspect_sizes.h. Absent messages and values have the defaults of SessionOptions.
 Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, const SceneSource& source,
                                                   std::vector<std::string>& warnings);
 

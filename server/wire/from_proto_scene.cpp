@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kMinSizeM = 1e-4, kMaxSizeM = 1e5;
 constexpr double kMinScale = 1e-4, kMaxScale = 1e4;
+constexpr double kMinUnitM = 1e-6, kMaxUnitM = 1e6;
 constexpr char kAxisNames[] = "xyz";
 
 Status check_client_id(uint64_t id, const std::string& field) {
@@ -240,6 +241,10 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
                                const Convention& convention, const std::string& field) {
   if (wire.source_case() == v1::SceneRef::SOURCE_NOT_SET)
     return invalid(field + ".source", "needs name or hash");
+  const double metres_per_unit = wire.has_metres_per_unit() ? wire.metres_per_unit() : 1.0;
+  const std::string unit_field = field + ".metres_per_unit";
+  if (Status ok = check_range(unit_field.c_str(), metres_per_unit, kMinUnitM, kMaxUnitM); !ok)
+    return tl::unexpected(std::move(ok.error()));
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
   auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source.library, field + ".hash")
@@ -250,7 +255,10 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
     const Error& e = instances.error();
     return fail(e.code, e.field.starts_with("bindings") ? field + "." + e.field : field, e.message);
   }
-  for (NewInstance& instance : *instances) instance.pose.position_m -= convention.origin_m;
+  for (NewInstance& instance : *instances) {
+    instance.pose.position_m = instance.pose.position_m * metres_per_unit - convention.origin_m;
+    instance.linear *= metres_per_unit;
+  }
   return LoadedScene{std::move(*asset), std::move(*instances)};
 }
 

@@ -31,7 +31,7 @@ class InstanceReader {
   std::map<std::string, Asset> assets_;  // by name or hash; names end in .glb or .gltf, hashes do not
 };
 
-// A scene file's instances, moved to the world origin. `wire` must name a file.
+// A scene file's instances, in metres and moved to the world origin. `wire` must name a file.
 struct LoadedScene {
   std::shared_ptr<const SceneAsset> asset;
   std::vector<NewInstance> instances;

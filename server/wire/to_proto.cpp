@@ -16,15 +16,21 @@ void set(const Pose& client_pose, v1::Pose3& out) {
   rotation.set_x(q.x), rotation.set_y(q.y), rotation.set_z(q.z), rotation.set_w(q.w);
 }
 
-v1::TrackingStatus to_proto(MoveStatus status) {
+v1::TrackingStatus to_proto(TrackingStatus status) {
   switch (status) {
-    case MoveStatus::kTracking:
+    case TrackingStatus::kTracking:
       return v1::TRACKING_STATUS_TRACKING;
-    case MoveStatus::kPartial:
+    case TrackingStatus::kPartialView:
       return v1::TRACKING_STATUS_PARTIAL_VIEW;
-    case MoveStatus::kEscaping:
-      return v1::TRACKING_STATUS_ESCAPING;
-    case MoveStatus::kHolding:
+    case TrackingStatus::kSeeking:
+      return v1::TRACKING_STATUS_SEEKING;
+    case TrackingStatus::kBlocked:
+      return v1::TRACKING_STATUS_BLOCKED;
+    case TrackingStatus::kWaiting:
+      return v1::TRACKING_STATUS_WAITING;
+    case TrackingStatus::kLost:
+      return v1::TRACKING_STATUS_LOST;
+    case TrackingStatus::kHolding:
       return v1::TRACKING_STATUS_HOLDING;
   }
   return v1::TRACKING_STATUS_UNSPECIFIED;
@@ -54,6 +60,8 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
+    case MoveReason::kCut:
+      return v1::MOVE_REASON_CUT;
   }
   return v1::MOVE_REASON_UNSPECIFIED;
 }
@@ -74,10 +82,20 @@ v1::PairFallback pair_fallback(const StepResult& step) {
   return v1::PAIR_FALLBACK_UNSPECIFIED;
 }
 
+// From this share on, a target counts as seen whole.
+constexpr double kWholeShare = 0.95;
+
 v1::TargetState state_of(const TargetSight& sight) {
-  if (!sight.in_picture) return v1::TARGET_STATE_OFF_SCREEN;
-  if (sight.visible_share >= 1) return v1::TARGET_STATE_VISIBLE;
-  return sight.visible_share > 0 ? v1::TARGET_STATE_PARTIAL : v1::TARGET_STATE_OCCLUDED;
+  if (sight.picture_share <= 0) return v1::TARGET_STATE_OFF_SCREEN;
+  if (sight.filtered_share <= 0) return v1::TARGET_STATE_OCCLUDED;
+  return sight.filtered_share * sight.picture_share >= kWholeShare ? v1::TARGET_STATE_VISIBLE : v1::TARGET_STATE_PARTIAL;
+}
+
+void set(const SightForecast& forecast, v1::SightForecast& out) {
+  out.set_ahead_s(forecast.ahead_s);
+  out.set_share(forecast.share);
+  out.set_confidence(forecast.confidence);
+  if (forecast.loss_s) out.set_loss_s(*forecast.loss_s);
 }
 
 void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraReply& out) {
@@ -86,12 +104,16 @@ void add_target(const TargetSight& sight, double metres_per_unit, v1::CameraRepl
   target.set_state(state_of(sight));
   target.set_visible_share(sight.visible_share);
   target.set_filtered_share(sight.filtered_share);
+  target.set_picture_share(sight.picture_share);
   target.set_distance(sight.distance_m / metres_per_unit);
   target.set_in_picture(sight.in_picture);
-  if (sight.occluder_id == 0) return;
-  v1::Occluder& occluder = *target.add_occluders();
-  occluder.set_id(sight.occluder_id);
-  occluder.set_share(1 - sight.visible_share);
+  target.set_given_up(sight.given_up);
+  for (const Occlusion& occlusion : sight.occlusions) {
+    v1::Occluder& occluder = *target.add_occluders();
+    occluder.set_id(occlusion.id);
+    occluder.set_share(occlusion.share);
+  }
+  if (sight.forecast) set(*sight.forecast, *target.mutable_forecast());
 }
 
 void set(const SightCounts& counts, v1::CandidateCounts& out) {
@@ -106,6 +128,11 @@ void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_dt_capped(flags.dt_capped);
   out.set_used_cube_map(flags.used_cube_map);
   out.set_body_overlap(flags.body_overlap);
+  out.set_evading(flags.evading);
+  out.set_deflected(flags.deflected);
+  out.set_new_shot(flags.new_shot);
+  out.set_distance_given_up(flags.distance_given_up);
+  out.set_elevation_given_up(flags.elevation_given_up);
 }
 
 void set(int level, const StepSettings& used, v1::Degradation& out) {
@@ -221,6 +248,8 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   for (const TargetSight& sight : step.targets) add_target(sight, c.metres_per_unit, out);
   set(session.dump().sights.counts, *out.mutable_candidate_counts());
   out.set_status(to_proto(step.status));
+  if (step.view_s) out.set_view_s(*step.view_s);
+  out.set_blocked_by(step.blocked_by);
   out.set_reason(to_proto(step.reason));
   const std::string_view text = explain(step.reason);
   out.set_reason_text(text.data(), text.size());

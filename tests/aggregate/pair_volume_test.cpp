@@ -135,6 +135,22 @@ TEST(PairVolume, NamesEachIncompleteCase) {
   EXPECT_EQ(pair_gap(a, b, ball({1.2, 0.1, 0}, 0.5)), PairGap::kTargetInBound);  // a target in the ball
 }
 
+// The paper's map I_AB from [u v w], each in [0, 1], to the world: u along B's columns, v along rows, 1 - w along A's
+// columns.
+glm::dvec3 printed_trilinear(const PairVolume& volume, double u, double v, double w) {
+  const auto corner = [&](int iu, int iv, int iw) {
+    return meet(volume, iw ? volume.xa_min : volume.xa_max, iu ? volume.xb_max : volume.xb_min,
+                iv ? -volume.y_top : volume.y_top);
+  };
+  const glm::dvec3 origin = corner(0, 0, 0);
+  const glm::dvec3 i = corner(1, 0, 0) - origin;
+  const glm::dvec3 j1 = corner(0, 1, 0) - origin, j2 = corner(1, 1, 0) - corner(1, 0, 0);
+  const glm::dvec3 k1 = corner(0, 0, 1) - origin, k2 = corner(0, 1, 1) - corner(0, 1, 0);
+  const glm::dvec3 k3 = corner(1, 1, 1) - corner(1, 1, 0), k4 = corner(1, 0, 1) - corner(1, 0, 0);
+  return origin + u * i + v * ((1 - u) * j1 + u * j2) +
+         w * ((1 - u) * ((1 - v) * k1 + v * k2) + u * ((1 - v) * k4 + v * k3));
+}
+
 // With L = 2 m at 5 m and radius 0.5 m, equal pixel steps and the printed trilinear map part by more than a cell.
 TEST(PairVolume, PrintedTrilinearMapAgreesAtTheCornersOnly) {
   const PairVolume volume = make_pair_volume({-1, 0, 0}, {1, 0, 0}, ball({0, 0, 5}, 0.5), 7);

@@ -66,10 +66,11 @@ Status make_recording(const Options& options, const std::string& path) {
   const scenes::CatalogEntry* entry = scenes::find_scene(options.scene);
   if (!entry) return fail(ErrorCode::kNotFound, "--scene", "there is no scene " + options.scene);
   const auto glb = entry->make({});
+  if (!glb) return tl::unexpected(glb.error());
   const auto sampler = make_sampler(options.sampler, options.threads);
   if (!sampler) return fail(ErrorCode::kUnavailable, "--sampler", "cannot be made");
   LocalWorld world("", *sampler);
-  const auto asset = world.scenes.add_uploaded(glb);
+  const auto asset = world.scenes.add_uploaded(*glb);
   if (!asset) return tl::unexpected(asset.error());
   const auto scenario = Scenario::from_asset(*asset);
   if (!scenario) return tl::unexpected(scenario.error());
@@ -91,7 +92,7 @@ Status make_recording(const Options& options, const std::string& path) {
   Status done = (*writer)->write(open, kStartNs);
   if (done) done = (*writer)->write((*session)->opened(), kStartNs);
   if (done)
-    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb.data()), glb.size()}},
+    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb->data()), glb->size()}},
                              kStartNs);
   const auto ticks = static_cast<uint64_t>(options.minutes * 60 * kRateHz);
   const auto loop_ticks = std::max<uint64_t>(1, static_cast<uint64_t>(scenario->duration_s() * kRateHz));

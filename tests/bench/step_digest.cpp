@@ -1,8 +1,8 @@
-// Prints one line for each scene and set of settings: a hash over every step's answer and the data that led to it. Two
-// builds that print equal lines compute the same bits; `diff` shows which scene changed. It takes Embree's maps, and
-// the first seconds of every scene.
+// Prints one line for each scene and set of settings, with two hashes. The first is over the camera's path. The second is
+// over every step's whole answer and the data that led to it. Two builds that print equal lines compute the same bits;
+// `diff` shows which scene changed. It takes Embree's maps, and the first seconds of every scene.
 //
-//   step_digest [scene ...]        all scenes of the catalogue but the city without
+//   step_digest [scene ...]        without names: the scenes of the group `study` but the city
 #include <cstdio>
 #include <string>
 
@@ -59,14 +59,18 @@ class Digest {
   void add_one(const T& value) {
     add(std::span(&value, 1));
   }
-  void add(const StepResult& r) {
+  void add_path(const StepResult& r) {
     add_one(r.camera.pose.position_m), add_one(r.camera.pose.rotation), add_one(r.camera.velocity_mps);
-    add_one(r.camera.angular_velocity_radps), add_one(r.vertical_fov_rad), add_one(r.status), add_one(r.reason);
+    add_one(r.camera.angular_velocity_radps), add_one(r.vertical_fov_rad);
+  }
+  void add(const StepResult& r) {
+    add_path(r), add_one(r.status), add_one(r.reason);
     add_one(r.volume), add_one(r.pair_gap), add_one(r.chosen_candidate), add_one(r.flags.used_cube_map);
     add_one(r.flags.body_overlap);
     for (const TargetSight& t : r.targets) {
       add_one(t.id), add_one(t.visible_share), add_one(t.filtered_share), add_one(t.filtered_visible);
-      add_one(t.in_picture), add_one(t.distance_m), add_one(t.occluder_id);
+      add_one(t.in_picture), add_one(t.distance_m), add_one(t.main_occluder_id());
+      add_one(t.picture_share), add_one(t.forecast ? t.forecast->share : -1.0);
     }
   }
   void add(const Stepper& stepper) {
@@ -89,7 +93,9 @@ Status digest(const scenes::CatalogEntry& entry) {
   EmbreeDevice device;
   ExtentCache extents;
   const auto sampler_device = make_embree_sampler_device();
-  const auto asset = read_gltf(entry.make({}), nullptr, store);
+  const auto bytes = entry.make({});
+  if (!bytes) return tl::unexpected(bytes.error());
+  const auto asset = read_gltf(*bytes, nullptr, store);
   if (!asset) return tl::unexpected(asset.error());
   auto scenario = Scenario::from_asset(*asset);
   if (!scenario) return tl::unexpected(scenario.error());
@@ -106,17 +112,17 @@ Status digest(const scenes::CatalogEntry& entry) {
     stepper.place_camera(scenario->camera(), glm::dvec3(0.0));
     const auto sampler = sampler_device->make_sampler();
     const CameraLimits limits;
-    Digest digest;
+    Digest path, digest;
     for (int i = 0; i < kSteps; ++i) {
       (*world)->set_time(i * kTickS);
       const StepInput input{(*world)->mirror(), (*world)->targets(), limits, c.settings, scenario->lens(), 1,
                             static_cast<uint64_t>(i), kTickS, views};
       const auto result = stepper.take(input, *sampler, [] { return int64_t{0}; });
       if (!result) return tl::unexpected(result.error());
-      digest.add(*result), digest.add(stepper);
+      path.add_path(*result), digest.add(*result), digest.add(stepper);
     }
-    std::printf("%-12s %-16s %016llx\n", std::string(entry.name).c_str(), c.name.c_str(),
-                static_cast<unsigned long long>(digest.value()));
+    std::printf("%-12s %-16s %016llx %016llx\n", std::string(entry.name).c_str(), c.name.c_str(),
+                static_cast<unsigned long long>(path.value()), static_cast<unsigned long long>(digest.value()));
     std::fflush(stdout);
   }
   return {};
@@ -128,7 +134,7 @@ Status digest(const scenes::CatalogEntry& entry) {
 int main(int argc, char** argv) {
   using namespace sightline;
   for (const scenes::CatalogEntry& entry : scenes::catalog()) {
-    bool wanted = argc == 1 && entry.name != "city";
+    bool wanted = argc == 1 && entry.group == scenes::SceneGroup::kStudy && entry.name != "city";
     for (int i = 1; i < argc; ++i) wanted |= entry.name == argv[i];
     if (!wanted) continue;
     if (const auto ok = digest(entry); !ok) return std::fprintf(stderr, "%s\n", to_string(ok.error()).c_str()), 1;

@@ -8,16 +8,20 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
 
 #include "client/evaluate/evaluation_tables.h"
 #include "client/evaluate/policy_raycast.h"
 #include "client/evaluate/policy_spring_arm.h"
+#include "scenes/catalog.h"
+#include "scenes/glb_writer.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
+#include "server/scene/primitives.h"
 #include "server/step/paper_settings.h"
 #include "server/wire/settings_to_proto.h"
 #include "tests/evaluate/table_files.h"
@@ -154,6 +158,52 @@ TEST(Policies, KeepTheMotionLimitsThatTheyPromise) {
   }
 }
 
+// The steps of a policy in the first second of a scene.
+std::vector<PolicyStep> first_second(Place& place, const char* name) {
+  auto policy = policy_named(name).make(place.site());
+  std::vector<PolicyStep> steps;
+  for (int k = 0; k <= 60; ++k) steps.push_back(*(*policy)->next(k / 60.0, k == 0 ? 0.0 : 1.0 / 60));
+  return steps;
+}
+
+TEST(Policies, ThatChooseAPlaceSayWhereTheyHead) {
+  Place place(scenes::make_hall({.duration_s = 4.0}));
+  for (const char* name : {"raycast", "paper", "sightline"}) {
+    const std::vector<PolicyStep> steps = first_second(place, name);
+    for (size_t k = 1; k < steps.size(); ++k) {
+      ASSERT_TRUE(steps[k].goal_m) << name << " " << k;
+      EXPECT_LT(glm::distance(*steps[k].goal_m, steps[k].camera.position_m), 20.0) << name << " " << k;
+    }
+  }
+  for (const char* name : {"follow", "spring-arm"})
+    for (const PolicyStep& step : first_second(place, name)) EXPECT_FALSE(step.goal_m || step.tracking) << name;
+}
+
+// Two capsules, each in a closed box when `sealed`, before a camera that looks at them.
+std::vector<std::byte> two_people(bool sealed) {
+  scenes::GlbWriter writer;
+  const int person = writer.add_mesh("person", *tessellate(CapsuleShape{0.3f, 0.6f}), {1, 1, 1});
+  const int box = writer.add_mesh("box", *tessellate(BoxShape{{0.8f, 1.5f, 0.8f}}), {1, 1, 1});
+  const auto role = [](const char* name) { return nlohmann::ordered_json{{"sightline", {{"role", name}}}}; };
+  writer.add_node({"anna", -1, person, -1, {-1, 0, 0}, {1, 0, 0, 0}, role("target")});
+  writer.add_node({"ben", -1, person, -1, {1, 0, 0}, {1, 0, 0, 0}, role("target")});
+  for (const float x : {-1.0f, 1.0f})
+    if (sealed) writer.add_node({x < 0 ? "left" : "right", -1, box, -1, {x, 0, 0}, {1, 0, 0, 0}, {}});
+  writer.add_node({"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
+  return writer.finish("scenario");
+}
+
+TEST(Policies, TrackWhomTheySeeAndNobodyInAClosedBox) {
+  Place open(two_people(false)), sealed(two_people(true));
+  for (const char* name : {"paper", "sightline"}) {
+    const auto seen = first_second(open, name), hidden = first_second(sealed, name);
+    for (size_t k = 1; k < seen.size(); ++k) {
+      EXPECT_EQ(seen[k].tracking, true) << name << " " << k;
+      EXPECT_EQ(hidden[k].tracking, false) << name << " " << k;
+    }
+  }
+}
+
 // ---- the whole ----
 
 class EvaluateCommand : public testing::Test {
@@ -197,8 +247,15 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_THAT(runs.at("pictures"), ElementsAre("4", "4", "4", "4"));
   EXPECT_EQ(runs.at("reported_pairs")[0], "") << "follow reports nothing";
   EXPECT_EQ(runs.at("reported_pairs")[1], "8") << "two targets in four pictures";
+  for (const char* column : {"goal_jumps_per_s", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden"}) {
+    EXPECT_EQ(runs.at(column)[0], "") << "follow has neither a goal nor a status";
+    EXPECT_NE(runs.at(column)[1], "") << column;
+  }
   ASSERT_EQ(pictures.at("time_s").size(), 16u);
   EXPECT_EQ(pictures.at("time_s")[3], "1");
+  EXPECT_EQ(pictures.at("lost")[3], "0");
+  EXPECT_EQ(pictures.at("tracking")[3], "") << "follow has no status";
+  EXPECT_EQ(pictures.at("tracking")[7], "1");
   EXPECT_THAT(files.at("timing.csv"), HasSubstr("scene,seed,targets,policy,run_s,step_ms"));
   EXPECT_THAT(out.str(), HasSubstr("sightline"));
 }
@@ -278,7 +335,7 @@ TEST_F(EvaluateCommand, SaysWhichSettingIsWrong) {
   }
 }
 
-TEST(EvaluateCases, WithoutNamesAreEverySceneAtEverySeed) {
+TEST(EvaluateCases, WithoutNamesAreEverySceneOfTheStudyAtEverySeed) {
   EvaluateOptions options;
   options.seeds = 2;
   const auto cases = cases_of(options);
@@ -295,6 +352,34 @@ TEST(EvaluateCases, WithoutNamesAreEverySceneAtEverySeed) {
     if (scene.name != "arena-7") continue;
     EXPECT_EQ(scene.load(store)->targets().size(), 7u);
   }
+}
+
+TEST(EvaluateCases, OfAGroupAreItsScenesFromTheFirstSeedOn) {
+  EvaluateOptions options;
+  options.groups = {"levels"};
+  options.seeds = 2;
+  options.first_seed = 101;
+  const auto cases = cases_of(options);
+  ASSERT_TRUE(cases);
+  ASSERT_EQ(cases->size(), 2 * scenes::scenes_of(scenes::SceneGroup::kLevels).size());
+  EXPECT_EQ((*cases)[0].name, "level-rooms-one");
+  EXPECT_EQ((*cases)[0].seed, 101u);
+  EXPECT_EQ((*cases)[1].seed, 102u);
+  GeometryStore store;
+  const auto scenario = (*cases)[1].load(store);
+  ASSERT_TRUE(scenario);
+  EXPECT_NE(scenario->asset().hash, (*cases)[0].load(store)->asset().hash) << "another seed, another level";
+}
+
+TEST(EvaluateCases, SayWhichGroupOrFolderIsMissing) {
+  EvaluateOptions options;
+  options.groups = {"no-such-group"};
+  ASSERT_FALSE(cases_of(options));
+  EXPECT_EQ(cases_of(options).error().field, "group");
+  options.groups = {"tiles"};
+  options.tiles = "no-such-folder";
+  ASSERT_FALSE(cases_of(options));
+  EXPECT_EQ(cases_of(options).error().field, "tiles");
 }
 
 // Every line of the settings file, by name.

@@ -22,6 +22,8 @@ NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
+    (r"^grpcurl ", "needs grpcurl"),
+    (r"^protoc |\bgo mod ", "needs Go and its plugins for protoc"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
@@ -55,17 +57,28 @@ def why_not(command):
     return next((why for pattern, why in NOT_RUN if re.search(pattern, plain(command)) or re.search(pattern, command)), None)
 
 
-class Workshop:
-    """A folder that looks like the repository with its build, whose programs talk to the daemon of the test."""
+def built_by_demo():
+    """Which programs, and whether the folder for Python, exist in a fresh checkout after deploy/demo.sh."""
+    targets = re.search(r"cmake --build .* --target (.*)", (ROOT / "deploy/demo.sh").read_text()).group(1).split()
+    build = subprocess.run(["ninja", "-C", BIN.parent, "-t", "commands", *targets], capture_output=True, text=True, check=True).stdout
+    programs = set(re.findall(r"-o bin/(\S+)", build))
+    return lambda path: path.name in programs or f"--python_out={path} " in build
 
-    def __init__(self, folder):
+
+class Workshop:
+    """A folder that looks like the repository with its build, whose programs talk to the daemon of the test. exists: which programs and
+    folders of the build it has."""
+
+    def __init__(self, folder, exists=lambda path: True):
         self.folder = pathlib.Path(folder)
+        self.exists = exists
         self.bin = self.folder / "build/release/bin"
         self.bin.mkdir(parents=True)
         for program in BIN.iterdir():
-            if program.name not in ("sightline", "sightlined"):
+            if program.name not in ("sightline", "sightlined") and exists(program):
                 (self.bin / program.name).symlink_to(program)
-        (self.folder / "build/release/python").symlink_to(STUBS)
+        if exists(STUBS):
+            (self.folder / "build/release/python").symlink_to(STUBS)
         for name in ("deploy", "proto", "scenes", "server", "tests"):
             (self.folder / name).symlink_to(ROOT / name)
         (self.folder / "client/python").mkdir(parents=True)
@@ -76,6 +89,8 @@ class Workshop:
                      f'exec {BIN}/sightline "$@"')
 
     def wrapper(self, name, script):
+        if not self.exists(BIN / name):
+            return
         path = self.bin / name
         path.write_text(f"#!/bin/bash\n{script}\n")
         path.chmod(0o755)
@@ -88,7 +103,8 @@ class Workshop:
                      f'exec {BIN}/sightlined "$@"')
 
     def environment(self):
-        return dict(os.environ, PATH=f"{self.bin}:/usr/bin:{os.environ['PATH']}", PYTHONPATH=str(STUBS))
+        inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        return dict(inherited, PATH=f"{self.bin}:/usr/bin:{os.environ['PATH']}")
 
     def bash(self, script, timeout=120):
         return subprocess.run(["bash", "-euo", "pipefail", "-c", script], cwd=self.folder, env=self.environment(), capture_output=True,
@@ -131,7 +147,7 @@ class Documents(unittest.TestCase):
         return [block for block in self.blocks if block.language == language]
 
     def test_every_block_says_its_language(self):
-        known = {"cpp", "python", "sh", "json", "text"}
+        known = {"cpp", "python", "sh", "json", "text", "cmake"}
         self.assertEqual([], [f"{b.path}:{b.line}: {b.language or 'none'}" for b in self.blocks if b.language not in known])
 
     def test_no_code_is_indented_instead(self):
@@ -144,12 +160,29 @@ class Documents(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.expect_a_moving_camera(done.stdout)
 
+    def test_a_game_adds_the_client_to_its_build(self):
+        (block,) = self.of_language("cmake")
+        with tempfile.TemporaryDirectory() as folder:
+            game = pathlib.Path(folder)
+            (game / "sightline").symlink_to(ROOT)
+            (game / "game.cpp").touch()
+            (game / "CMakeLists.txt").write_text("cmake_minimum_required(VERSION 3.25)\nproject(game LANGUAGES C CXX)\n"
+                                                 f"add_executable(game game.cpp)\n{block.text}")
+            done = subprocess.run(["cmake", "-S", game, "-B", game / "build", "-G", "Ninja"], capture_output=True, text=True, timeout=120)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            build = subprocess.run(["ninja", "-C", game / "build", "-t", "commands", "game"], capture_output=True, text=True, check=True).stdout
+            compile_game = next(line for line in build.splitlines() if line.endswith("game.cpp"))
+            self.assertRegex(compile_game, f"-I{game / 'sightline'} .*-std=[a-z+]*20")
+            self.assertNotIn("-W", compile_game, "a game keeps its own warnings")
+            self.assertNotIn("sightlined", build)
+
     def test_python_moves_a_camera(self):
         self.assertTrue(self.of_language("python"))
         for block in self.of_language("python"):
             with self.subTest(block=f"{block.path}:{block.line}"):
                 text = block.text.replace(DEFAULT_ADDRESS, f"127.0.0.1:{self.shop.port}")
-                done = subprocess.run([sys.executable, "-c", text], env=self.shop.environment(), capture_output=True, text=True, timeout=60)
+                done = subprocess.run([sys.executable, "-c", text], env=dict(self.shop.environment(), PYTHONPATH=str(STUBS)),
+                                      capture_output=True, text=True, timeout=60)
                 self.assertEqual(done.returncode, 0, done.stderr)
                 self.expect_a_moving_camera(done.stdout)
 
@@ -167,21 +200,33 @@ class Documents(unittest.TestCase):
         self.assertGreater(len(blocks), 10)
         for block in blocks:
             with self.subTest(block=f"{block.path}:{block.line}"):
-                self.run_block([command for command in commands(block) if not why_not(command)])
+                self.run_block(self.shop, block)
 
-    def run_block(self, lines):
+    def test_the_readme_needs_nothing_that_its_first_command_does_not_build(self):
+        exists = built_by_demo()
+        self.assertTrue(exists(BIN / "sightlined"))
+        self.assertFalse(exists(BIN / "scenes_test"))
+        with tempfile.TemporaryDirectory() as folder:
+            fresh = Workshop(folder, exists)
+            for block in self.of_language("sh"):
+                if block.path == "README.md":
+                    with self.subTest(line=block.line):
+                        self.run_block(fresh, block)
+
+    def run_block(self, shop, block):
+        lines = [command for command in commands(block) if not why_not(command)]
         if not lines:
             return
         own_daemon = any(line.endswith("&") for line in lines)
-        port = free_port() if own_daemon else self.shop.port
-        self.shop.listen_on(port)
+        port = free_port() if own_daemon else shop.port
+        shop.listen_on(port)
         waiting = f"for _ in $(seq 200); do (exec 3<>/dev/tcp/127.0.0.1/{port}) 2>/dev/null && break; sleep 0.1; done"
         script = ["trap 'kill $(jobs -p) 2>/dev/null || true' EXIT"]
         for line in lines:
             script.append(line.replace(DEFAULT_ADDRESS, f"127.0.0.1:{port}"))
             if line.endswith("&"):
                 script.append(waiting)
-        done = self.shop.bash("\n".join(script))
+        done = shop.bash("\n".join(script))
         self.assertEqual(done.returncode, 0, "\n".join(script) + "\n" + done.stdout[-2000:] + done.stderr[-2000:])
 
     def test_flags_of_commands_that_are_not_run_exist(self):

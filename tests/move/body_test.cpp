@@ -25,8 +25,7 @@ class Body : public testing::Test {
     EXPECT_LE(glm::length(move.velocity_mps), limits_.max_speed_mps * (1 + 1e-9));
     EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps),
               limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
-    camera_.velocity_mps = move.velocity_mps;
-    camera_.pose.position_m += move.velocity_mps * dt;
+    camera_ = moved(camera_, move.velocity_mps, dt);
   }
 
   GeometryStore store_;

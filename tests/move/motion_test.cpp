@@ -15,18 +15,27 @@ constexpr double kPi = std::numbers::pi;
 // Jumps of the goal, irregular steps, pauses and gaps: the finite differences of the path never exceed the limits.
 TEST(Motion, PathObeysTheLimitsWhateverTheGoalAndTheTimeStepDo) {
   CounterRandom random(41, 0, RandomPurpose::kTest);
-  const CameraLimits limits{.max_speed_mps = 4, .max_acceleration_mps2 = 7};
-  CameraState camera;
-  glm::dvec3 goal(0), last_velocity(0);
-  for (int step = 0; step < 20000; ++step) {
-    if (random.next_below(20) == 0)
-      goal = {random.next_in(-30, 30), random.next_in(-30, 30), random.next_in(-30, 30)};
-    const double dt = random.next_below(50) == 0 ? 0.25 : random.next_in(0.001, 0.05);
-    const glm::dvec3 velocity = velocity_towards(camera, goal, {1, 0, -2}, limits, dt);
-    EXPECT_LE(glm::length(velocity), 4 * (1 + 1e-12));
-    EXPECT_LE(glm::length(velocity - last_velocity) / dt, 7 * (1 + 1e-9));
-    camera.velocity_mps = last_velocity = velocity;
-    camera.pose.position_m += velocity * dt;
+  for (const double jerk : {0.0, 5.0, 60.0, 1000.0}) {
+    const CameraLimits limits{.max_speed_mps = 4, .max_acceleration_mps2 = 7, .max_jerk_mps3 = jerk};
+    CameraState camera;
+    glm::dvec3 goal(0), last_velocity(0), last_acceleration(0);
+    double fastest = 0;
+    for (int step = 0; step < 20000; ++step) {
+      if (random.next_below(20) == 0)
+        goal = {random.next_in(-30, 30), random.next_in(-30, 30), random.next_in(-30, 30)};
+      const double dt = random.next_below(50) == 0 ? 0.25 : random.next_in(0.001, 0.05);
+      const glm::dvec3 velocity = velocity_towards(camera, goal, {1, 0, -2}, limits, dt);
+      const glm::dvec3 acceleration = (velocity - last_velocity) / dt;
+      EXPECT_LE(glm::length(velocity), 4 * (1 + 1e-8));
+      EXPECT_LE(glm::length(acceleration), 7 * (1 + 1e-9));
+      if (jerk > 0) {
+        EXPECT_LE(glm::length(acceleration - last_acceleration) / dt, jerk * (1 + 1e-6)) << "step " << step;
+      }
+      camera = moved(camera, velocity, dt);
+      last_velocity = velocity, last_acceleration = acceleration;
+      fastest = std::max(fastest, glm::length(velocity));
+    }
+    EXPECT_GT(fastest, 3.9) << jerk;
   }
 }
 
@@ -38,11 +47,13 @@ TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
   };
   for (int trial = 0; trial < 5000; ++trial) {
     CameraLimits limits{.max_speed_mps = random.next_in(0.1, 5),
-                        .max_acceleration_mps2 = random.next_in(1, 20)};
+                        .max_acceleration_mps2 = random.next_in(1, 20),
+                        .max_jerk_mps3 = 0};
     limits.max_angular_speed_radps = limits.max_speed_mps;
     limits.max_angular_acceleration_radps2 = limits.max_acceleration_mps2;
     const double dt = random.next_in(0.001, 0.25), change = limits.max_acceleration_mps2 * dt;
-    const glm::dvec3 before = within(10), after = clamp_velocity(before, within(10), limits, dt);
+    const glm::dvec3 before = within(10);
+    const glm::dvec3 after = clamp_velocity(before, within(10), limits, dt);
     EXPECT_LE(glm::distance(before, after), change * (1 + 1e-9));
     EXPECT_LE(glm::length(after), std::max(limits.max_speed_mps, glm::length(before) - change) * (1 + 1e-9));
 
@@ -59,15 +70,35 @@ TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
 }
 
 TEST(Motion, ArrivesAtAFixedGoalWithoutOvershoot) {
-  for (const double dt : {0.004, 0.016, 0.1}) {
-    CameraState camera;
-    const glm::dvec3 goal(3, 0, 0);
-    for (double t = 0; t < 5; t += dt) {
-      camera.velocity_mps = velocity_towards(camera, goal, {}, {}, dt);
-      camera.pose.position_m += camera.velocity_mps * dt;
-      EXPECT_LE(camera.pose.position_m.x, 3.0 + 1e-9) << dt;
+  for (const double jerk : {0.0, 100.0})
+    for (const double dt : {0.004, 0.016, 0.1}) {
+      const CameraLimits limits{.max_jerk_mps3 = jerk};
+      // The acceleration of the last few centimetres fades no faster than its limit.
+      const double over_m = jerk > 0 ? 1e-3 : 1e-9;
+      CameraState camera;
+      const glm::dvec3 goal(3, 0, 0);
+      for (double t = 0; t < 5; t += dt) {
+        camera = moved(camera, velocity_towards(camera, goal, {}, limits, dt), dt);
+        EXPECT_LE(camera.pose.position_m.x, 3.0 + over_m) << dt;
+      }
+      EXPECT_NEAR(camera.pose.position_m.x, 3.0, 1e-3) << dt;
     }
-    EXPECT_NEAR(camera.pose.position_m.x, 3.0, 1e-3) << dt;
+}
+
+// The wanted velocity is reached as soon as a plain one-dimensional profile of limited jerk reaches it, and not passed.
+TEST(Motion, SettlesAtTheWantedVelocityInTheTimeThatTheJerkNeeds) {
+  for (const double change_mps : {0.2, 0.9, 4.0, 9.5}) {
+    const CameraLimits limits{.max_acceleration_mps2 = 10, .max_jerk_mps3 = 100};
+    const double peak = std::min(10.0, std::sqrt(100.0 * change_mps));
+    const double needs_s = change_mps / peak + peak / 100.0, dt = 0.002;
+    CameraState camera;
+    double reached_s = 0;
+    for (double t = 0; t < 3; t += dt) {
+      camera = moved(camera, steer_velocity(camera, {0, change_mps, 0}, limits, 0.0, dt), dt);
+      EXPECT_LE(camera.velocity_mps.y, change_mps + 1e-9);
+      if (camera.velocity_mps.y < 0.99 * change_mps) reached_s = t;
+    }
+    EXPECT_NEAR(reached_s, needs_s, 0.1 * needs_s + 5 * dt) << change_mps;
   }
 }
 
@@ -76,8 +107,7 @@ TEST(Motion, KeepsStationWithAMovingGoal) {
   glm::dvec3 goal(2, 0, 0);
   const glm::dvec3 walk(1.5, 0, 0.5);
   for (int step = 0; step < 600; ++step, goal += walk / 60.0) {
-    camera.velocity_mps = velocity_towards(camera, goal, walk, {}, 1.0 / 60);
-    camera.pose.position_m += camera.velocity_mps / 60.0;
+    camera = moved(camera, velocity_towards(camera, goal, walk, {}, 1.0 / 60), 1.0 / 60);
   }
   EXPECT_LT(glm::distance(camera.pose.position_m, goal), 0.05);
 }

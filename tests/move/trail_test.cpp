@@ -13,11 +13,11 @@ namespace {
 
 using namespace test;
 
-TEST(Trail, KeepsAPlaceEveryQuarterOfAMetre) {
+TEST(Trail, KeepsAPlaceEveryHalfMetre) {
   Trail trail;
-  for (int i = 0; i <= 100; ++i) trail.pass({0.01 * i, 0, 0});
+  for (int i = 0; i <= 200; ++i) trail.pass({0.01 * i, 0, 0});
   ASSERT_EQ(trail.places_m().size(), 5u);
-  for (size_t k = 0; k < 5; ++k) EXPECT_NEAR(trail.places_m()[k].x, 0.25 * static_cast<double>(k), 1e-9);
+  for (size_t k = 0; k < 5; ++k) EXPECT_NEAR(trail.places_m()[k].x, 0.5 * static_cast<double>(k), 1e-9);
 }
 
 TEST(Trail, StandingStillAddsNothing) {
@@ -41,18 +41,18 @@ TEST(Trail, ForgetsOnDemand) {
   EXPECT_TRUE(trail.places_m().empty());
 }
 
-// The last hundred points of a walk, compared with a queue.
-TEST(Trail, KeepsTheNewestHundredInOrder) {
+// The last thousand points of a walk, compared with a queue.
+TEST(Trail, KeepsTheNewestThousandInOrder) {
   Draw draw(31);
   Trail trail;
   std::deque<glm::dvec3> expected;
   glm::dvec3 at(10'000, 2, -10'000);
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < 8000; ++i) {
     at += draw.vec(0.3);
     trail.pass(at);
-    if (expected.empty() || glm::distance(expected.back(), at) >= 0.25) expected.push_back(at);
-    if (expected.size() > 100) expected.pop_front();
-    ASSERT_LE(trail.places_m().size(), 100u);
+    if (expected.empty() || glm::distance(expected.back(), at) >= 0.5) expected.push_back(at);
+    if (expected.size() > 1000) expected.pop_front();
+    ASSERT_LE(trail.places_m().size(), 1000u);
   }
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), trail.places_m().begin(), trail.places_m().end()));
 }

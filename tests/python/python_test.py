@@ -68,15 +68,34 @@ class ClientTest(unittest.TestCase):
                 camera.tick(0, {99: (0, 0, 0)})
             self.assertEqual(camera.tick(0.1, {HERO: (1, 0.9, 0)}).sequence, 2)
 
-    def test_a_scene_that_is_wrong_is_an_error_of_the_call(self):
-        with self.assertRaises(grpc.RpcError) as raised:
+    def test_an_opening_that_fails_names_the_fields_that_are_wrong(self):
+        with self.assertRaisesRegex(sightline_client.Failed, "INVALID_ARGUMENT: open.instances.*radius") as raised:
             sightline_client.Camera(self.address, **{**SCENE, "targets": {HERO: sightline_client.sphere(-1)}})
-        self.assertEqual(raised.exception.code(), grpc.StatusCode.INVALID_ARGUMENT)
+        self.assertEqual(raised.exception.code, grpc.StatusCode.INVALID_ARGUMENT)
+        self.assertEqual([v.field for v in raised.exception.violations], ["open.instances[0].shape.sphere.radius"])
+        self.assertIn("[1e-4, 1e5] m", raised.exception.violations[0].description)
 
-    def test_a_daemon_that_is_missing_is_an_error_of_the_call(self):
-        with self.assertRaises(grpc.RpcError) as raised:
+    def test_a_daemon_that_is_missing_is_unavailable(self):
+        with self.assertRaises(sightline_client.Failed) as raised:
             sightline_client.Camera("127.0.0.1:1", **SCENE)
-        self.assertEqual(raised.exception.code(), grpc.StatusCode.UNAVAILABLE)
+        self.assertEqual(raised.exception.code, grpc.StatusCode.UNAVAILABLE)
+        self.assertEqual(raised.exception.violations, [])
+
+    def test_a_rotation_turns_an_instance(self):
+        upright = (0, 0, 0, 1)
+        sideways = (0, 0.5 ** 0.5, 0, 0.5 ** 0.5)  # 90 degrees about +Y: the wall shows the camera its edge
+        scene = {**SCENE, "occluders": {PILLAR: sightline_client.box(4, 4, 0.1)}}
+
+        def share(opened, places):
+            with sightline_client.Camera(self.address, **{**scene, "at": {**SCENE["at"], PILLAR: opened}}) as camera:
+                return camera.tick(0, places).targets[0].visible_share
+
+        self.assertEqual(share((0, 2, 2), {}), 0)
+        self.assertEqual(share(((0, 2, 2), upright), {}), 0)
+        self.assertGreater(share(((0, 2, 2), sideways), {}), 0)
+        self.assertGreater(share((0, 2, 2), {PILLAR: ((0, 2, 2), sideways)}), 0)
+        with self.assertRaisesRegex(sightline_client.Refused, "rotations.*must hold 8 numbers"):
+            share((0, 2, 2), {PILLAR: ((0, 2, 2), sideways), HERO: (0, 0.9, 0)})
 
     def test_an_error_of_the_program_is_not_hidden(self):
         with self.assertRaises(ZeroDivisionError):
@@ -94,6 +113,37 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(len(lines), 300)
         self.assertFalse(lines[0].endswith("100% 100%"), "the pillar hides someone at first")
         self.assertGreater(sum(line.endswith("100% 100%") for line in lines), 150)
+
+
+class EndTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.daemon, self.address = start_daemon(folder.name)
+        self.addCleanup(self.daemon.wait, 20)
+        self.addCleanup(self.daemon.kill)
+
+    def test_a_daemon_that_shuts_down_answers_what_was_sent_and_takes_no_more(self):
+        with sightline_client.Camera(self.address, **SCENE) as camera:
+            self.daemon.terminate()
+            answered = []
+            with self.assertRaises(sightline_client.Ended):
+                while len(answered) < 600:
+                    time.sleep(0.02)
+                    answered.append(camera.tick(len(answered) / 60, {}).sequence)
+            with self.assertRaises(sightline_client.Ended):
+                camera.tick(len(answered) / 60, {})
+        self.assertEqual(answered, list(range(1, len(answered) + 1)), "each tick returns its own reply")
+        self.assertGreater(len(answered), 0)
+        self.assertEqual(self.daemon.wait(20), 0)
+
+    def test_a_connection_that_breaks_is_unavailable(self):
+        with sightline_client.Camera(self.address, **SCENE) as camera:
+            camera.tick(0, {})
+            self.daemon.kill()
+            with self.assertRaises(sightline_client.Failed) as raised:
+                camera.tick(1 / 60, {})
+        self.assertEqual(raised.exception.code, grpc.StatusCode.UNAVAILABLE)
 
 
 class RequirementsTest(unittest.TestCase):

@@ -217,23 +217,6 @@ TEST(Mcap, AFullDiskSticksAndWritesNothingMore) {
   }
 }
 
-TEST(Mcap, FinishingNeedsNoMoreThanWasSaid) {
-  for (const bool small_chunks : {false, true}) {
-    MemorySink sink;
-    McapWriter writer(sink, {.chunk_bytes = small_chunks ? 10u : 1u << 20});
-    const uint16_t schema = writer.add_schema("s", "protobuf", std::string(5000, 's')).value();
-    for (int c = 0; c < 20; ++c)
-      ASSERT_TRUE(writer.add_channel("/topic/" + std::to_string(c), schema, "protobuf", {}));
-    for (uint64_t i = 0; i < 500; ++i) {
-      ASSERT_TRUE(
-          writer.write(static_cast<uint16_t>(i % 20 + 1), i, i, std::string(i % 50, static_cast<char>(i))));
-    }
-    const uint64_t before = writer.bytes_written(), said = writer.bytes_to_finish();
-    ASSERT_TRUE(writer.finish());
-    EXPECT_LE(writer.bytes_written() - before, said);
-  }
-}
-
 TEST(Mcap, VerifyFindsNothingInASoundFileAndCountsItsTopics) {
   const test::SmallFile file = test::make_small_file();
   const MemorySource source(file.bytes);

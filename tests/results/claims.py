@@ -2,7 +2,7 @@
 import collections
 import operator
 
-from figures import (distinct, find, mean, number, over_seeds, percent, select, total, weighted_mean)
+from figures import (distinct, find, greatest, mean, number, over_seeds, percent, select, total, weighted_mean)
 
 # `holds` is None where the tables lack a figure that the claim needs.
 Claim = collections.namedtuple("Claim", "text holds figure")
@@ -117,9 +117,23 @@ def scene_claims(runs):
         claims.append(_against(runs, rival, "episodes", "fewer episodes of lost sight", operator.lt, 0.0,
                                lambda n: number(n, 1)))
     for name, text in (("body_collisions", "no frame in which the body touches a collider"),
-                       ("limit_violations", "no frame that breaks a motion limit"), ("pops", "no pop")):
+                       ("limit_violations", "no frame that breaks a motion limit")):
         claims.append(_none_of(runs, name, text))
-    return claims + [_report_claim(runs)]
+    return claims + _calm_claims(runs) + [_report_claim(runs)]
+
+
+def _calm_claims(runs):
+    seconds, rate = lambda s: number(s, 1) + " s", lambda n: number(n, 2)
+    return [
+        _at_most(runs, "longest_blind_with_way_s", "never more than 1 s with nobody in sight while a free way exists", operator.le,
+                 1.0, greatest, seconds),
+        _at_most(runs, "tracking_while_lost", "status TRACKING with nobody in sight in under 0.5 % of the pictures", operator.lt,
+                 0.005, mean, percent),
+        _at_most(runs, "acceleration_limit_share", "under 20 % of the frames at the acceleration limit", operator.lt, 0.2, mean,
+                 percent),
+        _at_most(runs, "rms_jerk_mps3", "RMS jerk under 150 m/s³", operator.lt, 150.0, mean, lambda n: number(n, 0) + " m/s³"),
+        _at_most(runs, "goal_jumps_per_s", "fewer than 2 jumps of the goal a second", operator.lt, 2.0, mean, rate),
+    ]
 
 
 def _own(runs):
@@ -157,6 +171,14 @@ def _none_of(runs, name, text):
     scenes = distinct(_own(runs), "scene")
     counts = {scene: total(select(_own(runs), scene=scene), name) for scene in scenes}
     return _in_scenes(f"Every scene: {text}", scenes, [f"{scene} ({int(n)})" for scene, n in counts.items() if n])
+
+
+def _at_most(runs, name, text, within, limit, over_seeds_of, show):
+    """The default's figure of every scene is within a limit; `over_seeds_of` takes the mean or the greatest over seeds."""
+    values = {scene: over_seeds_of(select(_own(runs), scene=scene), name) for scene in distinct(_own(runs), "scene")}
+    values = {scene: value for scene, value in values.items() if value is not None}
+    return _in_scenes(f"Every scene: {text}", list(values),
+                      [f"{scene} ({show(value)})" for scene, value in values.items() if not within(value, limit)])
 
 
 def _report_claim(runs):

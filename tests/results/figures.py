@@ -34,19 +34,24 @@ def distinct(rows, name):
 
 def mean(rows, name):
     """The mean over the rows that have the figure; None when no row has it."""
-    values = [row[name] for row in rows if row[name] is not None]
+    values = [row[name] for row in rows if row.get(name) is not None]
     return sum(values) / len(values) if values else None
 
 
 def weighted_mean(rows, name, weight):
     """The mean with each row weighted by its column `weight`; None when all weights are 0."""
-    pairs = [(row[name], row[weight]) for row in rows if row[name] is not None and row[weight]]
+    pairs = [(row[name], row[weight]) for row in rows if row.get(name) is not None and row.get(weight)]
     total = sum(count for _, count in pairs)
     return sum(value * count for value, count in pairs) / total if total else None
 
 
+def greatest(rows, name):
+    """The greatest value of the rows that have the figure; None when no row has it."""
+    return max((row[name] for row in rows if row.get(name) is not None), default=None)
+
+
 def total(rows, name):
-    return sum(row[name] or 0 for row in rows)
+    return sum(row.get(name) or 0 for row in rows)
 
 
 def number(value, digits):

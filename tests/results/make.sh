@@ -2,6 +2,7 @@
 # Makes the results page. Builds, plays the paper's tables and all scenes, and writes README.md, CSV files and plots
 # into this folder.
 #   tests/results/make.sh            # five seeds; about an hour on two cores that have nothing else to do, most of it for the ceiling
+#   tests/results/make.sh --seeds 3  # fewer or more seeds
 #   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
 #   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
 set -euo pipefail
@@ -10,8 +11,9 @@ cd "$(dirname "$0")/../.."
 page=tests/results seeds=5 ceiling_seeds=2 frames=2000 rate=60 paper_every=4 scenes_every=10
 case "${1:-}" in
   "") ;;
+  --seeds) seeds=$2 ;;
   --quick) page=out/results/quick seeds=1 ceiling_seeds=1 frames=200 paper_every=12 scenes_every=12 ;;
-  *) echo "usage: $0 [--quick]" >&2; exit 2 ;;
+  *) echo "usage: $0 [--seeds N | --quick]" >&2; exit 2 ;;
 esac
 raw=out/results/raw
 

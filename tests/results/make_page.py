@@ -13,16 +13,18 @@ import math
 import pathlib
 
 from claims import model_claims, model_name, scene_claims, stability_claims, verdict
-from figures import (between, distinct, find, markdown, mean, number, over_seeds, percent, read_table, select, total,
+from figures import (between, distinct, find, greatest, markdown, mean, number, over_seeds, percent, read_table, select, total,
                      weighted_mean, write_table)
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
-               "r_p_tolerant", "mean_hidden_share", "episodes", "sustained_occlusions", "mean_reaction_s", "d_c_m",
-               "d_s_heights", "rms_jerk_mps3", "body_collisions", "limit_violations", "pops", "reported_pairs",
-               "reported_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
+               "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
+               "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
+               "acceleration_limit_share", "speed_limit_share", "rms_jerk_mps3", "p99_jerk_mps3", "reversals_per_s", "goal_jumps_per_s",
+               "body_collisions", "limit_violations", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden",
+               "reported_pairs", "reported_hidden_pairs", "false_visible", "false_occluded", "share_error", "filtered_false_visible",
                "filtered_false_occluded", "filtered_share_error")
 # The ceiling's runs are fewer, and have a table of their own.
 CEILING_COLUMNS = ("scene", "seed", "joint_visible_share", "most_joint", "body_collisions", "limit_violations")
@@ -110,7 +112,7 @@ folder. The measurements took {how['minutes']} minutes on {how['cores']} cores:
 
 Each scene is played at {how['rate_hz']} Hz with {how['seeds']} seed(s) and Embree as the sampler. {egl_words}. A judged picture is rendered again
 at 512 x 512 with an id for each body. Every {how['paper_every']}th frame of Tables 2 and 3 is judged, and every {how['scenes_every']}th of the scenes. Motion,
-collisions and reactions are judged at every frame. `client/truth/metrics.h` and `client/truth/reaction.h` define the figures. *sightline* is the
+collisions and reactions are judged at every frame. The headers in `client/truth` define the figures. *sightline* is the
 default; *paper* is the method as printed, with RobustMove, a prediction of 300 ms and the filter 6/10. The tables are `table1.csv`, `table2.csv`,
 `table3.csv` and `scenes.csv` (one row a run). Everything but times is the same on every run with the same seeds.
 """
@@ -199,34 +201,57 @@ def paper_ratio(stabilities, row, name):
 # ---- all scenes ----
 
 def scenes_part(runs):
-    rows = []
-    for scene in distinct(runs, "scene"):
-        for policy in distinct(runs, "policy"):
-            of_both = select(runs, scene=scene, policy=policy)
-            if of_both:
-                rows.append(scene_row(scene, policy, of_both))
+    groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene")
+              for policy in distinct(runs, "policy")]
+    groups = [group for group in groups if group[2]]
     return """## All scenes
 
-Figures are means over seeds; the joint visible share also has its least and greatest value. *Joint*: share of pictures in which every target is
-visible to 95 %. *All seen*: every target has a visible pixel. *Episodes*: how often in a run a target is lost from sight. Collisions, limit
-violations and pops are frames, summed over seeds. *Reaction*: mean over all sustained occlusions, with their number in brackets. Follow and the
-spring arm keep no motion limits and touch or cross geometry, which is one reason for what they see.
+Figures are means over seeds unless said. Follow and the spring arm keep no motion limits and touch or cross geometry, which is one reason for what
+they see.
 
-""" + markdown(["<scene", "<policy", "joint", "all seen", "episodes", "r_N", "r_P", "collisions", "violations", "pops", "d_c m",
-                "jerk m/s³", "reaction s"], rows) + "\n" + image(
-                    "bars-joint_visible_share.svg", "Joint visible share by scene and policy") + image(
-                        "hall-s1-share.svg", "The hall: visible share of the target that is seen least")
+### What the camera saw
+
+*Joint*: share of pictures in which every target is visible to 95 %, with the least and greatest value over seeds. *All seen*: every target has a
+visible pixel. *Episodes*: how often in a run a target is lost from sight. *Blind*: the longest stretch of any seed without a visible pixel of any
+target. *With a way*: the longest part of one during which a place that sees a target could be reached within 2 s, by an independent search.
+*Reaction*: mean over all sustained occlusions, with their number in brackets. *Turn*: from a turn of the targets to half of the camera's answer to
+it, mean over all turns, with their number in brackets.
+
+""" + markdown(["<scene", "<policy", "joint", "all seen", "episodes", "r_N", "r_P", "blind s", "with a way s", "reaction s", "turn s"],
+               [sight_row(*group) for group in groups]) + "\n" + image(
+                   "bars-joint_visible_share.svg", "Joint visible share by scene and policy") + image(
+                       "hall-s1-share.svg", "The hall: visible share of the target that is seen least") + """
+### How the camera moved
+
+Collisions and violations of the motion limits are frames, summed over seeds. *At a_max* and *at v_max*: share of the frames at the acceleration
+limit and at the speed limit. *Reversals*: how often a second the path turns back by more than 90 degrees within 0.5 s. *Goal jumps*: how often a
+second the position that the camera heads for moves by more than 0.5 m in one tick.
+
+""" + markdown(["<scene", "<policy", "collisions", "violations", "d_c m", "at a_max", "at v_max", "RMS jerk m/s³", "p99 jerk m/s³",
+                "reversals /s", "goal jumps /s"], [motion_row(*group) for group in groups]) + "\n"
 
 
-def scene_row(scene, policy, runs):
+def sight_row(scene, policy, runs):
     joint = [run["joint_visible_share"] for run in runs]
-    occlusions = int(total(runs, "sustained_occlusions"))
-    reaction = weighted_mean(runs, "mean_reaction_s", "sustained_occlusions")
-    counts = [int(total(runs, name)) for name in ("body_collisions", "limit_violations", "pops")]
     return [scene, policy, percent(mean(runs, "joint_visible_share"), 1) + between(min(joint), max(joint), 1, 100),
             percent(mean(runs, "all_seen"), 1), number(mean(runs, "episodes"), 1), percent(mean(runs, "r_n")),
-            percent(mean(runs, "r_p"))] + counts + [number(mean(runs, "d_c_m"), 1), number(mean(runs, "rms_jerk_mps3"), 0),
-            f"{number(reaction, 2)} ({occlusions})" if occlusions else ""]
+            percent(mean(runs, "r_p")), number(greatest(runs, "longest_blind_s"), 1),
+            number(greatest(runs, "longest_blind_with_way_s"), 1), delay(runs, "mean_reaction_s", "sustained_occlusions"),
+            delay(runs, "mean_turn_answer_s", "turns")]
+
+
+def delay(runs, name, count):
+    """A mean delay over all that was counted, with the count; "" where nothing was."""
+    seconds = weighted_mean(runs, name, count)
+    return "" if seconds is None else f"{number(seconds, 2)} ({int(total(runs, count))})"
+
+
+def motion_row(scene, policy, runs):
+    counts = [int(total(runs, name)) for name in ("body_collisions", "limit_violations")]
+    return [scene, policy] + counts + [
+        number(mean(runs, "d_c_m"), 1), percent(mean(runs, "acceleration_limit_share"), 1), percent(mean(runs, "speed_limit_share"), 1),
+        number(mean(runs, "rms_jerk_mps3"), 0), number(mean(runs, "p99_jerk_mps3"), 0), number(mean(runs, "reversals_per_s"), 2),
+        number(mean(runs, "goal_jumps_per_s"), 2)]
 
 
 # ---- the ceiling ----
@@ -263,22 +288,27 @@ def reports_part(runs):
     return """## What the service reports
 
 The visible share that the default reports of each target, against the truth, over all judged pictures that hold a pixel of the target. The
-first columns are of the share in one step, the last ones of the share that is filtered over the last steps. *Error*: mean absolute error of the share. A target counts as visible from a share of one half.
-*False visible*: part of the truly hidden targets that were reported visible. *False occluded*: part of the truly visible ones that were reported hidden.
+first columns are of the share in one step, the next ones of the share that is filtered over the last steps. *Error*: mean absolute error of the share.
+A target counts as visible from a share of one half. *False visible*: part of the truly hidden targets that were reported visible. *False occluded*:
+part of the truly visible ones that were reported hidden. The last columns are of the status, over all judged pictures. *TRACKING, lost*: share of the
+pictures that have this status and no visible pixel of any target. *Lost, TRACKING*: share of the pictures without a visible pixel that have this
+status. *TRACKING, half hidden*: share of the pictures that have this status although less than half of a required target is visible.
 
 """ + markdown(["<scene", "reports", "truly hidden", "error", "false visible", "false occluded", "filtered: error",
-                "false visible", "false occluded"], rows)
+                "false visible", "false occluded", "TRACKING, lost", "lost, TRACKING", "TRACKING, half hidden"], rows)
 
 
 def report_row(scene, runs):
     for run in runs:
         run["reported_visible_pairs"] = (run["reported_pairs"] or 0) - (run["reported_hidden_pairs"] or 0)
+        run["lost_pictures"] = run["r_n"] * run["pictures"]
     cells = [scene, int(total(runs, "reported_pairs")), int(total(runs, "reported_hidden_pairs"))]
     for kind in ("", "filtered_"):
         cells += [number(weighted_mean(runs, kind + "share_error", "reported_pairs"), 3),
                   percent(weighted_mean(runs, kind + "false_visible", "reported_hidden_pairs"), 1),
                   percent(weighted_mean(runs, kind + "false_occluded", "reported_visible_pairs"), 1)]
-    return cells
+    return cells + [percent(mean(runs, "tracking_while_lost")), percent(weighted_mean(runs, "lost_called_tracking", "lost_pictures"), 1),
+                    percent(mean(runs, "tracking_while_half_hidden"))]
 
 
 def image(name, words):

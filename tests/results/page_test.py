@@ -203,7 +203,7 @@ class ModelClaims(unittest.TestCase):
 class SceneClaims(unittest.TestCase):
     def test_all_hold(self):
         found = claims.scene_claims(good_runs())
-        self.assertEqual(len(found), 12)
+        self.assertEqual(len(found), 16)
         self.assertTrue(all(claim.holds is True for claim in found), failing(found))
 
     def test_the_scene_where_a_rival_sees_more_is_named_with_both_figures(self):
@@ -229,14 +229,39 @@ class SceneClaims(unittest.TestCase):
                 row["episodes"] = episodes
             self.assertIs(claims.scene_claims(runs)[1].holds, holds)
 
-    def test_one_touch_one_violation_one_pop_are_one_too_many(self):
-        for name in ("body_collisions", "limit_violations", "pops"):
+    def test_one_touch_and_one_violation_are_one_too_many(self):
+        for name in ("body_collisions", "limit_violations"):
             runs = change(good_runs(), {name: 1.0}, scene="hall", policy="sightline", seed=2.0)
             found = [claim for claim in claims.scene_claims(runs) if not claim.holds]
             self.assertEqual(len(found), 1)
             self.assertIn("not in hall (1)", found[0].figure)
             others = change(good_runs(), {name: 1.0}, scene="hall", policy="follow")
             self.assertEqual(failing(claims.scene_claims(others)), [], "only the default promises it")
+
+    def test_each_limit_of_calm_and_honesty_is_held_against_its_own_figure(self):
+        for name, kept, broken in (("longest_blind_with_way_s", 1.0, 1.1), ("tracking_while_lost", 0.0049, 0.005),
+                                   ("acceleration_limit_share", 0.199, 0.2), ("rms_jerk_mps3", 149.9, 150.0),
+                                   ("goal_jumps_per_s", 1.99, 2.0)):
+            for value, fails in ((kept, 0), (broken, 1)):
+                runs = good_runs()
+                for row in figures.select(runs, scene="hall", policy="sightline"):
+                    row[name] = value
+                found = [claim for claim in claims.scene_claims(runs) if not claim.holds]
+                self.assertEqual(len(found), fails, (name, value, found))
+                self.assertTrue(all("not in hall (" in claim.figure for claim in found), found)
+
+    def test_one_seed_that_stays_blind_breaks_the_claim_and_one_restless_seed_does_not(self):
+        runs = change(good_runs(), {"longest_blind_with_way_s": 1.5}, scene="hall", policy="sightline", seed=2.0)
+        self.assertEqual(len(failing(claims.scene_claims(runs))), 1)
+        runs = change(good_runs(), {"goal_jumps_per_s": 3.0}, scene="hall", policy="sightline", seed=2.0)
+        self.assertEqual(failing(claims.scene_claims(runs)), [], "the mean over seeds is 1.5")
+
+    def test_figures_that_were_not_measured_are_no_success(self):
+        runs = good_runs()
+        for row in runs:
+            del row["goal_jumps_per_s"]
+        found = [claim for claim in claims.scene_claims(runs) if claim.holds is None]
+        self.assertEqual([claim.figure for claim in found], [claims.MISSING])
 
     def test_the_error_of_reports_is_weighted_by_their_number(self):
         runs = change(good_runs(), {"filtered_share_error": 0.2, "reported_pairs": 1.0}, scene="hall", policy="sightline", seed=1.0)
@@ -279,7 +304,12 @@ class Page(unittest.TestCase):
         for stage in ("sample", "aggregate", "move", "total"):
             timing.update({f"{stage}_p50_ms": 0.25, f"{stage}_p95_ms": 0.5})
         figures.write_table(raw / "table1.csv", list(timing), [timing])
-        figures.write_table(raw / "scenes" / "runs.csv", make_page.RUN_COLUMNS, good_runs())
+        runs = good_runs()
+        for row in figures.select(runs, policy="sightline"):
+            row.update(d_c_m=12.0, acceleration_limit_share=0.1, speed_limit_share=0.01, rms_jerk_mps3=100.0, p99_jerk_mps3=400.0,
+                       reversals_per_s=0.25, goal_jumps_per_s=1.5, pictures=100.0, r_n=0.01, filtered_false_occluded=0.2,
+                       tracking_while_lost=0.005, lost_called_tracking=0.6, tracking_while_half_hidden=0.02)
+        figures.write_table(raw / "scenes" / "runs.csv", make_page.RUN_COLUMNS, runs)
         self.write_pictures(raw / "scenes", {"hall"}, ("follow", "sightline"))
         self.write_runs(raw / "hall", {"hall"}, [policy for policy, *_ in paper_tables.MODELS])
         self.write_runs(raw / "fence", {"fence", "fence-board"}, [policy for policy, *_ in paper_tables.STABILITIES])
@@ -313,6 +343,8 @@ class Page(unittest.TestCase):
             self.assertIn("| RobustMove+Pred. 300 | 0.00 % | 0.00 | 0.00 % |", page)
             self.assertIn("| 3/5 | 0.25 | 2.75 | 0.00 | 1.00 | 4.1 |", page)
             self.assertIn("| hall | sightline | 90.0 % | 0.0 % | 1.0 |", page)
+            self.assertIn("| hall | sightline | 0 | 0 | 12.0 | 10.0 % | 1.0 % | 100 | 400 | 0.25 | 1.50 |", page)
+            self.assertIn("| 20.0 % | 0.50 % | 60.0 % | 2.00 % |", page)
             self.assertEqual(page.count("!["), 4)
             for line in page.splitlines():
                 if line.startswith("!["):

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/scenario/scenario_limits.h"
 #include "client/scenario/scenario_session.h"
 #include "scenes/glb_writer.h"
 #include "server/scene/gltf.h"
@@ -250,6 +251,35 @@ TEST(ScenarioFile, RestPosesAreThoseOfTheBoundInstances) {
   const Pose played = scenario->poses_at(0.0)[0];
   EXPECT_LT(glm::distance(played.position_m, instances->front().pose.position_m), 1e-5);
   EXPECT_LT(angle_deg(played.rotation, instances->front().pose.rotation), 1e-3);
+}
+
+Result<CameraLimits> limits_with(const Json& extras) {
+  Json camera = {{"role", "camera"}};
+  camera.update(extras);
+  Asset asset;
+  asset.asset->nodes.clear();
+  asset.add("eye", {{"sightline", camera}});
+  return limits_of(*asset.read());
+}
+
+TEST(ScenarioLimits, AreThoseOfTheCameraNode) {
+  const auto plain = limits_with(Json::object());
+  ASSERT_TRUE(plain);
+  EXPECT_EQ(plain->max_speed_mps, CameraLimits{}.max_speed_mps);
+  EXPECT_EQ(plain->max_acceleration_mps2, CameraLimits{}.max_acceleration_mps2);
+  const auto fast = limits_with({{"max_speed_mps", 40}, {"max_acceleration_mps2", 20.5}});
+  ASSERT_TRUE(fast);
+  EXPECT_EQ(fast->max_speed_mps, 40);
+  EXPECT_EQ(fast->max_acceleration_mps2, 20.5);
+  EXPECT_EQ(fast->body_radius_m, CameraLimits{}.body_radius_m);
+}
+
+TEST(ScenarioLimits, ThatAreNoNumberOrOutOfRangeAreRefusedByName) {
+  EXPECT_EQ(limits_with({{"max_speed_mps", "fast"}}).error().field, "nodes[eye].extras.sightline.max_speed_mps");
+  const auto below = limits_with({{"max_acceleration_mps2", -1}});
+  ASSERT_FALSE(below);
+  EXPECT_EQ(below.error().field, "nodes[eye].extras.sightline");
+  EXPECT_NE(below.error().message.find("max_acceleration_mps2"), std::string::npos);
 }
 
 TEST(ScenarioMessages, TheOpenRequestBindsAllActorsAndListsTheTargets) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/scene/primitives.h"
 #include "tests/support/triangle_soup.h"
@@ -100,6 +101,35 @@ TEST(Clearance, EqualsTheDistanceToEveryTriangleUnderAnyTransform) {
       EXPECT_LT(reference_distance(triangles, surface), 1e-9);
     }
   }
+}
+
+// The reference sweeps each collider by itself.
+TEST(Clearance, TheFirstInTheWayIsTheOneThatStopsASphereSoonest) {
+  int blocked = 0, clear = 0;
+  for (uint64_t seed = 1; seed <= 6; ++seed) {
+    Draw draw(seed);
+    SceneMirror mirror;
+    fill_at_random(mirror, draw);
+    const ClearanceField field = gathered(mirror);
+    std::vector<ClearanceField> alone;
+    for (uint32_t slot = 0; slot < 6; ++slot) {
+      std::vector<uint32_t> others;
+      for (uint32_t other = 0; other < 6; ++other)
+        if (other != slot) others.push_back(other);
+      alone.push_back(gathered(mirror, others));
+    }
+    for (int i = 0; i < 40; ++i) {
+      const glm::dvec3 from = draw.vec(15), to = draw.vec(15);
+      std::optional<uint32_t> expected;
+      double least = 1.0;
+      for (uint32_t slot = 0; slot < 6; ++slot)
+        if (const double free = alone[slot].free_fraction(from, to, 0.05); free < least) least = free, expected = slot;
+      EXPECT_EQ(field.first_in_way(from, to, 0.05), expected);
+      ++(expected ? blocked : clear);
+    }
+  }
+  EXPECT_GT(blocked, 20);
+  EXPECT_GT(clear, 20);
 }
 
 TEST(Clearance, IsTheReachWhenNothingIsNearer) {

@@ -269,7 +269,7 @@ TEST(LiveChange, AFilterThatComesOnAgainDoesNotTakeTheOldForTheNew) {
         TickMaker tick = game.tick(kTick).move(kWall, {wall_x, 1, 3});
         tick.settings = settings;
         // The game holds the camera, so its position is the same all along.
-        tick.observed_camera = ObservedCamera{{{0.9, 1, 6}, {1, 0, 0, 0}}, {}, false};
+        tick.observed_camera = ObservedCamera{{{0.9, 1, 6}, {1, 0, 0, 0}}, {}, true};
         answer = game.play(tick);
       }
       return answer.step.targets[1];

@@ -43,7 +43,7 @@ TEST(SessionClock, ADtOfZeroIsPausedAndDefined) {
   for (int i = 0; i < 10; ++i) game.play(game.tick());
   const Pose before = game.session->carried().camera.pose;
   const SessionAnswer answer = game.play(game.tick(0.0));
-  EXPECT_EQ(answer.step.status, MoveStatus::kHolding);
+  EXPECT_EQ(answer.step.status, TrackingStatus::kTracking) << "both are still seen";
   EXPECT_EQ(answer.step.reason, MoveReason::kPaused);
   EXPECT_EQ(answer.step.camera.pose.position_m, before.position_m);
   EXPECT_EQ(answer.step.targets.size(), 2u);

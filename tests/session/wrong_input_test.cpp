@@ -136,6 +136,10 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) {
        t.observed_camera = {{}, {0, 1e200, 0}, true};
      }},
+    {"tick.observed_camera.angular_velocity", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.observed_camera = {{}, {0, 0, 0}, false, {0, 1001, 0}};
+     }},
     {"tick.lens.field_of_view", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.lens.emplace().vertical_fov_rad = 3; }},
     {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},

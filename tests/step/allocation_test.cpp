@@ -105,7 +105,7 @@ class Yard {
     }
     return allocations;
   }
-  int steps_with(MoveStatus status) const { return statuses_[static_cast<size_t>(status)]; }
+  int steps_with(TrackingStatus status) const { return statuses_[static_cast<size_t>(status)]; }
 
  private:
   void add(uint64_t id, const Shape& shape, const glm::dvec3& at) {
@@ -147,7 +147,7 @@ class Yard {
   TransformUpdate update_;
   Stepper stepper_;
   uint64_t tick_ = 0;
-  std::array<int, 4> statuses_{};
+  std::array<int, 7> statuses_{};
 };
 
 struct Preset {
@@ -201,8 +201,8 @@ TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   yard.set_size(candidates, resolution);
   yard.step(kRoundSteps / 2, false, true);
   EXPECT_EQ(yard.step(10'000, false, true), 0u);
-  EXPECT_GT(yard.steps_with(MoveStatus::kTracking), 1000);
-  EXPECT_LT(yard.steps_with(MoveStatus::kTracking), 11'000) << "not always all is seen";
+  EXPECT_GT(yard.steps_with(TrackingStatus::kTracking), 1000);
+  EXPECT_LT(yard.steps_with(TrackingStatus::kTracking), 11'000) << "not always all is seen";
 }
 INSTANTIATE_TEST_SUITE_P(Presets, Allocation, testing::ValuesIn(presets()),
                          [](const auto& tested) { return tested.param.name; });

@@ -84,7 +84,7 @@ void expect_same_steps(const StepSettings& settings, uint64_t seed) {
     for (size_t i = 0; i < a.targets.size(); ++i) {
       ASSERT_EQ(a.targets[i].visible_share, b.targets[i].visible_share);
       ASSERT_EQ(a.targets[i].filtered_share, b.targets[i].filtered_share);
-      ASSERT_EQ(a.targets[i].occluder_id, b.targets[i].occluder_id);
+      ASSERT_EQ(a.targets[i].main_occluder_id(), b.targets[i].main_occluder_id());
     }
     hidden += m.sights.counts.total - m.sights.counts.all_visible;
     for (size_t i = 0; i < m.maps.size(); ++i)

@@ -67,7 +67,7 @@ TEST(MinCostEdge, ThePairVolumeServesToo) {
       world.settings.aggregate.filter.mode = filter;
       world.settings.aggregate.candidates = candidates;
       world.settings.bound.target_reach_m = 0;
-      world.add_target(1, {-1, 1, 0}), world.add_target(2, {1, 1, 0});
+      world.add_target(1, {-1.3, 1, 0}), world.add_target(2, {1.3, 1, 0});  // the pair volume holds the ball
       world.add_box(10, {0.5, 1, 3}, {0.35, 4, 0.05});
       world.place({0, 1.6, 6}, {0, 1, 0});
       Watch watch(world);

@@ -84,7 +84,7 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   StepResult r;
   for (int i = 0; i < 240; ++i) world.step_in(watch, r);
   EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.6, 6)), 0.05);
-  EXPECT_EQ(r.status, MoveStatus::kTracking);
+  EXPECT_EQ(r.status, TrackingStatus::kTracking);
 }
 
 // Two targets walk about a field of pillars, at irregular rates. At every step the path keeps the limits and is free of

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "client/truth/metrics.h"
+#include "client/truth/reports.h"
 #include "scenes/hall.h"
 #include "server/scene/gltf.h"
 

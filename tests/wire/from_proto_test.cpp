@@ -1,5 +1,7 @@
 #include "server/wire/from_proto.h"
 
+#include <gmock/gmock.h>
+
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -163,6 +165,61 @@ TEST_F(FromProto, ASceneFileComesFirstAndIsMovedToTheWorldOrigin) {
   EXPECT_EQ(o.instances[1].id, kAssetIdBit | 0);
   expect_near(o.instances[1].pose.position_m, {6, 0, 0});
   EXPECT_EQ(o.instances[2].id, 1u);
+}
+
+// A corner of an instance's triangle in the world: the town's triangles have corners at (0, 0, 0), (1, 0, 0) and (0, 1, 0).
+glm::dvec3 far_corner_m(const NewInstance& instance) {
+  return transform_point(instance.pose, instance.linear * glm::dvec3(1, 0, 0));
+}
+
+TEST_F(FromProto, ASceneFileHasAUnitOfItsOwn) {
+  v1::OpenSession open = make_open();
+  open.mutable_scene()->set_name("town.glb");
+  v1::NodeBinding& cart = *open.mutable_scene()->add_bindings();
+  cart.set_node("cart"), cart.set_id(50);
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
+  const SessionOptions metres = must_read(open);
+  expect_near(metres.instances[1].pose.position_m, {10, 0, 0});  // the convention's centimetres do not apply
+  open.mutable_scene()->set_metres_per_unit(0.01);
+  const SessionOptions centimetres = must_read(open);
+  expect_near(centimetres.instances[0].pose.position_m, {0, 0, 0.2});
+  expect_near(far_corner_m(centimetres.instances[0]), {0.01, 0, 0.2});
+  expect_near(centimetres.instances[1].pose.position_m, {0.1, 0, 0});
+  expect_near(far_corner_m(centimetres.instances[1]), {0.11, 0, 0});
+  set(open.mutable_world_origin(), 400, 0, 0);  // 4 m
+  expect_near(must_read(open).instances[1].pose.position_m, {-3.9, 0, 0});
+}
+
+TEST_F(FromProto, SizesThatCannotBeRightAreWarnedOf) {
+  using testing::ElementsAre, testing::HasSubstr, testing::IsEmpty;
+  const auto warnings_of = [this](double metres_per_unit, double radius_m) {
+    v1::OpenSession open = make_open();
+    open.mutable_scene()->set_name("town.glb");
+    open.mutable_scene()->set_metres_per_unit(metres_per_unit);
+    for (v1::NewInstance& person : *open.mutable_instances()) person.mutable_shape()->mutable_capsule()->set_radius(radius_m);
+    warnings.clear();
+    must_read(open);
+    return warnings;
+  };
+  // The town is 20 m long.
+  EXPECT_THAT(warnings_of(1, 0.3), IsEmpty());
+  EXPECT_THAT(warnings_of(99, 0.3), IsEmpty());
+  EXPECT_THAT(warnings_of(101, 0.3), ElementsAre(HasSubstr("open.scene.metres_per_unit")));
+  EXPECT_THAT(warnings_of(0.051, 0.3), IsEmpty());
+  EXPECT_THAT(warnings_of(0.049, 0.3), ElementsAre(HasSubstr("less than 1 m")));
+  EXPECT_THAT(warnings_of(1, 30), ElementsAre(HasSubstr("open.targets")));
+  EXPECT_THAT(warnings_of(1, 24), IsEmpty());
+}
+
+TEST_F(FromProto, AnObservedCameraTurnsByTheClientsHandedness) {
+  v1::Tick wire = make_tick(1);
+  wire.mutable_observed_camera()->mutable_pose();
+  set(wire.mutable_observed_camera()->mutable_angular_velocity(), 1, 2, 3);
+  SessionOptions unity;
+  unity.convention = unity_convention();
+  const glm::dvec3 read = must_read(wire, unity).observed_camera->angular_velocity_radps;
+  expect_near(read, {1, -2, -3});  // Unity's x is mirrored, and an axial vector changes sign under a mirror
+  expect_near(angular_velocity_to_client(unity.convention, read), {1, 2, 3});
 }
 
 TEST_F(FromProto, AMeshOfAFileIsFoundByNameAndByHash) {
@@ -365,6 +422,10 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
     {"open.scene.hash", E::kNotFound,
      [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
+    {"open.scene.metres_per_unit", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       o.mutable_scene()->set_name("town.glb"), o.mutable_scene()->set_metres_per_unit(0);
+     }},
     {"open.scene.bindings[0].node", E::kNotFound,
      [](v1::OpenSession& o) {
        o.mutable_scene()->set_name("town.glb");
@@ -433,6 +494,11 @@ const WrongTick kWrongTicks[] = {
      [](v1::Tick& t) {
        t.mutable_observed_camera()->mutable_pose();
        set(t.mutable_observed_camera()->mutable_velocity(), 0, 0, kInf);
+     }},
+    {"tick.observed_camera.angular_velocity.x",
+     [](v1::Tick& t) {
+       t.mutable_observed_camera()->mutable_pose();
+       set(t.mutable_observed_camera()->mutable_angular_velocity(), kNan, 0, 0);
      }},
     {"tick.lens.aspect", [](v1::Tick& t) { t.mutable_lens()->set_aspect(20); }},
     {"tick.settings.preset",

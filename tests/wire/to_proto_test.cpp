@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
@@ -166,6 +167,73 @@ TEST(ToProto, AHiddenTargetNamesItsOccluder) {
   ASSERT_EQ(target.occluders_size(), 1);
   EXPECT_EQ(target.occluders(0).id(), 9u);
   EXPECT_EQ(target.occluders(0).share(), 1.0);
+}
+
+TEST(ToProto, AStateSumsUpTheSharesOfTheWholeTarget) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  const auto state_of = [&](double filtered_share, double picture_share) {
+    TargetSight& sight = answer->step.targets[0];
+    sight.visible_share = 1.0;  // of this step alone; it does not count
+    sight.filtered_share = filtered_share, sight.picture_share = picture_share;
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_EQ(reply.targets(0).picture_share(), picture_share);
+    return reply.targets(0).state();
+  };
+  EXPECT_EQ(state_of(1.0, 1.0), v1::TARGET_STATE_VISIBLE);
+  EXPECT_EQ(state_of(0.96, 1.0), v1::TARGET_STATE_VISIBLE);
+  EXPECT_EQ(state_of(0.9, 1.0), v1::TARGET_STATE_PARTIAL);
+  EXPECT_EQ(state_of(1.0, 0.9), v1::TARGET_STATE_PARTIAL) << "a part of it is off screen";
+  EXPECT_EQ(state_of(0.01, 0.01), v1::TARGET_STATE_PARTIAL);
+  EXPECT_EQ(state_of(0.0, 0.5), v1::TARGET_STATE_OCCLUDED);
+  EXPECT_EQ(state_of(1.0, 0.0), v1::TARGET_STATE_OFF_SCREEN);
+  EXPECT_EQ(state_of(0.0, 0.0), v1::TARGET_STATE_OFF_SCREEN);
+}
+
+TEST(ToProto, TheStatusTheForecastTheOccludersAndTheFlagsAreSent) {
+  Wire wire(make_open());
+  const v1::CameraReply& first = wire.play(make_tick(1));
+  EXPECT_FALSE(first.has_view_s());
+  EXPECT_EQ(first.blocked_by(), 0u);
+  EXPECT_FALSE(first.targets(0).has_forecast()) << "nothing is known of its motion yet";
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  StepResult& step = answer->step;
+  step.view_s = 1.25, step.blocked_by = 77;
+  step.flags = {.dt_capped = false, .used_cube_map = false, .body_overlap = false, .evading = true, .deflected = true,
+                .new_shot = true};
+  step.targets[0].forecast = SightForecast{0.5, 0.25, 0.75, 0.375};
+  step.targets[1].forecast = SightForecast{0.5, 1.0, 0.5, std::nullopt};
+  step.targets[0].occlusions.push_back({9, 0.5}), step.targets[0].occlusions.push_back({8, 0.125});
+  const std::pair<TrackingStatus, v1::TrackingStatus> statuses[] = {
+      {TrackingStatus::kTracking, v1::TRACKING_STATUS_TRACKING}, {TrackingStatus::kPartialView, v1::TRACKING_STATUS_PARTIAL_VIEW},
+      {TrackingStatus::kSeeking, v1::TRACKING_STATUS_SEEKING},   {TrackingStatus::kBlocked, v1::TRACKING_STATUS_BLOCKED},
+      {TrackingStatus::kWaiting, v1::TRACKING_STATUS_WAITING},   {TrackingStatus::kLost, v1::TRACKING_STATUS_LOST},
+      {TrackingStatus::kHolding, v1::TRACKING_STATUS_HOLDING}};
+  v1::CameraReply reply;
+  for (const auto& [status, sent] : statuses) {
+    step.status = status;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_EQ(reply.status(), sent);
+  }
+  EXPECT_EQ(reply.view_s(), 1.25);
+  EXPECT_EQ(reply.blocked_by(), 77u);
+  EXPECT_TRUE(reply.flags().evading() && reply.flags().deflected() && reply.flags().new_shot());
+  const v1::SightForecast& forecast = reply.targets(0).forecast();
+  EXPECT_EQ(forecast.ahead_s(), 0.5);
+  EXPECT_EQ(forecast.share(), 0.25);
+  EXPECT_EQ(forecast.confidence(), 0.75);
+  EXPECT_EQ(forecast.loss_s(), 0.375);
+  EXPECT_TRUE(reply.targets(1).has_forecast());
+  EXPECT_FALSE(reply.targets(1).forecast().has_loss_s());
+  ASSERT_EQ(reply.targets(0).occluders_size(), 2);
+  EXPECT_EQ(reply.targets(0).occluders(0).id(), 9u);
+  EXPECT_EQ(reply.targets(0).occluders(0).share(), 0.5);
+  EXPECT_EQ(reply.targets(0).occluders(1).id(), 8u);
+  EXPECT_EQ(reply.targets(0).occluders(1).share(), 0.125);
 }
 
 TEST(ToProto, ATargetBehindTheCameraIsOffScreen) {

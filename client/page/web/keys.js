@@ -25,24 +25,8 @@ export function makeKeys({ player, events, view, timeline, press, help }) {
         'One frame back; with shift one second',
         (key) => (key.shiftKey ? player.stepSecond(false) : player.step(-1)),
       ],
-      [
-        ['Home'],
-        'Home',
-        'First frame',
-        () => {
-          player.pause();
-          player.seek(0);
-        },
-      ],
-      [
-        ['End'],
-        'End',
-        'Last frame',
-        () => {
-          player.pause();
-          player.seek(player.session.frames - 1);
-        },
-      ],
+      [['Home'], 'Home', 'First frame', () => player.step(-Infinity)],
+      [['End'], 'End', 'Last frame', () => player.step(Infinity)],
       [[']'], ']', 'Next change of status or reason, cut or event', () => event(true)],
       [['['], '[', 'Former change of status or reason, cut or event', () => event(false)],
       [['.'], '.', 'Faster', () => player.faster(1)],

@@ -130,7 +130,15 @@ function share(session, target, k) {
   };
 }
 
-const STATUS_COLOURS = { TRACKING: 'status-0', PARTIAL_VIEW: 'status-1', ESCAPING: 'status-2' };
+const STATUS_COLOURS = {
+  TRACKING: 'status-0',
+  PARTIAL_VIEW: 'status-1',
+  SEEKING: 'status-2',
+  BLOCKED: 'status-2',
+  WAITING: 'status-2',
+  LOST: 'status-2',
+  ESCAPING: 'status-2', // of recordings of earlier versions
+};
 
 // Bands of equal words, the word inside where there is room.
 function words(session, column, label) {

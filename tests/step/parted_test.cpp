@@ -1,0 +1,122 @@
+// Targets that part farther than one picture holds. The camera keeps those of the greatest weight, required ones first,
+// and returns to all of them when it can.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/filming.h"
+
+namespace sightline::test {
+namespace {
+
+constexpr double kTick = 1.0 / 60;
+
+struct Person {
+  bool required;
+  double weight;
+};
+
+// Two people walk apart to a distance of 60 m, stay there, and come back.
+struct Parting : Filming {
+  Parting(const Person& left, const Person& right) {
+    add_target(1, {-1, 0.9, 0}, left.required, left.weight);
+    add_target(2, {1, 0.9, 0}, right.required, right.weight);
+    place({0, 1.6, 6}, {0, 1, 0});
+  }
+  // `left` and `right`: the speeds at which they leave.
+  StepResult walk(double left_mps, double right_mps) {
+    left_m += left_mps * kTick, right_m += right_mps * kTick;
+    move(1, {-1 - left_m, 0.9, 0}, {-left_mps, 0, 0}), move(2, {1 + right_m, 0.9, 0}, {right_mps, 0, 0});
+    const StepResult r = step(kTick);
+    const bool gives_up[2] = {r.targets[0].given_up, r.targets[1].given_up};
+    EXPECT_FALSE(gives_up[0] && gives_up[1]);
+    changes += gives_up[0] != gave_up[0] || gives_up[1] != gave_up[1];
+    gave_up[0] = gives_up[0], gave_up[1] = gives_up[1];
+    return r;
+  }
+  double left_m = 0, right_m = 0;
+  int changes = 0;
+  bool gave_up[2] = {};
+};
+
+void expect_shown_alone(const StepResult& r, size_t shown) {
+  EXPECT_TRUE(r.targets[shown].in_picture);
+  EXPECT_EQ(r.targets[shown].picture_share, 1.0);
+  EXPECT_GE(r.targets[shown].filtered_share, 0.75);
+  EXPECT_FALSE(r.targets[shown].given_up);
+  EXPECT_TRUE(r.targets[1 - shown].given_up);
+  EXPECT_LT(r.targets[shown].distance_m, 12) << "it is shown as near as before";
+}
+
+TEST(Parted, TheHeavierIsKeptThenTheRequiredOne) {
+  struct Case {
+    Person left, right;
+    size_t kept;
+  };
+  for (const Case& c : {Case{{true, 2}, {true, 1}, 0}, Case{{true, 1}, {true, 1.5}, 1}, Case{{false, 3}, {true, 1}, 1},
+                        Case{{true, 1}, {false, 3}, 0}, Case{{false, 1}, {false, 3}, 1}}) {
+    SCOPED_TRACE(testing::Message() << c.left.required << ' ' << c.left.weight << ", " << c.right.required << ' ' << c.right.weight);
+    Parting world(c.left, c.right);
+    StepResult r;
+    for (int i = 0; i < 60 * 7; ++i) r = world.walk(4, 4);
+    for (int i = 0; i < 60 * 4; ++i) r = world.walk(0, 0);
+    expect_shown_alone(r, c.kept);
+    const bool other_is_required = (c.kept == 0 ? c.right : c.left).required || !(c.kept == 0 ? c.left : c.right).required;
+    EXPECT_EQ(r.status, other_is_required ? TrackingStatus::kPartialView : TrackingStatus::kTracking);
+    EXPECT_EQ(world.changes, 1) << "one is given up, once";
+  }
+}
+
+TEST(Parted, OfEqualOnesTheNearerIsKeptAndNoOtherUntilTheyMeetAgain) {
+  Parting world({true, 1}, {true, 1});
+  StepResult r;
+  for (int i = 0; i < 60 * 8; ++i) r = world.walk(0.5, 6);  // the right one leaves for good
+  for (int i = 0; i < 60 * 4; ++i) r = world.walk(0, 0);
+  EXPECT_EQ(world.changes, 1);
+  const size_t kept = r.targets[0].given_up ? 1 : 0;
+  expect_shown_alone(r, kept);
+  EXPECT_EQ(r.status, TrackingStatus::kPartialView);
+  for (int i = 0; i < 60 * 8; ++i) r = world.walk(-0.5, -6);
+  for (int i = 0; i < 60 * 4; ++i) r = world.walk(0, 0);
+  EXPECT_EQ(world.changes, 2) << "both again, once";
+  EXPECT_FALSE(r.targets[0].given_up || r.targets[1].given_up);
+  EXPECT_EQ(r.status, TrackingStatus::kTracking);
+}
+
+// A camera that stays where it is can only choose where to look.
+TEST(Parted, AFixedCameraLooksAtTheHeavierOne) {
+  for (const double left : {1.0, 3.0}) {
+    Parting world({true, left}, {true, 2});
+    world.settings.move.follow = Follow::kStay;
+    StepResult r;
+    for (int i = 0; i < 60 * 5; ++i) r = world.walk(3, 3);
+    for (int i = 0; i < 60 * 2; ++i) r = world.walk(0, 0);
+    const size_t heavier = left > 2 ? 0 : 1;
+    EXPECT_TRUE(r.targets[heavier].in_picture);
+    EXPECT_TRUE(r.targets[1 - heavier].given_up);
+    EXPECT_EQ(r.status, TrackingStatus::kPartialView);
+    EXPECT_EQ(world.changes, 1);
+  }
+}
+
+// A weight of 0 is no reason to give anything up, and two of three that stay together outweigh the third.
+TEST(Parted, ThoseThatStayTogetherAreKept) {
+  Filming world;
+  world.add_target(1, {-1, 0.9, 0}), world.add_target(2, {0, 0.9, 0}), world.add_target(3, {1, 0.9, 0});
+  world.add_target(4, {0, 0.9, -300}, true, 0);
+  world.place({0, 1.6, 8}, {0, 1, 0});
+  StepResult r = world.step(kTick);
+  for (const TargetSight& sight : r.targets) EXPECT_FALSE(sight.given_up);
+  for (int i = 0; i < 60 * 12; ++i) {
+    const double x = -1 - std::min(70.0, 8.0 * i * kTick);
+    world.move(1, {x, 0.9, 0}, {x > -71 ? -8.0 : 0.0, 0, 0});
+    r = world.step(kTick);
+  }
+  EXPECT_TRUE(r.targets[0].given_up);
+  EXPECT_TRUE(r.targets[1].in_picture && r.targets[2].in_picture);
+  EXPECT_FALSE(r.targets[1].given_up || r.targets[2].given_up);
+  EXPECT_EQ(r.status, TrackingStatus::kPartialView);
+}
+
+}  // namespace
+}  // namespace sightline::test
