@@ -66,6 +66,8 @@ constexpr OptionalColumns kOptionalColumns[] = {
 constexpr std::string_view kLegend = R"(
 Means over seeds. Collisions and violations are frames, summed over seeds; blind and with way are the longest of any seed.
   joint           share of pictures in which every target is visible to 95 %
+  of ceiling      joint as a share of what the policy ceiling reaches
+  at most         upper estimate of the joint share of any camera
   r_N             share of pictures without a visible pixel of any target
   blind           longest stretch of such pictures
   with way        longest part of one in which a place that sees a target could be reached within 2 s
