@@ -17,7 +17,7 @@ glm::dvec3 nearest_in_bound(const Bound& bound, const glm::dvec3& point_m) {
   return distance <= reach ? point_m : bound.center_m + out * (reach / distance);
 }
 
-// The limits that games know.
+// A baseline has no limit of the jerk.
 PolicySite without_jerk_limit(PolicySite site) {
   site.limits.max_jerk_mps3 = 0;
   return site;

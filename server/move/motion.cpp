@@ -22,7 +22,7 @@ double approach_speed(double distance, double a, double dt_s) {
   return -a * dt_s + std::sqrt(a * a * dt_s * dt_s + 2 * a * distance);
 }
 
-// Time for which a change of the acceleration from 0 to its maximum takes on average, seconds.
+// The limit of the jerk delays braking by this time on average, seconds.
 double onset_s(const CameraLimits& limits) {
   return limits.max_jerk_mps3 > 0 ? limits.max_acceleration_mps2 / (2 * limits.max_jerk_mps3) : 0.0;
 }

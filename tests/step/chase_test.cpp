@@ -1,0 +1,46 @@
+// A camera on an open plane behind a target that is faster than the camera may be: it uses the speed that it is allowed, within
+// its limits, and with them changes of its acceleration within the limit of the jerk.
+#include <gtest/gtest.h>
+
+#include "tests/support/filming.h"
+
+namespace sightline::test {
+namespace {
+
+struct Limits {
+  double speed_mps, acceleration_mps2;
+};
+
+// The acceleration and the jerk are taken from the returned positions, by finite differences.
+class Chase : public testing::TestWithParam<Limits> {
+ protected:
+  static constexpr double kTickS = 1.0 / 60;
+};
+
+TEST_P(Chase, TheCameraIsAsFastAsItMayBehindAFasterTarget) {
+  OneFilmed world;
+  world.limits.max_speed_mps = GetParam().speed_mps;
+  world.limits.max_acceleration_mps2 = GetParam().acceleration_mps2;
+  world.settings.move.max_distance_m = 1e4;  // the target outruns the camera
+  Watch watch(world);
+  StepResult r;
+  glm::dvec3 at_m = world.camera().pose.position_m, velocity_mps(0.0), acceleration_mps2(0.0);
+  double x_m = 0, speed_mps = 0, fastest_mps = 0;
+  for (int i = 0; i < 900; ++i) {
+    speed_mps = std::min(1.2 * GetParam().speed_mps, speed_mps + GetParam().acceleration_mps2 * kTickS);
+    world.move(1, {x_m += speed_mps * kTickS, 1, 0}, {speed_mps, 0, 0});
+    world.step_in(watch, r);
+    const glm::dvec3 now_m = world.camera().pose.position_m, now_mps = (now_m - at_m) / kTickS;
+    const glm::dvec3 now_mps2 = (now_mps - velocity_mps) / kTickS;
+    EXPECT_LE(glm::distance(now_mps2, acceleration_mps2) / kTickS, world.limits.max_jerk_mps3 * (1 + 1e-4)) << "step " << i;
+    at_m = now_m, velocity_mps = now_mps, acceleration_mps2 = now_mps2;
+    fastest_mps = std::max(fastest_mps, glm::length(velocity_mps));
+  }
+  EXPECT_GE(fastest_mps, 0.98 * GetParam().speed_mps);
+  EXPECT_GE(glm::length(velocity_mps), 0.98 * GetParam().speed_mps) << "and keeps that speed";
+}
+
+INSTANTIATE_TEST_SUITE_P(Limits, Chase, testing::Values(Limits{12, 4}, Limits{10, 10}, Limits{40, 20}, Limits{3, 30}));
+
+}  // namespace
+}  // namespace sightline::test
