@@ -21,8 +21,8 @@ constexpr double kReachM = 3.0;
 constexpr double kVelocityCellMps = 2.5;
 // The least accelerations, as a share of the limit. Full ones alone would leave no gentle motion.
 constexpr double kGentle = 0.35;
-// Rays to each target. Where all of the first arrive, the others are traced too: of many candidate places, the search would otherwise
-// choose those at which a few rays happen to miss what hides the target.
+// Rays to each target. If the first ones all arrive, the others are traced too. Otherwise the search would prefer places at which a
+// few rays happen to miss the occluder.
 constexpr size_t kFirstRays = 16, kAllRays = kExtentPoints;
 // The shares of rays beyond which no picture needs to be taken.
 constexpr double kSurelyHidden = 0.75, kSurelySeen = 0.98;
@@ -218,8 +218,8 @@ class Beam {
     return later;
   }
 
-  // What the guide expects after the stage of `tick`: from where the camera is a stage later, or from where it could stop, whichever is
-  // worse. Without the second, the search would race into walls.
+  // The guide's expectation after the stage of `tick`: the worse one of the camera's position a stage later and of its position of rest.
+  // Without the second, the search would race into walls.
   double expected_after(const State& state, size_t tick) const {
     const size_t stage = tick / timeline_.ticks_per_stage;
     const glm::dvec3 next_m = state.place_m + state.velocity_mps * timeline_.stage_s();

@@ -1,4 +1,4 @@
-// Searches for the best motion that obeys all limits. It is a beam search: at each step of time it keeps the most promising of many
+// Searches for the best motion that obeys all limits. It is a beam search. At each step of time it keeps the most promising
 // camera states, at most one for each cell of place and velocity. Every state was reached by motion that keeps the limits exactly. The
 // search knows what is ahead from the guide, a dynamic program over a grid.
 #pragma once

@@ -113,7 +113,7 @@ class PlaceGrid::Search {
     graph.first.push_back(static_cast<uint32_t>(graph.to.size()));
   }
 
-  // Whether the way between two places is free. Both directions are swept alike, so that the graph is undirected.
+  // Returns whether the way between two places is free. Both directions are swept alike, so that the graph is undirected.
   bool is_way(uint32_t a, uint32_t b, float length_m) const {
     if (room_m_[a] + room_m_[b] >= length_m) return true;
     return passes(grid_.place_m_[std::min(a, b)], grid_.place_m_[std::max(a, b)]);

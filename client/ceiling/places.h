@@ -29,12 +29,12 @@ struct PlaceGridOptions {
 
 inline constexpr uint32_t kNoPlace = UINT32_MAX;
 
-// One place a cell: the centre of the cell where the body fits there, else the free point of a 3 x 3 x 3 lattice in the cell that has
-// the most room. Neighbours are up to 26 adjacent cells to which the body can go straight. Moving colliders are ignored. Immutable;
+// Each cell has one place. It is the centre of the cell where the body fits there. Otherwise it is the free point with the most room of a
+// 3 x 3 x 3 lattice in the cell. Neighbours are up to 26 adjacent cells to which the body can go straight. Moving colliders are ignored. Immutable;
 // any number of threads may read it.
 class PlaceGrid {
  public:
-  // `colliders` must have taken in the scene. `ignored_slots` (ascending) are those of the moving instances. Without a free place at
+  // `colliders` must have taken in the scene. `ignored_slots` are the slots of the moving instances, ascending. Without a free place at
   // the start the grid has no places. A grid that would have more than `most_places` stops growing there.
   PlaceGrid(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots, const glm::dvec3& start_m,
             const PlaceGridOptions& options);
@@ -63,7 +63,7 @@ class PlaceGrid {
   std::vector<uint32_t> index_;  // place by cell, x fastest
 };
 
-// Whether a sphere can go straight from one point to the other without coming nearer than its radius to a collider. Accurate to 1 cm.
+// Returns whether a sphere can go straight from one point to the other without coming nearer than its radius to a collider. Accurate to 1 cm.
 bool sphere_passes(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots,
                    const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m);
 

@@ -22,8 +22,8 @@ namespace sightline {
 
 struct PlanOptions {
   double spacing_m = 0.5;       // > 0; edge of the grid's cells where targets are near
-  // The grid ends at this distance from the path of the targets' centre, plus twice the distance of a target from the centre; or 2 m
-  // beyond the camera's start if that is farther.
+  // The grid ends at this distance from the path of the targets' centre, plus twice the distance of a target from the centre. If the
+  // camera's start is farther away, it ends 2 m beyond the start.
   double reach_m = 10.0;
   double near_m = 5.0;          // beyond this distance only every second place in each direction is looked from
   size_t rays = 8;              // to each target from each place

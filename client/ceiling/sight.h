@@ -1,4 +1,4 @@
-// What a camera could see of the targets from many places, estimated with a few rays to each target.
+// Estimates what a camera could see of the targets from many places, with a few rays to each target.
 #pragma once
 
 #include <memory>
@@ -32,10 +32,10 @@ class SightEstimate {
   // `rays`: number of rays to each target in `from`, [1, kExtentPoints].
   SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays);
 
-  // Takes over the present time of the world. `turn` chooses which of a target's surface points are used.
+  // Takes over the present time of the world. The number `turn` selects the surface points of the targets that are used.
   void refresh(size_t turn);
   TargetsSeen from(const glm::dvec3& eye_m) const;
-  // The parts of `from`: whether the distance and elevation limits hold, and the shares, whatever fits into the picture.
+  // The two parts of `from`. is_allowed returns whether the limits of distance and elevation hold. `shares` ignores the picture's edges.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
   TargetsSeen shares(const glm::dvec3& eye_m, size_t rays) const;
   std::span<const TrackedTarget> targets() const { return targets_; }

@@ -20,8 +20,8 @@ struct Timeline {
 // A step of a plan: the camera's acceleration is constant for this many stages.
 inline constexpr size_t kStagesPerStep = 2;
 
-// The costs of a plan, in pictures. The weights are so small that no sum of them over a plan reaches one picture: a path that shows all
-// targets in more pictures is always better, then one with a greater visible share, then a shorter one.
+// The costs of a plan, in pictures. The weights are so small that no sum of them over a plan reaches one picture. So a path that shows
+// all targets in more pictures is always better. Of equal ones the greater visible share wins, then the shorter path.
 struct PlanCosts {
   double hidden_share = 0.0;  // of a picture in which the mean visible share is 0; it also costs 1
   double per_m = 0.0;         // of a metre of path

@@ -164,7 +164,7 @@ class Run {
     return {};
   }
 
-  // What the policy says of its view, against the truth.
+  // Compares the policy's reports and its status with the truth.
   void judge_words(const Scenario& scenario, const Played& played, std::span<const FrameTruth> truths) {
     if (!played.reports.empty()) record_.reports = judge_reports(truths, played.reports);
     if (std::none_of(played.tracking.begin(), played.tracking.end(), [](const auto& t) { return t.has_value(); }))

@@ -27,7 +27,7 @@ struct PolicySite {
   CameraLimits limits;
   double tick_s = 1.0 / 60.0;  // > 0; actors' velocities are taken over this time
   uint64_t seed = 1;
-  // What will be played and judged. Only a policy that knows the future looks at it.
+  // The extent of the run. Only a policy that knows the future reads it.
   size_t ticks = 1;              // calls of next(), at times k tick_s
   size_t ticks_per_picture = 1;  // every n-th is judged by a picture
 };
@@ -36,7 +36,7 @@ struct PolicyStep {
   Pose camera;
   Lens lens;
   bool jump = false;  // see CameraFrame
-  // What the policy says in this tick, each absent where it says nothing:
+  // The policy's reports in this tick. A policy that reports nothing leaves them empty.
   std::optional<std::vector<ReportedShare>> reports = std::nullopt;  // the visible shares of the targets
   std::optional<bool> tracking = std::nullopt;                       // whether its status is TRACKING
   std::optional<glm::dvec3> goal_m = std::nullopt;                   // world; the position that it heads for

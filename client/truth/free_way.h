@@ -1,5 +1,5 @@
-// Whether a camera that sees nobody had a way to see somebody. A search of its own on a plain grid finds out; it shares no code with
-// the camera's own routes.
+// Finds out whether a camera that sees no target had a way to see one. The search runs on a plain grid and shares no code with the
+// camera's own routes.
 //
 // The grid's cells are cubes, and one of them is centred at the camera. A cell is free when the body, a sphere, can go from its
 // centre to the centres of the free cells beside it: its centre is at least sqrt(r^2 + h^2 / 4) away from every collider, for a body
@@ -7,7 +7,7 @@
 // ends in a free cell from whose centre nothing lies on the straight line to the aim point of some target, other than that target.
 // Everything stands where it is at the time of the search.
 //
-// The search is cautious: the sides of the cells make its ways longer than they need be (up to 1.7 times), and it does not see gaps
+// The search is cautious: the sides of the cells make its ways longer than they need be (up to 1.7 times), and it misses gaps
 // that are less than about a cell wider than the body. So a way that it finds is one; a way that it does not find may exist.
 #pragma once
 
@@ -33,7 +33,7 @@ std::optional<FreeWay> find_free_way(const ScenarioWorld& world, const glm::dvec
 // A free way counts when a camera that starts at rest can be at its end within this time, by its limits.
 inline constexpr double kFreeWayS = 2.0;
 // Within a blind stretch (blindness.h), the search is made at its first picture and again at the first picture at least this much
-// later. What it finds is taken to last until the next search.
+// later. Its result is taken to hold until the next search.
 inline constexpr double kFreeWayEveryS = 0.5;
 
 // How far a camera at rest gets in `time_s` by its limits, in metres.

@@ -1,4 +1,4 @@
-// What a policy says about its view against what the camera truly sees.
+// Compares a policy's reports about its view with what the camera truly sees.
 #pragma once
 
 #include <cstdint>
