@@ -19,7 +19,7 @@ struct SceneRequest {
   uint64_t seed = 1;
   int arena_targets = 4;  // [2, 8]
   int crowd_movers = 20;  // [0, 35]
-  std::string tiles = {};  // folder of the tile set; empty: that of the environment variable (tile_set.h)
+  std::string tiles = {};  // folder of the tile set; empty: the environment variable names it (tile_set.h)
 };
 
 enum class SceneGroup {

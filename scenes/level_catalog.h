@@ -1,4 +1,4 @@
-// The levels by name: each with parts of plain boxes ("level-...") and with those of a tile set ("tile-...").
+// The levels by name. Each comes with parts of plain boxes ("level-...") and with parts of a tile set ("tile-...").
 #pragma once
 
 #include <vector>

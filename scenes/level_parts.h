@@ -1,5 +1,5 @@
 // The parts that levels consist of, on a grid of 4 m: floors, walls, stairs and furniture. There are two sets with the same parts: plain
-// boxes, and the tiles of a folder (tile_set.h). A level of one set has the same plan and the same walks as that of the other.
+// boxes, and the tiles of a folder (tile_set.h). A level has the same plan and the same walks with both sets.
 //
 // Frame of a part: metres, +Y up. The origin is on the floor, in the middle of the part; a wall runs along x. Exceptions:
 //
@@ -22,7 +22,7 @@ inline constexpr double kTile_m = 4.0;
 inline constexpr double kLevelWall_m = 4.0;      // height of a wall
 inline constexpr double kLevelHalfWall_m = 0.5;  // half of its thickness
 inline constexpr double kHalfDoorway_m = 0.95;   // a doorway is a little wider than this to both sides, and at least 2.1 m high
-inline constexpr double kStorey_m = 4.05;        // from a floor's surface to that of the storey above
+inline constexpr double kStorey_m = 4.05;        // from one floor to the floor above
 inline constexpr double kFloorTop_m = 0.05;
 inline constexpr double kFloorUnder_m = 0.1;
 inline constexpr double kStairsRun_m = 6.0;

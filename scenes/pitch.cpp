@@ -11,10 +11,10 @@ namespace sightline::scenes {
 namespace {
 
 constexpr double kHalfLength_m = 52.5, kHalfWidth_m = 34.0;  // along x and z
-constexpr double kAttack_mps = 4.5;                          // of the middle between the two who have the ball
+constexpr double kAttack_mps = 4.5;                          // of the middle between the two runners
 constexpr double kBall_mps = 12.0, kArc_m = 2.6, kBallRadius_m = 0.11;
 constexpr double kHold_s = 1.2;           // between two passes
-constexpr double kAhead_m = 0.75;         // of the ball before the player who has it
+constexpr double kAhead_m = 0.75;         // of the ball before its runner
 constexpr double kKeepOff_m = 3.0;        // the others from the two
 constexpr double kWithTheGame = 0.4;      // the share of the game's movement that the others follow
 constexpr int kOthers = 20;
@@ -33,7 +33,7 @@ TimedPath wandering(const glm::dvec2& start, const glm::dvec2& reach_m, double s
   return {line, times_s};
 }
 
-// The two who have the ball run side by side; the distance between them breathes between 6 and 10 m.
+// The two runners have the ball and run side by side. Their distance changes between 6 and 10 m.
 glm::dvec2 runner_m(const TimedPath& game, int which, double time_s) {
   const glm::dvec2 breath = circle_point(time_s / 9.0);
   const double half = 4.0 + breath.y, lean = 1.5 * breath.x;

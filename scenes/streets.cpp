@@ -15,7 +15,7 @@ namespace {
 constexpr int kGrid = 6;
 constexpr double kPitch_m = 75.0;
 constexpr double kStreet_m = 15.0;
-constexpr double kLane_m = 3.0;     // from the middle of the street to that of the right-hand lane
+constexpr double kLane_m = 3.0;     // from the middle of the street to the middle of the right-hand lane
 constexpr double kApart_m = 9.0;    // between the target and any other vehicle
 constexpr double kBlock_m = 120.0;  // of make_block
 constexpr double kBlockHeight_m = 20.0;

@@ -24,8 +24,8 @@ void append_straight(std::vector<Sample>& samples, const glm::dvec2& to, double 
   for (int k = 1; k <= pieces; ++k) samples.push_back({from + (to - from) * (static_cast<double>(k) / pieces), fastest_mps});
 }
 
-// A quadratic Bezier curve between two points on the legs of a corner. Where it turns most, its radius is below that of the arc through
-// the same points by a third at a right angle; the speed allows for it.
+// A quadratic Bezier curve between two points on the legs of a corner. At a right angle, its least radius is a third
+// below the radius of the arc through the same points. The speed allows for it.
 void append_corner(std::vector<Sample>& samples, const glm::dvec2& from, const glm::dvec2& corner, const glm::dvec2& to,
                    double fastest_mps) {
   for (int k = 1; k <= kArcPieces; ++k) {

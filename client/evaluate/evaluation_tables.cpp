@@ -129,8 +129,8 @@ double mean(const Group& group, Value value) {
   return sum(group, value) / static_cast<double>(group.size());
 }
 
-// The mean over the seeds that the group and the ceiling's runs of its scene have in common, as a share of the ceiling's mean. "" where
-// the ceiling did not play, or sees nothing.
+// The group's mean as a share of the ceiling's mean, over the seeds that both have played. It is empty if the ceiling did not play or
+// sees nothing.
 std::string share_of_ceiling(const Group& group, const std::vector<Group>& groups) {
   double own = 0.0, most = 0.0;
   for (const Group& other : groups) {

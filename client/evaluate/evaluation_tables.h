@@ -21,8 +21,8 @@ namespace sightline {
 //   motion.h     goal_jumps_per_s
 // most_joint is the upper estimate of the joint share that only the policy "ceiling" has.
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
-// One row a judged picture: when, where the camera was (world, metres), the visible share of the target that is seen least, and
-// as 0 or 1 whether no pixel of any target was visible (lost) and whether the status was TRACKING (empty without a status).
+// One row a judged picture: its time, the camera's position (world, metres) and the visible share of the target that is seen least. The
+// last columns are 0 or 1. `lost`: no pixel of any target is visible. `tracking`: the status is TRACKING; empty without a status.
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);

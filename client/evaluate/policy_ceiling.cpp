@@ -26,7 +26,7 @@ class CeilingPolicy : public CameraPolicy {
   const CeilingPlan plan_;
 };
 
-// The limits of distance and elevation are those of the default, so that the ceiling and the default can be compared.
+// The ceiling keeps the default's limits of distance and elevation, so that both can be compared.
 Result<std::unique_ptr<CameraPolicy>> make_ceiling(const PolicySite& site) {
   const MoveSettings place_limits = preset_settings(Preset::kSightline).move;
   auto plan = plan_ceiling(site.scenario, site.store, site.device, site.extents,

@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// The default limits with those of the scenario. kInvalidArgument: one is not a number or out of its range; the field is
-// "nodes[camera].extras.sightline.max_speed_mps".
+// The default limits, overridden by the limits of the scenario. kInvalidArgument: a limit is not a number or out of its range. The field
+// is "nodes[camera].extras.sightline.max_speed_mps".
 Result<CameraLimits> limits_of(const Scenario& scenario);
 
 }  // namespace sightline

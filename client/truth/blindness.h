@@ -1,4 +1,4 @@
-// The stretches of a run in which the camera sees nobody.
+// The stretches of a run in which the camera sees no target.
 #pragma once
 
 #include <span>

@@ -2,12 +2,12 @@
 // camera's own routes.
 //
 // The grid's cells are cubes, and one of them is centred at the camera. A cell is free when the body, a sphere, can go from its
-// centre to the centres of the free cells beside it: its centre is at least sqrt(r^2 + h^2 / 4) away from every collider, for a body
+// centre to the centres of the free cells beside it. Its centre is then at least sqrt(r^2 + h^2 / 4) away from every collider, for a body
 // radius r and cells of h metres. The search goes breadth-first from the camera's cell through the faces of free cells. A free way
 // ends in a free cell from whose centre nothing lies on the straight line to the aim point of some target, other than that target.
 // Everything stands where it is at the time of the search.
 //
-// The search is cautious: the sides of the cells make its ways longer than they need be (up to 1.7 times), and it misses gaps
+// The search is cautious. The sides of the cells make its ways up to 1.7 times too long. It misses gaps
 // that are less than about a cell wider than the body. So a way that it finds is one; a way that it does not find may exist.
 #pragma once
 
@@ -39,7 +39,7 @@ inline constexpr double kFreeWayEveryS = 0.5;
 // How far a camera at rest gets in `time_s` by its limits, in metres.
 double reach_from_rest_m(const CameraLimits& limits, double time_s);
 
-// The longest time without a break, in seconds, in which the camera saw nobody although a free way existed. Only as many stretches
+// The longest time without a break, in seconds, in which the camera saw no target although a free way existed. Only as many stretches
 // are searched as can decide it. `world` must have a target; its time is left anywhere. `truths` is as long as `frames`.
 double longest_blind_with_way_s(ScenarioWorld& world, std::span<const CameraFrame> frames,
                                 std::span<const FrameTruth> truths, const CameraLimits& limits);

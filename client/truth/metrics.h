@@ -50,8 +50,8 @@ struct RunMetrics {
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four motion limits
   EpisodeMetrics episodes;
-  // The longest stretch with nobody in sight, in seconds: from a judged picture that holds no pixel of any target to the next
-  // picture that holds one, or to the last picture. 0 when every picture holds a pixel. Its resolution is the time between
+  // The longest time without a target in sight, in seconds. It runs from a judged picture without a pixel of any target to the
+  // next picture with one, or to the last picture. 0 when every picture holds a pixel. Its resolution is the time between
   // judged pictures.
   double longest_blind_s = 0.0;
   double d_c_m = 0.0;  // length of the camera's path (paper, section 6)

@@ -29,8 +29,8 @@ bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
 // A frame is at a limit when it uses at least this share of it.
 inline constexpr double kAtLimit = 0.99;
 
-// The number of times that the camera turns back. A frame is a reversal when its velocity is at more than 90 degrees to the
-// velocity of some frame at most kReversalWindowS before it, and both are at least kReversalSpeedMps fast. Velocities are of the
+// The number of times that the camera turns back. At a reversal, the velocity is at more than 90 degrees to the
+// velocity of some frame at most kReversalWindowS before. Both are at least kReversalSpeedMps fast. Velocities are of the
 // world and over one frame. The frames before a reversal, and those before a jump, are not compared with later ones, so each
 // turn counts once. A camera that rests for longer than the window between two motions does not reverse.
 inline constexpr double kReversalWindowS = 0.5;

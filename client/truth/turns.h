@@ -1,11 +1,11 @@
 // How soon a camera answers when its targets turn.
 //
-// A turn is a frame at which the targets' centre goes on in another direction: its mean velocities over the kTurnWindowS before and
-// after the frame are at more than kTurnRad to each other, and both are at least kTurnSpeedMps fast. Of neighbouring frames of which
-// this is true, the one with the greatest angle is the turn. The centre's change of velocity is the difference of the two.
+// A turn is a frame at which the targets' centre goes on in another direction. Its mean velocities over the kTurnWindowS before and
+// after the frame are at more than kTurnRad to each other. Both are at least kTurnSpeedMps fast. If this is true of neighbouring frames,
+// the frame with the greatest angle is the turn. The centre's change of velocity is the difference of the two.
 //
-// The camera answers at the first frame, from the turn on, at which it has made half of that change: its mean velocity over the
-// kTurnWindowS around the frame differs from the one before the turn by half of the change, measured along the change. A camera
+// The camera answers at the first frame at which it has made half of that change. Its mean velocity over the kTurnWindowS around that
+// frame then differs from the one before the turn by half of the change, measured along the change. A camera
 // that moves exactly with its targets answers after 0 s. One that only looks round, since it sees well from where it is, does
 // not answer; so this figure explains the others, and is no aim in itself.
 #pragma once

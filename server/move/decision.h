@@ -13,8 +13,8 @@ enum class MoveStatus {
   kHolding,   // no target has a weight, or no candidate can be taken
 };
 
-// The targets that the camera sees from the returned pose, and if it sees none, what it does about that. "The required
-// targets" are all targets with a weight if none of those is required.
+// Which targets the camera sees from the returned pose. If it sees none, the status says what the camera does about that. "The
+// required targets" are all targets with a weight if none of those is required.
 enum class TrackingStatus {
   kTracking,     // all required targets are seen
   kPartialView,  // not all of them, but a part of some target

@@ -33,8 +33,8 @@ struct Aim {
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings);
 
-// Returns whether the camera could turn so that the aim points of all targets with a weight are in the picture from `eye_m`. With
-// `required_only`, those of the required targets suffice, if there are any. `room` in (0, 1] is the share of the picture that they may fill.
+// Returns whether the camera could turn so that the aim points of all targets with a weight are in the picture from `eye_m`. If
+// `required_only` is set and some target is required, the required targets suffice. `room` in (0, 1] is the share of the picture that they may fill.
 // `present` is as in aim_at.
 bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,
                   double room, bool required_only);

@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// At most this many targets are tried as the first of a choice. With more, the lightest are only added to the others.
+// At most this many targets are tried as the first of a choice. If there are more, the lightest are only added to the others.
 constexpr size_t kMostFirst = 8;
 // Sums of equal weights may differ by this share, since they are added in different orders.
 constexpr double kRounding = 1e-9;

@@ -1,7 +1,7 @@
 // Chooses the targets that the camera shows, where it cannot show all of them together: they stand too far apart for the picture.
 //
-// The targets that are kept have the greatest total weight of required targets, then of optional ones. Of equal choices the one that is
-// nearest to the camera is taken. Others are given up until all can be shown together again. The choice changes only for a greater weight, and only
+// The targets that are kept have the greatest total weight of required targets, then of optional ones. The choice nearest to the camera wins
+// among equal ones. Others are given up until all can be shown together again. The choice changes only for a greater weight, and only
 // if there is room to spare, so the camera does not turn to and fro.
 #pragma once
 

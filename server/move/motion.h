@@ -43,8 +43,8 @@ CameraState moved(const CameraState& camera, const glm::dvec3& velocity_mps, dou
 
 // Path length in which the camera can stop from velocity v, |v|^2 / (2 a), metres. Braking in discrete steps stays within it.
 double braking_distance_m(const glm::dvec3& velocity_mps, const CameraLimits& limits);
-// The greatest speed from which one more step and then braking with the share kBrakeShare of the acceleration, which sets in within the
-// limit of the jerk, stays within `distance_m`.
+// The greatest speed from which the camera stops within `distance_m` after one more step. It brakes with the share kBrakeShare of the
+// acceleration, which sets in within the limit of the jerk.
 double arrival_speed_mps(double distance_m, const CameraLimits& limits, double dt_s);
 
 // Yaw about +Y (0 looks along -Z, positive turns left), pitch above the horizontal, roll about the view axis. A camera
@@ -68,7 +68,7 @@ struct TurnState {
 // Turns towards the aim. The vector (yaw rate, pitch rate) stays within max_angular_speed, and its change within
 // max_angular_acceleration * dt; a rate over the maximum (limits were lowered) brakes as in clamp_velocity.
 //
-// The pitch never passes +-kMaxPitchRad, so the camera is never upside down. (A camera that starts beyond it goes no further.)
+// The pitch never passes +-kMaxPitchRad, so the camera is never upside down. A camera that starts beyond it goes no further.
 // It always brakes in time for the pole; the yaw gets the remaining acceleration. Only limits that are lowered during a turn
 // can make that impossible. Then the acceleration limit yields to the pole, and the speed limit to the acceleration limit.
 //

@@ -107,8 +107,8 @@ Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptio
   return device;
 }
 
-// Takes maps of a box, so that the first session does not wait for the driver to compile. llvmpipe spends 38 ms of CPU time in
-// the first take and 24 ms in the fifth.
+// Takes maps of a box, so that the first session does not wait for the driver to compile. llvmpipe compiles for 38 ms of CPU
+// time in the first take. It compiles again for 24 ms in the fifth.
 Status SharedEglDevice::warm_up() {
   constexpr int kTakes = 6;
   SceneMirror mirror;

@@ -28,7 +28,7 @@ class SeenTriangle {
   const Instance* instance_ = nullptr;
   double ahead_s_ = 0.0;
   std::array<glm::dvec3, 3> corner_{};     // world, relative to the eye
-  double nearest_ = 0.0, farthest_ = 0.0;  // depths of the corners, at least that of the near plane
+  double nearest_ = 0.0, farthest_ = 0.0;  // depths of the corners, at least the near plane's depth
 };
 
 }  // namespace sightline

@@ -17,7 +17,7 @@ struct TriangleBlock {
   alignas(32) float position[3][3][kSize];  // [corner][axis], in the frame of the geometry
   alignas(32) float x[3][kSize], y[3][kSize],
       w[3][kSize];                     // [corner], as in SampleGrid: not divided by w
-  alignas(32) float nearest_m[kSize];  // depth, at least that of the near plane
+  alignas(32) float nearest_m[kSize];  // at least the depth of the near plane
   alignas(32) int32_t x0[kSize], x1[kSize], y0[kSize], y1[kSize];  // samples that it may cover; none when x1 < x0
 };
 

@@ -143,8 +143,8 @@ double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, doubl
   return advance(from, direction, length_m, radius_m, triangle);
 }
 
-// The rays of is_inside: a cube's faces and corners, opposite ones in turn, turned so that none runs along a world axis or a diagonal, on
-// which edges of boxes lie.
+// The rays of is_inside point to a cube's faces and corners, opposite ones in turn. The cube is turned, so that no ray runs along a world
+// axis or a diagonal, on which edges of boxes lie.
 constexpr double kRayM = 2e4;
 constexpr int kMostOutside = 2;
 const std::array<glm::dvec3, 14> kRays = [] {

@@ -45,8 +45,8 @@ class ClearanceField {
   // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as fast as is_free.
   std::optional<uint32_t> first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
-  // True if the point is inside a solid. Of 14 rays from it, at least 12 must leave more surfaces than they enter, or first meet the
-  // back of one. The first kind also finds the solids that overlap others, the second the space between rooms that are modelled
+  // True if the point is inside a solid. 14 rays start from it. At least 12 of them must leave more surfaces than they enter, or
+  // first meet the back of one. The first kind also finds the solids that overlap others, the second the space between rooms that are modelled
   // from inside. The back of an open surface, such as a roof or a leaf, does not count. Which side is the front follows from the
   // winding, as in glTF. Only solids whose bounding sphere reaches into the gathered ball count.
   bool is_inside(const glm::dvec3& point_m) const;

@@ -27,8 +27,8 @@
 
 namespace sightline {
 
-// Ids with this bit belong to the nodes of a loaded scene that the client did not bind. The id kAssetIdBit | k is that of the
-// k-th drawable in file order, from 0. The count includes bound drawables, so that it does not depend on the bindings. Ids that
+// Ids with this bit belong to the nodes of a loaded scene that the client did not bind. The k-th drawable in file order, from 0, has the
+// id kAssetIdBit | k. The count includes bound drawables, so that it does not depend on the bindings. Ids that
 // the client chooses must be below this bit and not 0.
 inline constexpr uint64_t kAssetIdBit = uint64_t{1} << 63;
 inline constexpr size_t kMaxInstances = 1'000'000;

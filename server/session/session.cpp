@@ -49,7 +49,7 @@ Error in_open_request(Error error, size_t scene_instances) {
           std::move(error.message)};
 }
 
-// How far a position may be from one that was sent to the client, if the client keeps positions in single precision: four
+// The greatest distance between a position that was sent and the same position after a client kept it in single precision. It is four
 // times the rounding error of the largest coordinate.
 double rounding_m(const Convention& convention, const glm::dvec3& position_m) {
   const glm::dvec3 client_m = glm::abs(position_m + convention.origin_m);

@@ -19,7 +19,7 @@ constexpr double kLeastBetweenS = 2.0;
 constexpr size_t kRanksAtOnce = 40;
 // One radian away from the wanted shot counts like this share of a target's visibility.
 constexpr double kApartWeight = 0.2;
-// Stands for the wanted shot in the list of viewpoints.
+// The index of the wanted shot in the list of viewpoints.
 constexpr size_t kWantedShot = ViewpointMap::kViewpoints;
 
 bool is_required(const StepContext& step, size_t target) {

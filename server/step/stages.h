@@ -34,7 +34,8 @@ struct StepContext {
 
 // The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
-// The steered targets as a mask, without those of an earlier step's list; and the list of the steered ones outside the mask.
+// kept_before: the mask of the steered targets that are not in an earlier step's list. dropped_ids: the list of the steered targets that
+// are not in a mask.
 uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
 TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
 // True if no steered target moves.

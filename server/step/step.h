@@ -61,7 +61,7 @@ struct Occlusion {
 };
 inline constexpr size_t kMaxOcclusions = 8;  // of one target: those that hide most
 
-// What the camera is expected to see of a target when the time of the prediction has passed, if it goes on as now.
+// The expected view of a target when the time of the prediction has passed, if the camera goes on as now.
 struct SightForecast {
   double ahead_s = 0.0;           // time of the prediction
   double share = 0.0;             // expected share of the target that is visible then, [0, 1]

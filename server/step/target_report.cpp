@@ -1,5 +1,4 @@
-// The parts of a target's report besides its shares: the instances that hide it, the part of it that is inside the
-// picture, and its expected visibility.
+// Describes a target besides its shares: the instances that hide it, its part inside the picture, and its expected visibility.
 #include <algorithm>
 #include <array>
 #include <cmath>

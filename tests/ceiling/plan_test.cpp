@@ -73,7 +73,7 @@ TEST(Ceiling, IsNothingForATargetInAClosedBox) {
   EXPECT_EQ(run.plan.joint, 0.0);
 }
 
-// From rest, the least time to see past the wall's end is that of the straight way to where the line of sight is free.
+// The camera starts at rest. It sees past the wall's end no sooner than a straight way leads to where the line of sight is free.
 TEST(Ceiling, OfATargetBehindAWallIsWhatIsLeftAfterTheWayRoundIt) {
   constexpr double kDurationS = 4.0, kHalfWallM = 2.0;
   const Played run = played(test::SmallScene(kDurationS, {0, 1, 3}).target("anna", {0, 0, -1.5}).box("wall", {2 * kHalfWallM, 9, 0.25}, {0, 0, 0}), kDurationS);

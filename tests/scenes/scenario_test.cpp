@@ -1,5 +1,5 @@
-// Every generated scenario of the group `study` keeps these promises; level_test.cpp and situation_test.cpp have those of the other
-// groups. They are checked through the server's reader and mirror, and with Embree for distances and visibility.
+// Every generated scenario of the group `study` keeps these promises. level_test.cpp and situation_test.cpp test the other groups.
+// They are checked through the server's reader and mirror, and with Embree for distances and visibility.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

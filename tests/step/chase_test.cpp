@@ -1,5 +1,5 @@
-// A camera on an open plane behind a target that is faster than the camera may be: it uses the speed that it is allowed, within
-// its limits, and with them changes of its acceleration within the limit of the jerk.
+// On an open plane, a target is faster than the camera may be. The camera uses all of its allowed speed, and keeps the limits of
+// acceleration and jerk.
 #include <gtest/gtest.h>
 
 #include "tests/support/filming.h"

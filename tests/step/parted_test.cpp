@@ -1,5 +1,5 @@
-// Targets that part farther than one picture holds. The camera keeps those of the greatest weight, required ones first,
-// and returns to all of them when it can.
+// Targets that part farther than one picture holds. The camera keeps the targets of the greatest weight, required
+// ones first. It returns to all of them when it can.
 #include <gtest/gtest.h>
 
 #include <cmath>

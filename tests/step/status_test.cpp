@@ -218,7 +218,7 @@ TEST(Status, IsBlockedWhenTheWayIsKnownButTheBodyIsStopped) {
   EXPECT_EQ(status_of({1, 0, 1}, true), TrackingStatus::kSeeking) << "it comes nearer";
 }
 
-// A cart passes before a camera that keeps its shot whatever hides the target.
+// A cart passes before a camera that always keeps its shot.
 TEST(Status, IsWaitingWhileSomethingPassesByAndTheCameraStays) {
   OneFilmed world({0, 1, 6});
   world.settings.move.cost.occlusion = world.settings.move.cost.edge_penalty = 0;

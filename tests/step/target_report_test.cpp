@@ -1,4 +1,4 @@
-// What a step reports of each target: its occluders, the part of it inside the picture, and the forecast.
+// The step's report of each target: its occluders, the part of it inside the picture, and the forecast.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -67,7 +67,7 @@ TEST(FreeWay, LeadsOutThroughASlotThatTheBodyFits) {
   const auto way = place.way(20);
   ASSERT_TRUE(way);
   EXPECT_EQ(way->target_id, place.scenario->targets()[0].id);
-  // Out through the slot at x = -2.1, then past a corner of the box at |z| = 2.1 or y = 1.7, and back in sight of x = 6.
+  // The way leads out through the slot at x = -2.1 and past a corner of the box at |z| = 2.1 or y = 1.7. Then x = 6 is in sight.
   EXPECT_LT(way->end_m.x, 6.0);
   const bool beside = std::abs(way->end_m.z) > 2.1, above = std::abs(way->end_m.y) > 1.7;
   EXPECT_TRUE(beside || above);
@@ -101,11 +101,11 @@ TEST(FreeWay, DoesNotPassThroughAWallThatTheCameraTouches) {
   EXPECT_FALSE(Place(0.0f).way(20, {1.99, 0, 0.01}));
 }
 
-// In the open, the search goes along the axes: its length is the sum of the distances along them.
+// The search goes along the axes, so the length is the sum of the distances along them.
 TEST(FreeWay, LengthsAreAlongTheSidesOfTheCells) {
   const Place place(0.0f);
-  // From behind the box at x = -6, no place is in sight until z is beyond the shadow, whose edge runs from the target over the
-  // box's edges at x = 2.1 (it widens backwards).
+  // The camera is behind the box at x = -6. No place is in sight until z is beyond the box's shadow, which widens backwards. Its
+  // edge runs from the target over the box's edges at x = 2.1.
   const auto way = place.way(20, {-6, 0, 0});
   ASSERT_TRUE(way);
   const glm::dvec3 moved = way->end_m - glm::dvec3(-6, 0, 0);
@@ -121,7 +121,7 @@ TEST(FreeWay, ReachFromRestIsHalfTheAccelerationTimesTheSquareThenTheSpeed) {
 
 // ---- blind although a way exists ----
 
-// A camera that stays in the box for 8 s and sees nobody, with a picture every 0.1 s; one pixel shows in those of `seen`.
+// A camera stays in the box for 8 s and sees no target. There is a picture every 0.1 s. The pictures in `seen` show one pixel.
 double blind_with_way_s(Place& place, const std::vector<int>& seen = {}) {
   std::vector<CameraFrame> frames;
   std::vector<FrameTruth> truths;

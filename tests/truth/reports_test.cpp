@@ -1,4 +1,4 @@
-// A policy's status, and the stretches in which it sees nobody, on pictures made up by hand.
+// A policy's status, and the stretches in which it sees no target, on pictures made up by hand.
 #include "client/truth/reports.h"
 
 #include <gtest/gtest.h>
@@ -60,14 +60,14 @@ TEST(StatusAgainstTruth, NothingToCountGivesZeroes) {
   EXPECT_EQ(metrics.lost_called_tracking, 0.0);
 }
 
-// ---- nobody seen ----
+// ---- no target seen ----
 
 struct Judged {
   std::vector<CameraFrame> frames;
   std::vector<FrameTruth> truths;
 };
 
-// One letter a frame, 0.1 s apart: b: nobody is seen; s: somebody is; '-': no picture was judged.
+// One letter a frame, 0.1 s apart: b: no target is seen; s: a target is seen; '-': no picture was judged.
 Judged run_of(const std::string& letters) {
   Judged run;
   for (const char letter : letters) {
