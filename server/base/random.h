@@ -14,6 +14,7 @@ enum class RandomPurpose : uint32_t {
   kExtentPoints = 2,
   kViewpointSearch = 3,
   kViewBlend = 4,
+  kTurn = 5,
   kSceneGeneration = 900,
   kTest = 1000
 };

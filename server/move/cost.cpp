@@ -39,33 +39,4 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
     if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
 }
 
-double CandidateCosts::missed_and_far(size_t candidate) const {
-  const double missed = std::max(0.0, input_.hidden[candidate] - settings_.tolerance);
-  return settings_.occlusion * missed +
-         settings_.distance * glm::distance(input_.position_m[candidate], input_.desired_m);
-}
-
-double CandidateCosts::of(size_t candidate, double route_m, uint32_t depth_squared) const {
-  const double depth_m = std::sqrt(static_cast<double>(depth_squared)) * input_.spacing_m;
-  const double bare = 1.0 - std::min(depth_m / settings_.full_depth_m, 1.0);
-  double cost = missed_and_far(candidate) + settings_.edge_penalty * bare;
-  cost += settings_.route * route_m;
-  if (input_.former_goal_m)
-    cost += settings_.steadiness *
-            std::min(glm::distance(input_.position_m[candidate], *input_.former_goal_m), 1.0);
-  return cost;
-}
-
-double CandidateCosts::least_of(size_t candidate, double route_m) const {
-  return missed_and_far(candidate) + settings_.route * route_m;
-}
-
-uint32_t CandidateCosts::full_depth_steps() const {
-  constexpr uint32_t kMost =
-      1 << 15;  // deeper than any group; its square fits an int
-  auto steps = static_cast<uint32_t>(std::min(settings_.full_depth_m / input_.spacing_m, double{kMost}));
-  while (steps < kMost && steps * input_.spacing_m / settings_.full_depth_m < 1.0) ++steps;
-  return steps;
-}
-
 }  // namespace sightline

@@ -4,7 +4,7 @@
 // The nodes of the graph are the candidates. A node is joined with its 26 neighbours where the camera body fits. A leg costs its length,
 // and more where the targets are hidden on the way. So a detour in sight of the targets is preferred to a short cut behind a wall.
 // Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weight their road map in the same way. The search is
-// Dijkstra's from the camera's position. It is exact on the graph and runs only as far as the caller asks (move/goal.h).
+// Dijkstra's from the camera's position. It is exact on the graph and runs only as far as the caller asks.
 #pragma once
 
 #include <cstdint>

@@ -5,8 +5,8 @@
 namespace sightline {
 
 Status check_rules(const CostWeights& w) {
-  return check_some_weight("tuning.move.cost", "occlusion, distance, edge_penalty and route",
-                           {w.occlusion, w.distance, w.edge_penalty, w.route});
+  return check_some_weight("tuning.move.cost", "occlusion, distance and route",
+                           {w.occlusion, w.distance, w.route});
 }
 
 Status check_rules(const CoherenceSettings& s) {

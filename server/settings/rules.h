@@ -13,7 +13,7 @@ Status check_rules(const Group&) {
   return {};
 }
 
-// At least one of occlusion, distance, edge_penalty and route is above 0: otherwise all candidates cost the same.
+// At least one of occlusion, distance and route is above 0: otherwise all candidates cost the same.
 Status check_rules(const CostWeights& weights);
 // At least one of the five weights is above 0.
 Status check_rules(const CoherenceSettings& settings);

@@ -7,6 +7,9 @@
 namespace sightline {
 namespace {
 
+// How much a new estimate of a slice counts beside the former ones.
+constexpr double kNewShare = 0.35;
+
 class Aggregation {
  public:
   Aggregation(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights)
@@ -20,15 +23,15 @@ class Aggregation {
         scratch_(scratch),
         sights_(sights),
         candidates_(sights.candidates),
-        weighs_hidden_(weighs_hidden(in.step.input)),
-        ahead_weight_(plan_.ahead_s > 0 ? in.step.input.settings.move.coherence.predictive_power : 0.0) {}
+        weighs_hidden_(weighs_hidden(in.step.input)) {}
 
   void list_candidates();
   void add_own_and_desired_position();
   void look_now();
   void filter();
   void look_ahead();
-  void expect_hidden();
+  void add_up_hidden();
+  void renew_slices();
 
  private:
   bool filters() const { return settings_.filter.mode != FilterMode::kNone; }
@@ -50,7 +53,6 @@ class Aggregation {
   CandidateSights& sights_;
   CandidateSet& candidates_;
   const bool weighs_hidden_;
-  const double ahead_weight_;  // of the future against the present
 };
 
 // With a filter the candidates are the lattice's cells even for pair volumes, because only a fixed position in the
@@ -62,7 +64,7 @@ void Aggregation::list_candidates() {
     lattice.cover(bound_, settings_.candidates);
   else
     lattice.lay(bound_, settings_.candidates);
-  sights_.on_lattice = !plan_.pair.used || filters();
+  sights_.on_lattice = !plan_.pair.used || filters() || weighs_hidden_;
   if (sights_.on_lattice)
     candidates_.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
   else
@@ -108,13 +110,13 @@ void Aggregation::look_now() {
       sights_.on_lattice ? candidates_.position_m.view()
                          : PlaceView(candidates_.position_m.view().singles_m().subspan(sights_.own_candidate)));
   if (weighs_hidden_ && sights_.on_lattice)
-    composer.visibility_and_hidden(sampled, bias, hidden_weights(1 - ahead_weight_), visible, scratch_.hidden_by);
+    composer.visibility_and_hidden(sampled, bias, hidden_weights(1.0), visible, scratch_.hidden_by);
   else
     composer.visibility(sampled, bias, visible);
   if (!sights_.on_lattice) {
     composer.set_positions(candidates_.position_m);
     candidates_.visible_targets.insert(candidates_.visible_targets.end(), visible.begin(), visible.end());
-    if (weighs_hidden_) composer.add_hidden(sampled, bias, hidden_weights(1 - ahead_weight_), scratch_.hidden_by);
+    if (weighs_hidden_) composer.add_hidden(sampled, bias, hidden_weights(1.0), scratch_.hidden_by);
   }
   candidates_.visible_targets[sights_.own_candidate] = seen_from_own_position();
 }
@@ -138,28 +140,38 @@ void Aggregation::filter() {
 }
 
 void Aggregation::look_ahead() {
-  if (plan_.ahead_s <= 0) return;
-  const SampledPoints sampled = taken_.of(plan_.ahead);
-  const double weight = ahead_weight_ * (plan_.futures.empty() ? 1.0 : kPredictedShare);
-  if (weighs_hidden_ && ahead_weight_ > 0)
-    scratch_.composer.visibility_and_hidden(sampled, settings_.relative_bias, hidden_weights(weight),
-                                            candidates_.ahead_targets, scratch_.hidden_by);
-  else
-    scratch_.composer.visibility(sampled, settings_.relative_bias, candidates_.ahead_targets);
+  if (plan_.ahead_s > 0)
+    scratch_.composer.visibility(taken_.of(plan_.ahead), settings_.relative_bias, candidates_.ahead_targets);
 }
 
-// Computes the expected hidden share of the targets, from now to the time of the prediction.
-void Aggregation::expect_hidden() {
+// The hidden share of the targets from each candidate now.
+void Aggregation::add_up_hidden() {
   if (!weighs_hidden_) return;
-  for (const Future& future : plan_.futures)
-    scratch_.composer.add_hidden(taken_.of(future.sampled), settings_.relative_bias,
-                                 hidden_weights(ahead_weight_ * (1 - kPredictedShare) * future.weight),
-                                 scratch_.hidden_by);
   smooth_what_passes();
   const std::vector<double>&by_staying = scratch_.hidden_by.by_staying, &by_passing = scratch_.hidden_by.by_passing;
   sights_.hidden.resize(by_staying.size());
   for (size_t i = 0; i < by_staying.size(); ++i)
     sights_.hidden[i] = std::clamp(by_staying[i] + by_passing[i], 0.0, 1.0);
+}
+
+// The hidden share of the targets from each cell at the slices that are due.
+void Aggregation::renew_slices() {
+  HiddenAhead& ahead = memory_.ahead;
+  if (!weighs_hidden_) return ahead.restart();
+  const uint64_t targets = hash_of(step_.targets, step_.targets.steered);
+  if (targets != memory_.ahead_targets) ahead.restart();
+  memory_.ahead_targets = targets;
+  ahead.advance(memory_.lattice, step_.move_s);
+  const size_t cells = memory_.lattice.size();
+  for (const SampledSlice& slice : plan_.slices) {
+    HiddenShares& hidden = scratch_.hidden_by;
+    hidden.reset(candidates_.position_m.size());
+    scratch_.composer.add_hidden(taken_.of(slice.sampled), settings_.relative_bias, hidden_weights(1.0), hidden);
+    scratch_.shares.resize(cells);
+    for (size_t i = 0; i < cells; ++i)
+      scratch_.shares[i] = static_cast<float>(std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0));
+    ahead.renew(slice.due.slice, memory_.lattice, scratch_.shares, kNewShare);
+  }
 }
 
 // Low-passes the share that moving occluders hide, so that short occlusions count little.
@@ -181,14 +193,18 @@ glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m) 
 void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
   sights.candidates.clear();
   const StepContext& step = in.step;
-  if (step.input.targets.empty()) return count_sights(sights.candidates, 0, 0, sights.counts);
+  if (step.input.targets.empty()) {
+    memory.ahead.restart();
+    return count_sights(sights.candidates, 0, 0, sights.counts);
+  }
   Aggregation aggregation(in, memory, scratch, sights);
   aggregation.list_candidates();
   aggregation.add_own_and_desired_position();
   aggregation.look_now();
   aggregation.filter();
   aggregation.look_ahead();
-  aggregation.expect_hidden();
+  aggregation.add_up_hidden();
+  aggregation.renew_slices();
   if (step.input.settings.move.strategy != Strategy::kBasic)
     list_places(sights.candidates.position_m, sights.position_m);
   count_sights(sights.candidates, step.targets.steered, step.target_count(), sights.counts);

@@ -32,6 +32,7 @@ void start_position(CarriedState& state, const ViewerCamera& viewer) {
   state.camera.velocity_mps = viewer.velocity_mps;
   state.camera.acceleration_mps2 = glm::dvec3(0.0);
   state.goal_m.reset();
+  state.follows = false;
   state.shares.forget();
   state.given_up.clear();
   state.not_aimed_at.clear();

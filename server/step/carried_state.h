@@ -7,8 +7,9 @@
 #include <optional>
 #include <vector>
 
-#include "server/aggregate/occlusion_smoother.h"
+#include "server/aggregate/hidden_ahead.h"
 #include "server/aggregate/lattice.h"
+#include "server/aggregate/occlusion_smoother.h"
 #include "server/aggregate/share_window.h"
 #include "server/aggregate/viewpoint_map.h"
 #include "server/aggregate/temporal_volume.h"
@@ -47,6 +48,8 @@ struct CandidateMemory {
   Lattice lattice;
   TemporalVolume volume;   // which targets were seen from the lattice's cells
   OcclusionSmoother smoother;  // share of the targets that moving occluders have hidden there
+  HiddenAhead ahead;           // share of the targets that is expected to be hidden there
+  uint64_t ahead_targets = 0;  // hash over the ids of the steered targets to which `ahead` belongs
 };
 
 // The past poses of one target, from which its motion is predicted.
@@ -77,6 +80,7 @@ struct CarriedState {
   Trail trail;  // path of the targets' centre
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
+  bool follows = false;              // it was the desired position
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take

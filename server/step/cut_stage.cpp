@@ -153,7 +153,7 @@ double way_m(const MoveInput& in, const Decision& decision, MoveScratch& scratch
   if (!weighs_hidden(in.step.input)) return glm::distance(from_m, in.sights.candidates.position_m[chosen]);
   double length_m = 0;
   glm::dvec3 last_m = from_m;
-  for (const uint32_t node : scratch.routes.to(chosen)) {
+  for (const uint32_t node : scratch.way) {
     length_m += glm::distance(last_m, in.sights.position_m[node]);
     last_m = in.sights.position_m[node];
   }

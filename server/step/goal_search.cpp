@@ -1,10 +1,9 @@
-// The goal of strategy kMinCost: the candidate with the least cost of occlusion, now and in every future, and of the
-// route to it. `choose_goal` sets up the costs; `find_goal` (move/goal.cpp) decides which candidate wins.
+// The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the coming
+// second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay.
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "server/move/goal.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -14,6 +13,18 @@ namespace {
 constexpr double kRouteRoomM = 0.05;
 // Length of the trail that a lost camera examines.
 constexpr double kTrailReachM = 16.0;
+// A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are longer.
+constexpr double kWayM = 4.0;
+// The cost of a place outside the limits of distance and elevation, metres.
+constexpr float kOutsideLimits = 100.0f;
+// How much the last slice of a plan counts for the time after it, in plans.
+constexpr double kAfterwards = 0.3;
+// Before this time the camera can hardly change its course.
+constexpr double kAnswerS = 0.15;
+// The camera heads for where the plan wants it after this time.
+constexpr double kLookS = 0.35;
+// The time constant with which that point moves, so that it does not jump between two plans that are equally good.
+constexpr double kCalmS = 0.05;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
@@ -37,37 +48,80 @@ void measure_clearances(const MoveInput& in, double body_radius_m, MoveScratch& 
   give_way(in, body_radius_m, scratch.clearance_m);
 }
 
-// True if no reachable candidate sees any target. Settles further routes until it finds a candidate that sees one.
-bool is_lost(const std::vector<double>& hidden, RouteFinder& routes) {
-  for (uint32_t i = 0; i < hidden.size(); ++i)
-    if (hidden[i] < kAllHidden && routes.is_settled(i)) return false;
-  while (const auto candidate = routes.settle_next())
-    if (hidden[*candidate] < kAllHidden) return false;
-  return true;
+// ---- the flight plan ----
+
+class PlanPricer {
+ public:
+  PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
+      : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
+        lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
+    tolerance_ = weights_.tolerance;
+    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, in.step.input.settings.move.viewpoint_search.keep_shot_below);
+  }
+
+  void price() {
+    price_limits();
+    for (size_t slice = 0; slice < kSlices; ++slice) {
+      price_hidden(slice);
+      planner_.blur(slice, weights_.surroundings);
+      planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), weights_.distance, outside_);
+    }
+  }
+
+ private:
+  void price_hidden(size_t slice) {
+    const std::span<float> costs = planner_.costs(slice);
+    const std::span<const SharePart> shares = ahead_.shares(slice);
+    const std::vector<uint32_t>& addresses = lattice_.addresses();
+    const auto occlusion = static_cast<float>(weights_.occlusion), tolerance = static_cast<float>(tolerance_);
+    for (size_t i = 0; i < addresses.size(); ++i) {
+      const SharePart known = shares[addresses[i]];
+      const float share = known == kUnknownShare ? static_cast<float>(in_.sights.hidden[i]) : known * (1.0f / kWholeShare);
+      costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
+    }
+  }
+  void price_limits() {
+    const PlaceLimits limits(in_.step.targets.tracked_targets, in_.step.input.settings.move);
+    outside_.assign(planner_.cell_count(), 0.0f);
+    for (size_t i = 0; i < lattice_.size(); ++i)
+      if (!limits.hold(in_.sights.position_m[i])) outside_[planner_.cell_of(i)] = kOutsideLimits;
+  }
+
+  const MoveInput& in_;
+  FlightPlanner& planner_;
+  std::vector<float>& outside_;  // by cell: the cost of being outside the limits
+  const CostWeights& weights_;
+  const HiddenAhead& ahead_;
+  const Lattice& lattice_;
+  const glm::dvec3 group_mps_;
+  double tolerance_ = 0;
+};
+
+FlightSettings flight_settings(const MoveInput& in) {
+  const double way_m = std::max(kWayM, 4 * in.carried.candidates.lattice.spacing_m());
+  const CameraLimits& limits = in.step.input.limits;
+  return {.slice_s = kSliceS,
+          .speed_mps = std::min(limits.max_speed_mps, std::sqrt(limits.max_acceleration_mps2 * way_m / 2)),
+          .route = in.step.input.settings.move.cost.route,
+          .afterwards = kAfterwards};
 }
 
-// The next position to head for on the route to the goal, and the remaining length of the route.
+// The mean cost of the slices along a path, as of a flight plan.
+template <typename Path>
+double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings, Path path) {
+  double sum = 0, last = 0;
+  for (size_t slice = 0; slice < kSlices; ++slice)
+    sum += last = planner.cost_at(path(ahead.ahead_s(slice)), slice, 100.0);
+  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), path(ahead.ahead_s(kSlices - 1)));
+}
+
+// ---- ways ----
+
+// The next position to head for, and the remaining length of the way.
 struct Leg {
   glm::dvec3 to_m{0.0};
   double length_m = 0;
 };
-
-// Roughly the farthest candidate of the route that the body can reach in a straight line. On long routes only every
-// second candidate is tried. The first one always qualifies, because every route begins with a leg that the body can
-// take.
-Leg first_leg(const MoveInput& in, uint32_t goal, RouteFinder& routes) {
-  const auto& position_m = in.sights.position_m;
-  const std::vector<uint32_t>& route = routes.to(goal);
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  if (route.empty()) return {from_m, 0};
-  StraightWays ways(in.surroundings.colliders, from_m, body_m(in));
-  size_t k = route.size() - 1;
-  while (k > 0 && !ways.is_free(position_m[route[k]])) k = k > 4 ? k - 2 : k - 1;
-  const glm::dvec3 to_m = position_m[route[k]];
-  double length_m = glm::distance(from_m, to_m);
-  for (; k + 1 < route.size(); ++k) length_m += glm::distance(position_m[route[k]], position_m[route[k + 1]]);
-  return {to_m, length_m};
-}
 
 // The velocity towards the end of the leg, no faster than allows the camera to stop at the goal. It changes with the
 // time constant response_s.
@@ -93,58 +147,167 @@ std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
   return Leg{*to_m, glm::distance(from_m, *to_m)};
 }
 
-// A goal at the desired position, or where the bound ends on the way to it, moves with the targets; any other goal is fixed in the
-// world. The last candidate is that position (aggregate).
-bool leads_to_desired(const MoveInput& in, const Goal& goal) {
-  if (goal.choice.candidate < 0) return false;  // without targets there are no candidates
-  return glm::distance(goal.position_m, in.sights.position_m.back()) < in.carried.candidates.lattice.spacing_m();
+// Roughly the farthest candidate of the way that the body can reach in a straight line. On long ways only every second candidate is
+// tried. The first one always qualifies, because every way begins with a leg that the body can take.
+Leg first_leg(const MoveInput& in, const std::vector<uint32_t>& way) {
+  const auto& position_m = in.sights.position_m;
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  if (way.empty()) return {from_m, 0};
+  StraightWays ways(in.surroundings.colliders, from_m, body_m(in));
+  size_t k = way.size() - 1;
+  while (k > 0 && !ways.is_free(position_m[way[k]])) k = k > 4 ? k - 2 : k - 1;
+  const glm::dvec3 to_m = position_m[way[k]];
+  double length_m = glm::distance(from_m, to_m);
+  for (; k + 1 < way.size(); ++k) length_m += glm::distance(position_m[way[k]], position_m[way[k + 1]]);
+  return {to_m, length_m};
 }
+
+class GoalSearch {
+ public:
+  GoalSearch(const MoveInput& in, MoveScratch& scratch)
+      : in_(in), scratch_(scratch), planner_(scratch.planner), pricer_(in, planner_, scratch.outside), settings_(flight_settings(in)),
+        ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
+
+  Goal choose() {
+    const double body_radius_m = body_m(in_) + kRouteRoomM;
+    scratch_.way.clear();
+    scratch_.way.reserve(kSlices + 1);
+    measure_clearances(in_, body_radius_m, scratch_);
+    planner_.lay(in_.sights.candidates.position_m, scratch_.clearance_m, body_radius_m, kSlices);
+    pricer_.price();
+    const FlightPlan& plan = planner_.plan(start(), settings_);
+    if (!sees_any(plan)) return go_to_view(plan, body_radius_m);
+    const double follow = follow_cost(), stay = stay_cost();
+    const double steadiness = in_.carried.follows ? in_.step.input.settings.move.cost.steadiness : 0.0;
+    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired();
+    if (stay <= plan.cost) return stay_here();
+    return fly(plan);
+  }
+
+ private:
+  const glm::dvec3& eye_m() const { return in_.step.camera.pose.position_m; }
+  const HiddenAhead& ahead() const { return in_.carried.candidates.ahead; }
+
+  FlightStart start() {
+    return {.position_m = eye_m(),
+            .drift_m = in_.step.camera.velocity_mps * kAnswerS,
+            .is_free = [this](uint32_t candidate) { return ways_.is_free(in_.sights.position_m[candidate]); }};
+  }
+  bool sees_any(const FlightPlan& plan) const {
+    if (in_.sights.hidden[in_.sights.own_candidate] < kAllHidden) return true;
+    return std::ranges::any_of(plan.candidates, [&](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
+  }
+  Goal goal_at(size_t candidate, const glm::dvec3& position_m) const {
+    return {.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets, in_.desired_m),
+            .position_m = position_m};
+  }
+
+  // ---- following the desired position ----
+
+  size_t desired_candidate() const { return in_.sights.position_m.size() - 1; }
+  glm::dvec3 behind_m() const { return in_.sights.position_m[desired_candidate()] - eye_m(); }
+  double follow_cost() {
+    if (!ways_.is_free(in_.sights.position_m[desired_candidate()])) return INFINITY;
+    const glm::dvec3 behind_m = this->behind_m();
+    const double way_m = glm::length(behind_m);
+    const glm::dvec3 along = way_m > 1e-9 ? behind_m / way_m : glm::dvec3(0.0);
+    const glm::dvec3 group_mps = group_velocity_mps(in_.step);
+    return cost_of_path(planner_, ahead(), settings_, [&](double time_s) {
+      return nearest_in_bound_m(in_.bound, eye_m() + group_mps * time_s + along * std::min(way_m, settings_.speed_mps * time_s));
+    });
+  }
+  Goal follow_desired() {
+    Goal goal = goal_at(desired_candidate(), in_.sights.position_m[desired_candidate()]);
+    goal.follows = true;
+    const bool is_far = glm::length(behind_m()) > in_.carried.candidates.lattice.spacing_m();
+    for (size_t k = 1; is_far && k < kSlices; ++k)  // the cells on the way
+      if (const auto candidate = planner_.candidate_at(eye_m() + behind_m() * (static_cast<double>(k) / kSlices)))
+        scratch_.way.push_back(*candidate);
+    scratch_.way.push_back(static_cast<uint32_t>(desired_candidate()));
+    goal.velocity_mps = velocity_along(in_.step, {goal.position_m, glm::length(behind_m())}, group_velocity_mps(in_.step));
+    return goal;
+  }
+
+  // ---- staying ----
+
+  double stay_cost() {
+    return cost_of_path(planner_, ahead(), settings_, [&](double) { return eye_m(); });
+  }
+  Goal stay_here() {
+    Goal goal = goal_at(in_.sights.own_candidate, eye_m());
+    goal.velocity_mps = velocity_along(in_.step, {eye_m(), 0}, glm::dvec3(0.0));
+    return goal;
+  }
+
+  // ---- the flight plan ----
+
+  Goal fly(const FlightPlan& plan) {
+    const double response_s = in_.step.input.settings.move.move_response_s;
+    scratch_.way = plan.candidates;
+    glm::dvec3 to_m = plan.at(kLookS);
+    if (in_.carried.goal_m && !in_.carried.follows) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
+    Goal goal = goal_at(plan.candidates.back(), to_m);
+    for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
+    glm::dvec3 wanted_mps = (to_m - eye_m()) / kLookS;
+    if (!ways_.is_free(to_m)) {  // round a corner
+      const glm::dvec3 first_m = plan.point_m[1] - eye_m();
+      const double length_m = glm::length(first_m);
+      if (length_m > 1e-9) wanted_mps = first_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s, 2 * in_.step.move_s)) / length_m);
+    }
+    goal.velocity_mps = steer_velocity(in_.step.camera, wanted_mps, in_.step.input.limits, response_s, in_.step.move_s);
+    return goal;
+  }
+
+  // ---- without a view on the plan: the nearest view, or the trail ----
+
+  Goal go_to_view(const FlightPlan& plan, double body_radius_m) {
+    lattice_cells(in_.sights.candidates.position_m, in_.carried.candidates.lattice.spacing_m(), scratch_.cells);
+    const auto& position_m = in_.sights.position_m;
+    const RouteNodes nodes{.position_m = position_m,
+                           .cell = scratch_.cells,
+                           .clearance_m = scratch_.clearance_m,
+                           .hidden = in_.sights.hidden,
+                           .first_leg_is_free = [&](uint32_t node) { return ways_.is_free(position_m[node]); },
+                           .spacing_m = in_.carried.candidates.lattice.spacing_m()};
+    scratch_.routes.begin(nodes, static_cast<uint32_t>(in_.sights.own_candidate), {.body_radius_m = body_radius_m, .exposure = 0.0});
+    while (const auto candidate = scratch_.routes.settle_next())
+      if (in_.sights.hidden[*candidate] < kAllHidden) {
+        scratch_.way = scratch_.routes.to(*candidate);
+        Goal goal = goal_at(*candidate, position_m[*candidate]);
+        goal.searches = true;
+        goal.velocity_mps = velocity_along(in_.step, first_leg(in_, scratch_.way), glm::dvec3(0.0));
+        return goal;
+      }
+    return escape(plan);
+  }
+  // Without a trail it goes at least nearer to the desired position.
+  Goal escape(const FlightPlan& plan) {
+    Goal goal = ways_.is_free(in_.sights.position_m[desired_candidate()]) ? follow_desired()
+                : plan.candidates.empty()                                  ? stay_here()
+                                                                           : fly(plan);
+    goal.lost = goal.searches = true;
+    const auto leg = leg_to_trail(in_, scratch_.trail_colliders);
+    if (!leg) return goal;
+    scratch_.way.clear();
+    goal.plan_m.clear();
+    goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
+    goal.follows = false;
+    goal.velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0));
+    return goal;
+  }
+
+  const MoveInput& in_;
+  MoveScratch& scratch_;
+  FlightPlanner& planner_;
+  PlanPricer pricer_;
+  const FlightSettings settings_;
+  StraightWays ways_;
+};
 
 }  // namespace
 
 Goal choose_goal(const MoveInput& in, MoveScratch& scratch) {
-  const MoveSettings& settings = in.step.input.settings.move;
-  const auto& position_m = in.sights.position_m;
-  const double body_radius_m = body_m(in) + kRouteRoomM, spacing_m = in.carried.candidates.lattice.spacing_m();
-  list_all_visible(in, scratch);
-  scratch.edge_depths.begin(scratch.cells, scratch.members);
-  measure_clearances(in, body_radius_m, scratch);
-  StraightWays ways(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in));
-  const RouteNodes nodes{.position_m = position_m,
-                         .cell = scratch.cells,
-                         .clearance_m = scratch.clearance_m,
-                         .hidden = in.sights.hidden,
-                         .first_leg_is_free = [&](uint32_t node) { return ways.is_free(position_m[node]); },
-                         .spacing_m = spacing_m};
-  scratch.routes.begin(nodes, static_cast<uint32_t>(in.sights.own_candidate),
-                       {.body_radius_m = body_radius_m, .exposure = settings.cost.exposure});
-  CostWeights weights = settings.cost;
-  if (targets_stand(in.step)) weights.tolerance = std::max(weights.tolerance, settings.viewpoint_search.keep_shot_below);
-  std::optional<glm::dvec3> former_goal_m = in.carried.goal_m;
-  if (former_goal_m) *former_goal_m += group_velocity_mps(in.step) * in.step.move_s;
-  const CandidateCosts costs({.position_m = position_m,
-                          .hidden = in.sights.hidden,
-                          .spacing_m = spacing_m,
-                          .desired_m = in.desired_m,
-                          .former_goal_m = former_goal_m},
-                         weights);
-  const PlaceLimits limits(in.step.targets.tracked_targets, settings);
-  const uint32_t found = find_goal({costs, scratch.edge_depths, limits, position_m}, scratch.routes);
-  return {.choice = choice_of(found, in.sights.candidates, in.step.targets.tracked_targets, in.desired_m),
-          .position_m = position_m[found],
-          .lost = is_lost(in.sights.hidden, scratch.routes)};
-}
-
-glm::dvec3 velocity_to_goal(const MoveInput& in, Goal& goal, MoveScratch& scratch) {
-  if (goal.lost) {
-    if (const auto leg = leg_to_trail(in, scratch.trail_colliders)) {
-      goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
-      return velocity_along(in.step, *leg, glm::dvec3(0.0));
-    }
-  }
-  Leg leg{in.step.camera.pose.position_m, 0};
-  if (goal.choice.candidate >= 0) leg = first_leg(in, static_cast<uint32_t>(goal.choice.candidate), scratch.routes);
-  return velocity_along(in.step, leg, leads_to_desired(in, goal) ? group_velocity_mps(in.step) : glm::dvec3(0.0));
+  return GoalSearch(in, scratch).choose();
 }
 
 }  // namespace sightline

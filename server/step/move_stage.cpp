@@ -9,7 +9,8 @@
 namespace sightline {
 namespace {
 
-// The horizon doubles in this time while no candidate sees all targets, and halves in it once one does (design 3).
+// The horizon doubles in this time while no candidate sees all targets (strategies of the paper) or no place on the plan sees any
+// (kMinCost), and halves in it otherwise.
 constexpr double kHorizonDoublingS = 0.25;
 
 // With a prediction, drops candidates that will not see the predicted targets, as long as another one sees them now and
@@ -24,6 +25,16 @@ void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) 
   if (!any) return;
   for (size_t i = 0; i < ahead.size(); ++i)
     if (!seen_ahead(i)) members[i] = 0;
+}
+
+// Lists the candidates' cells and which of them see all steered targets.
+void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
+  const CandidateSet& candidates = in.sights.candidates;
+  const std::span<const uint32_t> seen = candidates.filtered();
+  const uint32_t steered = in.step.targets.steered;
+  lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
+  scratch.members.resize(seen.size());
+  for (size_t i = 0; i < seen.size(); ++i) scratch.members[i] = (seen[i] & steered) == steered;
 }
 
 void set_robust_costs(const MoveInput& in, MoveScratch& s) {
@@ -62,28 +73,41 @@ glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
                           travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
 }
 
-// The horizon grows while no candidate sees all targets, so that an escape looks farther. It shrinks again once one
-// does.
-double next_horizon_s(const MoveInput& in, MoveStatus status) {
+// The horizon grows, so that an escape looks farther, or shrinks again.
+double next_horizon_s(const MoveInput& in, bool grows) {
   const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
-  const bool all_seen = status == MoveStatus::kTracking || in.step.targets.steered == 0;
-  return all_seen ? in.carried.horizon_s / factor : in.carried.horizon_s * factor;
+  return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
 }
 
-// See Decision::view_way_m. `routes` must have settled the candidate; strategies that have no routes pass null.
-std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, RouteFinder* routes) {
+// The length of a way whose first part is cut short: the camera goes straight to the farthest candidate that it can reach so.
+double cut_short_m(const MoveInput& in, std::span<const uint32_t> way) {
+  const auto& position_m = in.sights.position_m;
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  StraightWays ways(in.surroundings.colliders, from_m, swept_radius_m(in.step.input.limits, in.step.lens));
+  size_t k = way.size() - 1;
+  while (k > 0 && !ways.is_free(position_m[way[k]])) --k;
+  double length_m = glm::distance(from_m, position_m[way[k]]);
+  for (; k + 1 < way.size(); ++k) length_m += glm::distance(position_m[way[k]], position_m[way[k + 1]]);
+  return length_m;
+}
+
+// See Decision::view_way_m. `way`: the candidates on the way to the choice; strategies that plan no way pass null.
+std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, const std::vector<uint32_t>* way) {
   if (choice.candidate < 0) return std::nullopt;
   const auto goal = static_cast<uint32_t>(choice.candidate);
   const std::span<const uint32_t> seen = in.sights.candidates.filtered();
-  const auto sees = [&](uint32_t candidate) { return (seen[candidate] & in.step.targets.steered) != 0; };
-  glm::dvec3 at_m = in.step.camera.pose.position_m;
-  if (!routes)
+  const auto sees = [&](uint32_t candidate) {
+    return (seen[candidate] & in.step.targets.steered) != 0 || (way && in.sights.hidden[candidate] < kAllHidden);
+  };
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  glm::dvec3 at_m = from_m;
+  if (!way)
     return sees(goal) ? std::optional(glm::distance(at_m, in.sights.candidates.position_m[goal])) : std::nullopt;
   double way_m = 0.0;
-  for (const uint32_t node : routes->to(goal)) {
-    way_m += glm::distance(at_m, in.sights.position_m[node]);
-    at_m = in.sights.position_m[node];
-    if (sees(node)) return way_m;
+  for (size_t k = 0; k < way->size(); ++k) {
+    way_m += glm::distance(at_m, in.sights.position_m[(*way)[k]]);
+    at_m = in.sights.position_m[(*way)[k]];
+    if (sees((*way)[k])) return sees(static_cast<uint32_t>(in.sights.own_candidate)) ? way_m : cut_short_m(in, std::span(*way).first(k + 1));
   }
   return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_m) : std::nullopt;
 }
@@ -105,9 +129,12 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
       goal.choice = choose(in, scratch);
     }
   }
-  decision.horizon_s = next_horizon_s(in, goal.choice.status);
-  const glm::dvec3 wanted_mps = by_goal ? velocity_to_goal(in, goal, scratch) : velocity_to(in, goal.choice);
-  decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.routes : nullptr);
+  const bool none_sees_all = goal.choice.status != MoveStatus::kTracking && in.step.targets.steered != 0;
+  decision.horizon_s = next_horizon_s(in, by_goal ? goal.searches : none_sees_all);
+  decision.follows = goal.follows;
+  decision.plan_m = goal.plan_m;
+  const glm::dvec3 wanted_mps = by_goal && in.step.targets.steered != 0 ? goal.velocity_mps : velocity_to(in, goal.choice);
+  decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.way : nullptr);
   decision.sees_none = by_goal ? goal.lost : !decision.view_way_m;
   return {goal.choice, wanted_mps};
 }
@@ -209,15 +236,6 @@ void gather_colliders(const StepContext& step, const Bound& bound, Surroundings&
     surroundings.movers_ahead[look].gather_movers(step.input.scene, position_m,
                                                   limits.max_speed_mps * kEvadeS[look] + 2 * body_m + 1.0, {},
                                                   kEvadeS[look]);
-}
-
-void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
-  const CandidateSet& candidates = in.sights.candidates;
-  const std::span<const uint32_t> seen = candidates.filtered();
-  const uint32_t steered = in.step.targets.steered;
-  lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
-  scratch.members.resize(seen.size());
-  for (size_t i = 0; i < seen.size(); ++i) scratch.members[i] = (seen[i] & steered) == steered;
 }
 
 Decision decide(const MoveInput& in, MoveScratch& scratch) {

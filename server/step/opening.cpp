@@ -22,15 +22,8 @@ ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   return zoom;
 }
 
-uint64_t hash_of_weighted(const TargetsNow& targets) {
-  uint64_t hash = 0;
-  for (size_t i = 0; i < targets.ids.size(); ++i)
-    if (targets.weighted >> i & 1u) hash += hash64_bytes(std::as_bytes(std::span(&targets.ids[i], 1)));
-  return hash;
-}
-
 bool keeps_shot(const TargetsNow& targets, const WantedShot& before) {
-  return before.is_set && before.target_set == hash_of_weighted(targets);
+  return before.is_set && before.target_set == hash_of(targets, targets.weighted);
 }
 
 // The shot belongs to one set of targets. When the set changes, the camera's present position defines a new shot. So
@@ -41,7 +34,7 @@ WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const 
   WantedShot shot = before;
   shot.offset_m = shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
   shot.viewpoint.reset();
-  shot.target_set = hash_of_weighted(targets);
+  shot.target_set = hash_of(targets, targets.weighted);
   shot.is_set = true;
   return shot;
 }

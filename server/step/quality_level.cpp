@@ -12,16 +12,16 @@ namespace {
 // Factors of the settings; results are rounded up.
 struct Cut {
   double points, search, resolution, candidates;
-  bool turns, predicts;
+  bool predicts;
   double cost;  // an estimate; see expected_cost
 };
 constexpr std::array<Cut, kLowestQualityLevel + 1> kCuts{{
-    {1, 1, 1, 1, true, true, 1.0},
-    {1, 1, 1, 1, false, true, 0.85},
-    {0.5, 0.5, 1, 1, false, true, 0.5},
-    {0.25, 0.5, 1, 0.5, false, true, 0.3},
-    {0.25, 0.25, 0.75, 0.25, false, true, 0.2},
-    {0.125, 0.25, 0.5, 0.125, false, false, 0.1},
+    {1, 1, 1, 1, true, 1.0},
+    {1, 0.5, 1, 1, true, 0.85},
+    {0.5, 0.5, 1, 1, true, 0.65},
+    {0.25, 0.5, 1, 0.5, true, 0.35},
+    {0.25, 0.25, 0.75, 0.25, true, 0.2},
+    {0.125, 0.25, 0.5, 0.125, false, 0.1},
 }};
 
 // The least that the ranges of the settings allow.
@@ -56,9 +56,9 @@ StepSettings degrade(const StepSettings& settings, int level) {
   StepSettings less = settings;
   less.sample.points = cut(settings.sample.points, c.points, 1);
   less.sample.resolution = cut(settings.sample.resolution, c.resolution, kLeastResolution);
-  less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.search, kLeastResolution);
+  if (settings.move.search_viewpoints)
+    less.move.viewpoint_search.resolution = cut(settings.move.viewpoint_search.resolution, c.search, kLeastResolution);
   less.aggregate.candidates = cut(settings.aggregate.candidates, c.candidates, kLeastCandidates);
-  if (!c.turns) less.move.turn_probability = 0.0;
   if (!c.predicts) less.move.prediction_s = 0.0;
   return less;
 }
@@ -66,7 +66,7 @@ StepSettings degrade(const StepSettings& settings, int level) {
 bool degrades(const StepSettings& settings, int level) {
   const auto parts = [](const StepSettings& s) {
     return std::tie(s.sample.points, s.sample.resolution, s.move.viewpoint_search.resolution, s.aggregate.candidates,
-                    s.move.turn_probability, s.move.prediction_s);
+                    s.move.prediction_s);
   };
   const StepSettings less = degrade(settings, level);
   return parts(less) != parts(settings);
@@ -75,7 +75,6 @@ bool degrades(const StepSettings& settings, int level) {
 std::string describe_degradation(const StepSettings& settings, int level) {
   const StepSettings less = degrade(settings, level);
   std::string text;
-  note("turns", settings.move.turn_probability, less.move.turn_probability, text);
   note("points", settings.sample.points, less.sample.points, text);
   note("search resolution", settings.move.viewpoint_search.resolution, less.move.viewpoint_search.resolution, text);
   note("candidates", settings.aggregate.candidates, less.aggregate.candidates, text);

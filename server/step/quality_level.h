@@ -10,8 +10,8 @@
 namespace sightline {
 
 // Level 0 leaves nothing out. Each further level leaves out what the level before does, and more:
-//   1  the predicted turns of the targets (MoveSettings::turn_probability): a third of the maps for predictions
-//   2  half of the points of each target; the viewpoint search takes maps at half its resolution
+//   1  the viewpoint search takes maps at half its resolution
+//   2  half of the points of each target
 //   3  three quarters of the points; half of the candidates
 //   4  three quarters of the candidates; the viewpoint search at a quarter of its resolution, other maps at three quarters of theirs
 //   5  all but an eighth of the points and candidates; maps at half their resolution; the prediction

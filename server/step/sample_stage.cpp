@@ -1,5 +1,6 @@
 // The sample stage: it picks the sampled points of the targets and plans the maps from them (paper 3.2, 4; design 4).
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -14,6 +15,8 @@ namespace {
 constexpr size_t kPointsAhead = 3;
 // A shorter prediction would add nothing to the present poses.
 constexpr double kLeastAheadS = 0.05;
+// How far ahead strategy kMinCost foretells what will be seen; farther, people do something else. Its plan looks farther ahead.
+constexpr double kForecastS = 0.5;
 
 glm::dvec2 texel_jitter(const StepInput& input) {
   if (!input.settings.sample.jitter) return {0.5, 0.5};
@@ -47,6 +50,7 @@ Affine world_from_instance_at(const Pose& pose, const Instance& instance) {
 void decide_ahead(const SampleInput& in, SamplePlan& plan) {
   const StepContext& step = in.step;
   double ahead_s = step.input.settings.move.prediction_s, confidence = 1.0;
+  if (weighs_hidden(step.input)) ahead_s = std::min(ahead_s, kForecastS);
   const auto predictor_of = [&](size_t i) -> const MotionPredictor& {
     return past_of(in.pasts, step.targets.ids[i]).predictor;
   };
@@ -120,28 +124,73 @@ glm::dvec3 turned(const glm::dvec3& v, double rad) {
   return {c * v.x + s * v.z, v.y, c * v.z - s * v.x};
 }
 
-// Plans futures in which the targets go on as predicted or turn to either side, since people do turn. Futures use aim
-// points only.
-void pick_futures(const SampleInput& in, SamplePlan& plan) {
-  const MoveSettings& settings = in.step.input.settings.move;
-  if (plan.ahead_s <= 0 || !weighs_hidden(in.step.input) || settings.turn_probability <= 0) return plan.futures.clear();
-  const double shares[] = {1 - settings.turn_probability, settings.turn_probability / 2, settings.turn_probability / 2};
-  const double turns_rad[] = {0, settings.turn_rad, -settings.turn_rad};
-  static_assert(std::size(shares) == kMaxFutures);
-  plan.futures.resize(kMaxFutures);
-  for (size_t f = 0; f < std::size(shares); ++f) {
-    Future& future = plan.futures[f];
-    future.sampled.clear();
-    future.weight = shares[f];
-    for (size_t i = 0; i < in.step.target_count(); ++i) {
-      const Instance& instance = *in.step.input.scene.find(in.step.targets.ids[i]);
-      const Pose predicted = past_of(in.pasts, instance.id).predictor.at(plan.ahead_s).pose;
-      const glm::dvec3 way_m = predicted.position_m - instance.world_from_instance[3];
-      future.sampled.points_of_target.push_back({static_cast<uint32_t>(i), 1});
-      future.sampled.points_m.push_back(in.step.targets.tracked_targets[i].aim_m + turned(way_m, turns_rad[f]));
+// Picks the points of the targets at the slices that are due. In each slice all targets go on as predicted or turn to one side, by
+// chance, since people do turn; the estimates of several steps together hold every way that they may go.
+class SlicePicker {
+ public:
+  SlicePicker(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan)
+      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kTurn) {}
+
+  void pick() {
+    const MoveSettings& settings = in_.step.input.settings.move;
+    plan_.slices.resize(0);
+    if (!weighs_hidden(in_.step.input) || in_.step.targets.steered == 0) return;
+    const auto count = static_cast<size_t>(std::ceil(kSlices * in_.step.move_s / kRenewS - 1e-9));
+    for (const DueSlice& due : in_.ahead.due(in_.step.move_s, count)) {
+      plan_.slices.resize(plan_.slices.size() + 1);
+      SampledSlice& slice = plan_.slices[plan_.slices.size() - 1];
+      slice.due = due;
+      slice.sampled.clear();
+      const double chance = random_.next_unit() / std::max(settings.turn_probability, 1e-9);
+      turns_rad_[due.slice] = chance < 0.5 ? settings.turn_rad : chance < 1.0 ? -settings.turn_rad : 0.0;
+    }
+    for (size_t i = 0; i < in_.step.target_count(); ++i) pick_target(i);
+  }
+
+ private:
+  // All slices of one target, since its surroundings are gathered once.
+  void pick_target(size_t i) {
+    const MotionPredictor& predictor = past_of(in_.pasts, in_.step.targets.ids[i]).predictor;
+    const double longest_s = std::min(in_.step.input.settings.move.prediction_s, kSlices * kSliceS);
+    const double reach_m = longest_s * (glm::length(predictor.velocity_mps()) + longest_s * glm::length(predictor.acceleration_mps2())) + 2 * kWalkerM;
+    const SceneMirror& scene = in_.step.input.scene;
+    scratch_.colliders.gather(scene, in_.step.targets.tracked_targets[i].aim_m, reach_m, scene.moving_slots());
+    for (SampledSlice& slice : plan_.slices) {
+      const size_t first = slice.sampled.points_m.size();
+      pick_points_of(i, predictor, slice);
+      slice.sampled.points_of_target.push_back(run_from(first, slice.sampled.points_m));
     }
   }
-}
+  void pick_points_of(size_t i, const MotionPredictor& predictor, SampledSlice& slice) {
+    const Instance& instance = *in_.step.input.scene.find(in_.step.targets.ids[i]);
+    const glm::dvec3 aim_m = in_.step.targets.tracked_targets[i].aim_m;
+    const double ahead_s = std::min(slice.due.ahead_s, in_.step.input.settings.move.prediction_s);
+    const glm::dvec3 way_m = free_way(aim_m, turned(predictor.at(ahead_s).pose.position_m - predictor.at(0).pose.position_m, turns_rad_[slice.due.slice]));
+    const ExtentTable* table = table_of(in_.step.input, i);
+    if (!table) return slice.sampled.points_m.push_back(aim_m + way_m);
+    Affine then = instance.world_from_instance;
+    then[3] += way_m;
+    pick_points(table->points(transform_point(inverse(then), in_.bound.center_m)), in_.step.input.tick + slice.due.slice,
+                std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points)), scratch_.picked);
+    add_points(slice.sampled.points_m, scratch_.picked, then);
+  }
+  // The part of a predicted way that leads through no wall.
+  glm::dvec3 free_way(const glm::dvec3& from_m, const glm::dvec3& way_m) const {
+    if (glm::length(way_m) < 1e-6) return way_m;
+    const double core_m = scratch_.colliders.clearance_m(from_m, 2 * kWalkerM) / 2;  // less where the target touches the ground
+    return way_m * scratch_.colliders.free_fraction(from_m, from_m + way_m, core_m);
+  }
+
+  static constexpr double kWalkerM = 0.2;      // radius of the core of a target that walks past a wall
+  static constexpr double kRenewS = 1.0 / 15;  // every slice is renewed once in this time
+  static constexpr size_t kPointsOfSlice = 2;  // of each target; successive renewals take others
+
+  const SampleInput& in_;
+  SampleScratch& scratch_;
+  SamplePlan& plan_;
+  CounterRandom random_;
+  std::array<double, kSlices> turns_rad_{};
+};
 
 // Plans pair volumes from one point of each target, the paper's one per frame. They are used if they can enclose the
 // bound.
@@ -220,7 +269,7 @@ void request_all(const SampleInput& in, SamplePlan& plan) {
   plan.requests.resize(plan.views.size());
   request(in, plan.now, 0.0, plan);
   request(in, plan.ahead, plan.ahead_s, plan);
-  for (const Future& future : plan.futures) request(in, future.sampled, plan.ahead_s, plan);
+  for (const SampledSlice& slice : plan.slices) request(in, slice.sampled, slice.due.ahead_s, plan);
   request_look(in, plan);
 }
 
@@ -238,10 +287,10 @@ const ExtentTable* table_of(const StepInput& input, size_t target) {
   return input.extents[target];
 }
 
-void plan_sample(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan) {
+void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
   clear(plan);
   decide_ahead(in, plan);
-  PointPicker picker(in, picked, plan);
+  PointPicker picker(in, scratch.picked, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
   const glm::dvec2 jitter = texel_jitter(in.step.input);
   chain_pairs(in, plan);
@@ -251,8 +300,8 @@ void plan_sample(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePl
     plan_maps(in, jitter, plan.now, plan);
   plan_sights(in.step, plan);
   plan_maps(in, jitter, plan.ahead, plan);
-  pick_futures(in, plan);
-  for (Future& future : plan.futures) plan_maps(in, jitter, future.sampled, plan);
+  SlicePicker(in, scratch, plan).pick();
+  for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, slice.sampled, plan);
   plan.look = plan_look(in, plan.views);
   request_all(in, plan);
 }

@@ -11,7 +11,7 @@
 #include "server/aggregate/compose.h"
 #include "server/move/choose.h"
 #include "server/move/coherence.h"
-#include "server/move/goal.h"
+#include "server/move/flight_plan.h"
 #include "server/move/groups.h"
 #include "server/move/route.h"
 #include "server/move/clearance_cache.h"
@@ -38,6 +38,8 @@ const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
 // are not in a mask.
 uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
 TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
+// A hash over the ids of the targets in a mask, in any order.
+uint64_t hash_of(const TargetsNow& now, uint32_t mask);
 // True if no steered target moves.
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
@@ -57,8 +59,13 @@ struct SampleInput {
   const Bound& bound;
   std::span<const TargetPast> pasts;
   const WantedShot& shot;
+  const HiddenAhead& ahead;
 };
-void plan_sample(const SampleInput& input, std::vector<glm::vec3>& picked, SamplePlan& plan);
+struct SampleScratch {
+  std::vector<glm::vec3> picked;
+  ClearanceField colliders;  // that stand around a target
+};
+void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
 // The sample table of a target; null if only its aim point is sampled.
 const ExtentTable* table_of(const StepInput& input, size_t target);
 
@@ -104,10 +111,6 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
 
-// Weight of the predicted poses, sampled with several points, within the future. The futures of aim points share the
-// rest.
-inline constexpr double kPredictedShare = 0.5;
-
 // The position itself if it is in the bound, else the nearest one in the bound.
 glm::dvec3 nearest_in_bound_m(const Bound& bound, const glm::dvec3& position_m);
 
@@ -122,6 +125,7 @@ struct AggregateScratch {
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and is not a target
   std::vector<uint32_t> off_grid_visible, slots;
+  std::vector<float> shares;  // of one slice, by cell
 };
 void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
 
@@ -138,8 +142,8 @@ struct MoveInput {
 };
 struct MoveScratch {
   std::vector<glm::ivec3> cells;  // of the candidates
-  std::vector<uint8_t> members;   // by candidate: 1 if it sees all steered targets
   // Strategy kRobust.
+  std::vector<uint8_t> members;  // by candidate: 1 if it sees all steered targets
   GroupScratch group_scratch;
   Groups groups;
   EdgeDistanceScratch edge_distance_scratch;
@@ -149,8 +153,10 @@ struct MoveScratch {
   // Strategy kMinCost.
   ClearanceCache clearance_cache;
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
-  EdgeDepths edge_depths;              // within the group of candidates that see all targets
+  FlightPlanner planner;
   RouteFinder routes;
+  std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
+  std::vector<uint32_t> way;  // the candidates on the way to the goal
   ClearanceField trail_colliders;  // also of cuts
 };
 void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings);
@@ -179,9 +185,6 @@ void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& plac
 // Counts the time without a sight of any required target.
 void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, CutState& state);
 
-// Lists the candidates' cells and which of them see all steered targets.
-void list_all_visible(const MoveInput& input, MoveScratch& scratch);
-
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
 
 // From this hidden share on, a candidate counts as seeing nothing.
@@ -189,12 +192,14 @@ inline constexpr double kAllHidden = 0.999;
 
 struct Goal {
   Choice choice;
-  glm::dvec3 position_m{0.0};
-  bool lost = false;  // no reachable candidate sees any target
+  glm::dvec3 position_m{0.0};   // where the camera heads for
+  glm::dvec3 velocity_mps{0.0};  // that leads there
+  bool follows = false;          // it heads for the desired position
+  InlineVector<PlanPoint, kSlices + 2> plan_m = {};  // as Decision::plan_m
+  bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does
+  bool lost = false;      // none that it can reach does
 };
+// Sets `scratch.way` too.
 Goal choose_goal(const MoveInput& input, MoveScratch& scratch);
-// Follows the targets' trail instead of the goal if the camera is lost. The reason in `goal.choice` then becomes
-// kOnTrail.
-glm::dvec3 velocity_to_goal(const MoveInput& input, Goal& goal, MoveScratch& scratch);
 
 }  // namespace sightline

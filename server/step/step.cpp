@@ -62,7 +62,7 @@ struct Stepper::Work {
   Opening opening;
   std::array<int64_t, kStageCount> stage_ns{};
 
-  std::vector<glm::vec3> picked;
+  SampleScratch sample;
   ViewpointScratch viewpoints;
   AggregateScratch aggregate;
   MoveScratch move;
@@ -106,9 +106,9 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   }
   {  // 2. Which maps are needed, and from which points?
     const StageTimer timer = work.time(clock, Stage::kSample);
-    const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot};
-    plan_sample(in, work.picked, dump_.plan);
-    plan_cut(in, carried, work.opening.target_jumped, work.picked, work.cut, dump_.plan);
+    const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot, carried.candidates.ahead};
+    plan_sample(in, work.sample, dump_.plan);
+    plan_cut(in, carried, work.opening.target_jumped, work.sample.picked, work.cut, dump_.plan);
   }
   if (dump_.plan.requests.empty()) dump_.maps.clear();
   return {dump_.plan.requests, &dump_.maps};
@@ -152,6 +152,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.zoom.vertical_fov_rad = dump_.decision.vertical_fov_rad;
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
+  carried_.follows = dump_.decision.follows;
   carried_.not_aimed_at = dump_.decision.not_aimed_at;
 
   StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);

@@ -17,6 +17,7 @@
 #include "server/move/decision.h"
 #include "server/move/motion.h"
 #include "server/scene/target.h"
+#include "server/aggregate/hidden_ahead.h"
 #include "server/sample/depth_map.h"
 #include "server/scene/clearance.h"
 
@@ -54,12 +55,11 @@ struct Sampled {
   }
 };
 
-// One possible future of the targets: the predicted aim point of each.
-struct Future {
+// The targets as they may be at a slice of the flight plan whose expected shares are renewed in this step.
+struct SampledSlice {
+  DueSlice due;
   Sampled sampled;
-  double weight = 0.0;  // probability; the weights of all futures sum to 1
 };
-inline constexpr size_t kMaxFutures = 3;  // straight on, and a turn to either side
 
 // Use of pair volumes, and the reason if they were requested but not used.
 struct PairPlan {
@@ -100,7 +100,7 @@ struct SamplePlan {
   Sampled ahead;            // the targets at their predicted poses; empty without a prediction
   double ahead_s = 0.0;     // time of that prediction; 0: no prediction in this step
   double ahead_confidence = 0.0;
-  InlineVector<Future, kMaxFutures> futures;  // possible futures, aim points only
+  InlineVector<SampledSlice, kSlices> slices;  // strategy kMinCost
   PairPlan pair;
   std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
   PairChain chain;                    // of these points; valid when pair.used
@@ -117,7 +117,7 @@ struct CandidateSights {
   size_t own_candidate = 0;  // index of the camera's own position among the candidates
   bool on_lattice = false;   // the first candidates are the lattice's cells rather than a pair volume's
   std::vector<glm::dvec3> position_m;  // of the candidates, listed; empty for strategy kBasic
-  std::vector<double> hidden;          // strategy kMinCost: by candidate, the expected hidden share of the targets, [0, 1]
+  std::vector<double> hidden;          // strategy kMinCost: by candidate, the hidden share of the targets, [0, 1]
   SightCounts counts;
 };
 
@@ -125,6 +125,12 @@ struct CandidateSights {
 struct Surroundings {
   ClearanceField colliders;
   MoversAhead movers_ahead;
+};
+
+// Where the camera should be `at_s` after the step's present.
+struct PlanPoint {
+  double at_s = 0.0;
+  glm::dvec3 position_m{0.0};
 };
 
 // Result of the move stage: the camera's next pose, with the reason.
@@ -143,6 +149,8 @@ struct Decision {
   double vertical_fov_rad = 0.0;
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;
+  bool follows = false;  // the goal is the desired position
+  InlineVector<PlanPoint, kSlices + 2> plan_m;  // the flight plan; empty unless the camera flies by one
   TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };
 

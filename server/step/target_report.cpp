@@ -51,24 +51,20 @@ double share_of(const TakenMaps& taken, const Sampled& sampled, size_t target, c
   return points.count > 0 ? static_cast<double>(seen) / points.count : 0.0;
 }
 
-// Over the futures as the aggregate stage weights them.
-double expected_share(const TakenMaps& taken, size_t target, const glm::dvec3& position_m) {
-  const SamplePlan& plan = taken.plan;
-  const double predicted = share_of(taken, plan.ahead, target, position_m);
-  if (plan.futures.empty()) return predicted;
-  double share = 0.0;
-  for (const Future& future : plan.futures) share += future.weight * share_of(taken, future.sampled, target, position_m);
-  return kPredictedShare * predicted + (1 - kPredictedShare) * share;
-}
-
-// The camera's position at the time of the prediction, if it goes on with its velocity, but not past its goal. The maps
-// hold only positions in the bound.
+// The camera's position at the time of the prediction: on its flight plan; else as it goes on with its velocity, but not past its
+// goal. The maps hold only positions in the bound.
 glm::dvec3 position_ahead_m(const ReportInput& step) {
   const Decision& decision = step.dump.decision;
   const CameraState& camera = decision.camera;
-  glm::dvec3 way_m = camera.velocity_mps * step.dump.plan.ahead_s;
-  const bool travels = decision.reason == MoveReason::kAtDesiredPlace;  // the goal moves with the targets
-  if (decision.goal_m && !travels) {
+  const double ahead_s = step.dump.plan.ahead_s;
+  const auto& plan = decision.plan_m;
+  for (size_t k = 1; k < plan.size(); ++k) {
+    if (plan[k].at_s < ahead_s) continue;
+    const double part = (ahead_s - plan[k - 1].at_s) / (plan[k].at_s - plan[k - 1].at_s);
+    return nearest_in_bound_m(step.dump.bound, glm::mix(plan[k - 1].position_m, plan[k].position_m, part));
+  }
+  glm::dvec3 way_m = camera.velocity_mps * ahead_s;
+  if (decision.goal_m && !decision.follows) {
     const double length_m = glm::length(way_m), left_m = glm::distance(camera.pose.position_m, *decision.goal_m);
     if (length_m > left_m) way_m *= left_m / length_m;
   }
@@ -117,7 +113,7 @@ std::optional<SightForecast> forecast_sight(const ReportInput& step, size_t targ
   if (ahead_s <= 0) return std::nullopt;
   SightForecast forecast;
   forecast.ahead_s = ahead_s;
-  forecast.share = expected_share(step.taken, target, position_ahead_m(step));
+  forecast.share = share_of(step.taken, step.taken.plan.ahead, target, position_ahead_m(step));
   forecast.confidence = past_of(step.pasts, step.dump.targets.ids[target]).predictor.confidence(ahead_s);
   forecast.loss_s =
       time_of_loss_s(present_share, forecast.share, step.taken.settings.visibility_threshold, ahead_s);

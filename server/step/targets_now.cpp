@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "server/base/hash.h"
 #include "server/move/sight_weight.h"
 #include "server/step/opening.h"
 
@@ -70,6 +71,13 @@ void observe_targets(const StepInput& input, const std::vector<TargetPast>& befo
     past.predictor.configure({.ahead_s = input.settings.move.prediction_s});
     past.predictor.observe(input.dt_s, input.scene.find(target.instance_id)->pose);
   }
+}
+
+uint64_t hash_of(const TargetsNow& now, uint32_t mask) {
+  uint64_t hash = 0;
+  for (size_t i = 0; i < now.ids.size(); ++i)
+    if (mask >> i & 1u) hash += hash64_bytes(std::as_bytes(std::span(&now.ids[i], 1)));
+  return hash;
 }
 
 uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped) {

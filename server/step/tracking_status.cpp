@@ -86,12 +86,11 @@ class StatusFinder {
     result_.view_s = time_to_cover_s(outside_rad, rate_radps, limits.max_angular_speed_radps,
                                      limits.max_angular_acceleration_radps2);
   }
-  // The angle by which the picture's middle is off the point, less half the vertical angle of view.
+  // The angle by which the camera has to turn, sideways or up and down, until the point comes into the picture.
   double outside_picture_rad(const glm::dvec3& point_m) const {
-    const Pose& pose = decision_.camera.pose;
-    const glm::dvec3 to_m = point_m - pose.position_m, ahead = pose.rotation * glm::dvec3(0, 0, -1);
-    const double off_rad = std::atan2(glm::length(glm::cross(ahead, to_m)), glm::dot(ahead, to_m));
-    return std::max(0.0, off_rad - lens_.vertical_fov_rad / 2);
+    const glm::dvec3 p = inverse_transform_point(decision_.camera.pose, point_m);
+    const double aside_rad = std::atan2(std::abs(p.x), -p.z), over_rad = std::atan2(std::abs(p.y), std::hypot(p.x, p.z));
+    return std::max({0.0, aside_rad - half_horizontal_fov_rad(lens_), over_rad - lens_.vertical_fov_rad / 2});
   }
 
   void move_to_view() {
@@ -101,7 +100,8 @@ class StatusFinder {
     if (*decision_.view_way_m < kArrivedM) return set(TrackingStatus::kWaiting);
     set(TrackingStatus::kSeeking);
     const CameraLimits& limits = step_.input.limits;
-    const double rate_mps = wanted_mps > 0 ? glm::dot(camera.velocity_mps, decision_.wanted_mps) / wanted_mps : 0.0;
+    // The way may bend, so the whole speed counts unless the camera flies the other way.
+    const double rate_mps = glm::dot(camera.velocity_mps, decision_.wanted_mps) > 0 ? glm::length(camera.velocity_mps) : 0.0;
     result_.view_s = time_to_cover_s(*decision_.view_way_m, rate_mps, limits.max_speed_mps, limits.max_acceleration_mps2);
   }
   bool is_stopped() const {

@@ -12,15 +12,9 @@
 
 #include "server/base/random.h"
 #include "server/move/cost.h"
-#include "server/move/goal.h"
 
 namespace sightline {
 namespace {
-
-using Cell = std::tuple<int, int, int>;
-Cell key(const glm::ivec3& c) {
-  return {c.x, c.y, c.z};
-}
 
 struct Grid {
   std::vector<glm::ivec3> cells;
@@ -86,35 +80,6 @@ struct UnionFind {
     return r;
   }
 };
-
-bool is_first_in_cell(const Grid& grid, size_t i) {
-  return std::find(grid.cells.begin(), grid.cells.end(), grid.cells[i]) - grid.cells.begin() == static_cast<ptrdiff_t>(i);
-}
-
-// The reference for depth: tries every cell of a box one layer larger than the candidates that is no member's.
-std::vector<uint32_t> brute_depths(const Grid& grid) {
-  std::set<Cell> inside;
-  glm::ivec3 low(INT32_MAX), high(INT32_MIN);
-  for (size_t i = 0; i < grid.cells.size(); ++i) {
-    if (grid.members[i] && is_first_in_cell(grid, i)) inside.insert(key(grid.cells[i]));
-    low = glm::min(low, grid.cells[i] - 1), high = glm::max(high, grid.cells[i] + 1);
-  }
-  std::vector<glm::ivec3> outside;
-  for (int z = low.z; z <= high.z; ++z)
-    for (int y = low.y; y <= high.y; ++y)
-      for (int x = low.x; x <= high.x; ++x)
-        if (!inside.contains({x, y, z})) outside.push_back({x, y, z});
-  std::vector<uint32_t> depth;
-  for (size_t i = 0; i < grid.cells.size(); ++i) {
-    int best = grid.members[i] ? INT32_MAX : 0;
-    for (const glm::ivec3& o : outside) {
-      const glm::ivec3 d = o - grid.cells[i];
-      best = std::min(best, d.x * d.x + d.y * d.y + d.z * d.z);
-    }
-    depth.push_back(static_cast<uint32_t>(best));
-  }
-  return depth;
-}
 
 TEST(Groups, AreThoseOfUnionFindOnRandomSets) {
   for (uint64_t seed = 0; seed < 150; ++seed) {
@@ -226,34 +191,6 @@ TEST(Groups, MemoryIsReusedFromCallToCall) {
   EXPECT_EQ(group, grid.groups.group_of.data());
   EXPECT_EQ(slot, &grid.scratch.table.slot_of(grid.cells[0]));
   EXPECT_EQ(queue, grid.scratch.queue.data());
-}
-
-void expect_depths(const Grid& grid, EdgeDepths& depths, const std::vector<uint32_t>& all) {
-  depths.begin(grid.cells, grid.members);
-  for (const uint32_t enough_steps : {1u, 2u, 3u, 100u})
-    for (size_t i = 0; i < all.size(); ++i)
-      ASSERT_EQ(depths.squared(i, enough_steps), std::min(all[i], enough_steps * enough_steps))
-          << "candidate " << i << ", enough " << enough_steps;
-}
-
-TEST(EdgeDepths, AreTheDistancesToTheNearestCellThatIsNoMember) {
-  EdgeDepths depths;
-  for (uint64_t seed = 2000; seed < 2080; ++seed) {
-    Grid grid = random_grid(seed);
-    // Positions off the grid points, in cells that already have one.
-    for (size_t i = 0; i + 3 < grid.cells.size(); i += 5) grid.add(grid.cells[i], i % 2 == 0);
-    expect_depths(grid, depths, brute_depths(grid));
-  }
-}
-
-TEST(EdgeDepths, AreExactForScatteredCandidatesToo) {
-  EdgeDepths depths;
-  Grid grid = random_grid(3);
-  grid.fill(-3, 3, [](const glm::ivec3&) { return true; });
-  std::vector<uint32_t> all = brute_depths(grid);
-  grid.add({2'000'000'000, -2'000'000'000, 7}, true);
-  all.push_back(1);
-  expect_depths(grid, depths, all);
 }
 
 TEST(Groups, LatticeCellsAreTheRoundedMultiplesOfTheSpacing) {

@@ -134,7 +134,7 @@ const BadValue kBadValues[] = {
     {"tuning.move.cost", "above 0",
      [](auto&, auto& t, auto&) {
        tuning::v1alpha1::CostWeights& cost = *t.mutable_move()->mutable_cost();
-       cost.set_occlusion(0), cost.set_distance(0), cost.set_edge_penalty(0), cost.set_route(0);
+       cost.set_occlusion(0), cost.set_distance(0), cost.set_route(0);
      }},
     {"settings.max_distance_m", "(1, 10000]",
      [](auto& s, auto&, auto&) {

@@ -156,7 +156,7 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.n = 0; }},
     {"tick.tuning.move.cost", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
-       otherwise_good(t).move.cost = {.occlusion = 0, .distance = 0, .edge_penalty = 0, .route = 0};
+       otherwise_good(t).move.cost = {.occlusion = 0, .distance = 0, .route = 0};
      }},
     {"tick.settings.dead_zone", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},

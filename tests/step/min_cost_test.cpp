@@ -54,9 +54,9 @@ TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   int round_about = 0, steps = 0;
   do {
     world.step_in(watch, r);
-    const auto& goal = world.stepper.carried().goal_m;
+    const auto& plan = world.stepper.dump().decision.plan_m;
     StraightWays ways(world.stepper.dump().surroundings.colliders, world.camera().pose.position_m, world.limits.body_radius_m);
-    round_about += goal && !ways.is_free(*goal);
+    round_about += !plan.empty() && !ways.is_free(plan[plan.size() - 1].position_m);
   } while (r.targets[0].visible_share < 1.0 && ++steps < 300);
   EXPECT_LT(steps, 240) << "within four seconds";
   EXPECT_GT(round_about, 0) << "the straight line was blocked";

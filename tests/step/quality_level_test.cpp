@@ -63,8 +63,8 @@ TEST(QualityLevel, TheFirstGuessesFallToo) {
 TEST(QualityLevel, SaysWhatItLeavesOut) {
   const StepSettings settings = preset_settings(Preset::kSightline);
   EXPECT_EQ(describe_degradation(settings, 0), "");
-  EXPECT_EQ(describe_degradation(settings, 1), "turns on -> off");
-  EXPECT_EQ(describe_degradation(settings, 2), "turns on -> off, points 8 -> 4, search resolution 8 -> 4");
+  EXPECT_EQ(describe_degradation(settings, 1), "search resolution 8 -> 4");
+  EXPECT_EQ(describe_degradation(settings, 2), "points 8 -> 4, search resolution 8 -> 4");
 }
 
 // The targets are sampled at points of their surfaces.

@@ -8,7 +8,9 @@ namespace sightline::test {
 
 inline StepSettings plain_settings() {
   StepSettings settings;
+  settings.bound.horizon_s = 0.5;
   settings.bound.target_reach_m = 0;
+  settings.aggregate.candidates = 343;
   settings.sample.points = 0;
   settings.aggregate.filter.mode = FilterMode::kNone;
   settings.aggregate.filter.min_occlusion_s = 0.15;

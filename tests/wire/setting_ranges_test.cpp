@@ -132,12 +132,12 @@ TEST(SettingRanges, ThePresetsHaveTheValuesOfTheAnnotations) {
 
 TEST(SettingRanges, ACostWithoutAnyWeightIsRefused) {
   MoveSettings settings;
-  settings.cost.occlusion = settings.cost.distance = settings.cost.edge_penalty = settings.cost.route = 0;
-  settings.cost.exposure = settings.cost.steadiness = 1;
+  settings.cost.occlusion = settings.cost.distance = settings.cost.route = 0;
+  settings.cost.surroundings = settings.cost.steadiness = 1;
   ASSERT_FALSE(validate(settings));
   EXPECT_EQ(validate(settings).error().field, "tuning.move.cost");
   for (const auto weight :
-       {&CostWeights::occlusion, &CostWeights::distance, &CostWeights::edge_penalty, &CostWeights::route}) {
+       {&CostWeights::occlusion, &CostWeights::distance, &CostWeights::route}) {
     MoveSettings one = settings;
     one.cost.*weight = 1e-3;
     EXPECT_TRUE(validate(one));

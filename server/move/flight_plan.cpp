@@ -1,0 +1,332 @@
+#include "server/move/flight_plan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "server/base/vector_clones.h"
+
+namespace sightline {
+namespace {
+
+// The cost of a cell where the body does not fit. More than any plan costs; sums of it stay finite.
+constexpr float kClosed = 1e12f;
+constexpr float kNoWay = 1e11f;  // a plan that costs more leads through a closed cell
+
+struct LegStep {
+  int x, y, z;
+  int axes;  // the number of axes along which it runs, 1 to 3
+};
+// The 26 legs; leg 25 - k is leg k backwards.
+constexpr std::array<LegStep, 26> kLegs = [] {
+  std::array<LegStep, 26> legs{};
+  size_t k = 0;
+  for (int z = -1; z <= 1; ++z)
+    for (int y = -1; y <= 1; ++y)
+      for (int x = -1; x <= 1; ++x)
+        if (x != 0 || y != 0 || z != 0) legs[k++] = {x, y, z, x * x + y * y + z * z};
+  return legs;
+}();
+
+std::ptrdiff_t offset_of(const LegStep& leg, const CellBox& box) {
+  return leg.x + leg.y * static_cast<std::ptrdiff_t>(box.row()) + leg.z * static_cast<std::ptrdiff_t>(box.slice());
+}
+
+SIGHTLINE_VECTOR_CLONES
+void mark_leg(const float* __restrict clear, const float* __restrict clear_there, size_t count, float body_m, float length_m,
+              uint32_t bit, uint32_t* __restrict legs) {
+  for (size_t i = 0; i < count; ++i) {
+    const bool fits = (clear[i] >= body_m) & (clear_there[i] >= body_m) & (clear[i] + clear_there[i] > length_m);
+    legs[i] |= fits ? bit : 0u;
+  }
+}
+
+SIGHTLINE_VECTOR_CLONES
+void take_least(const float* __restrict there, const uint32_t* __restrict legs, size_t count, uint32_t bit,
+                float* __restrict least) {
+  for (size_t i = 0; i < count; ++i) {
+    const float value = (legs[i] & bit) != 0 ? there[i] : kClosed;
+    least[i] = value < least[i] ? value : least[i];
+  }
+}
+
+SIGHTLINE_VECTOR_CLONES
+void add_to(const float* __restrict values, size_t count, float factor, float* __restrict sums) {
+  for (size_t i = 0; i < count; ++i) sums[i] += factor * values[i];
+}
+
+// least = min(least, best + half a pass + extra)
+SIGHTLINE_VECTOR_CLONES
+void take_leg(const float* __restrict best, const float* __restrict pass, size_t count, float extra, float* __restrict least) {
+  for (size_t i = 0; i < count; ++i) {
+    const float value = best[i] + pass[i] + extra;
+    least[i] = value < least[i] ? value : least[i];
+  }
+}
+
+SIGHTLINE_VECTOR_CLONES
+void sum_of_three(const float* __restrict values, size_t count, std::ptrdiff_t step, float* __restrict sums) {
+  const float* before = values - step;
+  const float* after = values + step;
+  for (size_t i = 0; i < count; ++i) sums[i] = before[i] + values[i] + after[i];
+}
+
+SIGHTLINE_VECTOR_CLONES
+void multiply(const float* __restrict a, const float* __restrict b, size_t count, float* __restrict products) {
+  for (size_t i = 0; i < count; ++i) products[i] = a[i] * b[i];
+}
+
+SIGHTLINE_VECTOR_CLONES
+void add_distance(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count, float px, float py,
+                  float pz, float weight, const float* __restrict others, float* __restrict costs) {
+  for (size_t i = 0; i < count; ++i) {
+    const float dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
+    costs[i] += weight * std::sqrt(dx * dx + dy * dy + dz * dz) + others[i];
+  }
+}
+
+// Mixes costs with sums over `counts` open cells, the cell itself included; closed cells become kClosed.
+SIGHTLINE_VECTOR_CLONES
+void mix(const float* __restrict sums, const float* __restrict counts, const float* __restrict open, size_t count, float share,
+         float* __restrict costs) {
+  for (size_t i = 0; i < count; ++i) {
+    const float mixed = costs[i] + share * (sums[i] / (counts[i] > 1.0f ? counts[i] : 1.0f) - costs[i]);
+    costs[i] = open[i] > 0 ? mixed : kClosed;
+  }
+}
+
+}  // namespace
+
+glm::dvec3 FlightPlan::at(double time_s) const {
+  for (size_t k = 1; k < point_m.size(); ++k)
+    if (time_s < at_s[k]) return glm::mix(point_m[k - 1], point_m[k], (time_s - at_s[k - 1]) / (at_s[k] - at_s[k - 1]));
+  return point_m.back();
+}
+
+void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices) {
+  spacing_m_ = places.spacing_m();
+  glm::ivec3 low(INT32_MAX), high(INT32_MIN);
+  for (size_t run = 0; run < places.runs().size(); ++run) {
+    const glm::ivec3 first = places.runs()[run].cell;
+    const auto count = static_cast<int>(places.end_of_run(run) - places.runs()[run].first);
+    low = glm::min(low, first);
+    high = glm::max(high, first + glm::ivec3(count - 1, 0, 0));
+  }
+  box_ = {low - 1, high - low + 3};
+  const size_t cells = box_.count();
+  open_.assign(cells, 0.0f);
+  clear_m_.assign(cells, -1.0f);
+  candidate_.assign(cells, UINT32_MAX);
+  cell_of_.resize(places.in_runs());
+  for (size_t run = 0; run < places.runs().size(); ++run) {
+    size_t cell = box_.address(places.runs()[run].cell);
+    for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i, ++cell) {
+      cell_of_[i] = static_cast<uint32_t>(cell);
+      candidate_[cell] = static_cast<uint32_t>(i);
+      clear_m_[cell] = clearance_m[i];
+      open_[cell] = clearance_m[i] >= body_radius_m ? 1.0f : 0.0f;
+    }
+  }
+  x_m_.resize(cells), y_m_.resize(cells), z_m_.resize(cells);
+  size_t at = 0;
+  for (int z = 0; z < box_.size.z; ++z)
+    for (int y = 0; y < box_.size.y; ++y)
+      for (int x = 0; x < box_.size.x; ++x, ++at) {
+        const glm::dvec3 place_m = glm::dvec3(x, y, z) * spacing_m_;
+        x_m_[at] = static_cast<float>(place_m.x), y_m_[at] = static_cast<float>(place_m.y), z_m_[at] = static_cast<float>(place_m.z);
+      }
+  begin_ = box_.slice() + box_.row() + 1;
+  end_ = cells - begin_;
+  cost_.resize(slices);
+  value_.resize(slices + 1);
+  pull_.assign(slices, Pull{});
+  for (std::vector<float>& costs : cost_) costs.resize(cells);
+  for (std::vector<float>& values : value_) values.assign(cells, kClosed);
+  best_.resize(cells), arrive_.assign(cells, kClosed), scratch_.assign(cells, 0.0f), sums_.assign(cells, 0.0f);
+  lay_legs(body_radius_m);
+}
+
+// A surface that crosses a leg at a point is no farther from each end than that point is. So nothing crosses a leg that is shorter than the sum of
+// its ends' clearances.
+void FlightPlanner::lay_legs(double body_radius_m) {
+  legs_.assign(box_.count(), 0u);
+  for (size_t leg = 0; leg < kLegs.size(); ++leg) {
+    const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
+    mark_leg(clear_m_.data() + begin_, clear_m_.data() + begin_ + offset_of(kLegs[leg], box_), end_ - begin_,
+             static_cast<float>(body_radius_m), static_cast<float>(length_m), 1u << leg, legs_.data() + begin_);
+  }
+}
+
+// The sum over the 3 x 3 x 3 is taken one axis at a time.
+void FlightPlanner::blur(size_t slice, double share) {
+  float* const costs = cost_[slice].data();
+  const size_t cells = box_.count(), row = box_.row(), whole = box_.slice();
+  const auto sum_around = [&](const float* values, float* sums) {
+    sum_of_three(values + 1, cells - 2, 1, arrive_.data() + 1);
+    sum_of_three(arrive_.data() + row + 1, cells - 2 * row - 2, static_cast<std::ptrdiff_t>(row), best_.data() + row + 1);
+    sum_of_three(best_.data() + begin_, end_ - begin_, static_cast<std::ptrdiff_t>(whole), sums + begin_);
+  };
+  if (slice == 0) sum_around(open_.data(), sums_.data());  // the number of open cells; the same for all slices
+  multiply(costs, open_.data(), cells, scratch_.data());
+  sum_around(scratch_.data(), scratch_.data());
+  mix(scratch_.data() + begin_, sums_.data() + begin_, open_.data() + begin_, end_ - begin_, static_cast<float>(share),
+      costs + begin_);
+}
+
+void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others) {
+  pull_[slice] = {point_m, weight};
+  const glm::vec3 point(point_m - glm::dvec3(box_.low) * spacing_m_);
+  add_distance(x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_, point.x, point.y, point.z,
+               static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
+}
+
+size_t FlightPlanner::leg_slices(double length_m, const FlightSettings& settings) const {
+  return static_cast<size_t>(std::max(1L, std::lround(length_m / (settings.speed_mps * settings.slice_s))));
+}
+
+// The values of a slice, from those of the slices after it.
+void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
+  const size_t count = end_ - begin_;
+  const auto slices = static_cast<double>(cost_.size());
+  float* const least = value_[slice].data() + begin_;
+  std::copy_n(value(slice + 1).data() + begin_, count, least);  // it stays
+  for (int axes = 1; axes <= 3; ++axes) {
+    const double length_m = spacing_m_ * std::sqrt(static_cast<double>(axes));
+    const size_t arrival = slice + leg_slices(length_m, settings);
+    std::fill_n(scratch_.data() + begin_, count, 0.0f);  // half of what the slices on the way cost
+    for (size_t k = slice + 1; k < std::min(arrival, cost_.size()); ++k)
+      add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
+    std::copy_n(value(arrival).data() + begin_, count, arrive_.data() + begin_);
+    add_to(scratch_.data() + begin_, count, 1.0f, arrive_.data() + begin_);
+    std::fill_n(best_.data() + begin_, count, kClosed);
+    for (size_t leg = 0; leg < kLegs.size(); ++leg)
+      if (kLegs[leg].axes == axes)
+        take_least(arrive_.data() + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg,
+                   best_.data() + begin_);
+    take_leg(best_.data() + begin_, scratch_.data() + begin_, count, static_cast<float>(settings.route * length_m * slices),
+             least);
+  }
+  add_to(cost_[slice].data() + begin_, count, 1.0f, least);
+}
+
+double FlightPlanner::move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const {
+  const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
+  const size_t there = cell + static_cast<size_t>(offset_of(kLegs[leg], box_)), arrival = slice + leg_slices(length_m, settings);
+  double cost = settings.route * length_m * static_cast<double>(cost_.size()) + value(arrival)[there];
+  for (size_t k = slice + 1; k < std::min(arrival, cost_.size()); ++k) cost += 0.5 * (cost_[k][cell] + cost_[k][there]);
+  return cost;
+}
+
+// The leg that a plan takes from a cell at a slice; kLegs.size(): none, it stays for a slice.
+uint32_t FlightPlanner::best_move(size_t slice, uint32_t cell, const FlightSettings& settings, size_t& slices) const {
+  double least = value(slice + 1)[cell];
+  uint32_t best = kLegs.size();
+  slices = 1;
+  for (uint32_t leg = 0; leg < kLegs.size(); ++leg) {
+    if ((legs_[cell] >> leg & 1u) == 0) continue;
+    const double cost = move_cost(slice, cell, leg, settings);
+    if (cost >= least) continue;
+    least = cost, best = leg;
+    slices = leg_slices(spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes)), settings);
+  }
+  return best;
+}
+
+// Chooses the first cell among those around the start.
+bool FlightPlanner::enter(const FlightStart& start, const FlightSettings& settings) {
+  struct Entry {
+    double cost;
+    uint32_t cell;
+    size_t slice;
+  };
+  std::array<Entry, 27> entries;
+  size_t count = 0;
+  const glm::ivec3 own(glm::round(start.position_m / spacing_m_));
+  const auto slices = static_cast<double>(cost_.size());
+  for (int z = -1; z <= 1; ++z)
+    for (int y = -1; y <= 1; ++y)
+      for (int x = -1; x <= 1; ++x) {
+        const glm::ivec3 at = own + glm::ivec3(x, y, z);
+        if (glm::any(glm::lessThan(at, box_.low)) || glm::any(glm::greaterThanEqual(at, box_.low + box_.size))) continue;
+        const size_t cell = box_.address(at);
+        if (open_[cell] == 0) continue;
+        const glm::dvec3 to_m = glm::dvec3(at) * spacing_m_;
+        const double late_m = glm::distance(start.position_m + start.drift_m, to_m);
+        const auto slice = static_cast<size_t>(std::lround(late_m / (settings.speed_mps * settings.slice_s)));
+        const size_t arrival = std::min(slice, cost_.size() - 1);
+        double cost = settings.route * slices * glm::distance(start.position_m, to_m) + value_[arrival][cell];
+        for (size_t k = 0; k < arrival; ++k) cost += cost_[k][cell];
+        if (cost < kNoWay) entries[count++] = {cost, static_cast<uint32_t>(cell), arrival};
+      }
+  std::sort(entries.begin(), entries.begin() + count, [](const Entry& a, const Entry& b) {
+    return std::pair(a.cost, a.cell) < std::pair(b.cost, b.cell);
+  });
+  for (size_t k = 0; k < count; ++k) {
+    if (start.is_free && !start.is_free(candidate_[entries[k].cell])) continue;
+    at_ = entries[k].cell, at_slice_ = entries[k].slice;
+    plan_.cost = entries[k].cost / slices;
+    return true;
+  }
+  return false;
+}
+
+void FlightPlanner::go_on(const FlightSettings& settings) {
+  const auto pass = [&](double at_s) {
+    const glm::ivec3 cell(static_cast<int>(at_ % box_.row()), static_cast<int>(at_ / box_.row() % static_cast<size_t>(box_.size.y)),
+                          static_cast<int>(at_ / box_.slice()));
+    plan_.point_m.push_back(glm::dvec3(cell + box_.low) * spacing_m_);
+    plan_.at_s.push_back(at_s);
+    plan_.candidates.push_back(candidate_[at_]);
+  };
+  pass(settings.slice_s * static_cast<double>(at_slice_ + 1));
+  while (at_slice_ + 1 < cost_.size()) {
+    size_t slices = 1;
+    const uint32_t leg = best_move(at_slice_, at_, settings, slices);
+    if (leg < kLegs.size()) at_ += static_cast<uint32_t>(offset_of(kLegs[leg], box_));
+    at_slice_ += slices;
+    pass(plan_.at_s.back() + settings.slice_s * static_cast<double>(slices));
+  }
+}
+
+const FlightPlan& FlightPlanner::plan(const FlightStart& start, const FlightSettings& settings) {
+  plan_.point_m.reserve(cost_.size() + 2), plan_.at_s.reserve(cost_.size() + 2), plan_.candidates.reserve(cost_.size() + 1);
+  plan_.point_m.assign(1, start.position_m);
+  plan_.at_s.assign(1, 0.0);
+  plan_.candidates.clear();
+  plan_.cost = kClosed;
+  std::vector<float>& last = value_.back();
+  std::fill(last.begin(), last.end(), 0.0f);
+  add_to(cost_.back().data() + begin_, end_ - begin_, static_cast<float>(settings.afterwards * static_cast<double>(cost_.size())),
+         last.data() + begin_);
+  for (size_t slice = cost_.size(); slice-- > 0;) price_slice(slice, settings);
+  if (enter(start, settings)) go_on(settings);
+  return plan_;
+}
+
+std::optional<uint32_t> FlightPlanner::candidate_at(const glm::dvec3& position_m) const {
+  const glm::ivec3 cell(glm::round(position_m / spacing_m_));
+  if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size))) return std::nullopt;
+  const uint32_t candidate = candidate_[box_.address(cell)];
+  return candidate == UINT32_MAX ? std::nullopt : std::optional(candidate);
+}
+
+double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const {
+  const glm::dvec3 at = position_m / spacing_m_, low = glm::floor(at), part = at - low;
+  const Pull& pull = pull_[slice];
+  double sum = 0, weights = 0;
+  for (int k = 0; k < 8; ++k) {
+    const glm::ivec3 corner(k & 1, k >> 1 & 1, k >> 2);
+    const glm::ivec3 cell = glm::ivec3(low) + corner;
+    if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size))) continue;
+    const size_t address = box_.address(cell);
+    if (open_[address] == 0) continue;
+    const glm::dvec3 share = glm::mix(1.0 - part, part, glm::dvec3(corner));
+    const double weight = share.x * share.y * share.z;
+    sum += weight * (cost_[slice][address] - pull.weight * glm::distance(glm::dvec3(cell) * spacing_m_, pull.point_m));
+    weights += weight;
+  }
+  if (!(weights > 1e-6)) return otherwise;
+  return sum / weights + pull.weight * glm::distance(position_m, pull.point_m);
+}
+
+}  // namespace sightline

@@ -1,0 +1,109 @@
+// The flight plan: where the camera should be at each time of the coming second, found by dynamic programming over the lattice's cells and
+// slices of time.
+//
+// A cell has a cost for each slice of time, which holds what is expected to be hidden from there *then*. At each slice the camera stays in its
+// cell or flies to one of its 26 neighbours. A leg takes as many slices as its length does at the camera's mean speed, and costs its length
+// and the mean of the costs of both cells for each slice on the way. Beyond the last slice the camera is taken to stay. The plan with the least sum of
+// costs is found exactly. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
+//
+// The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/aggregate/places.h"
+#include "server/move/cell_table.h"
+
+namespace sightline {
+
+struct FlightSettings {
+  double slice_s = 0.1;      // > 0
+  double speed_mps = 4.5;    // > 0: the camera's mean speed on a leg
+  double route = 0.3;        // cost of a metre of way, in units of the cost of a whole plan
+  double afterwards = 0.3;   // >= 0: how much the cost of the last slice counts for the time after it, in plans
+};
+
+// The plan. Times are from the present; the camera moves straight and evenly from point to point.
+struct FlightPlan {
+  std::vector<glm::dvec3> point_m;   // the camera's own position first
+  std::vector<double> at_s;          // parallel; ascending, the first is 0
+  std::vector<uint32_t> candidates;  // of the points, without the first
+  double cost = 0.0;                 // mean cost of the slices, metres
+
+  glm::dvec3 at(double time_s) const;
+};
+
+// The way from the camera to its first cell.
+struct FlightStart {
+  glm::dvec3 position_m{0.0};
+  // How far the camera goes on before it can change its course. Times to the first cell are counted from there.
+  glm::dvec3 drift_m{0.0};
+  // Returns whether the body can go straight from the start to a candidate.
+  std::function<bool(uint32_t candidate)> is_free = {};
+};
+
+// Memory is kept from call to call. Not thread-safe. Deterministic.
+class FlightPlanner {
+ public:
+  // Sets the cells and the legs between them. `clearance_m`: of each candidate in the runs, to the nearest collider. The body must fit at
+  // both ends of a leg, and nothing may cross it.
+  void lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices);
+
+  // The costs of a slice by cell: index a candidate's with cell_of. Cells without a candidate are ignored. Valid until the next `lay`.
+  std::span<float> costs(size_t slice) { return cost_[slice]; }
+  uint32_t cell_of(size_t candidate) const { return cell_of_[candidate]; }
+  // The candidate whose cell holds a position, or nothing.
+  std::optional<uint32_t> candidate_at(const glm::dvec3& position_m) const;
+
+  // Replaces each cost by a mix with the mean over the open cells of the 3 x 3 x 3 around it, which counts by `share`. A place
+  // whose neighbours are good too is good even if the camera or the targets are not quite where they were expected.
+  void blur(size_t slice, double share);
+
+  // Adds `weight` times the distance of each cell from a point, and `others`, by cell.
+  void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
+  size_t cell_count() const { return box_.count(); }
+
+  // The cheapest plan, after all costs are set. Its first point alone if no cell can be reached.
+  const FlightPlan& plan(const FlightStart& start, const FlightSettings& settings);
+
+  // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none. The distance from the
+  // point that add_distances was given counts exactly.
+  double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
+
+ private:
+  void lay_legs(double body_radius_m);
+  void price_slice(size_t slice, const FlightSettings& settings);
+  uint32_t best_move(size_t slice, uint32_t cell, const FlightSettings& settings, size_t& slices) const;
+  double move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const;
+  bool enter(const FlightStart& start, const FlightSettings& settings);
+  void go_on(const FlightSettings& settings);
+  size_t leg_slices(double length_m, const FlightSettings& settings) const;
+  const std::vector<float>& value(size_t slice) const { return value_[std::min(slice, cost_.size())]; }
+
+  double spacing_m_ = 1.0;
+  CellBox box_;
+  size_t begin_ = 0, end_ = 0;        // the cells between the rims
+  std::vector<uint32_t> cell_of_;     // by candidate
+  std::vector<uint32_t> candidate_;   // by cell
+  std::vector<float> open_;           // by cell: 1 if the body fits
+  std::vector<float> clear_m_;        // by cell: clearance
+  std::vector<float> x_m_, y_m_, z_m_;  // by cell: position relative to the box's lowest cell
+  std::vector<uint32_t> legs_;        // by cell: a bit for each leg (see kLegs) that can be flown
+  struct Pull {
+    glm::dvec3 point_m{0.0};
+    double weight = 0;
+  };
+  std::vector<Pull> pull_;  // by slice: what add_distances was given
+  std::vector<std::vector<float>> cost_, value_;  // by slice and cell; value_ has one slice more: what comes afterwards
+  std::vector<float> scratch_, best_, arrive_, sums_;
+  uint32_t at_ = 0;
+  size_t at_slice_ = 0;
+  FlightPlan plan_;
+};
+
+}  // namespace sightline
