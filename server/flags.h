@@ -24,8 +24,14 @@ struct Flags {
   double step_budget_ms = 0.0;   // 0: no fixed limit
   bool no_degrade = false;
   size_t max_sessions = 256;
+  size_t max_sessions_per_client = 0;     // 0: three quarters of max_sessions
+  size_t max_connections = 256;
+  size_t max_connections_per_client = 0;  // 0: three quarters of max_connections
+  double session_idle_s = 300.0;          // 0: never
+  size_t max_uploads = 4;
+  size_t kept_uploads_mib = 64;
   size_t max_message_mib = 4;
-  size_t max_upload_mib = 256;
+  size_t max_upload_mib = 64;
   double open_timeout_s = 10.0;
   double upload_timeout_s = 60.0;
   LogFormat log_format = LogFormat::kText;

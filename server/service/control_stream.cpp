@@ -15,24 +15,32 @@ constexpr int64_t kShortStepNs = 1'000'000;
 // read first. That is no overload, and must not count as a missed deadline.
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
-grpc::Status refusal(Admission admission, size_t max_streams) {
+// A session is asked for a sign of life this often within the time that it may be silent.
+constexpr int kAlarmsInSilence = 4;
+
+grpc::Status refusal(Admission admission, const StreamRegistry& streams) {
+  if (admission == Admission::kClientFull)
+    return exhausted_status("all " + std::to_string(streams.max_per_client()) +
+                                " sessions of this client are in use (--max-sessions-per-client)",
+                            kRetryDelay);
   if (admission == Admission::kDraining) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
-  return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)",
+  return exhausted_status("all " + std::to_string(streams.max_streams()) + " sessions are in use (--max-sessions)",
                           kRetryDelay);
 }
 
 }  // namespace
 
 void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
-                          std::unique_ptr<Incoming> incoming, const std::string& session_id) {
+                          std::unique_ptr<Incoming> incoming, const std::string& session_id,
+                          const std::string& client) {
   const auto stream = std::make_shared<ControlStream>(parts, limits, loop, std::move(incoming), session_id);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
   const std::lock_guard lock(stream->mutex_);
   stream->self_ = stream;
-  if (const Admission admission = parts.streams.add(stream); admission != Admission::kAdmitted) {
-    parts.log.warn("session refused", {{"reason", admission == Admission::kFull ? "full" : "draining"}});
+  if (const Admission admission = parts.streams.add(stream, client); admission != Admission::kAdmitted) {
+    parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
     stream->finished_ = true;
-    return stream->finish_call(refusal(admission, parts.streams.max_streams()));
+    return stream->finish_call(refusal(admission, parts.streams));
   }
   stream->read_if_room();
   stream->start_alarm(limits.open_timeout);
@@ -42,6 +50,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
                              std::unique_ptr<Incoming> incoming, const std::string& session_id)
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
+      idle_limit_(limits.session_idle),
       driver_(parts, session_id),
       inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
@@ -66,7 +75,9 @@ void ControlStream::on_read(bool ok) {
 }
 
 void ControlStream::take_in(int64_t arrival_ns) {
-  heard_ = true;
+  // The alarm for the opening becomes the one for silence.
+  if (!std::exchange(heard_, true)) cancel_alarm();
+  silent_alarms_ = 0;
   if (request_.has_tick()) {
     const v1::Tick& tick = request_.tick();
     pace_.observe(parts_.scheduler.now_ns(),
@@ -93,10 +104,20 @@ void ControlStream::on_cancel() {
 
 void ControlStream::on_alarm(bool ran_out) {
   const std::lock_guard lock(mutex_);
-  if (!ran_out || heard_ || end_status_) return;
-  end_status_ =
-      grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
-  advance();
+  if (finished_ || end_status_) return;
+  if (!heard_) {
+    end_status_ =
+        grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
+    return advance();
+  }
+  if (idle_limit_.count() == 0) return;
+  // A session whose scene is still being read is not silent.
+  silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
+  if (silent_alarms_ > kAlarmsInSilence) {
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came for too long (--session-idle-s)");
+    return advance();
+  }
+  start_alarm(idle_limit_ / kAlarmsInSilence);
 }
 
 void ControlStream::on_done() {

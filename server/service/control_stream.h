@@ -19,6 +19,7 @@
 // and no write is under way; nothing is started after it.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -40,9 +41,10 @@ using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse,
 class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the
-  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). Runs on the loop's thread.
+  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). `client` is the client's name. Runs on the loop's
+  // thread.
   static void start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
-                    std::unique_ptr<Incoming> incoming, const std::string& session_id);
+                    std::unique_ptr<Incoming> incoming, const std::string& session_id, const std::string& client);
 
   ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
                 std::unique_ptr<Incoming> incoming, const std::string& session_id);
@@ -59,7 +61,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void on_read(bool ok) override;
   void on_write(bool ok) override;
   void on_cancel() override;
-  void on_alarm(bool ran_out) override;  // the client has not sent `open` in time
+  void on_alarm(bool ran_out) override;  // the client may have been silent for too long
   void on_done() override;
 
   // A turn on the loop's thread, or its way to the scheduler instead.
@@ -81,6 +83,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
 
   // Constant after construction.
   const ServiceParts& parts_;
+  const std::chrono::milliseconds idle_limit_;  // 0: none
 
   // Used by the turn while there is one, otherwise guarded by mutex_.
   SessionDriver driver_;
@@ -98,6 +101,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   TurnState turn_state_ = TurnState::kNone;
   bool writing_ = false;      // a write is under way
   bool heard_ = false;        // a message has come
+  int silent_alarms_ = 0;     // alarms since the last message
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
   int64_t due_ns_ = 0;        // deadline of the turn
   // How the call ends.
