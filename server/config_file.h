@@ -16,8 +16,8 @@ class ConfigFile final : public CLI::ConfigTOML {
 
   std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
 
-  // " (line 3 of the configuration file)" for an error about a value from the file; otherwise empty. `message` is that of the
-  // error and begins with the flag.
+  // " (line 3 of the configuration file)" for an error about a value from the file; otherwise empty. `message` is the text of
+  // the error, which begins with the flag.
   std::string place_of(const std::string& message) const;
 
  private:

@@ -161,6 +161,29 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "instances")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
+  app.add_option("--max-message-memory-mib", raw.flags.max_message_memory_mib,
+                 "Largest memory that one message may take when it is parsed, in MiB; a larger one ends its call")
+      ->check(CLI::Range(size_t{8}, size_t{4096}))
+      ->capture_default_str();
+  app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
+                 "Largest memory of the instances of one session, in MiB; each takes about 400 bytes. Raise it for very large scenes")
+      ->check(CLI::Range(size_t{1}, size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--sessions-memory-mib", raw.flags.sessions_memory_mib,
+                 "The same for all sessions together")
+      ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
+      ->capture_default_str();
+  app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,
+                 "Largest cost of a step that a client may ask for by its settings and its targets, in milliseconds of an ordinary CPU "
+                 "as the server estimates it; 0 means no limit. A step cannot be interrupted, so others wait for that long. Raise it "
+                 "where one client uses the server alone")
+      ->check(number_in(0.0, 100'000.0))
+      ->capture_default_str();
+  app.add_option("--max-maps-ms", raw.flags.max_maps_ms,
+                 "Longest time that the depth maps of a step may take, in milliseconds; 0 means no limit. A step that takes longer is given "
+                 "up, and its client is told. It bounds what a heavy scene can cost others; with EGL the maps are taken in one go")
+      ->check(number_in(0.0, 100'000.0))
+      ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib,
                  "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
                  "while it is read")

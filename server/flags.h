@@ -30,6 +30,11 @@ struct Flags {
   double session_idle_s = 300.0;          // 0: never
   size_t max_uploads = 4;
   size_t kept_uploads_mib = 64;
+  size_t max_message_memory_mib = 32;
+  size_t session_memory_mib = 64;
+  size_t sessions_memory_mib = 256;
+  double max_step_cost_ms = 16.0;  // 0: no limit
+  double max_maps_ms = 100.0;      // 0: no limit
   size_t max_message_mib = 4;
   size_t max_upload_mib = 64;
   double open_timeout_s = 10.0;

@@ -1,5 +1,6 @@
 // sightlined: flags -> parts wired by hand -> run -> orderly stop.
 #include <grpcpp/grpcpp.h>
+#include <malloc.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -51,6 +52,9 @@ constexpr size_t kDescriptorReserve = 128;
 constexpr rlim_t kDescriptorsWanted = 65'536;
 // What a start takes, with room to load scenes; and what each stepping thread adds, with those of the libraries.
 constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
+// How often, and from which amount on, freed memory is given back to the system.
+constexpr std::chrono::seconds kTrimPeriod{10};
+constexpr size_t kWorthTrimming = size_t{16} << 20;
 // How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
 
@@ -134,6 +138,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Log& lo
 
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
+  limits.max_message_memory = flags.max_message_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;
   limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
   limits.max_upload_bytes = flags.max_upload_mib << 20;
@@ -234,11 +239,21 @@ class ReadyFile {
   const std::string path_;
 };
 
+// After a burst the allocator keeps what was freed. It goes back to the system when it is worth the pause.
+void give_memory_back() {
+  if (::mallinfo2().fordblks >= kWorthTrimming) ::malloc_trim(0);
+}
+
 // Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing.
 void wait_for_stop_signal(const Log& log, const std::function<void()>& read_again) {
   const sigset_t signals = awaited_signals();
-  for (int signal = 0;;) {
-    sigwait(&signals, &signal);
+  const timespec pause{std::chrono::seconds(kTrimPeriod).count(), 0};
+  for (;;) {
+    const int signal = sigtimedwait(&signals, nullptr, &pause);
+    if (signal < 0) {
+      give_memory_back();
+      continue;
+    }
     const std::string name = std::string("SIG") + sigabbrev_np(signal);
     if (stops(signal)) return log.info("stopping", {{"signal", name}});
     if (signal == SIGHUP)
@@ -285,7 +300,8 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
 int serve(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) {
   if (const Status space = try_address_space(flags); !space)
     return failed_to_start(log, space.error(), "raise `ulimit -v`, or lower --threads");
-  const auto chosen = choose_sampler_device(flags.sampler, egl_options(flags));
+  const auto chosen = choose_sampler_device(
+      flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
   if (!chosen)
     return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
   SamplerDevice& sampler = *chosen->device;
@@ -298,9 +314,14 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
                                 .all = flags.record_all,
                                 .attach_scenes = flags.record_scenes,
                                 .wall_ns = wall_ns};
+  const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
+                                     .max_step_cost_ms = flags.max_step_cost_ms};
+  InstanceMemory instance_memory(flags.sessions_memory_mib << 20);
+  GltfLimits gltf;
+  gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
   GeometryStore geometry;
   ExtentCache extents;
-  SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
+  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
   Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);
@@ -310,7 +331,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   StepStats stats;
   CameraControlService service(
       ServiceParts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                   monotonic_ns, start_name(), chosen->reason, budget, recorded},
+                   monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory},
       service_limits(flags));
   const auto listener = Listener::start(listen_options(flags, scheduler.threads(), log), service);
   if (!listener)

@@ -59,8 +59,8 @@ class Gate {
   // Stops to listen, and removes the socket files. Open connections go on.
   void stop_accepting();
 
-  // The name of a client for budgets and logs, from ServerContext::peer() of one of its calls. Of a connection that is gone:
-  // the argument itself.
+  // The name of a client for budgets and logs, from ServerContext::peer() of one of its calls. If the connection is gone, the result is
+  // the argument.
   std::string client_of(const std::string& peer) const;
   GateCounts counts() const;
 

@@ -1,6 +1,5 @@
 #include "server/service/listener.h"
 
-#include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -63,12 +62,12 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     listener->addresses_.push_back(socket.address());
     listener->port_ = std::max(listener->port_, socket.port());
   }
-  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   configure(builder, options);
   builder.RegisterService(&service);
   service.name_clients_by([made = listener.get()](const std::string& peer) { return made->gate_->client_of(peer); });
   builder.RegisterService(&listener->health_);
+  builder.RegisterService(&listener->reflection_);
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
       builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD, grpc::InsecureServerCredentials());
@@ -92,6 +91,9 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     service.take_calls(*listener->loops_.back());
   }
   listener->health_.take_calls(*listener->loops_.front());
+  listener->reflection_.take_calls(*listener->loops_.front(), {v1::CameraControlService::service_full_name(),
+                                                               grpc::health::v1::Health::service_full_name(),
+                                                               grpc::reflection::v1alpha::ServerReflection::service_full_name()});
   listener->set_serving(true);
   listener->gate_->start();
   return listener;

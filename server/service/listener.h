@@ -13,6 +13,7 @@
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
 #include "server/service/health.h"
+#include "server/service/reflection.h"
 #include "server/service/service.h"
 
 namespace sightline {
@@ -59,6 +60,7 @@ class Listener {
   // Every connection comes through it, so it exists before the first call.
   std::unique_ptr<Gate> gate_;
   HealthService health_;
+  ReflectionService reflection_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;

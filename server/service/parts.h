@@ -8,6 +8,7 @@
 #include "server/schedule/fair_shares.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
+#include "server/service/session_budget.h"
 #include "server/service/session_recording.h"
 #include "server/schedule/step_budget.h"
 #include "server/schedule/step_stats.h"
@@ -37,11 +38,14 @@ struct ServiceParts {
   std::string sampler_reason = {};  // why this sampler was chosen, in words
   BudgetRules budget = {};
   RecordingRules recording = {};
+  SessionLimits session_limits = {};
+  InstanceMemory* instance_memory = nullptr;  // null: no limit for all sessions together
 };
 
 struct ServiceLimits {
   size_t inbox_messages = 256;                  // a stream stops reading when this many messages wait,
   size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
+  size_t max_message_memory = size_t{32} << 20;  // of one message, parsed
   size_t max_uploads = 4;                       // at the same time; they hold at most twice max_upload_bytes
   size_t max_upload_bytes = size_t{64} << 20;   // of one file
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload

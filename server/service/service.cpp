@@ -28,12 +28,13 @@ grpc::Status guarded(const Log& log, const char* rpc, const Handler& handler) tr
 void CameraControlService::take_calls(EventLoop& loop) {
   using Incoming = ControlStream::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+    // As the generated RequestControl, which would parse the messages. Control is the first method of the service.
+    RequestAsyncBidiStreaming(0, &incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
   CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
     const std::string client = client_of_(incoming->context.peer());
-    ControlStream::start(parts_, limits_, loop, std::move(incoming),
+    ControlStream::start(parts_, limits_, parsers_, loop, std::move(incoming),
                          parts_.id_prefix + "-" + std::to_string(++calls_), client);
   });
 }

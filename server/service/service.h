@@ -45,6 +45,7 @@ class CameraControlService final
  private:
   const ServiceParts parts_;
   const ServiceLimits limits_;
+  WorkerPool parsers_{1};  // of large messages
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   ClientNamer client_of_ = [](const std::string& peer) { return peer; };

@@ -25,11 +25,17 @@ class Session:
             self.close()
             raise
 
-    def tick(self, **more):
+    def sends(self, **more):
         self.sequence += 1
         self.requests.put(camera_control_pb2.ControlRequest(
             tick=session_pb2.Tick(sequence=self.sequence, time_s=self.sequence / 60, **more)))
-        return next(self.call).camera
+
+    def reads(self):
+        return next(self.call)
+
+    def tick(self, **more):
+        self.sends(**more)
+        return self.reads().camera
 
     def waits_for_drain(self):
         return next(self.call).HasField("drain")

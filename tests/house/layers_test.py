@@ -31,7 +31,6 @@ CONFINED = {
 }
 # Header, usual name of the library, CMake target. An unknown header is an error, so this list is complete.
 LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
-    (r"grpcpp/ext/proto_server_reflection_plugin\.h$", "gRPC", "gRPC::grpc++_reflection"),
     (r"grpc(pp)?/", "gRPC", "gRPC::grpc++"),
     (r"google/protobuf/", "protobuf", "protobuf::libprotobuf"),
     (r"embree3/", "Embree", "embree"),
