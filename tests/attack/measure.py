@@ -57,6 +57,7 @@ for name, run in (("no attack", nothing), ("rapid reset", resets), ("endless hea
         run(daemon.address)
         result = healthy.result()
         time.sleep(WAIT_S)
-        print(f"{name:16} p50 {result['p50_ms']:8.2f} ms  p99 {result['p99_ms']:8.2f} ms  answered {result['answered']} of {result['ticks']}  memory "
+        p50, p99 = result["p50_ms"] or float("inf"), result["p99_ms"] or float("inf")
+        print(f"{name:16} p50 {p50:8.2f} ms  p99 {p99:8.2f} ms  answered {result['answered']} of {result['ticks']}  memory "
               f"{before:6.0f} MiB before, {daemon.most_memory_mib():6.0f} at most, {daemon.memory_mib():6.0f} after  "
               f"log {daemon.log_bytes() / 1e6:.2f} MB  {result['error']}", flush=True)
