@@ -6,6 +6,7 @@
 #include <map>
 #include <sstream>
 
+#include "server/config_file.h"
 #include "server/service/server_info.h"
 
 namespace sightline {
@@ -136,15 +137,66 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Largest number of open sessions; further ones are refused. Change it to fit the machine")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
+  app.add_option("--max-sessions-per-client", raw.flags.max_sessions_per_client,
+                 "Largest number of open sessions of one client; 0 means three quarters of --max-sessions, so that others get in. A "
+                 "client is a user on the unix socket, otherwise an address. Raise it where one client opens all sessions")
+      ->check(CLI::Range(size_t{0}, size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--session-idle-s", raw.flags.session_idle_s,
+                 "Time without a tick after which a session is ended, in seconds; 0 means never. Raise it for games that pause "
+                 "for longer")
+      ->check(number_in(0.0, 86'400.0))
+      ->capture_default_str();
+  app.add_option("--max-connections", raw.flags.max_connections,
+                 "Largest number of open connections. An unused one makes way for a new one. It is lowered when the process may "
+                 "not open three file descriptors for each")
+      ->check(CLI::Range(size_t{1}, size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--max-connections-per-client", raw.flags.max_connections_per_client,
+                 "Largest number of open connections of one client; 0 means three quarters of --max-connections")
+      ->check(CLI::Range(size_t{0}, size_t{100'000}))
+      ->capture_default_str();
   app.add_option("--max-message-mib", raw.flags.max_message_mib,
                  "Largest message that is accepted, in MiB; a larger one ends its call. Raise it for ticks with very many "
                  "instances")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
+  app.add_option("--max-message-memory-mib", raw.flags.max_message_memory_mib,
+                 "Largest memory that one message may take when it is parsed, in MiB; a larger one ends its call")
+      ->check(CLI::Range(size_t{8}, size_t{4096}))
+      ->capture_default_str();
+  app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
+                 "Largest memory of the instances of one session, in MiB; each takes about 400 bytes. Raise it for very large scenes")
+      ->check(CLI::Range(size_t{1}, size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--sessions-memory-mib", raw.flags.sessions_memory_mib,
+                 "The same for all sessions together")
+      ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
+      ->capture_default_str();
+  app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,
+                 "Largest cost of a step that a client may ask for by its settings and its targets, in milliseconds of an ordinary CPU "
+                 "as the server estimates it; 0 means no limit. A step cannot be interrupted, so others wait for that long. Raise it "
+                 "where one client uses the server alone")
+      ->check(number_in(0.0, 100'000.0))
+      ->capture_default_str();
+  app.add_option("--max-maps-ms", raw.flags.max_maps_ms,
+                 "Longest time that the depth maps of a step may take, in milliseconds; 0 means no limit. A step that takes longer is given "
+                 "up, and its client is told. It bounds what a heavy scene can cost others; with EGL the maps are taken in one go")
+      ->check(number_in(0.0, 100'000.0))
+      ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib,
                  "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
                  "while it is read")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
+      ->capture_default_str();
+  app.add_option("--max-uploads", raw.flags.max_uploads,
+                 "Largest number of uploads at the same time. Together they hold at most twice --max-upload-mib. A very slow one "
+                 "makes way for a new one")
+      ->check(CLI::Range(size_t{1}, size_t{48}))
+      ->capture_default_str();
+  app.add_option("--kept-uploads-mib", raw.flags.kept_uploads_mib,
+                 "Memory for uploaded scenes that no session has opened yet, in MiB; beyond it the oldest is dropped")
+      ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--open-timeout-s", raw.flags.open_timeout_s,
                  "Time in which a Control call must send `open`, in seconds; otherwise it is ended. Raise it for slow "
@@ -249,6 +301,8 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_recording(app, raw);
   add_configuration(app, raw);
   app.allow_config_extras(false);
+  const auto config = std::make_shared<ConfigFile>(app);
+  app.config_formatter(config);
   const CLI::App* devices =
       app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
           ->fallthrough()
@@ -256,6 +310,10 @@ Command parse_command_line(int argc, const char* const* argv) {
   try {
     app.parse(argc, argv);
     if (!devices->parsed() && !raw.print_config) check_together(raw.flags);
+  } catch (const CLI::ValidationError& error) {
+    const CLI::ValidationError placed("", error.what() + config->place_of(error.what()));
+    app.exit(placed);
+    return Exit{kUsageError};
   } catch (const CLI::ParseError& error) {
     return Exit{app.exit(error) == 0 ? 0 : kUsageError};
   }

@@ -1,7 +1,11 @@
 // sightlined: flags -> parts wired by hand -> run -> orderly stop.
 #include <grpcpp/grpcpp.h>
+#include <malloc.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -10,9 +14,12 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <memory>
+#include <new>
 #include <optional>
+#include <system_error>
 
 #include "server/base/cpu_budget.h"
 #include "server/flags.h"
@@ -38,21 +45,34 @@ constexpr unsigned kLoaderThreads = 2;
 constexpr milliseconds kStopGrace{500};
 // How often the end of the sessions is checked while the server drains.
 constexpr milliseconds kDrainPoll{10};
+// Of each connection: the client's socket, and a pair between the gate and gRPC.
+constexpr size_t kDescriptorsOfConnection = 3;
+// For everything else: the log, listeners, scene files, threads' queues, devices.
+constexpr size_t kDescriptorReserve = 128;
+constexpr rlim_t kDescriptorsWanted = 65'536;
+// What a start takes, with room to load scenes; and what each stepping thread adds, with those of the libraries.
+constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
+// How often, and from which amount on, freed memory is given back to the system.
+constexpr std::chrono::seconds kTrimPeriod{10};
+constexpr size_t kWorthTrimming = size_t{16} << 20;
 // How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
 
-// The signals that stop the daemon. They are blocked in all threads, and main waits for them with sigwait.
-sigset_t stop_signals() {
+// The signals that main waits for with sigwait. They are blocked in all threads.
+sigset_t awaited_signals() {
   sigset_t signals;
   sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
+  for (const int signal : {SIGTERM, SIGINT, SIGQUIT, SIGHUP, SIGUSR1, SIGUSR2}) sigaddset(&signals, signal);
   return signals;
+}
+
+bool stops(int signal) {
+  return signal == SIGTERM || signal == SIGINT || signal == SIGQUIT;
 }
 
 // Runs before any thread starts, because threads inherit the signal mask and libraries read the environment once.
 void prepare_process() {
-  const sigset_t signals = stop_signals();
+  const sigset_t signals = awaited_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   prepare_software_rendering();
@@ -60,22 +80,67 @@ void prepare_process() {
   setenv("GRPC_VERBOSITY", "NONE", 0);
 }
 
+// Libraries end the process without a word when they get no memory or no thread at the start, so that is tried out before. The
+// stacks and heaps of threads take address space, which `ulimit -v` limits, rather than memory.
+Status try_address_space(const Flags& flags) {
+  const size_t threads = flags.threads > 0 ? flags.threads : static_cast<size_t>(cpu_budget());
+  const size_t bytes = kAddressSpace + threads * kAddressSpaceOfThread;
+  void* const space = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (space == MAP_FAILED)
+    return fail(ErrorCode::kResourceExhausted, "",
+                "out of memory: the process may not use " + std::to_string(bytes >> 20) + " MiB of address space");
+  ::munmap(space, bytes);
+  return {};
+}
+
 EglOptions egl_options(const Flags& flags) {
   return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
 }
 
-ListenOptions listen_options(const Flags& flags, unsigned threads) {
+// A quarter of all places is left for other clients.
+size_t share_of_one(size_t asked, size_t all) {
+  return asked > 0 ? asked : all - all / 4;
+}
+
+// Raises the limit of file descriptors as far as the process may, and returns it.
+size_t raise_descriptor_limit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1024;
+  limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, kDescriptorsWanted);
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+  ::getrlimit(RLIMIT_NOFILE, &limit);
+  return limit.rlim_cur;
+}
+
+GateLimits gate_limits(const Flags& flags) {
+  const size_t recordings = flags.record_dir.empty() ? 0 : flags.max_sessions;
+  const size_t descriptors = raise_descriptor_limit(), others = kDescriptorReserve + recordings;
+  const size_t fit = descriptors > others ? (descriptors - others) / kDescriptorsOfConnection : 0;
+  GateLimits limits;
+  limits.max_connections = std::clamp<size_t>(fit, 1, flags.max_connections);
+  limits.max_per_client = share_of_one(flags.max_connections_per_client, limits.max_connections);
+  return limits;
+}
+
+ListenOptions listen_options(const Flags& flags, unsigned threads, const Log& log) {
   ListenOptions options;
   options.tcp = flags.listen == "none" ? "" : flags.listen;
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
+  options.gate = gate_limits(flags);
+  options.on_refused = [&log](const std::string& client, std::string_view reason) {
+    log.warn("connection refused", {{"client", client}, {"reason", std::string(reason)}});
+  };
   options.loops = (threads + kThreadsPerLoop - 1) / kThreadsPerLoop;
   return options;
 }
 
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
+  limits.max_message_memory = flags.max_message_memory_mib << 20;
+  limits.max_uploads = flags.max_uploads;
+  limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
   limits.max_upload_bytes = flags.max_upload_mib << 20;
   limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
   limits.upload_timeout = milliseconds(std::lround(flags.upload_timeout_s * 1e3));
@@ -117,11 +182,16 @@ class Recording {
   Recording(const Flags& flags, const Log& log)
       : files_(system_files()),
         writer_(record_settings(flags), *files_, wall_ns, [&log](const RecordWarning& w) { log_warning(log, w); }),
-        thread_(writer_, kRecordPeriod) {}
+        thread_(started(writer_), kRecordPeriod) {}
 
   RecordWriter& writer() { return writer_; }
 
  private:
+  static RecordWriter& started(RecordWriter& writer) {
+    writer.try_folder();
+    return writer;
+  }
+
   const std::unique_ptr<RecordFileSystem> files_;
   RecordWriter writer_;
   RecordThread thread_;
@@ -169,18 +239,45 @@ class ReadyFile {
   const std::string path_;
 };
 
-void wait_for_stop_signal(const Log& log) {
-  const sigset_t signals = stop_signals();
-  int signal = 0;
-  sigwait(&signals, &signal);
-  log.info("stopping", {{"signal", signal == SIGTERM ? "SIGTERM" : "SIGINT"}});
+// After a burst the allocator keeps what was freed. It goes back to the system when it is worth the pause.
+void give_memory_back() {
+  if (::mallinfo2().fordblks >= kWorthTrimming) ::malloc_trim(0);
+}
+
+// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing.
+void wait_for_stop_signal(const Log& log, const std::function<void()>& read_again) {
+  const sigset_t signals = awaited_signals();
+  const timespec pause{std::chrono::seconds(kTrimPeriod).count(), 0};
+  for (;;) {
+    const int signal = sigtimedwait(&signals, nullptr, &pause);
+    if (signal < 0) {
+      give_memory_back();
+      continue;
+    }
+    const std::string name = std::string("SIG") + sigabbrev_np(signal);
+    if (stops(signal)) return log.info("stopping", {{"signal", name}});
+    if (signal == SIGHUP)
+      read_again();
+    else
+      log.info("signal ignored", {{"signal", name}});
+  }
+}
+
+// What a running daemon can take over from its configuration: the level of the log.
+void read_configuration_again(const Log& log, const std::function<Command()>& parse) {
+  const Command command = parse();
+  if (const auto* serve = std::get_if<Serve>(&command)) {
+    log.set_level(serve->flags.log_level);
+    return log.info("configuration read again", {{"taken_over", "log-level"}});
+  }
+  log.error("configuration not read again", {{"reason", "it is not valid; the lines before say why"}});
 }
 
 // Waits for kDrainPoll. True: another stop signal came, which ends the wait for the sessions.
 bool signalled_again() {
-  const sigset_t signals = stop_signals();
+  const sigset_t signals = awaited_signals();
   const timespec wait{0, std::chrono::nanoseconds(kDrainPoll).count()};
-  return sigtimedwait(&signals, nullptr, &wait) > 0;
+  return stops(sigtimedwait(&signals, nullptr, &wait));
 }
 
 void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
@@ -200,9 +297,11 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
   return EXIT_FAILURE;
 }
 
-int serve(const Flags& flags) {
-  Log log(flags.log_format, flags.log_level);
-  const auto chosen = choose_sampler_device(flags.sampler, egl_options(flags));
+int serve(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) {
+  if (const Status space = try_address_space(flags); !space)
+    return failed_to_start(log, space.error(), "raise `ulimit -v`, or lower --threads");
+  const auto chosen = choose_sampler_device(
+      flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
   if (!chosen)
     return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
   SamplerDevice& sampler = *chosen->device;
@@ -215,10 +314,15 @@ int serve(const Flags& flags) {
                                 .all = flags.record_all,
                                 .attach_scenes = flags.record_scenes,
                                 .wall_ns = wall_ns};
+  const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
+                                     .max_step_cost_ms = flags.max_step_cost_ms};
+  InstanceMemory instance_memory(flags.sessions_memory_mib << 20);
+  GltfLimits gltf;
+  gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
   GeometryStore geometry;
   ExtentCache extents;
-  SceneLibrary scenes(flags.scene_dir, GltfLimits{}, geometry, recording.has_value());
-  StreamRegistry streams(flags.max_sessions);
+  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
+  StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
   Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);
   WorkerPool loaders(kLoaderThreads);  // destroyed before the scheduler, which its last tasks may still use
@@ -227,9 +331,9 @@ int serve(const Flags& flags) {
   StepStats stats;
   CameraControlService service(
       ServiceParts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                   monotonic_ns, start_name(), chosen->reason, budget, recorded},
+                   monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory},
       service_limits(flags));
-  const auto listener = Listener::start(listen_options(flags, scheduler.threads()), service);
+  const auto listener = Listener::start(listen_options(flags, scheduler.threads(), log), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
@@ -241,7 +345,7 @@ int serve(const Flags& flags) {
                      {"sampler", sampler.kind()},
                      {"threads", std::to_string(scheduler.threads())},
                      {"recordings", recording ? flags.record_dir : "none"}});
-  wait_for_stop_signal(log);
+  wait_for_stop_signal(log, [&] { read_configuration_again(log, parse_again); });
   ready.remove();
   stop_in_order(**listener, streams, flags.drain_s, log);
   log.info("stopped", {{"steps", std::to_string(stats.steps)},
@@ -250,6 +354,17 @@ int serve(const Flags& flags) {
                        {"queue_p50_us", std::to_string(std::lround(stats.queue.quantile_us(0.5)))},
                        {"queue_p99_us", std::to_string(std::lround(stats.queue.quantile_us(0.99)))}});
   return EXIT_SUCCESS;
+}
+
+// Whatever is still thrown here happened at the start or at the end; sessions handle their own.
+int serve_or_explain(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) try {
+  return serve(flags, log, parse_again);
+} catch (const std::bad_alloc&) {
+  log.error("cannot go on", {{"reason", "out of memory"}, {"advice", "raise the limit of the process or the container"}});
+  return EXIT_FAILURE;
+} catch (const std::system_error& trouble) {
+  log.error("cannot go on", {{"reason", trouble.what()}, {"advice", "raise the limits of threads and memory"}});
+  return EXIT_FAILURE;
 }
 
 std::string device_note(const EglDeviceInfo& device) {
@@ -288,5 +403,7 @@ int main(int argc, char** argv) {
   if (const auto* exit = std::get_if<Exit>(&command)) return exit->code;
   prepare_process();
   if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags);
-  return serve(std::get<Serve>(command).flags);
+  const Flags& flags = std::get<Serve>(command).flags;
+  const Log log(flags.log_format, flags.log_level);
+  return serve_or_explain(flags, log, [=] { return parse_command_line(argc, argv); });
 }

@@ -1,5 +1,7 @@
 #include "server/record/record_folder.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -83,6 +85,7 @@ Result<std::unique_ptr<ByteSink>> RecordFolder::create(const std::string& name) 
 }
 
 Status RecordFolder::make_room(uint64_t now_ns, const std::set<std::string>& being_written) {
+  stuck_.clear();
   if (Status ok = files_.make_folder(folder_); !ok) return ok;
   Result<std::vector<RecordFile>> found = files_.list(folder_);
   if (!found) return tl::unexpected(found.error());
@@ -100,9 +103,12 @@ Status RecordFolder::make_room(uint64_t now_ns, const std::set<std::string>& bei
     const bool old =
         limits_.max_age_s > 0 && now_ns / kSecondNs > file.modified_ns / kSecondNs + limits_.max_age_s;
     if (!old && total <= limits_.max_total_bytes && *free >= limits_.free_reserve_bytes) break;
-    if (Status ok = files_.remove(folder_, file.name); !ok) return ok;
-    ++removed_;
     total -= file.bytes;
+    if (Status ok = files_.remove(folder_, file.name); !ok) {
+      stuck_.push_back(std::move(ok.error()));
+      continue;
+    }
+    ++removed_;
     if (free = files_.free_bytes(folder_); !free) return tl::unexpected(free.error());
   }
   if (*free < limits_.free_reserve_bytes)
@@ -114,6 +120,14 @@ Status RecordFolder::make_room(uint64_t now_ns, const std::set<std::string>& bei
                 "recordings being written take " + std::to_string(total) + " bytes, at most " +
                     std::to_string(limits_.max_total_bytes) + " are allowed");
   return {};
+}
+
+Status RecordFolder::try_out() {
+  const std::string name = std::string(kPrefix) + "test-" + std::to_string(::getpid()) + ".tmp";
+  if (Status ok = files_.make_folder(folder_); !ok) return ok;
+  (void)files_.remove(folder_, name);  // of a daemon that was killed
+  if (auto made = files_.create(folder_, name); !made) return tl::unexpected(std::move(made.error()));
+  return files_.remove(folder_, name);
 }
 
 std::string recording_name(uint64_t start_time_ns, const std::string& session_id, uint32_t part) {

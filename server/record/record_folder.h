@@ -56,11 +56,16 @@ class RecordFolder {
   // Removes a file that holds nothing.
   Status remove(const std::string& name) { return files_.remove(folder_, name); }
 
-  // Removes the oldest files until the rest is within the limits. Fails with kResourceExhausted when only files that are
+  // Removes the oldest files until the rest is within the limits. A file that cannot be removed is left alone and does not count
+  // any more: it must not stop the recording. Fails with kResourceExhausted when only files that are
   // being written are left and the disk's reserve or the total is still exceeded. Fails as the file system fails.
   Status make_room(uint64_t now_ns, const std::set<std::string>& being_written);
 
   uint64_t removed_files() const { return removed_; }
+  // The files that `make_room` could not remove the last time that it tried, with the reasons.
+  const std::vector<Error>& stuck_files() const { return stuck_; }
+  // Makes a file and removes it again: the reason why nothing can be recorded here.
+  Status try_out();
   const RecordLimits& limits() const { return limits_; }
 
  private:
@@ -68,6 +73,7 @@ class RecordFolder {
   const RecordLimits limits_;
   RecordFileSystem& files_;
   uint64_t removed_ = 0;
+  std::vector<Error> stuck_;
 };
 
 // "sightline-20261121T193054.123Z-<session>-p001.mcap": sorts by time. Bytes of the session that are not letters,

@@ -289,10 +289,12 @@ bool RecordWriter::ensure_file(ActiveSession& active) {
     sink = folder_.create(active.file_name);
   }
   if (!sink) {
+    set_folder_trouble(sink.error());
     --active.part;
     lose_file(active, sink.error());
     return false;
   }
+  set_folder_trouble({});
   McapWriterOptions options;
   options.library = "sightline " + info.server_version();
   options.chunk_bytes = settings_.chunk_bytes;
@@ -416,15 +418,42 @@ void RecordWriter::housekeep() {
   for (ActiveSession& active : active_)
     if (active.file && !folder_.exists(active.file_name))
       lose_file(active, Error{ErrorCode::kNotFound, active.file_name, "was removed while it was written"});
-  no_room_.reset();
+  const bool had_room = !std::exchange(no_room_, {}).has_value();
   Status room = folder_.make_room(now_ns_(), being_written_);
+  warn_of_stuck_files();
+  if (room && !had_room) set_folder_trouble({});
   if (room) return;
   // Files that were being written become old files, which may be removed; the sessions continue in their next parts.
   for (ActiveSession& active : active_) close_file(active);
   room = folder_.make_room(now_ns_(), being_written_);
   if (room) return;
   no_room_ = room.error();
+  set_folder_trouble(room.error());
   for (ActiveSession& active : active_) lose_file(active, room.error());
+}
+
+void RecordWriter::warn_of_stuck_files() {
+  const std::vector<Error>& stuck = folder_.stuck_files();
+  if (stuck.size() > stuck_files_)
+    warn_({v1::Gap::REASON_UNSPECIFIED, "", "an old recording cannot be deleted, and no longer counts: " + to_string(stuck.back())});
+  stuck_files_ = stuck.size();
+}
+
+void RecordWriter::try_folder() {
+  const Status usable = folder_.try_out();
+  if (usable) return;
+  set_folder_trouble(usable.error());
+  warn_({v1::Gap::REASON_WRITE_FAILED, "", "nothing can be recorded: " + to_string(usable.error())});
+}
+
+std::optional<Error> RecordWriter::folder_trouble() const {
+  const std::lock_guard lock(mutex_);
+  return folder_trouble_;
+}
+
+void RecordWriter::set_folder_trouble(std::optional<Error> trouble) {
+  const std::lock_guard lock(mutex_);
+  folder_trouble_ = std::move(trouble);
 }
 
 // All sessions together stay within the total even when the folder holds nothing else: half of it for the parts being

@@ -122,7 +122,7 @@ class SessionRecorder {
   v1::Gap gap_;  // messages dropped since the last one that was recorded
 };
 
-// The writer's end. Only open_session(), counts() and wake() may be called while another thread is in run_once().
+// The writer's end. Only open_session(), counts(), folder_trouble() and wake() may be called while another thread is in run_once().
 class RecordWriter {
  public:
   using Clock = std::function<uint64_t()>;  // ns since 1970 (UTC)
@@ -148,6 +148,11 @@ class RecordWriter {
   // From any thread.
   RecordCounts counts() const;
 
+  // Finds out whether files can be made in the folder, and warns when they cannot. Called before the first run_once().
+  void try_folder();
+  // Why no file can be begun at present; empty: nothing is known to be in the way. From any thread.
+  std::optional<Error> folder_trouble() const;
+
  private:
   struct ActiveSession;  // the writer's state of one session
   struct Drops;
@@ -168,6 +173,8 @@ class RecordWriter {
   void lose_messages(ActiveSession& active, const LostMessages& lost);
   void report_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known);
   void housekeep();
+  void warn_of_stuck_files();
+  void set_folder_trouble(std::optional<Error> trouble);
   void check(ActiveSession& active, const Status& done);
   uint64_t part_limit() const;
 
@@ -180,11 +187,13 @@ class RecordWriter {
   std::optional<Error> no_room_;  // of the folder; no file is begun while it is set
   uint64_t next_housekeeping_ns_ = 0;
   uint64_t bytes_since_housekeeping_ = 0;
+  size_t stuck_files_ = 0;  // that were warned of
 
   mutable std::mutex mutex_;
   // guarded by mutex_
   std::vector<std::shared_ptr<record_internal::Session>> new_sessions_;
   RecordCounts counts_;
+  std::optional<Error> folder_trouble_;
 
   const std::shared_ptr<record_internal::Waker> waker_;  // shared with the sessions, which wake the writer
 };

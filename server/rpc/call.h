@@ -111,7 +111,8 @@ class AsyncCall {
     begin();
     incoming_->responder.Write(message, &written_);
   }
-  // Once for each call. It must be cancelled before the call can end earlier than the alarm.
+  // One alarm at a time; the next may be started from `on_alarm`. It must be cancelled before the call can end earlier than
+  // the alarm.
   void start_alarm(std::chrono::milliseconds timeout) {
     begin();
     alarm_.emplace();

@@ -11,6 +11,8 @@
 namespace sightline {
 namespace {
 
+using std::chrono::steady_clock;
+
 // The largest ahead_s; the requests have at most one value other than 0.
 double common_ahead_s(std::span<const MapRequest> requests) {
   double ahead_s = 0.0;
@@ -23,7 +25,8 @@ constexpr size_t kTooFewForPool = 16;
 
 class EmbreeSampler final : public Sampler {
  public:
-  EmbreeSampler(EmbreeDevice& device, size_t threads) : pool_(threads) {
+  EmbreeSampler(EmbreeDevice& device, size_t threads, std::chrono::nanoseconds most_time)
+      : most_time_(most_time), pool_(threads) {
     for (size_t thread = 0; thread < pool_.size(); ++thread)
       takers_.push_back(std::make_unique<EmbreeMaps>(device));
   }
@@ -37,29 +40,35 @@ class EmbreeSampler final : public Sampler {
     // first. They belong to the viewpoint search and cost three times as much, so this order lets the threads end at about the
     // same time.
     std::atomic<ptrdiff_t> left{std::ssize(requests)};
+    std::atomic<bool> late{false};
+    const auto start = steady_clock::now();
     const auto work = [&](size_t thread) {
       if (thread > 0) takers_[thread]->take_in(mirror, ahead_s);
-      for (ptrdiff_t i = --left; i >= 0; i = --left)
+      for (ptrdiff_t i = --left; i >= 0 && !late; i = --left) {
         takers_[thread]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
+        if (i > 0 && most_time_.count() > 0 && steady_clock::now() - start > most_time_) late = true;
+      }
     };
     if (pool_.size() > 1 && requests.size() > kTooFewForPool)
       pool_.run(std::cref(work));
     else
       work(0);
+    if (late) return fail(ErrorCode::kResourceExhausted, "", "the depth maps of the step took too long (--max-maps-ms)");
     maps_taken_ += requests.size();
     return {};
   }
 
  private:
+  const std::chrono::nanoseconds most_time_;
   std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by thread
   ThreadPool pool_;                                        // last, so that its threads end first
 };
 
 class EmbreeSamplerDevice final : public SamplerDevice {
  public:
-  explicit EmbreeSamplerDevice(size_t threads) : threads_(threads) {}
+  EmbreeSamplerDevice(size_t threads, std::chrono::nanoseconds most_time) : threads_(threads), most_time_(most_time) {}
   std::unique_ptr<Sampler> make_sampler() override {
-    return std::make_unique<EmbreeSampler>(device_, threads_);
+    return std::make_unique<EmbreeSampler>(device_, threads_, most_time_);
   }
   std::string kind() const override { return "embree"; }
   std::string renderer() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
@@ -68,12 +77,13 @@ class EmbreeSamplerDevice final : public SamplerDevice {
  private:
   EmbreeDevice device_;
   const size_t threads_;
+  const std::chrono::nanoseconds most_time_;
 };
 
 }  // namespace
 
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads) {
-  return std::make_unique<EmbreeSamplerDevice>(threads);
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads, std::chrono::nanoseconds most_time) {
+  return std::make_unique<EmbreeSamplerDevice>(threads, most_time);
 }
 
 }  // namespace sightline

@@ -2,6 +2,8 @@
 // machines without a GPU, and the tests compare the EGL sampler with it.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <memory>
 
 #include "server/sample/sampler.h"
@@ -10,6 +12,9 @@ namespace sightline {
 
 // `threads`: the number of threads, at least 1 and including the caller's, on which each sampler takes the maps of a step. The maps are
 // the same bits for any number. More than one is for replaying one session alone; the sessions of a daemon fill the cores by themselves.
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads = 1);
+//
+// `most_time`: the longest time that the maps of one step may take; 0: any. A take that is over it after one of its maps fails with
+// kResourceExhausted, so that a step in a very heavy scene does not hold its thread for long.
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads = 1, std::chrono::nanoseconds most_time = {});
 
 }  // namespace sightline

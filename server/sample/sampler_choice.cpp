@@ -17,11 +17,12 @@ Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& op
   return SamplerDecision{SamplerChoice::kEgl, "OpenGL renders in hardware: " + egl->renderer};
 }
 
-Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads) {
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads,
+                                            std::chrono::nanoseconds most_time) {
   auto decision = decide_sampler(asked, options, [&] { return choose_egl_device(options); });
   if (!decision) return tl::unexpected(std::move(decision.error()));
   if (decision->sampler == SamplerChoice::kEmbree)
-    return ChosenSampler{make_embree_sampler_device(threads), std::move(decision->reason)};
+    return ChosenSampler{make_embree_sampler_device(threads, most_time), std::move(decision->reason)};
   auto device = make_egl_sampler_device(options);
   if (!device) return tl::unexpected(std::move(device.error()));
   return ChosenSampler{std::move(*device), std::move(decision->reason)};

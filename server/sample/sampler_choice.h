@@ -2,6 +2,7 @@
 // no OpenGL at all.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -29,7 +30,9 @@ struct ChosenSampler {
   std::unique_ptr<SamplerDevice> device;
   std::string reason;
 };
-// Decides and makes it. Fails as make_egl_sampler_device does. `threads` is for make_embree_sampler_device.
-Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads = 1);
+// Decides and makes it. Fails as make_egl_sampler_device does. `threads` and
+// `most_time` are for make_embree_sampler_device.
+Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads = 1,
+                                            std::chrono::nanoseconds most_time = {});
 
 }  // namespace sightline

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
+#include <numeric>
 
 namespace sightline {
 namespace {
@@ -43,15 +45,27 @@ std::shared_ptr<const SceneAsset> with_bytes(std::shared_ptr<const SceneAsset> a
           plain};
 }
 
+// A fair estimate. Each node counts as much as its struct, since a file can have very many.
+size_t memory_of(const SceneAsset& asset) {
+  size_t bytes = sizeof(asset) + asset.nodes.size() * sizeof(AssetNode);
+  for (const auto& mesh : asset.meshes) bytes += mesh ? mesh->bytes() : 0;
+  for (const AssetNode& node : asset.nodes) bytes += node.gpu_instances.size() * sizeof(Affine) + node.extras_json.size();
+  for (const AssetAnimation& animation : asset.animations)
+    for (const AssetChannel& channel : animation.channels)
+      bytes += (channel.times_s.size() + channel.values.size()) * sizeof(float);
+  return bytes;
+}
+
 }  // namespace
 
 SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store,
-                           bool keep_uploaded_bytes)
+                           bool keep_uploaded_bytes, size_t kept_bytes)
     : folder_(std::move(folder)),
       opened_(open_or_nothing(folder_)),
       limits_(limits),
       store_(store),
-      keep_uploaded_bytes_(keep_uploaded_bytes) {}
+      keep_uploaded_bytes_(keep_uploaded_bytes),
+      kept_bytes_(kept_bytes) {}
 
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name) {
   if (folder_.empty()) return fail(ErrorCode::kFailedPrecondition, kField, "--scene-dir is not set");
@@ -105,7 +119,8 @@ Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
   return asset;
 }
 
-Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<const std::byte> bytes) {
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<const std::byte> bytes,
+                                                                     const std::string& owner) {
   auto asset = read_gltf(bytes, nullptr, store_, limits_);
   if (!asset) return asset;
   std::shared_ptr<const std::string> kept;
@@ -116,10 +131,34 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
   const std::lock_guard lock(mutex_);
   Asset shared = remember(*asset);
   if (kept && shared == *asset) uploaded_bytes_[shared->hash] = kept;
-  std::erase(kept_uploads_, shared);
-  kept_uploads_.push_back(shared);
-  if (kept_uploads_.size() > kKeptUploads) kept_uploads_.erase(kept_uploads_.begin());
+  keep(shared, owner);
   return shared;
+}
+
+void SceneLibrary::keep(Asset asset, const std::string& owner) {
+  std::erase_if(kept_uploads_, [&](const KeptUpload& kept) { return kept.asset == asset; });
+  const size_t bytes = memory_of(*asset);
+  kept_uploads_.push_back({std::move(asset), owner, bytes});
+  const auto all = [&] {
+    return std::accumulate(kept_uploads_.begin(), kept_uploads_.end(), size_t{0},
+                           [](size_t sum, const KeptUpload& kept) { return sum + kept.bytes; });
+  };
+  while ((kept_uploads_.size() > kKeptUploads || all() > kept_bytes_) && drop_one_upload()) {
+  }
+}
+
+// An owner cannot push out the scenes of others by uploading many of its own. The newest upload stays: false when the owner has
+// no other.
+bool SceneLibrary::drop_one_upload() {
+  std::map<std::string, size_t> bytes;
+  for (const KeptUpload& kept : kept_uploads_) bytes[kept.owner] += kept.bytes;
+  const auto most = std::max_element(bytes.begin(), bytes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  const auto newest = std::prev(kept_uploads_.end());
+  const auto oldest = std::find_if(kept_uploads_.begin(), newest,
+                             [&](const KeptUpload& kept) { return kept.owner == most->first; });
+  if (oldest == newest) return false;
+  kept_uploads_.erase(oldest);
+  return true;
 }
 
 // Two loads of the same bytes share one asset: the one that is still in use.

@@ -27,17 +27,20 @@ class SceneLibrary {
  public:
   // With an empty `folder` nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). When the folder cannot be
   // opened, every call of load_named says so. `store` must outlive the library. With `keep_uploaded_bytes` the bytes of an upload are
-  // kept as long as its asset, for files_of.
-  SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes = false);
+  // kept as long as its asset, for files_of. `kept_bytes` is the most memory of uploads that are kept for sessions to come. The newest
+  // one is kept in any case.
+  SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes = false,
+               size_t kept_bytes = size_t{64} << 20);
 
   // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
   // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
   // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
-  // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. The newest
-  // kKeptUploads are kept even when unused, so that an upload is still available when its session opens.
-  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes);
+  // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
+  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads or kept_bytes, the
+  // oldest one of the owner who has most of them goes. An owner is the name of a client.
+  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
   // Finds a loaded asset. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
   // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
@@ -49,7 +52,7 @@ class SceneLibrary {
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
   std::vector<std::string> names(const std::string& after, size_t limit) const;
 
-  static constexpr size_t kKeptUploads = 8;
+  static constexpr size_t kKeptUploads = 256;
   const GltfLimits& limits() const { return limits_; }
 
  private:
@@ -68,22 +71,30 @@ class SceneLibrary {
     std::weak_ptr<const std::string> bytes;
   };
   using Asset = std::shared_ptr<const SceneAsset>;
+  struct KeptUpload {
+    Asset asset;
+    std::string owner;
+    size_t bytes = 0;
+  };
 
   Result<SceneFile> read_again(const Source& source);
   std::string name_of(const ContentHash& hash);  // of a loaded named scene; empty when there is none
   Asset find_unchanged(const std::string& name);
   Result<Asset> read_named(const std::string& name, std::vector<Source>& sources) const;
   Asset remember(Asset asset);  // needs mutex_
+  void keep(Asset asset, const std::string& owner);  // needs mutex_
+  bool drop_one_upload();                            // needs mutex_
 
   const std::string folder_;
   const std::optional<ConfinedFolder> opened_;  // absent when folder_ is empty or cannot be opened
   const GltfLimits limits_;
   GeometryStore& store_;
   const bool keep_uploaded_bytes_;
+  const size_t kept_bytes_;
   std::mutex mutex_;
   std::map<std::string, Named> named_;                              // guarded by mutex_
   std::map<ContentHash, std::weak_ptr<const SceneAsset>> by_hash_;  // guarded by mutex_
-  std::vector<std::shared_ptr<const SceneAsset>> kept_uploads_;     // guarded by mutex_
+  std::vector<KeptUpload> kept_uploads_;                            // oldest first; guarded by mutex_
   std::map<ContentHash, std::weak_ptr<const std::string>> uploaded_bytes_;  // guarded by mutex_
   std::map<std::string, KeptFile> kept_files_;                              // by path; guarded by mutex_
 };

@@ -1,6 +1,7 @@
 #include "server/service/control_stream.h"
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 #include "server/wire/error_to_proto.h"
@@ -15,33 +16,44 @@ constexpr int64_t kShortStepNs = 1'000'000;
 // read first. That is no overload, and must not count as a missed deadline.
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
-grpc::Status refusal(Admission admission, size_t max_streams) {
+// A session is asked for a sign of life this often within the time that it may be silent.
+constexpr int kAlarmsInSilence = 4;
+
+grpc::Status refusal(Admission admission, const StreamRegistry& streams) {
+  if (admission == Admission::kClientFull)
+    return exhausted_status("all " + std::to_string(streams.max_per_client()) +
+                                " sessions of this client are in use (--max-sessions-per-client)",
+                            kRetryDelay);
   if (admission == Admission::kDraining) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
-  return exhausted_status("all " + std::to_string(max_streams) + " sessions are in use (--max-sessions)",
+  return exhausted_status("all " + std::to_string(streams.max_streams()) + " sessions are in use (--max-sessions)",
                           kRetryDelay);
 }
 
 }  // namespace
 
-void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
-                          std::unique_ptr<Incoming> incoming, const std::string& session_id) {
-  const auto stream = std::make_shared<ControlStream>(parts, limits, loop, std::move(incoming), session_id);
+void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+                          std::unique_ptr<Incoming> incoming, const std::string& session_id,
+                          const std::string& client) {
+  const auto stream = std::make_shared<ControlStream>(parts, limits, parsers, loop, std::move(incoming), session_id);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
   const std::lock_guard lock(stream->mutex_);
   stream->self_ = stream;
-  if (const Admission admission = parts.streams.add(stream); admission != Admission::kAdmitted) {
-    parts.log.warn("session refused", {{"reason", admission == Admission::kFull ? "full" : "draining"}});
+  if (const Admission admission = parts.streams.add(stream, client); admission != Admission::kAdmitted) {
+    parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
     stream->finished_ = true;
-    return stream->finish_call(refusal(admission, parts.streams.max_streams()));
+    return stream->finish_call(refusal(admission, parts.streams));
   }
   stream->read_if_room();
   stream->start_alarm(limits.open_timeout);
 }
 
-ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
                              std::unique_ptr<Incoming> incoming, const std::string& session_id)
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
+      parsers_(parsers),
+      max_message_memory_(limits.max_message_memory),
+      idle_limit_(limits.session_idle),
       driver_(parts, session_id),
       inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
@@ -53,7 +65,7 @@ void ControlStream::on_read(bool ok) {
   {
     const std::lock_guard lock(mutex_);
     reading_ = ok ? Reading::kPaused : Reading::kEnded;
-    if (ok) take_in(parts_.clock());
+    if (ok) parse(parts_.clock());
     if (may_run_on_loop()) {
       begin_turn(TurnState::kOnLoop);
       for_loop = self_;
@@ -65,16 +77,51 @@ void ControlStream::on_read(bool ok) {
   if (for_loop) loop().defer(std::move(for_loop));
 }
 
-void ControlStream::take_in(int64_t arrival_ns) {
-  heard_ = true;
-  if (request_.has_tick()) {
-    const v1::Tick& tick = request_.tick();
+void ControlStream::parse(int64_t arrival_ns) {
+  if (bytes_.Length() > kParsedOnLoop) return parse_elsewhere(arrival_ns);
+  v1::ControlRequest request;
+  if (const Status parsed = parse_message(bytes_, max_message_memory_, request))
+    take_in(std::move(request), arrival_ns);
+  else
+    refuse_message(parsed.error());
+}
+
+// Nothing more is read meanwhile, so the order of the messages stays.
+void ControlStream::parse_elsewhere(int64_t arrival_ns) {
+  reading_ = Reading::kParsing;
+  parsers_.post([self = self_, arrival_ns] {
+    v1::ControlRequest request;
+    Status parsed;
+    try {
+      parsed = parse_message(self->bytes_, self->max_message_memory_, request);
+    } catch (const std::bad_alloc&) {
+      parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
+    }
+    const std::lock_guard lock(self->mutex_);
+    if (self->finished_) return;
+    self->reading_ = Reading::kPaused;
+    parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
+    self->read_if_room();
+    self->advance();
+  });
+}
+
+void ControlStream::refuse_message(const Error& error) {
+  if (!end_status_) end_status_ = status_from_error(error);
+}
+
+void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
+  // The alarm for the opening becomes the one for silence.
+  if (!std::exchange(heard_, true)) cancel_alarm();
+  silent_alarms_ = 0;
+  if (request.has_tick()) {
+    const v1::Tick& tick = request.tick();
     pace_.observe(parts_.scheduler.now_ns(),
                   {.time_s = tick.time_s(),
                    .dt_s = tick.has_dt_s() ? std::optional(tick.dt_s()) : std::nullopt,
                    .wants_reply = !tick.step_control().merge_into_next()});
   }
-  inbox_.push(std::exchange(request_, {}), arrival_ns);
+  inbox_.push(std::move(request), arrival_ns);
 }
 
 void ControlStream::on_write(bool ok) {
@@ -93,10 +140,20 @@ void ControlStream::on_cancel() {
 
 void ControlStream::on_alarm(bool ran_out) {
   const std::lock_guard lock(mutex_);
-  if (!ran_out || heard_ || end_status_) return;
-  end_status_ =
-      grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
-  advance();
+  if (finished_ || end_status_) return;
+  if (!heard_) {
+    end_status_ =
+        grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
+    return advance();
+  }
+  if (idle_limit_.count() == 0) return;
+  // A session whose scene is still being read is not silent.
+  silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
+  if (silent_alarms_ > kAlarmsInSilence) {
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came for too long (--session-idle-s)");
+    return advance();
+  }
+  start_alarm(idle_limit_ / kAlarmsInSilence);
 }
 
 void ControlStream::on_done() {
@@ -130,7 +187,7 @@ void ControlStream::end(const grpc::Status& status) {
 void ControlStream::read_if_room() {
   if (reading_ != Reading::kPaused || finished_ || turn_state_ == TurnState::kOnLoop || inbox_.full()) return;
   reading_ = Reading::kUnderWay;
-  start_read(request_);
+  start_read(bytes_);
 }
 
 void ControlStream::begin_turn(TurnState where) {

@@ -19,6 +19,7 @@
 // and no write is under way; nothing is started after it.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -28,6 +29,7 @@
 #include "server/schedule/tick_pace.h"
 #include "server/rpc/call.h"
 #include "server/service/inbox.h"
+#include "server/service/incoming_message.h"
 #include "server/service/outbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_driver.h"
@@ -35,16 +37,18 @@
 
 namespace sightline {
 
-using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse, v1::ControlRequest>>;
+// Messages arrive as bytes (incoming_message.h says why).
+using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse, grpc::ByteBuffer>>;
 
 class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the
-  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). Runs on the loop's thread.
-  static void start(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
-                    std::unique_ptr<Incoming> incoming, const std::string& session_id);
+  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). `client` is the client's name; `parsers` must outlive the call. Runs on the loop's
+  // thread.
+  static void start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+                    std::unique_ptr<Incoming> incoming, const std::string& session_id, const std::string& client);
 
-  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, EventLoop& loop,
+  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
                 std::unique_ptr<Incoming> incoming, const std::string& session_id);
   ~ControlStream() override = default;
 
@@ -52,14 +56,15 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void end(const grpc::Status& status) override;
 
  private:
-  enum class Reading { kPaused, kUnderWay, kEnded };      // ended: the client has closed its side, or is gone
+  // Parsing: a large message is on another thread. Ended: the client has closed its side, or is gone.
+  enum class Reading { kPaused, kUnderWay, kParsing, kEnded };
   enum class TurnState { kNone, kOnWorker, kOnLoop };     // waiting for its thread, or running on it
 
   // Reactions.
   void on_read(bool ok) override;
   void on_write(bool ok) override;
   void on_cancel() override;
-  void on_alarm(bool ran_out) override;  // the client has not sent `open` in time
+  void on_alarm(bool ran_out) override;  // the client may have been silent for too long
   void on_done() override;
 
   // A turn on the loop's thread, or its way to the scheduler instead.
@@ -72,7 +77,10 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void fill_turn();
 
   // These need mutex_.
-  void take_in(int64_t arrival_ns);
+  void take_in(v1::ControlRequest request, int64_t arrival_ns);
+  void parse(int64_t arrival_ns);
+  void parse_elsewhere(int64_t arrival_ns);
+  void refuse_message(const Error& error);
   void advance();  // starts what comes next
   void read_if_room();
   void begin_turn(TurnState where);
@@ -81,13 +89,16 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
 
   // Constant after construction.
   const ServiceParts& parts_;
+  WorkerPool& parsers_;
+  const size_t max_message_memory_;
+  const std::chrono::milliseconds idle_limit_;  // 0: none
 
   // Used by the turn while there is one, otherwise guarded by mutex_.
   SessionDriver driver_;
   SessionDriver::Turn turn_;
 
-  // Used by gRPC while a read is under way, otherwise guarded by mutex_.
-  v1::ControlRequest request_;
+  // Used by gRPC while a read is under way, by a parser while that works, otherwise guarded by mutex_.
+  grpc::ByteBuffer bytes_;
 
   std::mutex mutex_;
   // Guarded by mutex_.
@@ -98,6 +109,7 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   TurnState turn_state_ = TurnState::kNone;
   bool writing_ = false;      // a write is under way
   bool heard_ = false;        // a message has come
+  int silent_alarms_ = 0;     // alarms since the last message
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
   int64_t due_ns_ = 0;        // deadline of the turn
   // How the call ends.

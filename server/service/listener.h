@@ -6,11 +6,14 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
 #include "server/service/health.h"
+#include "server/service/reflection.h"
 #include "server/service/service.h"
 
 namespace sightline {
@@ -21,6 +24,8 @@ struct ListenOptions {
   unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;
   unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
+  GateLimits gate;     // of connections
+  Gate::Notice on_refused = [](const std::string&, std::string_view) {};  // a connection was refused or cut
   // A connection without traffic for `keepalive_time` is pinged. Its calls end when no answer comes in the timeout.
   std::chrono::milliseconds keepalive_time{10'000};
   std::chrono::milliseconds keepalive_timeout{5'000};
@@ -41,6 +46,8 @@ class Listener {
   // The TCP port; 0 without TCP.
   int port() const { return port_; }
 
+  GateCounts connections() const { return gate_->counts(); }
+
   // From now on the health service says NOT_SERVING; everything else goes on.
   void set_not_serving();
   // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks. May be called again.
@@ -50,7 +57,10 @@ class Listener {
   Listener() = default;
   void set_serving(bool serving);
 
+  // Every connection comes through it, so it exists before the first call.
+  std::unique_ptr<Gate> gate_;
   HealthService health_;
+  ReflectionService reflection_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;

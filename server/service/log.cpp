@@ -1,10 +1,12 @@
 #include "server/service/log.h"
 
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+
+#include "server/service/log_sink.h"
 
 namespace sightline {
 namespace {
@@ -29,12 +31,14 @@ std::string json_string(std::string_view text) {
   return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-// Bare where that is unambiguous, otherwise quoted as in JSON.
+// Bare where that is unambiguous, otherwise quoted as in JSON. Everything outside ASCII is escaped: a terminal obeys some
+// control characters beyond ASCII, and others turn the direction of what follows.
 std::string text_value(std::string_view text) {
   const bool bare =
       !text.empty() && text.find_first_of(" \"=\\") == std::string_view::npos &&
-      std::all_of(text.begin(), text.end(), [](unsigned char c) { return c > 0x20 && c != 0x7F; });
-  return bare ? std::string(text) : json_string(text);
+      std::all_of(text.begin(), text.end(), [](unsigned char c) { return c > 0x20 && c < 0x7F; });
+  if (bare) return std::string(text);
+  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
 std::string as_text(std::string_view message, Log::Fields fields) {
@@ -52,10 +56,16 @@ std::string as_json_members(std::string_view message, Log::Fields fields) {
   return line;
 }
 
+std::string payload(LogFormat format, std::string_view message, Log::Fields fields) {
+  return format == LogFormat::kText ? as_text(message, fields) : as_json_members(message, fields);
+}
+
 }  // namespace
 
 Log::Log(LogFormat format, LogLevel level)
-    : Log(format, level, std::make_shared<spdlog::sinks::stderr_sink_mt>()) {}
+    : Log(format, level, std::make_shared<PatientSink>(STDERR_FILENO, [format](uint64_t lines) {
+            return payload(format, "log lines dropped", {{"lines", std::to_string(lines)}});
+          })) {}
 
 Log::Log(LogFormat format, LogLevel level, std::shared_ptr<spdlog::sinks::sink> sink)
     : format_(format), logger_(std::make_shared<spdlog::logger>("sightlined", std::move(sink))) {
@@ -67,11 +77,14 @@ Log::Log(LogFormat format, LogLevel level, std::shared_ptr<spdlog::sinks::sink> 
   logger_->flush_on(spdlog::level::info);
 }
 
+void Log::set_level(LogLevel level) const {
+  logger_->set_level(to_spdlog(level));
+}
+
 void Log::write(LogLevel level, std::string_view message, Fields fields) const {
   const spdlog::level::level_enum severity = to_spdlog(level);
   if (!logger_->should_log(severity)) return;
-  logger_->log(severity,
-               format_ == LogFormat::kText ? as_text(message, fields) : as_json_members(message, fields));
+  logger_->log(severity, payload(format_, message, fields));
 }
 
 }  // namespace sightline

@@ -24,14 +24,14 @@ namespace sightline {
 enum class LogFormat { kText, kJson };
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
-// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced in JSON, and control characters are escaped in both
-// formats, so an event is always one line.
+// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced, and control characters are escaped, so an event is always
+// one line. The text format escapes everything outside ASCII too.
 class Log {
  public:
   using Field = std::pair<std::string_view, std::string>;
   using Fields = std::initializer_list<Field>;
 
-  // Writes to the standard error output.
+  // Writes to the standard error output, from a thread of its own (log_sink.h), so that no caller waits for a reader.
   Log(LogFormat format, LogLevel level);
   // Writes to `sink`; for tests.
   Log(LogFormat format, LogLevel level, std::shared_ptr<spdlog::sinks::sink> sink);
@@ -42,6 +42,9 @@ class Log {
     write(LogLevel::kWarning, message, fields);
   }
   void error(std::string_view message, Fields fields = {}) const { write(LogLevel::kError, message, fields); }
+
+  // Thread-safe, like everything else.
+  void set_level(LogLevel level) const;
 
  private:
   void write(LogLevel level, std::string_view message, Fields fields) const;

@@ -8,6 +8,7 @@
 #include "server/schedule/fair_shares.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
+#include "server/service/session_budget.h"
 #include "server/service/session_recording.h"
 #include "server/schedule/step_budget.h"
 #include "server/schedule/step_stats.h"
@@ -31,22 +32,27 @@ struct ServiceParts {
   StreamRegistry& streams;
   FairShares& shares;  // of the scheduler's threads
   StepStats& stats;
-  Log& log;
+  const Log& log;
   StageClock clock;  // monotonic, in nanoseconds; for stage and queue times only, since the scheduler has its own
   std::string id_prefix;            // of session ids; differs between daemons
   std::string sampler_reason = {};  // why this sampler was chosen, in words
   BudgetRules budget = {};
   RecordingRules recording = {};
+  SessionLimits session_limits = {};
+  InstanceMemory* instance_memory = nullptr;  // null: no limit for all sessions together
 };
 
 struct ServiceLimits {
   size_t inbox_messages = 256;                  // a stream stops reading when this many messages wait,
   size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
-  size_t max_uploads = 4;                       // at the same time
-  size_t max_upload_bytes = size_t{256} << 20;  // of one file
+  size_t max_message_memory = size_t{32} << 20;  // of one message, parsed
+  size_t max_uploads = 4;                       // at the same time; they hold at most twice max_upload_bytes
+  size_t max_upload_bytes = size_t{64} << 20;   // of one file
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
   // A Control call whose first message does not come in this time is ended, because it uses up one of the sessions.
   std::chrono::milliseconds open_timeout{10'000};
+  // A session without a message for this time is ended. 0: never.
+  std::chrono::milliseconds session_idle{300'000};
   // An upload that sends nothing for this time is ended, because it uses up one of the uploads and a thread.
   std::chrono::milliseconds upload_timeout{60'000};
 };

@@ -1,45 +1,71 @@
 #include "server/service/service.h"
 
+#include <exception>
+#include <new>
+
 #include "server/service/control_stream.h"
 #include "server/service/list_scenes.h"
 #include "server/service/server_info.h"
 #include "server/service/upload_scene.h"
 
 namespace sightline {
+namespace {
+
+// Without this, gRPC would answer UNKNOWN when memory runs out.
+template <typename Handler>
+grpc::Status guarded(const Log& log, const char* rpc, const Handler& handler) try {
+  return handler();
+} catch (const std::bad_alloc&) {
+  log.error("call failed", {{"rpc", rpc}, {"reason", "out of memory"}});
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED, "the server is out of memory"};
+} catch (const std::exception& trouble) {
+  log.error("call failed", {{"rpc", rpc}, {"reason", trouble.what()}});
+  return {grpc::StatusCode::INTERNAL, "the call failed; the server's log says why"};
+}
+
+}  // namespace
 
 void CameraControlService::take_calls(EventLoop& loop) {
   using Incoming = ControlStream::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    RequestControl(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+    // As the generated RequestControl, which would parse the messages. Control is the first method of the service.
+    RequestAsyncBidiStreaming(0, &incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
   CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
-    ControlStream::start(parts_, limits_, loop, std::move(incoming),
-                         parts_.id_prefix + "-" + std::to_string(++calls_));
+    const std::string client = client_of_(incoming->context.peer());
+    ControlStream::start(parts_, limits_, parsers_, loop, std::move(incoming),
+                         parts_.id_prefix + "-" + std::to_string(++calls_), client);
   });
 }
 
 grpc::Status CameraControlService::UploadScene(grpc::ServerContext* context,
                                                grpc::ServerReader<v1::UploadSceneRequest>* reader,
                                                v1::UploadSceneResponse* reply) {
-  return upload_scene(*context, *reader, parts_, limits_, open_uploads_, *reply);
+  return guarded(parts_.log, "UploadScene", [&] {
+    return upload_scene(*context, *reader, parts_, limits_, uploads_, client_of_(context->peer()), *reply);
+  });
 }
 
 grpc::Status CameraControlService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest* request,
                                               v1::ListScenesResponse* response) {
-  return list_scenes(parts_.scenes, *request, *response);
+  return guarded(parts_.log, "ListScenes", [&] { return list_scenes(parts_.scenes, *request, *response); });
 }
 
 grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
                                                  v1::GetServerInfoResponse* info) {
-  get_server_info(parts_, *info);
-  return grpc::Status::OK;
+  return guarded(parts_.log, "GetServerInfo", [&] {
+    get_server_info(parts_, *info);
+    return grpc::Status::OK;
+  });
 }
 
 grpc::Status CameraControlService::GetServerStats(grpc::ServerContext*, const v1::GetServerStatsRequest*,
                                                   v1::GetServerStatsResponse* stats) {
-  get_server_stats(parts_, *stats);
-  return grpc::Status::OK;
+  return guarded(parts_.log, "GetServerStats", [&] {
+    get_server_stats(parts_, *stats);
+    return grpc::Status::OK;
+  });
 }
 
 }  // namespace sightline

@@ -32,7 +32,8 @@ SessionDriver::SessionDriver(const ServiceParts& parts, std::string session_id)
     : parts_(parts),
       session_id_(std::move(session_id)),
       recording_(parts.recording, parts.clock, parts.scenes, parts.log),
-      counters_(parts.stats) {}
+      counters_(parts.stats),
+      instances_(parts.session_limits, parts.instance_memory) {}
 
 TakeJob SessionDriver::plan(Turn& turn) {
   turn.replies.clear();
@@ -72,6 +73,7 @@ grpc::Status SessionDriver::status_after_last_message() const {
 
 void SessionDriver::close(const grpc::Status& status) {
   session_.reset();
+  (void)instances_.resize(0, "");
   recording_.close();
   const double full_cost_us = quality_ ? quality_->full_cost_ns() * 1e-3 : 0.0;
   quality_.reset();
@@ -125,6 +127,9 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
+  if (Status ok = check_step_cost(options->settings, options->targets.size(), parts_.session_limits, "open.settings"); !ok)
+    return ok;
+  if (Status ok = instances_.resize(options->instances.size(), "open.instances"); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
@@ -194,7 +199,22 @@ Status SessionDriver::apply(const Inbox::Message& message) {
   auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry});
   if (!tick) return tl::unexpected(std::move(tick.error()));
   tick->arrival_ns = message.arrival_ns;
-  return session_->apply(*tick);
+  if (Status ok = check_budgets(*tick); !ok) return ok;
+  const Status applied = session_->apply(*tick);
+  // A delta may have been refused, or have removed more than it added.
+  if (!tick->delta.empty()) (void)instances_.resize(session_->mirror().size(), "tick.delta");
+  return applied;
+}
+
+Status SessionDriver::check_budgets(const TickInput& tick) {
+  if (tick.settings || tick.targets) {
+    const StepSettings& settings = tick.settings ? *tick.settings : session_->settings();
+    const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
+    if (Status ok = check_step_cost(settings, targets, parts_.session_limits, tick.settings ? "tick.settings" : "tick.targets"); !ok)
+      return ok;
+  }
+  const size_t now = session_->mirror().size(), added = tick.delta.add.size();
+  return added == 0 ? Status{} : instances_.resize(now + added, "tick.delta.added_instances");
 }
 
 // --- replies

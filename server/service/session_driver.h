@@ -74,6 +74,7 @@ class SessionDriver {
   TakeJob begin_step(Turn& turn);
   std::optional<uint64_t> apply_ticks(Turn& turn);
   Status apply(const Inbox::Message& message);
+  Status check_budgets(const TickInput& tick);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
   void reject(Turn& turn, const Error& error, uint64_t sequence);
@@ -88,6 +89,7 @@ class SessionDriver {
   std::optional<QualityControl> quality_;  // from the opening to the end
   SessionRecording recording_;
   SessionCounters counters_;
+  InstanceShare instances_;
 
   // Requests of the ticks since the last step.
   uint32_t merges_asked_ = 0;        // number of ticks that asked to be merged

@@ -71,7 +71,11 @@ void SessionRecording::open(const v1::OpenSession& request, int64_t arrival_ns, 
   wall_from_clock_ns_ = static_cast<int64_t>(rules_.wall_ns()) - clock_();
   recorder_ = rules_.writer->open_session(info_of(request, opened));
   name_ = recorder_->file_name();
-  opened.set_recording_file(name_);
+  // A file that cannot be made is not promised. The recorder keeps trying, and the log tells when it succeeds.
+  if (const auto trouble = rules_.writer->folder_trouble())
+    opened.add_warnings("recording: no file can be written at present: " + to_string(*trouble));
+  else
+    opened.set_recording_file(name_);
   recorder_->record(RecordTopic::kOpen, times(arrival_ns), request);
   attaches_ = rules_.attach_scenes || request.recording().attach_scenes();
   if (attaches_) attach_scenes(request, opened);

@@ -4,6 +4,7 @@
 #include <grpcpp/support/status.h>
 
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -22,15 +23,18 @@ class Drainable {
   virtual void end(const grpc::Status& status) = 0;
 };
 
-enum class Admission { kAdmitted, kFull, kDraining };
+enum class Admission { kAdmitted, kFull, kClientFull, kDraining };
+// "full", ...: for logs.
+std::string to_string(Admission admission);
 
 // Thread-safe.
 class StreamRegistry {
  public:
-  explicit StreamRegistry(size_t max_streams) : max_streams_(max_streams) {}
+  explicit StreamRegistry(size_t max_streams, size_t max_per_client = std::numeric_limits<size_t>::max())
+      : max_streams_(max_streams), max_per_client_(max_per_client) {}
 
   // Counts the stream until it is removed. Streams are identified by their address.
-  Admission add(const std::shared_ptr<Drainable>& stream);
+  Admission add(const std::shared_ptr<Drainable>& stream, const std::string& client = {});
   void remove(const Drainable* stream);
 
   // From now on no stream is admitted; every open stream is notified.
@@ -39,14 +43,22 @@ class StreamRegistry {
 
   size_t size() const;
   size_t max_streams() const { return max_streams_; }
+  size_t max_per_client() const { return max_per_client_; }
 
  private:
   std::vector<std::shared_ptr<Drainable>> alive() const;
 
-  const size_t max_streams_;
+  struct Entry {
+    std::weak_ptr<Drainable> stream;
+    std::string client;
+  };
+
+  const size_t max_streams_, max_per_client_;
   mutable std::mutex mutex_;
-  bool draining_ = false;                                         // guarded by mutex_
-  std::map<const Drainable*, std::weak_ptr<Drainable>> streams_;  // guarded by mutex_
+  // Guarded by mutex_.
+  bool draining_ = false;
+  std::map<const Drainable*, Entry> streams_;
+  std::map<std::string, size_t> of_client_;
 };
 
 }  // namespace sightline

@@ -4,6 +4,7 @@
 
 #include <exception>
 #include <new>
+#include <optional>
 #include <semaphore>
 #include <span>
 #include <vector>
@@ -21,21 +22,8 @@ grpc::Status too_large(const std::string& what, size_t limit_bytes) {
                             what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
 }
 
-class UploadSlot {
- public:
-  explicit UploadSlot(std::atomic<size_t>& taken) : taken_(taken), number_(++taken) {}
-  ~UploadSlot() { --taken_; }
-  UploadSlot(const UploadSlot&) = delete;
-  UploadSlot& operator=(const UploadSlot&) = delete;
-  size_t number() const { return number_; }
-
- private:
-  std::atomic<size_t>& taken_;
-  const size_t number_;
-};
-
 grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, ReadTimeout& timeout,
-                     std::vector<std::byte>& bytes) {
+                     UploadPlaces::Place& place, std::vector<std::byte>& bytes) {
   v1::UploadSceneRequest request;
   const auto next = [&] {
     timeout.begin();
@@ -47,14 +35,16 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
     const auto chunk = std::as_bytes(std::span(request.chunk()));
     if (chunk.size() > limits.max_chunk_bytes) return too_large("a chunk", limits.max_chunk_bytes);
     if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large("the file", limits.max_upload_bytes);
+    if (!place.add(chunk.size()))
+      return exhausted_status("the uploads in progress hold too much memory (twice --max-upload-mib)", kRetryDelay);
     bytes.insert(bytes.end(), chunk.begin(), chunk.end());
   }
   return grpc::Status::OK;
 }
 
-grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
+grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, const std::string& client,
                   v1::UploadSceneResponse& reply) try {
-  const auto asset = parts.scenes.add_uploaded(bytes);
+  const auto asset = parts.scenes.add_uploaded(bytes, client);
   if (!asset) {
     parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
     return status_from_error(asset.error());
@@ -74,22 +64,27 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes,
 }  // namespace
 
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
-                          const ServiceParts& parts, const ServiceLimits& limits,
-                          std::atomic<size_t>& open_uploads, v1::UploadSceneResponse& reply) {
-  const UploadSlot slot(open_uploads);
-  if (slot.number() > limits.max_uploads) return exhausted_status("too many uploads are in progress", kRetryDelay);
+                          const ServiceParts& parts, const ServiceLimits& limits, UploadPlaces& places,
+                          const std::string& client, v1::UploadSceneResponse& reply) {
+  std::optional<UploadPlaces::Place> place;
+  places.take(place, [&context] { context.TryCancel(); });
+  if (!place) return exhausted_status("too many uploads are in progress (--max-uploads)", kRetryDelay);
   std::vector<std::byte> bytes;
   ReadTimeout timeout(context, limits.upload_timeout);
-  if (grpc::Status status = collect(reader, limits, timeout, bytes); !status.ok()) return status;
+  if (grpc::Status status = collect(reader, limits, timeout, *place, bytes); !status.ok()) return status;
   if (timeout.ran_out())
     parts.log.info("upload ended", {{"reason", "the client sent nothing for --upload-timeout-s"},
                                     {"bytes", std::to_string(bytes.size())}});
+  if (!place->complete()) {
+    parts.log.info("upload ended", {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
+    return grpc::Status::CANCELLED;
+  }
   // The first part of a file can be a valid file by itself, so an upload that was cut short is not read.
   if (timeout.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
   grpc::Status status;
   std::binary_semaphore loaded(0);
   parts.loaders.post([&] {
-    status = load(parts, bytes, reply);
+    status = load(parts, bytes, client, reply);
     loaded.release();
   });
   loaded.acquire();

@@ -31,7 +31,6 @@ CONFINED = {
 }
 # Header, usual name of the library, CMake target. An unknown header is an error, so this list is complete.
 LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
-    (r"grpcpp/ext/proto_server_reflection_plugin\.h$", "gRPC", "gRPC::grpc++_reflection"),
     (r"grpc(pp)?/", "gRPC", "gRPC::grpc++"),
     (r"google/protobuf/", "protobuf", "protobuf::libprotobuf"),
     (r"embree3/", "Embree", "embree"),
@@ -56,7 +55,7 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
 )]
 # The C++ library, and what Linux, glibc and the compiler bring.
 SYSTEM = re.compile(r"[a-z_0-9]+$|(sys|linux|netinet|arpa)/|"
-                    r"(unistd|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|errno|immintrin)\.h$")
+                    r"(unistd|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|netdb|errno|immintrin)\.h$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")', re.M)
 
 Include = collections.namedtuple("Include", "path line header")

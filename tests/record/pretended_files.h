@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 
 #include "server/record/record_folder.h"
@@ -20,6 +21,7 @@ class PretendedFiles final : public RecordFileSystem {
   uint64_t now_ns = 0;
   bool folder_forbidden = false;  // creating and listing it fail
   bool disk_full = false;         // writes fail
+  std::set<std::string> stuck;    // these cannot be removed
   uint64_t capacity = uint64_t{1} << 40;
   uint64_t creations = 0;
 
@@ -49,6 +51,7 @@ class PretendedFiles final : public RecordFileSystem {
     return found;
   }
   Status remove(const std::string&, const std::string& name) override {
+    if (stuck.contains(name)) return fail(ErrorCode::kUnavailable, name, "Operation not permitted");
     files.erase(name);
     return {};
   }

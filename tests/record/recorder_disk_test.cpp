@@ -218,6 +218,28 @@ TEST(Recorder, TheFolderStaysWithinItsTotalAndTheOldestGo) {
   for (const auto& [name, _] : studio.files.files) EXPECT_GT(name, "sightline-1970") << "the newest are left";
 }
 
+TEST(Recorder, AFileThatCannotBeRemovedDoesNotStopTheRecording) {
+  Studio studio({.limits = {.max_total_bytes = 8 << 20, .free_reserve_bytes = 0}, .for_viewers = false});
+  studio.files.put("sightline-a-p001.mcap", 9 << 20, 850 * kSecondNs);
+  studio.files.put("sightline-b-p001.mcap", 9 << 20, 860 * kSecondNs);
+  studio.files.stuck = {"sightline-a-p001.mcap"};
+  auto recorder = studio.open();
+  ASSERT_TRUE(studio.tick(*recorder));
+  studio.later(2);
+  EXPECT_FALSE(recorder->degraded());
+  EXPECT_FALSE(studio.files.files.contains("sightline-b-p001.mcap"));
+  ASSERT_THAT(studio.warnings, SizeIs(1));
+  EXPECT_THAT(studio.warnings[0].text, HasSubstr("sightline-a-p001.mcap"));
+}
+
+TEST(Recorder, AFolderThatCannotBeUsedIsKnownBeforeTheFirstSession) {
+  Studio studio;
+  studio.files.folder_forbidden = true;
+  studio.writer->try_folder();
+  EXPECT_TRUE(studio.writer->folder_trouble());
+  EXPECT_THAT(studio.warnings, SizeIs(1));
+}
+
 TEST(Recorder, OldFilesGoByTheirAge) {
   Studio studio({.limits = {.max_age_s = 100, .free_reserve_bytes = 0}});
   studio.files.put("sightline-a-p001.mcap", 10, 850 * kSecondNs);

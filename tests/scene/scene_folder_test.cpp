@@ -175,6 +175,25 @@ TEST_F(SceneFolder, WithoutAFolderNothingHasAName) {
   EXPECT_EQ(lost.load_named("hall.glb").error().code, ErrorCode::kUnavailable);
 }
 
+TEST_F(SceneFolder, AnOwnerPushesOutItsOwnUploadsBeforeThoseOfOthers) {
+  const auto other = library.add_uploaded(triangle_glb(100), "other");
+  ASSERT_TRUE(other);
+  const ContentHash hash = (*other)->hash, first = (*library.add_uploaded(triangle_glb(199), "many"))->hash;
+  for (size_t i = 0; i < SceneLibrary::kKeptUploads; ++i)
+    ASSERT_TRUE(library.add_uploaded(triangle_glb(200.0f + static_cast<float>(i)), "many"));
+  EXPECT_FALSE(library.find(first));
+  EXPECT_TRUE(library.find(hash));
+}
+
+TEST_F(SceneFolder, KeptUploadsTakeABoundedMemory) {
+  SceneLibrary small("", GltfLimits{}, store, false, 1);
+  const ContentHash first = (*small.add_uploaded(triangle_glb(100)))->hash;
+  EXPECT_TRUE(small.find(first));
+  const ContentHash second = (*small.add_uploaded(triangle_glb(200)))->hash;
+  EXPECT_FALSE(small.find(first));
+  EXPECT_TRUE(small.find(second));
+}
+
 TEST_F(SceneFolder, UploadsAreFoundByHashUntilNewerOnesPushThemOut) {
   const ContentHash first = (*library.add_uploaded(triangle_glb(100)))->hash;
   EXPECT_TRUE(library.find(first));

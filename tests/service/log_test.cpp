@@ -44,6 +44,12 @@ TEST(Log, QuotesTextValuesThatWouldReadAsSeveral) {
       << lines.text.str();
 }
 
+TEST(Log, TextHoldsNoControlCharactersBeyondAscii) {
+  const Lines lines(LogFormat::kText);
+  lines.log.info("x", {{"csi", "\xC2\x9B" "31m"}, {"turned", "a\xE2\x80\xAE" "b"}, {"broken", "\x9B" "c"}});
+  EXPECT_TRUE(lines.text.str().ends_with("x csi=\"\\u009b31m\" turned=\"a\\u202eb\" broken=\"\\ufffdc\"\n")) << lines.text.str();
+}
+
 TEST(Log, LeavesOutWhatIsLessSevereThanAsked) {
   const Lines lines(LogFormat::kText, LogLevel::kWarning);
   lines.log.info("quiet");

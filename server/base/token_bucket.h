@@ -1,0 +1,29 @@
+// Lets events pass at a rate, and a burst of them at once.
+#pragma once
+
+#include <algorithm>
+
+namespace sightline {
+
+// Not thread-safe.
+class TokenBucket {
+ public:
+  // `burst` events at once, `per_s` each second in the long run.
+  TokenBucket(double burst, double per_s) : burst_(burst), per_s_(per_s), left_(burst) {}
+
+  // True when one more event may pass now. `now_s` is a monotonic time in seconds.
+  bool take(double now_s) {
+    left_ = std::min(burst_, left_ + (now_s - last_s_) * per_s_);
+    last_s_ = now_s;
+    if (left_ < 1.0) return false;
+    left_ -= 1.0;
+    return true;
+  }
+
+ private:
+  const double burst_, per_s_;
+  double left_;
+  double last_s_ = 0.0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,211 @@
+#include "server/gate/gate.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstddef>
+#include <new>
+#include <utility>
+
+namespace sightline {
+namespace {
+
+// How often connections are checked for their deadlines.
+constexpr int kCheckMs = 250;
+// After an accept that failed for want of descriptors or memory; without the pause the thread would spin.
+constexpr std::chrono::milliseconds kAfterFailure{20};
+// Of each end of a socket pair. More would only hide messages from gRPC's flow control.
+constexpr int kPairBytes = 64 << 10;
+
+// Gives a socket a name of its own in the kernel's abstract namespace, by which gRPC then calls its peer.
+std::string name_socket(int fd) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(sa_family_t)) != 0) return {};
+  socklen_t length = sizeof(address);
+  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length) != 0) return {};
+  const size_t size = length - offsetof(sockaddr_un, sun_path);
+  return size > 1 ? "unix-abstract:" + std::string(address.sun_path + 1, size - 1) : std::string{};
+}
+
+}  // namespace
+
+Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, HandOver hand_over,
+           Notice notice)
+    : limits_(limits),
+      hand_over_(std::move(hand_over)),
+      notice_(std::move(notice)),
+      sockets_(std::move(sockets)),
+      wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  for (unsigned i = 0; i < std::max(relays, 1u); ++i)
+    relays_.push_back(std::make_unique<Relay>(limits_.frames, [this](const auto& connection, std::string_view reason) {
+      over(connection, reason);
+    }));
+}
+
+Gate::~Gate() {
+  stop_accepting();
+  relays_.clear();
+}
+
+void Gate::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void Gate::stop_accepting() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(stopping_, true)) return;
+  }
+  ::eventfd_write(wake_.get(), 1);
+  if (thread_.joinable()) thread_.join();
+  sockets_.clear();
+}
+
+std::string Gate::client_of(const std::string& peer) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = connections_.find(peer);
+  return found == connections_.end() ? peer : found->second->client;
+}
+
+GateCounts Gate::counts() const {
+  const std::lock_guard lock(mutex_);
+  GateCounts counts = counts_;
+  counts.open = connections_.size();
+  return counts;
+}
+
+void Gate::run() {
+  std::vector<pollfd> watched{{wake_.get(), POLLIN, 0}};
+  for (const ListeningSocket& socket : sockets_) watched.push_back({socket.fd(), POLLIN, 0});
+  double checked_s = gate_now_s();
+  for (;;) {
+    ::poll(watched.data(), watched.size(), kCheckMs);
+    {
+      const std::lock_guard lock(mutex_);
+      if (stopping_) break;
+    }
+    bool failed = false;
+    for (size_t i = 0; i < sockets_.size(); ++i)
+      if (watched[i + 1].revents != 0) failed = !accept_from(sockets_[i]) || failed;
+    if (failed) std::this_thread::sleep_for(kAfterFailure);
+    if (gate_now_s() - checked_s < kCheckMs * 1e-3) continue;
+    checked_s = gate_now_s();
+    cut_overdue();
+  }
+}
+
+// False when the process has no descriptor or memory left. The connection then waits in the kernel for the next try.
+bool Gate::accept_from(const ListeningSocket& socket) try {
+  FileDescriptor fd(::accept4(socket.fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (fd) {
+    admit(std::move(fd));
+    return true;
+  }
+  const bool exhausted = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
+  if (exhausted) make_room({});
+  return !exhausted;
+} catch (const std::bad_alloc&) {
+  return false;
+}
+
+void Gate::admit(FileDescriptor fd) {
+  std::string client = client_of_socket(fd.get());
+  if (!make_room(client)) {
+    {
+      const std::lock_guard lock(mutex_);
+      ++counts_.refused;
+    }
+    return notice_(client, "no connection is left (--max-connections, --max-connections-per-client)");
+  }
+  auto connection = connect_to_grpc(std::move(fd), std::move(client));
+  if (!connection) return;
+  {
+    const std::lock_guard lock(mutex_);
+    ++counts_.accepted;
+    ++of_client_[connection->client];
+    connections_.emplace(connection->peer, connection);
+  }
+  relays_[next_relay_++ % relays_.size()]->add(std::move(connection));
+}
+
+// The client's end of the pair belongs to gRPC from now on.
+std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::string client) {
+  int pair[2] = {-1, -1};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) return nullptr;
+  auto connection = std::make_shared<Connection>();
+  connection->outer = std::move(outer);
+  connection->inner = FileDescriptor(pair[0]);
+  FileDescriptor for_grpc(pair[1]);
+  for (const int fd : pair) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kPairBytes, sizeof(kPairBytes));
+  connection->client = std::move(client);
+  connection->peer = name_socket(connection->inner.get());
+  if (connection->peer.empty()) return nullptr;
+  connection->since_s = gate_now_s();
+  connection->deadline_s = connection->since_s + limits_.greeting_s;
+  hand_over_(std::move(for_grpc));
+  return connection;
+}
+
+// True when a connection of this client may be added. One that never began a call makes way at once, one that has been idle for
+// long only when there is none of those. An empty name asks for room for anyone.
+bool Gate::make_room(const std::string& client) {
+  std::shared_ptr<Connection> victim;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto own = of_client_.find(client);
+    const bool client_full = own != of_client_.end() && own->second >= limits_.max_per_client;
+    if (!client.empty() && !client_full && connections_.size() < limits_.max_connections) return true;
+    const double now_s = gate_now_s();
+    double best = 0.0;
+    for (const auto& [peer, connection] : connections_) {
+      if (client_full && connection->client != client) continue;
+      const bool unused = connection->calls.load() == 0;
+      const double idle_s = now_s - (unused ? connection->since_s : connection->last_call_s.load());
+      if (!unused && idle_s < limits_.idle_s) continue;
+      const double rank = unused ? 1e9 + idle_s : idle_s;
+      if (rank <= best) continue;
+      best = rank;
+      victim = connection;
+    }
+  }
+  if (victim) cut(victim, "it was idle, and another client needed its place");
+  return victim != nullptr;
+}
+
+void Gate::cut_overdue() {
+  std::vector<std::shared_ptr<Connection>> overdue;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [peer, connection] : connections_) {
+      const double deadline_s = connection->deadline_s;
+      if (deadline_s > 0.0 && gate_now_s() > deadline_s) overdue.push_back(connection);
+    }
+  }
+  for (const auto& connection : overdue) cut(connection, "it was silent for too long");
+}
+
+// The relay sees the end of the socket and closes it.
+void Gate::cut(const std::shared_ptr<Connection>& connection, std::string_view reason) {
+  over(connection, reason);
+  ::shutdown(connection->outer.get(), SHUT_RDWR);
+}
+
+// Comes once from `cut` and once from the relay; the first one counts.
+void Gate::over(const std::shared_ptr<Connection>& connection, std::string_view reason) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (connections_.erase(connection->peer) == 0) return;
+    const auto own = of_client_.find(connection->client);
+    if (--own->second == 0) of_client_.erase(own);
+    if (!reason.empty()) ++counts_.cut;
+  }
+  if (!reason.empty()) notice_(connection->client, reason);
+}
+
+}  // namespace sightline

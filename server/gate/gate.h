@@ -1,0 +1,95 @@
+// The gate of the daemon: it accepts all connections, and hands them to gRPC through a relay.
+//
+// gRPC 1.51 gives up a listening socket for good when file descriptors run out, and limits neither the number of connections nor
+// what a client does on one. The gate accepts at most `max_connections` and `max_per_client`, so descriptors are left for everything
+// else. A connection that never began a call makes way for a new one. The relay (relay.h) cuts connections that flood.
+//
+// The price is one more thread on the way of each message.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "server/gate/connection.h"
+#include "server/gate/frame_watch.h"
+#include "server/gate/listening_socket.h"
+#include "server/gate/relay.h"
+
+namespace sightline {
+
+struct GateLimits {
+  size_t max_connections = 256;
+  size_t max_per_client = 192;  // a client is a user on a unix socket, or an address
+  double greeting_s = 10.0;     // time in which a client must begin to speak HTTP/2
+  double idle_s = 60.0;         // a connection without part of a call for this time may make way for a new one
+  FrameLimits frames;
+};
+
+// Since the start, except `open`.
+struct GateCounts {
+  uint64_t open = 0, accepted = 0;
+  uint64_t refused = 0;  // no place was left
+  uint64_t cut = 0;      // for what the client sent, or for silence
+};
+
+// Thread-safe.
+class Gate {
+ public:
+  // Gets a connected socket that does not block.
+  using HandOver = std::function<void(FileDescriptor)>;
+  // A connection was refused or cut. Runs on a thread of the gate and must return at once.
+  using Notice = std::function<void(const std::string& client, std::string_view reason)>;
+
+  // `relays` threads move bytes; one is enough for hundreds of sessions.
+  Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, HandOver hand_over, Notice notice);
+  // Closes everything.
+  ~Gate();
+  Gate(const Gate&) = delete;
+  Gate& operator=(const Gate&) = delete;
+
+  // Starts to accept. Once.
+  void start();
+  // Stops to listen, and removes the socket files. Open connections go on.
+  void stop_accepting();
+
+  // The name of a client for budgets and logs, from ServerContext::peer() of one of its calls. If the connection is gone, the result is
+  // the argument.
+  std::string client_of(const std::string& peer) const;
+  GateCounts counts() const;
+
+ private:
+  void run();
+  bool accept_from(const ListeningSocket& socket);
+  void admit(FileDescriptor fd);
+  bool make_room(const std::string& client);
+  void cut_overdue();
+  void cut(const std::shared_ptr<Connection>& connection, std::string_view reason);
+  std::shared_ptr<Connection> connect_to_grpc(FileDescriptor outer, std::string client);
+  void over(const std::shared_ptr<Connection>& connection, std::string_view reason);
+
+  const GateLimits limits_;
+  const HandOver hand_over_;
+  const Notice notice_;
+  std::vector<ListeningSocket> sockets_;  // used by thread_ only, until it has ended
+  const FileDescriptor wake_;
+  size_t next_relay_ = 0;  // used by thread_ only
+
+  mutable std::mutex mutex_;
+  // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.
+  std::map<std::string, std::shared_ptr<Connection>> connections_;
+  std::map<std::string, size_t> of_client_;
+  GateCounts counts_;
+  bool stopping_ = false;
+
+  std::vector<std::unique_ptr<Relay>> relays_;
+  std::thread thread_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,198 @@
+#include "server/gate/relay.h"
+
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <utility>
+
+namespace sightline {
+namespace {
+
+// Reads from one side before the others have their turn.
+constexpr int kReadsInARow = 4;
+// Time in which a client must take what is left for it once gRPC has closed the connection.
+constexpr double kFarewellS = 2.0;
+
+}  // namespace
+
+// One end of a connection.
+struct Relay::Side {
+  Line* line = nullptr;
+  Side* other = nullptr;
+  int fd = -1;
+  bool ended = false;                  // it sends nothing more
+  std::vector<std::byte> waiting = {};  // bytes for this side that it has not taken yet
+  uint32_t interest = 0;               // what epoll watches for
+};
+
+struct Relay::Line {
+  Line(std::shared_ptr<Connection> of, const FrameLimits& limits) : connection(std::move(of)), watch(limits) {
+    client = {.line = this, .other = &grpc, .fd = connection->outer.get()};
+    grpc = {.line = this, .other = &client, .fd = connection->inner.get()};
+  }
+  std::shared_ptr<Connection> connection;
+  FrameWatch watch;
+  Side client, grpc;
+  bool over = false;
+  std::string_view cut_for;  // why the client must be cut; empty: it need not
+};
+
+Relay::Relay(const FrameLimits& limits, Over over)
+    : limits_(limits),
+      over_(std::move(over)),
+      epoll_(::epoll_create1(EPOLL_CLOEXEC)),
+      wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  epoll_event event{.events = EPOLLIN, .data = {.ptr = nullptr}};
+  ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, wake_.get(), &event);
+  thread_ = std::thread([this] { run(); });
+}
+
+Relay::~Relay() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  ::eventfd_write(wake_.get(), 1);
+  thread_.join();
+}
+
+void Relay::add(std::shared_ptr<Connection> connection) {
+  {
+    const std::lock_guard lock(mutex_);
+    new_.push_back(std::move(connection));
+  }
+  ::eventfd_write(wake_.get(), 1);
+}
+
+void Relay::run() {
+  std::array<epoll_event, 64> events;
+  for (;;) {
+    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
+    bool woken = false;
+    for (int i = 0; i < count; ++i) {
+      const epoll_event& event = events[static_cast<size_t>(i)];
+      if (auto* side = static_cast<Side*>(event.data.ptr))
+        serve(*side, event.events);
+      else
+        woken = true;
+    }
+    ended_.clear();
+    if (!woken) continue;
+    take_new();
+    const std::lock_guard lock(mutex_);
+    if (stopping_) break;
+  }
+  while (!lines_.empty()) end(*lines_.begin()->second, {});
+  ended_.clear();
+}
+
+void Relay::take_new() {
+  eventfd_t ignored = 0;
+  ::eventfd_read(wake_.get(), &ignored);
+  std::vector<std::shared_ptr<Connection>> fresh;
+  {
+    const std::lock_guard lock(mutex_);
+    fresh.swap(new_);
+  }
+  for (auto& connection : fresh) {
+    auto owned = std::make_unique<Line>(std::move(connection), limits_);
+    Line& line = *owned;
+    lines_.emplace(&line, std::move(owned));
+    bool added = true;
+    for (Side* side : {&line.client, &line.grpc}) {
+      epoll_event event{.events = side->interest = EPOLLIN, .data = {.ptr = side}};
+      added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
+    }
+    if (!added) end(line, {});
+  }
+}
+
+void Relay::serve(Side& side, uint32_t events) {
+  Line& line = *side.line;
+  if (line.over) return;
+  bool well = (events & EPOLLERR) == 0;
+  if (well && (events & EPOLLOUT) != 0) well = flush(side);
+  if (well && (events & (EPOLLIN | EPOLLHUP)) != 0) well = read_from(side);
+  if (!well || !line.cut_for.empty()) return end(line, line.cut_for);
+  settle(line);
+}
+
+// False when the connection is broken.
+bool Relay::read_from(Side& side) {
+  Line& line = *side.line;
+  for (int reads = 0; reads < kReadsInARow && !side.ended && side.other->waiting.empty(); ++reads) {
+    const ssize_t size = ::recv(side.fd, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+    if (size < 0) return errno == EAGAIN || errno == EINTR;
+    if (size == 0) {
+      side.ended = true;
+      return true;
+    }
+    const auto bytes = static_cast<size_t>(size);
+    if (&side == &line.client) watch_client(line, bytes);
+    if (!line.cut_for.empty()) return true;
+    if (!write_to(*side.other, buffer_.data(), bytes)) return false;
+    if (bytes < buffer_.size()) return true;
+  }
+  return true;
+}
+
+void Relay::watch_client(Line& line, size_t size) {
+  const bool greeted = line.watch.greeted();
+  if (const auto reason = line.watch.read({buffer_.data(), size}, gate_now_s())) line.cut_for = *reason;
+  Connection& connection = *line.connection;
+  connection.calls.store(line.watch.calls(), std::memory_order_relaxed);
+  connection.last_call_s.store(line.watch.last_call_s(), std::memory_order_relaxed);
+  if (!greeted && line.watch.greeted()) connection.deadline_s = 0.0;
+}
+
+bool Relay::write_to(Side& side, const std::byte* bytes, size_t size) {
+  const ssize_t sent = ::send(side.fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL);
+  if (sent < 0 && errno != EAGAIN && errno != EINTR) return false;
+  const auto taken = static_cast<size_t>(std::max<ssize_t>(sent, 0));
+  if (taken < size) side.waiting.insert(side.waiting.end(), bytes + taken, bytes + size);
+  return true;
+}
+
+bool Relay::flush(Side& side) {
+  std::vector<std::byte> bytes;
+  bytes.swap(side.waiting);
+  return write_to(side, bytes.data(), bytes.size());
+}
+
+// Decides what comes next for both sides after one of them was served.
+void Relay::settle(Line& line) {
+  // gRPC has closed: the client gets what is left, and that was all.
+  if (line.grpc.ended) {
+    if (line.client.waiting.empty()) return end(line, {});
+    if (line.connection->deadline_s == 0.0) line.connection->deadline_s = gate_now_s() + kFarewellS;
+  }
+  // The client has closed: gRPC learns of it when it has read everything, and closes in turn.
+  if (line.client.ended && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
+  adjust(line.client);
+  adjust(line.grpc);
+}
+
+void Relay::adjust(Side& side) {
+  uint32_t interest = 0;
+  if (!side.ended && side.other->waiting.empty()) interest |= EPOLLIN;
+  if (!side.waiting.empty()) interest |= EPOLLOUT;
+  if (interest == side.interest) return;
+  epoll_event event{.events = side.interest = interest, .data = {.ptr = &side}};
+  ::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, side.fd, &event);
+}
+
+void Relay::end(Line& line, std::string_view reason) {
+  line.over = true;
+  over_(line.connection, reason);
+  for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);
+  const auto at = lines_.find(&line);
+  // The sockets close with the last reference, which may be in `ended_` for the rest of this round.
+  ended_.push_back(std::move(at->second));
+  lines_.erase(at);
+}
+
+}  // namespace sightline

@@ -1,0 +1,71 @@
+// The thread that moves bytes between clients and gRPC, and watches what the clients send.
+//
+// gRPC owns its end of each socket pair. The relay holds at most kMostHeld bytes for each direction of a connection: it reads from
+// one side only when the other side has taken everything. A client that stops reading is therefore stopped by gRPC's flow control
+// as if there were no relay.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string_view>
+#include <thread>
+#include <unordered_map>
+#include <vector>
+
+#include "server/gate/connection.h"
+#include "server/gate/frame_watch.h"
+
+namespace sightline {
+
+class Relay {
+ public:
+  // Runs on the relay's thread when a connection is over, before its sockets are closed. `reason` is empty unless the
+  // relay cut it for what the client sent.
+  using Over = std::function<void(const std::shared_ptr<Connection>&, std::string_view reason)>;
+
+  // Starts the thread.
+  Relay(const FrameLimits& limits, Over over);
+  // Closes all connections.
+  ~Relay();
+  Relay(const Relay&) = delete;
+  Relay& operator=(const Relay&) = delete;
+
+  // Takes a connection over, whose sockets must not block. From any thread.
+  void add(std::shared_ptr<Connection> connection);
+
+ private:
+  static constexpr size_t kMostHeld = 64 << 10;
+  struct Line;
+  struct Side;
+
+  void run();
+  void take_new();
+  void serve(Side& side, uint32_t events);
+  bool read_from(Side& side);
+  void watch_client(Line& line, size_t size);
+  bool write_to(Side& side, const std::byte* bytes, size_t size);
+  bool flush(Side& side);
+  void adjust(Side& side);
+  void settle(Line& line);
+  void end(Line& line, std::string_view reason);
+
+  const FrameLimits limits_;
+  const Over over_;
+  const FileDescriptor epoll_, wake_;
+
+  // Used by the thread only.
+  std::unordered_map<const Line*, std::unique_ptr<Line>> lines_;
+  std::vector<std::unique_ptr<Line>> ended_;  // kept until the events of this round are served
+  std::array<std::byte, kMostHeld> buffer_;
+
+  std::mutex mutex_;
+  std::vector<std::shared_ptr<Connection>> new_;  // guarded by mutex_
+  bool stopping_ = false;                         // guarded by mutex_
+
+  std::thread thread_;
+};
+
+}  // namespace sightline

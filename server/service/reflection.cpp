@@ -1,0 +1,160 @@
+#include "server/service/reflection.h"
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+
+#include <memory>
+#include <set>
+#include <utility>
+
+#include "server/rpc/call.h"
+
+namespace sightline {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::DescriptorPool;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::FileDescriptor;
+using grpc::reflection::v1alpha::ServerReflectionRequest;
+using grpc::reflection::v1alpha::ServerReflectionResponse;
+using ReflectionCall = AsyncCall<grpc::ServerAsyncReaderWriter<ServerReflectionResponse, ServerReflectionRequest>>;
+
+void add_with_imports(const FileDescriptor& file, std::set<const FileDescriptor*>& done,
+                      grpc::reflection::v1alpha::FileDescriptorResponse& out) {
+  if (!done.insert(&file).second) return;
+  google::protobuf::FileDescriptorProto proto;
+  file.CopyTo(&proto);
+  out.add_file_descriptor_proto(proto.SerializeAsString());
+  for (int i = 0; i < file.dependency_count(); ++i) add_with_imports(*file.dependency(i), done, out);
+}
+
+void answer_with(const FileDescriptor* file, ServerReflectionResponse& response) {
+  if (!file) {
+    response.mutable_error_response()->set_error_code(grpc::StatusCode::NOT_FOUND);
+    return response.mutable_error_response()->set_error_message("there is no such file or symbol");
+  }
+  std::set<const FileDescriptor*> done;
+  add_with_imports(*file, done, *response.mutable_file_descriptor_response());
+}
+
+const FileDescriptor* file_of_extension(const std::string& type, int number) {
+  const DescriptorPool& pool = *DescriptorPool::generated_pool();
+  const Descriptor* const extended = pool.FindMessageTypeByName(type);
+  const FieldDescriptor* const found = extended ? pool.FindExtensionByNumber(extended, number) : nullptr;
+  return found ? found->file() : nullptr;
+}
+
+void answer_with_extensions(const std::string& type, ServerReflectionResponse& response) {
+  const DescriptorPool& pool = *DescriptorPool::generated_pool();
+  const Descriptor* const extended = pool.FindMessageTypeByName(type);
+  if (!extended) return answer_with(nullptr, response);
+  std::vector<const FieldDescriptor*> found;
+  pool.FindAllExtensions(extended, &found);
+  response.mutable_all_extension_numbers_response()->set_base_type_name(type);
+  for (const FieldDescriptor* field : found)
+    response.mutable_all_extension_numbers_response()->add_extension_number(field->number());
+}
+
+}  // namespace
+
+ServerReflectionResponse reflect(const ServerReflectionRequest& request, const std::vector<std::string>& services) {
+  const DescriptorPool& pool = *DescriptorPool::generated_pool();
+  ServerReflectionResponse response;
+  response.set_valid_host(request.host());
+  *response.mutable_original_request() = request;
+  switch (request.message_request_case()) {
+    case ServerReflectionRequest::kFileByFilename:
+      answer_with(pool.FindFileByName(request.file_by_filename()), response);
+      break;
+    case ServerReflectionRequest::kFileContainingSymbol:
+      answer_with(pool.FindFileContainingSymbol(request.file_containing_symbol()), response);
+      break;
+    case ServerReflectionRequest::kFileContainingExtension:
+      answer_with(file_of_extension(request.file_containing_extension().containing_type(),
+                                    request.file_containing_extension().extension_number()),
+                  response);
+      break;
+    case ServerReflectionRequest::kAllExtensionNumbersOfType:
+      answer_with_extensions(request.all_extension_numbers_of_type(), response);
+      break;
+    case ServerReflectionRequest::kListServices:
+      for (const std::string& name : services) response.mutable_list_services_response()->add_service()->set_name(name);
+      break;
+    case ServerReflectionRequest::MESSAGE_REQUEST_NOT_SET:
+      response.mutable_error_response()->set_error_code(grpc::StatusCode::INVALID_ARGUMENT);
+      response.mutable_error_response()->set_error_message("the request asks for nothing");
+      break;
+  }
+  return response;
+}
+
+// One call. All its reactions run on the loop's thread, so it needs no lock.
+class ReflectionService::Call final : public ReflectionCall {
+ public:
+  Call(EventLoop& loop, std::unique_ptr<Incoming> incoming, ReflectionService& service)
+      : ReflectionCall(loop, std::move(incoming)), service_(service) {
+    if (++service_.open_ > kMostCalls) {
+      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many reflection calls are open"});
+    } else {
+      start_read(request_);
+      start_alarm(kMostTime);
+    }
+  }
+
+ private:
+  ~Call() override { --service_.open_; }
+
+  void on_read(bool ok) override {
+    if (finished_) return;
+    if (!ok) return finish(grpc::Status::OK);
+    response_ = reflect(request_, service_.services_);
+    writing_ = true;
+    start_write(response_);
+  }
+  void on_write(bool ok) override {
+    writing_ = false;
+    if (end_) return finish(*end_);
+    if (!ok) return finish(grpc::Status::CANCELLED);
+    start_read(request_);
+  }
+  void on_cancel() override { finish(grpc::Status::CANCELLED); }
+  void on_alarm(bool ran_out) override {
+    if (ran_out) finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
+  }
+  void on_done() override { delete this; }
+
+  // Nothing may be started after the end, and no write may be under way at it.
+  void finish(const grpc::Status& status) {
+    if (finished_) return;
+    end_ = status;
+    if (writing_) return;
+    finished_ = true;
+    cancel_alarm();
+    finish_call(status);
+  }
+
+  ReflectionService& service_;
+  ServerReflectionRequest request_;
+  ServerReflectionResponse response_;
+  bool writing_ = false, finished_ = false;
+  std::optional<grpc::Status> end_;
+};
+
+void ReflectionService::take_calls(EventLoop& loop, std::vector<std::string> services) {
+  services_ = std::move(services);
+  take_calls(loop);
+}
+
+void ReflectionService::take_calls(EventLoop& loop) {
+  using Incoming = Call::Incoming;
+  const auto ask = [&](Incoming& incoming, void* tag) {
+    RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+  };
+  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
+    take_calls(loop);
+    new Call(loop, std::move(incoming), *this);
+  });
+}
+
+}  // namespace sightline

@@ -1,0 +1,40 @@
+// gRPC's reflection service, for tools such as grpcurl.
+//
+// gRPC's own is not used, because each of its calls occupies a thread of the synchronous RPCs for as long as the client is
+// silent. This one is answered by an event loop; its calls are few and short.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "grpc/reflection/v1alpha/reflection.grpc.pb.h"
+#include "server/rpc/event_loop.h"
+
+namespace sightline {
+
+// Thread-safe, as gRPC asks. It must outlive the gRPC server and the loops.
+class ReflectionService final : public grpc::reflection::v1alpha::ServerReflection::AsyncService {
+ public:
+  // A further call is refused. A call ends after kMostTime.
+  static constexpr size_t kMostCalls = 16;
+  static constexpr std::chrono::seconds kMostTime{10};
+
+  // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed.
+  void take_calls(EventLoop& loop, std::vector<std::string> services);
+
+ private:
+  class Call;
+  void take_calls(EventLoop& loop);
+
+  std::vector<std::string> services_;
+  std::atomic<size_t> open_{0};
+};
+
+// The answer to one request.
+grpc::reflection::v1alpha::ServerReflectionResponse reflect(
+    const grpc::reflection::v1alpha::ServerReflectionRequest& request, const std::vector<std::string>& services);
+
+}  // namespace sightline

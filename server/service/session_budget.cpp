@@ -1,0 +1,57 @@
+#include "server/service/session_budget.h"
+
+#include <algorithm>
+#include <string>
+
+namespace sightline {
+namespace {
+
+// Measured with 32 targets, the largest maps and the most candidates; smaller steps cost less for each.
+constexpr double kMsOfRay = 150e-6, kMsOfLookup = 57e-6;
+
+std::string mib(size_t bytes) {
+  return std::to_string(bytes >> 20) + " MiB";
+}
+
+}  // namespace
+
+bool InstanceMemory::change(size_t former, size_t now) {
+  if (now <= former) {
+    instances_ -= former - now;
+    return true;
+  }
+  const size_t more = now - former;
+  if (instances_.fetch_add(more) + more <= max_instances_) return true;
+  instances_ -= more;
+  return false;
+}
+
+Status InstanceShare::resize(size_t instances, const char* field) {
+  const size_t bytes = instances * kBytesOfInstance;
+  const bool grows = instances > instances_;
+  if (grows && limits_.session_bytes > 0 && bytes > limits_.session_bytes)
+    return fail(ErrorCode::kResourceExhausted, field,
+                std::to_string(instances) + " instances take " + mib(bytes) + "; a session may have " +
+                    mib(limits_.session_bytes) + " (--session-memory-mib)");
+  if (memory_ && !memory_->change(instances_, instances))
+    return fail(ErrorCode::kResourceExhausted, field,
+                "the sessions together have no memory left for this many instances (--sessions-memory-mib)");
+  instances_ = instances;
+  return {};
+}
+
+double step_cost_ms(const StepSettings& settings, size_t targets) {
+  const double points = static_cast<double>(targets) * std::max(settings.sample.points, 1);
+  const double texels = static_cast<double>(settings.sample.resolution) * settings.sample.resolution;
+  return points * (texels * kMsOfRay + settings.aggregate.candidates * kMsOfLookup);
+}
+
+Status check_step_cost(const StepSettings& settings, size_t targets, const SessionLimits& limits, const char* field) {
+  const double cost_ms = step_cost_ms(settings, targets);
+  if (limits.max_step_cost_ms == 0.0 || cost_ms <= limits.max_step_cost_ms) return {};
+  return fail(ErrorCode::kResourceExhausted, field,
+              "a step with these settings and " + std::to_string(targets) + " targets costs about " +
+                  std::to_string(static_cast<int>(cost_ms)) + " ms (--max-step-cost-ms); lower points, resolution or candidates");
+}
+
+}  // namespace sightline

@@ -1,0 +1,57 @@
+// What one session may take of the server: the memory of its instances, and the cost of its steps.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+
+#include "server/base/error.h"
+#include "server/settings/step_settings.h"
+
+namespace sightline {
+
+struct SessionLimits {
+  size_t session_bytes = 0;       // of the instances of one session; 0: no limit
+  double max_step_cost_ms = 0.0;  // see step_cost_ms; 0: no limit
+};
+
+// About what an instance takes in the mirror and in the structures that are made from it.
+inline constexpr size_t kBytesOfInstance = 400;
+
+// The instances of all sessions together. Thread-safe.
+class InstanceMemory {
+ public:
+  explicit InstanceMemory(size_t max_bytes) : max_instances_(max_bytes / kBytesOfInstance) {}
+
+  // One session goes from `former` to `now` instances. False: there is no room, and nothing has changed.
+  bool change(size_t former, size_t now);
+
+ private:
+  const size_t max_instances_;
+  std::atomic<size_t> instances_{0};
+};
+
+// Counts the instances of one session in both limits until it is destroyed.
+class InstanceShare {
+ public:
+  // `memory` may be null: then only the session's own limit holds.
+  InstanceShare(const SessionLimits& limits, InstanceMemory* memory) : limits_(limits), memory_(memory) {}
+  ~InstanceShare() { (void)resize(0, ""); }
+  InstanceShare(const InstanceShare&) = delete;
+  InstanceShare& operator=(const InstanceShare&) = delete;
+
+  // Fails with kResourceExhausted, and `field`; then nothing has changed.
+  Status resize(size_t instances, const char* field);
+
+ private:
+  const SessionLimits& limits_;
+  InstanceMemory* const memory_;
+  size_t instances_ = 0;
+};
+
+// A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It counts the
+// rays of the maps and the lookups of the candidates in them.
+double step_cost_ms(const StepSettings& settings, size_t targets);
+// Fails with kResourceExhausted, and `field`, when a step would cost too much.
+Status check_step_cost(const StepSettings& settings, size_t targets, const SessionLimits& limits, const char* field);
+
+}  // namespace sightline

@@ -1,0 +1,229 @@
+"""One client that takes more than its share: budgets_test.py SIGHTLINED STUBS."""
+import json
+import struct
+import sys
+import threading
+import time
+import unittest
+
+import daemon as attack
+
+attack.Daemon.path, STUBS = sys.argv[1:3]
+sys.path.insert(0, STUBS)
+
+import grpc  # noqa: E402
+
+from daemon import CONTROL, HEALTH, SERVICE, Daemon, Healthy  # noqa: E402
+from sessions import info, open_session, stub, upload  # noqa: E402
+from sightline.v1 import camera_control_pb2  # noqa: E402
+
+EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
+
+
+def triangle(name):
+    return {"asset": {"version": "2.0", "generator": name}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"byteLength": 36}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}]}
+
+
+TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+
+
+def glb(name):
+    """A scene of one triangle. Different names make different files."""
+    return container(triangle(name), TRIANGLE)
+
+
+def many_instances(count):
+    """One triangle, drawn this many times. The instances' places are a sparse accessor without values: all zero."""
+    document = triangle("many")
+    document["accessors"].append({"componentType": 5126, "count": count, "type": "VEC3"})
+    document["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 1}}}
+    document["extensionsUsed"] = ["EXT_mesh_gpu_instancing"]
+    return container(document, TRIANGLE)
+
+
+def container(document, data):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def scene_of(scene_hash):
+    from sightline.v1.session_pb2 import OpenSession
+    scene = OpenSession().scene
+    scene.hash = scene_hash
+    return scene
+
+
+def varint(number):
+    out = b""
+    while number > 127:
+        out, number = out + bytes([number & 127 | 128]), number >> 7
+    return out + bytes([number])
+
+
+class Messages(unittest.TestCase):
+    def test_compressed_messages_are_refused_before_they_are_unpacked(self):
+        bomb = bytes(96 << 20)  # a tenth of a megabyte when it is compressed
+        with Daemon() as daemon, grpc.insecure_channel(daemon.address, compression=grpc.Compression.Gzip) as channel:
+            for method in (HEALTH + "Check", SERVICE + "GetServerInfo"):
+                with self.subTest(method), self.assertRaises(grpc.RpcError) as raised:
+                    channel.unary_unary(method)(bomb, timeout=60)
+                with self.subTest(method):
+                    self.assertEqual(raised.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
+            for method in (CONTROL, SERVICE + "UploadScene"):
+                call = channel.stream_stream(method)(iter([bomb]), timeout=60)
+                with self.subTest(method), self.assertRaises(grpc.RpcError) as raised:
+                    next(call)
+                self.assertEqual(raised.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
+            self.assertLess(daemon.most_memory_mib(), 90)
+
+
+class Sessions(unittest.TestCase):
+    def test_one_client_cannot_hold_all_sessions(self):
+        path = "/tmp/sightline-attack-%d" % id(self)
+        with Daemon("--max-sessions", "8", "--listen-unix", path) as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            held = [open_session(tcp) for _ in range(6)]
+            with self.assertRaises(grpc.RpcError) as raised:
+                open_session(tcp)
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--max-sessions-per-client", raised.exception.details())
+            with open_session(unix) as other:
+                self.assertEqual(other.tick().sequence, 1)
+            for session in held:
+                session.close()
+
+    def test_idle_sessions_end(self):
+        with Daemon("--session-idle-s", "3") as daemon, open_session(daemon.address) as busy:
+            idle = open_session(daemon.address)
+            end = time.monotonic() + 6
+            while time.monotonic() < end:
+                busy.tick()
+                time.sleep(0.02)
+            status = idle.status()
+            self.assertEqual(status.code(), grpc.StatusCode.DEADLINE_EXCEEDED)
+            self.assertIn("--session-idle-s", status.details())
+            busy.tick()
+
+
+class Steps(unittest.TestCase):
+    def test_a_step_that_costs_too_much_is_refused(self):
+        from google.protobuf import json_format
+        from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
+        largest = json_format.ParseDict({"sample": {"points": 16, "resolution": 64}, "aggregate": {"candidates": 32768}}, Tuning())
+        with Daemon() as daemon:
+            with self.assertRaises(grpc.RpcError) as raised:
+                open_session(daemon.address, targets=32, tuning=largest)
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--max-step-cost-ms", raised.exception.details())
+            with open_session(daemon.address, targets=32) as session:
+                self.assertEqual(session.tick().sequence, 1)
+                session.sends(tuning=largest)
+                self.assertIn("--max-step-cost-ms", session.reads().tick_error.message)
+                self.assertEqual(session.tick().sequence, 3)
+
+    def test_maps_that_take_too_long_are_given_up(self):
+        from google.protobuf import json_format
+        from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
+        largest = json_format.ParseDict({"sample": {"points": 16, "resolution": 64}}, Tuning())
+        with Daemon("--max-step-cost-ms", "0", "--max-maps-ms", "2") as daemon, open_session(daemon.address, targets=32) as session:
+            session.sends(tuning=largest)
+            self.assertIn("--max-maps-ms", session.reads().tick_error.message)
+
+
+class Scenes(unittest.TestCase):
+    def test_a_small_file_of_very_many_instances_is_refused(self):
+        scene = many_instances(999_000)
+        self.assertLess(len(scene), 2000)
+        with Daemon() as daemon:
+            with self.assertRaises(grpc.RpcError) as raised:
+                hash_of_scene = upload(daemon.address, scene).hash
+                open_session(daemon.address, scene=scene_of(hash_of_scene))
+            self.assertIn(raised.exception.code(), (EXHAUSTED, grpc.StatusCode.INVALID_ARGUMENT))
+            self.assertIn("instances", raised.exception.details())
+            self.assertLess(daemon.most_memory_mib(), 200)
+
+    def test_sessions_share_the_memory_for_instances(self):
+        scene = many_instances(100_000)
+        with Daemon("--sessions-memory-mib", "64") as daemon:
+            hash_of_scene = upload(daemon.address, scene).hash
+            with open_session(daemon.address, scene=scene_of(hash_of_scene)) as first:
+                with self.assertRaises(grpc.RpcError) as raised:
+                    open_session(daemon.address, scene=scene_of(hash_of_scene))
+                self.assertEqual(raised.exception.code(), EXHAUSTED)
+                self.assertIn("--sessions-memory-mib", raised.exception.details())
+                self.assertEqual(first.tick().sequence, 1)
+            open_session(daemon.address, scene=scene_of(hash_of_scene)).close()
+
+
+class Heavy(unittest.TestCase):
+    def test_a_message_of_empty_parts_is_refused_before_it_is_parsed(self):
+        # Field 2 of a ControlRequest is the tick; field 5 of a tick the delta; see the test of the weights.
+        from sightline.v1.session_pb2 import Tick
+        delta = Tick.DESCRIPTOR.fields_by_name["delta"]
+        added = delta.message_type.fields_by_name["added_instances"]
+        inner = bytes([added.number << 3 | 2, 0]) * (1_900_000)
+        key = lambda number: bytes([number << 3 | 2])
+        tick = key(delta.number) + varint(len(inner)) + inner
+        request = camera_control_pb2.ControlRequest.DESCRIPTOR.fields_by_name["tick"].number
+        message = key(request) + varint(len(tick)) + tick
+        with Daemon() as daemon:
+            healthy = Healthy(daemon.address, 4)
+            for _ in range(4):
+                with grpc.insecure_channel(daemon.address, options=[("grpc.max_send_message_length", -1)]) as channel:
+                    call = channel.stream_stream(CONTROL)(iter([message]), timeout=20)
+                    with self.assertRaises(grpc.RpcError) as raised:
+                        next(call)
+                self.assertEqual(raised.exception.code(), EXHAUSTED)
+                self.assertIn("--max-message-memory-mib", raised.exception.details())
+            result = healthy.result()
+            self.assertEqual((result["answered"], result["error"]), (result["ticks"], ""))
+            self.assertLess(daemon.most_memory_mib(), 120)
+
+    def test_silent_reflection_calls_hold_no_threads(self):
+        method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"
+        with Daemon() as daemon, grpc.insecure_channel(daemon.address) as channel:
+            stopping = threading.Event()
+
+            def silent():
+                yield b"\x3a\x01*"
+                stopping.wait(20)
+            held = [channel.stream_stream(method)(silent()) for _ in range(64)]
+            time.sleep(1)
+            self.assertTrue(info(daemon.address).version)
+            self.assertTrue(upload(daemon.address, glb("x")).hash)
+            stopping.set()
+            for call in held:
+                call.cancel()
+
+
+class Uploads(unittest.TestCase):
+    def test_uploads_that_drip_make_way(self):
+        with Daemon() as daemon:
+            stopping = threading.Event()
+
+            def drip():
+                while not stopping.wait(0.5):
+                    yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
+            with stub(daemon.address) as service:
+                slow = [service.UploadScene.future(drip()) for _ in range(4)]
+                time.sleep(3)
+                self.assertTrue(upload(daemon.address, glb("quick")).hash)
+                stopping.set()
+                self.assertIn(grpc.StatusCode.CANCELLED, [call.code() for call in slow])
+
+    def test_small_uploads_do_not_push_out_a_scene_before_it_is_opened(self):
+        with Daemon() as daemon:
+            first = upload(daemon.address, glb("first")).hash
+            for n in range(20):
+                upload(daemon.address, glb(f"other {n}"))
+            with open_session(daemon.address, scene=scene_of(first)) as session:
+                self.assertEqual(session.opened.instance_count, 2)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]], verbosity=2, warnings="ignore")

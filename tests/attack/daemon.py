@@ -1,0 +1,193 @@
+"""A daemon under attack, a healthy client beside it, and an attacker that writes HTTP/2 frames by hand."""
+import os
+import pathlib
+import resource
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+DATA, HEADERS, PRIORITY, RST_STREAM, SETTINGS, PUSH, PING, GOAWAY, WINDOW_UPDATE, CONTINUATION = range(10)
+END_STREAM, END_HEADERS = 1, 4
+SERVICE = "/sightline.v1.CameraControlService/"
+CONTROL = SERVICE + "Control"
+HEALTH = "/grpc.health.v1.Health/"
+
+
+class Daemon:
+    """sightlined as a child process. `limits` are of setrlimit: {resource.RLIMIT_NOFILE: 1024}. Use it in a `with` statement."""
+
+    path = None  # of the program; the test's main sets it
+
+    def __init__(self, *arguments, limits=None, listen=("--listen", "127.0.0.1:0"), stderr=None, wait=True):
+        self.folder = tempfile.TemporaryDirectory(prefix="sightline-attack-")
+        self.ready = pathlib.Path(self.folder.name, "ready")
+        self.log_path = pathlib.Path(self.folder.name, "log")
+        self.stderr = stderr if stderr is not None else open(self.log_path, "wb")
+
+        def limit():
+            for what, value in (limits or {}).items():
+                resource.setrlimit(what, (value, value))
+
+        self.process = subprocess.Popen(
+            [self.path, *listen, "--ready-file", str(self.ready), "--sampler", "embree", *arguments],
+            stdout=subprocess.DEVNULL, stderr=self.stderr, preexec_fn=limit)
+        if wait:
+            self.wait_until_ready()
+
+    def wait_until_ready(self):
+        deadline = time.monotonic() + 60
+        while not self.ready.exists():
+            if self.process.poll() is not None or time.monotonic() > deadline:
+                raise RuntimeError("the daemon did not start: " + self.log())
+            time.sleep(0.01)
+
+    @property
+    def address(self):
+        return self.ready.read_text().split()[0]
+
+    @property
+    def pid(self):
+        return self.process.pid
+
+    def log(self):
+        return self.log_path.read_text(errors="replace") if self.log_path.exists() else ""
+
+    def log_bytes(self):
+        return self.log_path.stat().st_size
+
+    def _status_mib(self, key):
+        for line in pathlib.Path(f"/proc/{self.pid}/status").read_text().splitlines():
+            if line.startswith(key + ":"):
+                return int(line.split()[1]) / 1024
+        raise KeyError(key)
+
+    def memory_mib(self):
+        return self._status_mib("VmRSS")
+
+    def most_memory_mib(self):
+        return self._status_mib("VmHWM")
+
+    def descriptors(self):
+        return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+    def stop(self, timeout=20):
+        """Ends it with SIGTERM; returns the exit status."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(timeout)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        if hasattr(self.stderr, "close"):
+            self.stderr.close()
+        self.folder.cleanup()
+
+
+def connect(address, timeout=10):
+    if address.startswith("unix:"):
+        connection = socket.socket(socket.AF_UNIX)
+        connection.settimeout(timeout)
+        connection.connect(address[len("unix:"):])
+        return connection
+    host, port = address.rsplit(":", 1)
+    return socket.create_connection((host, int(port)), timeout)
+
+
+def frame(kind, flags, stream, payload=b""):
+    return struct.pack(">I", len(payload))[1:] + struct.pack(">BBI", kind, flags, stream) + payload
+
+
+def request_headers(path, extra=()):
+    """A header block in HPACK, without its dynamic table."""
+    def text(value):
+        value = value.encode()
+        assert len(value) < 127
+        return bytes([len(value)]) + value
+    block = b"\x83\x86" + b"\x04" + text(path) + b"\x01" + text("localhost") + b"\x0f\x10" + text("application/grpc")
+    for name, value in (("te", "trailers"), *extra):
+        block += b"\x00" + text(name) + text(value)
+    return block
+
+
+def message(payload, compressed=False):
+    return bytes([compressed]) + struct.pack(">I", len(payload)) + payload
+
+
+class RawConnection:
+    """A client that sends what it likes."""
+
+    def __init__(self, address, greet=True):
+        self.socket = connect(address)
+        self.next_stream = 1
+        if greet:
+            self.send(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0))
+            # What comes back must be read, or the daemon stops writing. Nobody needs it.
+            threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self):
+        try:
+            while self.socket.recv(65536):
+                pass
+        except OSError:
+            pass
+
+    def send(self, data):
+        self.socket.sendall(data)
+
+    def call(self, path, payload=b"", flags=END_HEADERS, extra=()):
+        """The frames of a new call."""
+        stream, self.next_stream = self.next_stream, self.next_stream + 2
+        return stream, frame(HEADERS, flags, stream, request_headers(path, extra)) + payload
+
+    def close(self):
+        self.socket.close()
+
+
+def is_cut(connection, timeout=5):
+    """Whether the daemon closes the connection."""
+    deadline = time.monotonic() + timeout
+    try:
+        while time.monotonic() < deadline:
+            connection.send(frame(WINDOW_UPDATE, 0, 0, struct.pack(">I", 1)))
+            time.sleep(0.02)
+    except OSError:
+        return True
+    return False
+
+
+def flood(connection, make, seconds):
+    """Sends what `make()` gives for some seconds. Returns the bytes that were sent; stops early when the connection is cut."""
+    sent, end = 0, time.monotonic() + seconds
+    try:
+        while time.monotonic() < end:
+            data = make()
+            connection.send(data)
+            sent += len(data)
+    except OSError:
+        pass
+    return sent
+
+
+class Healthy:
+    """A session that ticks at 60 Hz in a process of its own, so that an attacker in this one does not slow it down."""
+
+    def __init__(self, address, seconds):
+        self.process = subprocess.Popen([sys.executable, str(pathlib.Path(__file__).with_name("healthy_client.py")),
+                                         address, str(seconds)], stdout=subprocess.PIPE, text=True,
+                                        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+        assert self.process.stdout.readline().strip() == "opened"
+
+    def result(self):
+        """{"ticks", "answered", "p50_ms", "p99_ms", "max_ms", "error"}"""
+        import json
+        out, _ = self.process.communicate(timeout=120)
+        return json.loads(out)

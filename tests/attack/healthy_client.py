@@ -1,0 +1,61 @@
+"""A session at 60 Hz: healthy_client.py ADDRESS SECONDS. Prints "opened", then one JSON object. A late answer delays no tick, and every
+round trip counts from when its tick was due."""
+import json
+import queue
+import sys
+import threading
+import time
+
+import grpc
+from sightline.v1 import camera_control_pb2, camera_control_pb2_grpc, session_pb2
+from sightline_client import box, capsule
+from sightline.v1.camera_pb2 import Pose3, Vec3
+from sightline.v1.scene_pb2 import NewInstance, Target
+
+
+def opening():
+    request = session_pb2.OpenSession(camera=Pose3(position=Vec3(x=0, y=1.6, z=6)), targets=[Target(id=1)])
+    request.instances.append(NewInstance(id=1, shape=capsule(radius=0.3, height=1.8), pose=Pose3(position=Vec3(y=0.9))))
+    request.instances.append(NewInstance(id=2, shape=box(1, 4, 1), pose=Pose3(position=Vec3(y=2, z=2))))
+    return camera_control_pb2.ControlRequest(open=request)
+
+
+def main(address, seconds):
+    channel = grpc.insecure_channel(address)
+    requests = queue.SimpleQueue()
+    replies = camera_control_pb2_grpc.CameraControlServiceStub(channel).Control(iter(requests.get, None))
+    requests.put(opening())
+    next(replies)
+    print("opened", flush=True)
+    due, waits, trouble = {}, [], []
+
+    def receive():
+        try:
+            for reply in replies:
+                answered = reply.camera.sequence
+                # A reply may answer several ticks that were merged.
+                for sequence in [s for s in due if s <= answered]:
+                    waits.append(time.monotonic() - due.pop(sequence))
+        except grpc.RpcError as error:
+            trouble.append(f"{error.code().name}: {error.details()}")
+
+    reader = threading.Thread(target=receive, daemon=True)
+    reader.start()
+    start, sequence = time.monotonic(), 0
+    while (at := sequence / 60) < seconds and not trouble:
+        time.sleep(max(0.0, start + at - time.monotonic()))
+        sequence += 1
+        due[sequence] = start + at
+        tick = session_pb2.Tick(sequence=sequence, time_s=at)
+        tick.transforms.ids.append(1)
+        tick.transforms.positions.extend((at % 1, 0.9, 0))
+        requests.put(camera_control_pb2.ControlRequest(tick=tick))
+    requests.put(None)
+    reader.join(20)
+    waits.sort()
+    at = lambda share: round(1e3 * waits[min(len(waits) - 1, int(share * len(waits)))], 2) if waits else None
+    print(json.dumps({"ticks": sequence, "answered": len(waits), "p50_ms": at(0.5), "p99_ms": at(0.99), "max_ms": at(1),
+                      "error": "; ".join(trouble)}))
+
+
+main(sys.argv[1], float(sys.argv[2]))

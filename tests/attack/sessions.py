@@ -1,0 +1,97 @@
+"""Sessions and other calls of a well-behaved client, for tests. The stubs must be on sys.path."""
+import contextlib
+import queue
+
+import grpc
+from sightline.v1 import camera_control_pb2, camera_control_pb2_grpc, server_pb2, session_pb2
+from sightline.v1.camera_pb2 import Pose3, Vec3
+from sightline.v1.scene_pb2 import NewInstance, Shape, Target
+
+
+def boxes(count):
+    return [NewInstance(id=n + 1, shape=Shape(box=Shape.Box(half_extent=Vec3(x=0.2, y=0.9, z=0.2))), pose=Pose3(position=Vec3(x=2.0 * n, y=0.9)))
+            for n in range(count)]
+
+
+class Session:
+    def __init__(self, address, request):
+        self.channel = grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)])
+        self.requests, self.sequence = queue.SimpleQueue(), 0
+        self.call = camera_control_pb2_grpc.CameraControlServiceStub(self.channel).Control(iter(self.requests.get, None))
+        self.requests.put(camera_control_pb2.ControlRequest(open=request))
+        try:
+            self.opened = next(self.call).opened
+        except BaseException:
+            self.close()
+            raise
+
+    def sends(self, **more):
+        self.sequence += 1
+        self.requests.put(camera_control_pb2.ControlRequest(
+            tick=session_pb2.Tick(sequence=self.sequence, time_s=self.sequence / 60, **more)))
+
+    def reads(self):
+        return next(self.call)
+
+    def tick(self, **more):
+        self.sends(**more)
+        return self.reads().camera
+
+    def waits_for_drain(self):
+        return next(self.call).HasField("drain")
+
+    def status(self):
+        """The status with which the daemon ends the session."""
+        try:
+            for _ in self.call:
+                pass
+        except grpc.RpcError as error:
+            return error
+        return self.call
+
+    def close(self):
+        self.requests.put(None)
+        with contextlib.suppress(grpc.RpcError, AttributeError):
+            for _ in self.call:
+                pass
+        self.channel.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+def open_session(address, targets=1, **more):
+    request = session_pb2.OpenSession(camera=Pose3(position=Vec3(x=0, y=1.6, z=6)), targets=[Target(id=n + 1) for n in range(targets)],
+                                      **more)
+    request.instances.extend(boxes(targets))
+    return Session(address, request)
+
+
+@contextlib.contextmanager
+def stub(address):
+    with grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)]) as channel:
+        yield camera_control_pb2_grpc.CameraControlServiceStub(channel)
+
+
+def info(address, timeout=5):
+    with stub(address) as service:
+        return service.GetServerInfo(server_pb2.GetServerInfoRequest(), timeout=timeout)
+
+
+def upload(address, data, chunk=1 << 20, timeout=60):
+    with stub(address) as service:
+        return service.UploadScene((camera_control_pb2.UploadSceneRequest(chunk=data[at:at + chunk]) for at in range(0, len(data), chunk)),
+                                   timeout=timeout)
+
+
+def status_of(address, upload):
+    """The error of an upload of so many bytes."""
+    import sys
+    try:
+        sys.modules[__name__].upload(address, bytes(upload))
+    except grpc.RpcError as error:
+        return error
+    raise AssertionError("the upload succeeded")

@@ -1,0 +1,95 @@
+#include "server/gate/frame_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace sightline {
+namespace {
+
+const std::string kPreface = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+
+std::string frame(uint8_t type, uint8_t flags, uint32_t stream, size_t length) {
+  std::string bytes;
+  for (const int shift : {16, 8, 0}) bytes.push_back(static_cast<char>(length >> shift));
+  bytes.push_back(static_cast<char>(type));
+  bytes.push_back(static_cast<char>(flags));
+  for (const int shift : {24, 16, 8, 0}) bytes.push_back(static_cast<char>(stream >> shift));
+  return bytes + std::string(length, 'x');
+}
+
+std::string call(uint32_t number) {
+  return frame(1, 4, 2 * number + 1, 10);
+}
+
+std::optional<std::string_view> read(FrameWatch& watch, const std::string& bytes, double now_s = 1.0) {
+  return watch.read(std::as_bytes(std::span(bytes)), now_s);
+}
+
+// A client that has greeted.
+FrameWatch greeted(const FrameLimits& limits = {}) {
+  FrameWatch watch(limits);
+  EXPECT_FALSE(read(watch, kPreface + frame(4, 0, 0, 6)));
+  return watch;
+}
+
+TEST(FrameWatch, CountsCallsHoweverTheBytesAreCut) {
+  std::string all = kPreface + frame(4, 0, 0, 12);
+  for (uint32_t n = 0; n < 20; ++n) all += call(n) + frame(0, 0, 2 * n + 1, 100 * n) + frame(8, 0, 0, 4);
+  for (size_t part = 1; part < 40; ++part) {
+    FrameWatch watch;
+    for (size_t at = 0; at < all.size(); at += part) ASSERT_FALSE(read(watch, all.substr(at, part)));
+    EXPECT_EQ(watch.calls(), 20u);
+  }
+}
+
+TEST(FrameWatch, AnotherProtocolIsCut) {
+  FrameWatch watch;
+  EXPECT_EQ(read(watch, "GET / HTTP/1.1\r\n"), "it does not speak HTTP/2");
+  EXPECT_FALSE(watch.greeted());
+}
+
+TEST(FrameWatch, CallsPassAtTheirRateAndNoFaster) {
+  FrameWatch watch = greeted({.calls_burst = 10, .calls_per_s = 5});
+  uint32_t number = 0;
+  for (int i = 0; i < 10; ++i) ASSERT_FALSE(read(watch, call(number++)));
+  for (int second = 2; second < 60; ++second)
+    for (int i = 0; i < 5; ++i) ASSERT_FALSE(read(watch, call(number++), second)) << second;
+  EXPECT_EQ(read(watch, call(number++), 59.1), "it opens calls too fast");
+}
+
+// Trailing headers of a call that is open begin no other one.
+TEST(FrameWatch, HeadersOfAnOldCallAreNoNewOne) {
+  FrameWatch watch = greeted();
+  EXPECT_FALSE(read(watch, call(3) + call(2) + call(3)));
+  EXPECT_EQ(watch.calls(), 1u);
+}
+
+TEST(FrameWatch, ResetsAndEmptyFramesCutTheConnection) {
+  for (const std::string& idle : {frame(3, 0, 1, 4), frame(4, 0, 0, 0), frame(2, 0, 1, 5), frame(0, 0, 1, 0)}) {
+    FrameWatch watch = greeted({.idle_frames_burst = 11, .idle_frames_per_s = 1});
+    for (int i = 0; i < 10; ++i) ASSERT_FALSE(read(watch, idle));
+    EXPECT_TRUE(read(watch, idle));
+  }
+}
+
+TEST(FrameWatch, FullDataAndTheEndOfACallAreFree) {
+  FrameWatch watch = greeted({.idle_frames_burst = 2, .idle_frames_per_s = 0});
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(read(watch, frame(0, 0, 1, 20) + frame(0, 1, 1, 0)));
+}
+
+TEST(FrameWatch, AHeaderBlockIsBoundedOverAllItsFrames) {
+  FrameWatch watch = greeted({.max_header_block_bytes = 100});
+  EXPECT_FALSE(read(watch, frame(1, 0, 1, 60) + frame(9, 4, 1, 40)));
+  EXPECT_FALSE(read(watch, frame(1, 4, 3, 100)));
+  EXPECT_EQ(read(watch, frame(1, 0, 5, 60) + frame(9, 0, 5, 41)), "the headers of a call are too long");
+}
+
+TEST(FrameWatch, AFrameThatWasNeverAskedForIsCut) {
+  FrameWatch watch = greeted({.max_frame_bytes = 1000});
+  EXPECT_FALSE(read(watch, frame(0, 0, 1, 1000)));
+  EXPECT_EQ(read(watch, frame(0, 0, 1, 1001)), "a frame is too long");
+}
+
+}  // namespace
+}  // namespace sightline
