@@ -23,7 +23,9 @@ NOT_RUN = (
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
     (r"^grpcurl ", "needs grpcurl"),
-    (r"^protoc |\bgo mod ", "needs Go and its plugins for protoc"),
+    (r"\bgo mod edit", "edits the module of the reader's program"),
+    (r"^client/go/generate.sh", "needs Go; GoGenerated runs it"),
+    (r"npm run generate", "NodeBuild runs it"),
     (r"^pip ", "PythonPackage builds and installs the wheel"),
     (r"npm ci", "NodeBuild installs, generates and compiles"),
     (r"make_sessions\.py", "would write into the repository; Conformance compares what it writes"),
@@ -84,6 +86,7 @@ class Workshop:
             (self.folder / "build/release/python").symlink_to(STUBS)
         for name in ("deploy", "proto", "scenes", "server", "tests"):
             (self.folder / name).symlink_to(ROOT / name)
+        (self.folder / "out").mkdir()
         (self.folder / "client/python").mkdir(parents=True)
         self.port = free_port()
         # Scenes are played for a second only.
