@@ -4,8 +4,10 @@
     conformance_test.py SIGHTLINED STUBS README NAME=COMMAND... [--only NAME] [--write]
 
 STUBS: the build's folder of generated Python. README: the page with the table of results, which must be up to date; --write brings it up to date.
-Each NAME=COMMAND is a client and its player. The first one is the reference: the others must get its replies, bit for bit.
+Each NAME=COMMAND is a client and its player; NAME:base64=COMMAND for one that does not speak JSON. The first one is the reference: the others
+must get its replies, bit for bit.
 """
+import base64
 import json
 import math
 import pathlib
@@ -19,7 +21,9 @@ import unittest
 HERE = pathlib.Path(__file__).parent
 ARGUMENTS = [argument for argument in sys.argv[1:] if not argument.startswith("--")]
 SIGHTLINED, STUBS, README = ARGUMENTS[:3]
-PLAYERS = dict(argument.split("=", 1) for argument in ARGUMENTS[3:])
+COMMANDS = dict(argument.split("=", 1) for argument in ARGUMENTS[3:])
+IN_BASE64 = [name.removesuffix(":base64") for name in COMMANDS if name.endswith(":base64")]
+PLAYERS = {name.removesuffix(":base64"): command for name, command in COMMANDS.items()}
 sys.path[:0] = [STUBS, str(HERE)]
 
 from google.protobuf import json_format  # noqa: E402
@@ -32,18 +36,33 @@ from daemon import Daemon  # noqa: E402
 from frames import FRAMES  # noqa: E402
 
 SESSIONS = {path.stem: json.loads(path.read_text()) for path in sorted((HERE / "sessions").glob("*.json"))}
+REQUESTS = {"open": session_pb2.OpenSession, "tick": session_pb2.Tick}
 MESSAGES = {"opened": session_pb2.SessionOpened, "camera": session_pb2.CameraReply, "refused": errors_pb2.TickError}
 # What differs from play to play.
 VARYING = {"opened": ("session_id", "recording_file"), "camera": ("stage_times",), "refused": ()}
 
 
+def to_base64(command):
+    return {name: base64.b64encode(json_format.ParseDict(content, REQUESTS[name]()).SerializeToString()).decode() if name in REQUESTS else content
+            for name, content in command.items()}
+
+
+def from_base64(answer):
+    return {name: json_format.MessageToDict(MESSAGES[name].FromString(base64.b64decode(content))) if name in MESSAGES else content
+            for name, content in answer.items()}
+
+
 class Player:
     """A client under test: a program that runs one command a line."""
 
-    def __init__(self, command):
-        self.process = subprocess.Popen(shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    def __init__(self, client):
+        self.in_base64 = client in IN_BASE64
+        self.process = subprocess.Popen(shlex.split(PLAYERS[client]), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def run(self, command):
+        return from_base64(self.exchange(to_base64(command))) if self.in_base64 else self.exchange(command)
+
+    def exchange(self, command):
         self.process.stdin.write(json.dumps(command) + "\n")
         self.process.stdin.flush()
         too_late = threading.Timer(60, self.process.kill)
@@ -114,7 +133,7 @@ class Conformance(unittest.TestCase):
     @classmethod
     def answers_of(cls, client):
         """What a client gets, by session."""
-        player = Player(PLAYERS[client])
+        player = Player(client)
         answers = {name: play(player, cls.daemon, content["steps"]) for name, content in SESSIONS.items()}
         player.close()
         return answers
@@ -143,7 +162,7 @@ class Conformance(unittest.TestCase):
             self.assertLess(max(map(math.dist, path, paths["gltf"])), 1e-6, name)
 
     def test_a_session_that_was_interrupted_goes_on_as_if_nothing_had_been(self):
-        player = Player(PLAYERS[self.first])
+        player = Player(self.first)
         for name in (name for name, content in SESSIONS.items() if content.get("likeWithoutInterruption")):
             whole = play(player, self.daemon, [step for step in SESSIONS[name]["steps"] if "daemon" not in step])
             before = None

@@ -26,6 +26,8 @@ NOT_RUN = (
     (r"\bgo mod edit", "edits the module of the reader's program"),
     (r"^client/go/generate.sh", "needs Go; GoGenerated runs it"),
     (r"npm run generate", "NodeBuild runs it"),
+    (r"^cmake .*build/client", "CppPackage builds and installs the client"),
+    (r"^cd client/rust", "RustClient builds the example"),
     (r"^pip ", "PythonPackage builds and installs the wheel"),
     (r"npm ci", "NodeBuild installs, generates and compiles"),
     (r"make_sessions\.py", "would write into the repository; Conformance compares what it writes"),
