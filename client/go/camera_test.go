@@ -169,13 +169,13 @@ func TestASessionWaitsForADaemonThatIsStartedAgain(t *testing.T) {
 
 func TestADaemonThatHangsIsLeftAndACameraGivesUpInTime(t *testing.T) {
 	first, second := startDaemon(t), startDaemon(t)
-	camera := openCamera(t, Options{ReplyTimeout: 500 * time.Millisecond, GiveUpAfter: -1}, first, second)
+	camera := openCamera(t, Options{ReplyTimeout: 2 * time.Second, GiveUpAfter: -1}, first, second)
 	if err := first.command.Process.Signal(syscall.SIGSTOP); err != nil {
 		t.Fatal(err)
 	}
 	_, err := camera.Tick(context.Background(), &v1.Tick{})
 	var failed *Failed
-	if !errors.As(err, &failed) || failed.Code != codes.Unavailable || !strings.Contains(failed.Message, "nothing for 500ms") {
+	if !errors.As(err, &failed) || failed.Code != codes.Unavailable || !strings.Contains(failed.Message, "nothing for 2s") {
 		t.Errorf("got %v", err)
 	}
 	play(t, camera, 1, 1) // the next tick tries again

@@ -76,7 +76,7 @@ TEST(CameraTest, TheSessionGoesOnInTheDaemonAtTheNextAddress) {
 TEST(CameraTest, ADaemonThatHangsIsLeft) {
   DaemonProcess first, second;
   CameraOptions options;
-  options.reply_timeout = 500ms;
+  options.reply_timeout = 2s;
   auto camera = Camera::open({first.address(), second.address()}, one_capsule(), options);
   ASSERT_TRUE(camera) << to_string(camera.error());
   play(*camera, 0, 5);

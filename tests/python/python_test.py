@@ -142,7 +142,7 @@ class LostDaemonTest(unittest.TestCase):
 
     def test_a_daemon_that_hangs_is_left(self):
         with Daemon(SIGHTLINED) as second:
-            options = Connection(reply_timeout_s=0.5)
+            options = Connection(reply_timeout_s=2, open_timeout_s=10)
             camera = sightline_client.Camera([self.daemon.address, second.address], **SCENE, connection=options)
             play(camera, 0, 10)
             self.daemon.process.send_signal(signal.SIGSTOP)
