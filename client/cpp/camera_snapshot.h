@@ -14,7 +14,7 @@ namespace sightline {
 // Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings,
 // limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 //
-// What the camera remembers is lost: what it had seen before, and the shot that it kept. The pose that it had is its new shot.
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
 class CameraSnapshot {
  public:
   explicit CameraSnapshot(v1::OpenSession first) : first_(std::move(first)) {}
@@ -30,7 +30,7 @@ class CameraSnapshot {
   std::vector<v1::Tick> ticks(uint64_t next_sequence) const;
 
  private:
-  // What ticks did to one instance.
+  // The changes that ticks made to one instance.
   struct Change {
     uint64_t order = 0;                    // of the first change
     bool removed = false;                  // an instance of the opening, or a node of its scene file

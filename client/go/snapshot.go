@@ -8,7 +8,7 @@ import (
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-// What ticks did to one instance.
+// The changes that ticks made to one instance.
 type change struct {
 	removed    bool            // an instance of the opening, or a node of its scene file
 	added      *v1.NewInstance // by a tick, perhaps after removed
@@ -21,7 +21,7 @@ type change struct {
 // daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings, limits, lens and clock
 // as one that got every tick, and its camera is where the newest reply had it.
 //
-// What the camera remembers is lost: what it had seen before, and the shot that it kept. The pose that it had is its new shot.
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
 type snapshot struct {
 	first   *v1.OpenSession
 	changes map[uint64]*change

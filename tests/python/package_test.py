@@ -60,11 +60,11 @@ class Package(unittest.TestCase):
         tools = environment(sys.executable, f"{self.wheel}[check]")
         run(tools / "pip", "--disable-pip-version-check", "install", "--quiet", "--no-deps", "--force-reinstall", self.wheel)
         run(tools / "mypy", "--config-file", self.package / "pyproject.toml", "-p", "sightline_client")
-        run(tools / "mypy", "--config-file", self.package / "pyproject.toml", self.package / "example.py")
+        run(tools / "mypy", "--check-untyped-defs", self.package / "example.py", cwd=WORK)
         wrong = self.package / "wrong.py"
         wrong.write_text("from sightline_client import box\nbox('wide', 1, 1)\n")
         with self.assertRaisesRegex(AssertionError, "incompatible type"):
-            run(tools / "mypy", "--config-file", self.package / "pyproject.toml", wrong)
+            run(tools / "mypy", wrong, cwd=WORK)
 
     def test_the_example_runs_with_old_and_new_pythons(self):
         with Daemon(SIGHTLINED) as daemon:

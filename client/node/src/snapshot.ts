@@ -11,7 +11,7 @@ import {
 import {CameraLimitsSchema, Settings_Preset, SettingsSchema} from "./gen/sightline/v1/settings_pb.js";
 import {TuningSchema} from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";
 
-// What ticks did to one instance.
+// The changes that ticks made to one instance.
 interface Change {
   removed?: boolean; // an instance of the opening, or a node of its scene file
   added?: NewInstance; // by a tick, perhaps after `removed`
@@ -23,7 +23,7 @@ interface Change {
 // Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets,
 // settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 //
-// What the camera remembers is lost: what it had seen before, and the shot that it kept. The pose that it had is its new shot.
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
 export class Snapshot {
   private readonly changes = new Map<bigint, Change>(); // in the order of the first change
   private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening

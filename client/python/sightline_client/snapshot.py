@@ -11,7 +11,7 @@ from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, S
 
 @dataclass
 class _Change:
-    """What ticks did to one instance."""
+    """The changes that ticks made to one instance."""
     removed: bool = False  # an instance of the opening, or a node of its scene file
     added: Optional[NewInstance] = None  # by a tick, perhaps after `removed`
     attributes: Optional[Attributes] = None
@@ -23,7 +23,7 @@ class Snapshot:
     """Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets,
     settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 
-    What the camera remembers is lost: what it had seen before, and the shot that it kept. The pose that it had is its new shot.
+    The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
     """
 
     def __init__(self, opening: OpenSession) -> None:

@@ -8,7 +8,7 @@ use crate::v1::{
     TickError, Transforms,
 };
 
-/// What ticks did to one instance.
+/// The changes that ticks made to one instance.
 #[derive(Default)]
 struct Change {
     removed: bool,              // an instance of the opening, or a node of its scene file
@@ -21,7 +21,7 @@ struct Change {
 /// Follows the ticks that a daemon has applied. A session that is opened with `opening` and gets `ticks` has the same scene, targets,
 /// settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 ///
-/// What the camera remembers is lost: what it had seen before, and the shot that it kept. The pose that it had is its new shot.
+/// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
 pub(crate) struct Snapshot {
     first: OpenSession,
     changes: HashMap<u64, Change>,
