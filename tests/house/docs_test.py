@@ -23,7 +23,14 @@ NOT_RUN = (
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
     (r"^grpcurl ", "needs grpcurl"),
-    (r"^protoc |\bgo mod ", "needs Go and its plugins for protoc"),
+    (r"\bgo mod edit", "edits the module of the reader's program"),
+    (r"^client/go/generate.sh", "needs Go; GoGenerated runs it"),
+    (r"npm run generate", "NodeBuild runs it"),
+    (r"^cmake .*build/client", "CppPackage builds and installs the client"),
+    (r"^cd client/rust", "RustClient builds the example"),
+    (r"^pip ", "PythonPackage builds and installs the wheel"),
+    (r"npm ci", "NodeBuild installs, generates and compiles"),
+    (r"make_sessions\.py", "would write into the repository; Conformance compares what it writes"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
@@ -81,6 +88,7 @@ class Workshop:
             (self.folder / "build/release/python").symlink_to(STUBS)
         for name in ("deploy", "proto", "scenes", "server", "tests"):
             (self.folder / name).symlink_to(ROOT / name)
+        (self.folder / "out").mkdir()
         (self.folder / "client/python").mkdir(parents=True)
         self.port = free_port()
         # Scenes are played for a second only.

@@ -1,50 +1,39 @@
 """The Python client against a daemon: python_test.py SIGHTLINED CLIENT_FOLDER STUBS. CLIENT_FOLDER: client/python of the sources."""
+import asyncio
 import contextlib
 import io
+import math
 import pathlib
 import runpy
-import subprocess
+import signal
 import sys
 import tempfile
-import time
+import threading
 import unittest
 
 SIGHTLINED, CLIENT, STUBS = sys.argv[1:4]
-sys.path.insert(0, STUBS)
+sys.path[:0] = [STUBS, str(pathlib.Path(__file__).parent.parent / "conformance")]
 
 import grpc  # noqa: E402
 import sightline_client  # noqa: E402
+from daemon import Daemon  # noqa: E402
 from sightline.v1 import settings_pb2  # noqa: E402
+from sightline_client import Connection  # noqa: E402
 
 HERO, PILLAR = 1, 3
 SCENE = dict(position=(0, 1.6, 6), targets={HERO: sightline_client.capsule(radius=0.3, height=1.8)},
              occluders={PILLAR: sightline_client.box(1, 4, 1)}, at={HERO: (0, 0.9, 0), PILLAR: (0, 2, 2)})
 
 
-def start_daemon(folder):
-    ready = pathlib.Path(folder, "ready")
-    daemon = subprocess.Popen([SIGHTLINED, "--listen", "127.0.0.1:0", "--ready-file", str(ready),
-                               "--sampler", "embree", "--log-level", "error"])
-    deadline = time.monotonic() + 60
-    while not ready.exists():
-        if daemon.poll() is not None or time.monotonic() > deadline:
-            daemon.kill()
-            raise RuntimeError("the daemon did not start")
-        time.sleep(0.01)
-    return daemon, ready.read_text().split()[0]
+def place(reply):
+    p = reply.pose.position
+    return p.x, p.y, p.z
 
 
 class ClientTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.daemon, cls.address = start_daemon(cls.folder.name)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.daemon.terminate()
-        cls.daemon.wait(timeout=20)
-        cls.folder.cleanup()
+        cls.address = cls.enterClassContext(Daemon(SIGHTLINED)).address
 
     def test_the_camera_moves_until_it_sees_what_a_pillar_hides(self):
         with sightline_client.Camera(self.address, **SCENE) as camera:
@@ -115,49 +104,77 @@ class ClientTest(unittest.TestCase):
         self.assertGreater(sum(line.endswith("100% 100%") for line in lines), 150)
 
 
-class EndTest(unittest.TestCase):
+def play(camera, first, n):
+    return [camera.tick(frame / 60, {HERO: (math.sin(frame / 60), 0.9, 0)}) for frame in range(first, first + n)]
+
+
+async def play_async(camera, first, n):
+    return [await camera.tick(frame / 60, {HERO: (math.sin(frame / 60), 0.9, 0)}) for frame in range(first, first + n)]
+
+
+class LostDaemonTest(unittest.TestCase):
+    """What happens when a daemon goes away. tests/conformance checks what the next one is told."""
+
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.daemon, self.address = start_daemon(folder.name)
-        self.addCleanup(self.daemon.wait, 20)
-        self.addCleanup(self.daemon.kill)
+        self.daemon = self.enterContext(Daemon(SIGHTLINED))
 
-    def test_a_daemon_that_shuts_down_answers_what_was_sent_and_takes_no_more(self):
-        with sightline_client.Camera(self.address, **SCENE) as camera:
-            self.daemon.terminate()
-            answered = []
-            with self.assertRaises(sightline_client.Ended):
-                while len(answered) < 600:
-                    time.sleep(0.02)
-                    answered.append(camera.tick(len(answered) / 60, {}).sequence)
-            with self.assertRaises(sightline_client.Ended):
-                camera.tick(len(answered) / 60, {})
-        self.assertEqual(answered, list(range(1, len(answered) + 1)), "each tick returns its own reply")
-        self.assertGreater(len(answered), 0)
-        self.assertEqual(self.daemon.wait(20), 0)
+    def test_the_session_goes_on_in_the_daemon_at_the_next_address(self):
+        reasons = []
+        with Daemon(SIGHTLINED) as second:
+            addresses = [self.daemon.address, second.address]
+            with sightline_client.Camera(addresses, **SCENE, connection=Connection(on_resync=reasons.append)) as camera:
+                before = play(camera, 0, 30)[-1]
+                self.daemon.stop("drain")
+                after = play(camera, 30, 30)
+        self.assertEqual([reply.sequence for reply in after], list(range(31, 61)))
+        self.assertLess(math.dist(place(before), place(after[0])), 0.2, "the camera does not jump")
+        self.assertEqual((camera.resyncs, reasons), (1, ["the server is stopping"]))
 
-    def test_a_connection_that_breaks_is_unavailable(self):
-        with sightline_client.Camera(self.address, **SCENE) as camera:
+    def test_a_session_waits_for_a_daemon_that_is_started_again(self):
+        with sightline_client.Camera(self.daemon.address, **SCENE) as camera:
+            play(camera, 0, 10)
+            self.daemon.stop("kill")
+            starting = threading.Timer(0.5, self.daemon.start)
+            starting.start()
+            self.assertEqual(play(camera, 10, 10)[-1].sequence, 20)
+            starting.join()
+        self.assertEqual(camera.resyncs, 1)
+
+    def test_a_daemon_that_hangs_is_left(self):
+        with Daemon(SIGHTLINED) as second:
+            options = Connection(reply_timeout_s=2, open_timeout_s=10)
+            camera = sightline_client.Camera([self.daemon.address, second.address], **SCENE, connection=options)
+            play(camera, 0, 10)
+            self.daemon.process.send_signal(signal.SIGSTOP)
+            self.assertEqual(play(camera, 10, 10)[-1].sequence, 20)
+            self.daemon.process.send_signal(signal.SIGCONT)
+            camera.close()
+
+    def test_a_camera_gives_up_in_time(self):
+        with sightline_client.Camera(self.daemon.address, **SCENE, connection=Connection(give_up_after_s=0.0)) as camera:
             camera.tick(0, {})
-            self.daemon.kill()
+            self.daemon.stop("kill")
             with self.assertRaises(sightline_client.Failed) as raised:
                 camera.tick(1 / 60, {})
         self.assertEqual(raised.exception.code, grpc.StatusCode.UNAVAILABLE)
 
+    def test_many_tasks_survive_a_daemon(self):
+        async def main():
+            async def one():
+                async with sightline_client.AsyncCamera(self.daemon.address, **SCENE) as camera:
+                    await play_async(camera, 0, 20)
+                    await self.replaced.wait()
+                    replies = await play_async(camera, 20, 20)
+                    return camera.resyncs, replies[-1].sequence
 
-class RequirementsTest(unittest.TestCase):
-    def test_wheels_exist_for_new_versions_of_python(self):
-        for version in ("3.12", "3.14"):
-            with self.subTest(version=version):
-                done = subprocess.run([sys.executable, "-m", "pip", "install", "--dry-run", "--ignore-installed", "--only-binary=:all:", "--python-version",
-                                       version, "--target", "unused", "--disable-pip-version-check", "-r", f"{CLIENT}/requirements.txt"],
-                                      capture_output=True, text=True, timeout=120)
-                if "No module named pip" in done.stderr:
-                    self.skipTest("needs pip")
-                if "NewConnectionError" in done.stderr or "Connection to" in done.stderr:
-                    self.skipTest("needs a package index")
-                self.assertEqual(done.returncode, 0, done.stderr)
+            self.replaced = asyncio.Event()
+            tasks = [asyncio.create_task(one()) for _ in range(5)]
+            await asyncio.sleep(1)
+            await asyncio.to_thread(self.daemon.replace, "kill")
+            self.replaced.set()
+            return await asyncio.gather(*tasks)
+
+        self.assertEqual(asyncio.run(main()), [(1, 40)] * 5)
 
 
 if __name__ == "__main__":

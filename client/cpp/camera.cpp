@@ -1,0 +1,197 @@
+#include "client/cpp/camera.h"
+
+#include <algorithm>
+#include <optional>
+#include <random>
+#include <thread>
+
+#include "client/cpp/camera_snapshot.h"
+#include "client/cpp/sightline_client.h"
+
+namespace sightline {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kShortestPause{50}, kLongestPause{1'000};
+
+// True if another attempt, or another daemon, may help.
+bool is_lost(const Error& error, bool opening) {
+  return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kInternal ||
+         (opening && error.code == ErrorCode::kResourceExhausted);
+}
+
+bool lacks_scene(const Error& error) {
+  return error.code == ErrorCode::kNotFound && error.field.find("scene") != std::string::npos;
+}
+
+}  // namespace
+
+struct Camera::State {
+  State(std::vector<std::string> reachable, v1::OpenSession opening, CameraOptions wanted)
+      : addresses(std::move(reachable)), options(std::move(wanted)), snapshot(std::move(opening)) {}
+
+  // constant after construction
+  const std::vector<std::string> addresses;
+  const CameraOptions options;
+
+  CameraSnapshot snapshot;
+  size_t address = 0;
+  std::unique_ptr<ClientSession> session;  // null: it is lost, or not open so far
+  std::optional<std::string> drained;      // the reason why the daemon takes no more ticks
+  v1::SessionOpened opened;
+  uint64_t sequence = 0;
+  size_t resyncs = 0;
+  std::minstd_rand random{std::random_device{}()};
+
+  Status open();
+  Status open_session(bool uploads);
+  void leave();
+  void look_for_drain();
+  void resume(v1::Tick& next);
+  Result<Answer> ask(const v1::Tick& tick);
+  Result<Answer> try_to_ask(v1::Tick& tick, bool& opening);
+  Result<Answer> ask_until_answered(v1::Tick& tick);
+  void pause(milliseconds longest);
+};
+
+Status Camera::State::open() {
+  Status opened_now = open_session(false);
+  if (!opened_now && lacks_scene(opened_now.error()) && !options.uploads.empty()) return open_session(true);
+  return opened_now;
+}
+
+Status Camera::State::open_session(bool uploads) {
+  auto client = Client::connect(addresses[address], options.connect_timeout);
+  if (!client) return tl::unexpected(client.error());
+  if (uploads)
+    for (const auto& scene : options.uploads)
+      if (auto sent = client->upload_scene(scene, options.open_timeout); !sent) return tl::unexpected(sent.error());
+  auto next = client->open_session(snapshot.opening(), options.open_timeout);
+  if (!next) return tl::unexpected(next.error());
+  session = std::move(*next);
+  opened = session->opened();
+  return {};
+}
+
+// Gives the stream up; the next one goes to the next address.
+void Camera::State::leave() {
+  session.reset();
+  drained.reset();
+  address = (address + 1) % addresses.size();
+}
+
+void Camera::State::look_for_drain() {
+  while (true) {
+    const auto event = session->receive(milliseconds(0));
+    if (!event || !*event) return;
+    if (const auto* drain = std::get_if<v1::Drain>(&**event)) drained = drain->reason();
+  }
+}
+
+// Tells a new session what happened before the tick.
+void Camera::State::resume(v1::Tick& next) {
+  uint64_t revision = opened.mirror_revision();
+  for (const v1::Tick& tick : snapshot.ticks(next.sequence())) {
+    if (tick.has_delta()) ++revision;
+    (void)session->send(tick);  // when it fails, so does the tick that follows
+  }
+  if (next.delta().has_base_revision()) next.mutable_delta()->set_base_revision(revision);
+}
+
+Result<Camera::Answer> Camera::State::ask(const v1::Tick& tick) {
+  if (auto sent = session->send(tick); !sent) return tl::unexpected(sent.error());
+  while (true) {
+    auto event = session->receive(options.reply_timeout);
+    if (!event && drained) return fail(ErrorCode::kUnavailable, "session", *drained);
+    if (!event) return tl::unexpected(event.error());
+    if (!*event) return fail(ErrorCode::kUnavailable, "deadline", "the daemon has not answered in time");
+    if (auto* drain = std::get_if<v1::Drain>(&**event)) drained = drain->reason();
+    if (auto* error = std::get_if<v1::TickError>(&**event)) return Answer(std::move(*error));
+    auto* reply = std::get_if<v1::CameraReply>(&**event);
+    if (reply && reply->sequence() == tick.sequence()) return Answer(std::move(*reply));
+  }
+}
+
+Result<Camera::Answer> Camera::State::try_to_ask(v1::Tick& tick, bool& opening) {
+  opening = session == nullptr;
+  if (opening) {
+    if (Status opened_now = open(); !opened_now) return tl::unexpected(opened_now.error());
+    opening = false;
+    resume(tick);
+  }
+  return ask(tick);
+}
+
+Result<Camera::Answer> Camera::State::ask_until_answered(v1::Tick& tick) {
+  const auto give_up = steady_clock::now() + options.give_up_after;
+  std::optional<std::string> reason;
+  if (session) look_for_drain();
+  if (drained) reason = *drained, leave();
+  for (milliseconds longest = kShortestPause;; longest = std::min(2 * longest, kLongestPause)) {
+    bool opening = false;
+    auto answer = try_to_ask(tick, opening);
+    if (answer) {
+      if (reason) ++resyncs;
+      if (reason && options.on_resync) options.on_resync(*reason);
+      return answer;
+    }
+    if (!reason) reason = answer.error().message;
+    leave();
+    if (!is_lost(answer.error(), opening) || steady_clock::now() >= give_up) return answer;
+    pause(longest);
+  }
+}
+
+// Pauses are random, so that the cameras of a lost daemon do not all come at once.
+void Camera::State::pause(milliseconds longest) {
+  std::uniform_real_distribution<double> share(0.5, 1.0);
+  std::this_thread::sleep_for(longest * share(random));
+}
+
+Camera::Camera(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Camera::~Camera() = default;
+Camera::Camera(Camera&&) noexcept = default;
+Camera& Camera::operator=(Camera&&) noexcept = default;
+
+Result<Camera> Camera::open(std::vector<std::string> addresses, v1::OpenSession opening, CameraOptions options) {
+  if (addresses.empty()) return invalid("addresses", "must name a daemon");
+  const size_t n = addresses.size();
+  Camera camera(std::make_unique<State>(std::move(addresses), std::move(opening), std::move(options)));
+  Status opened;
+  for (size_t attempt = 0; attempt < n; ++attempt) {
+    if ((opened = camera.state_->open())) return camera;
+    camera.state_->leave();
+    if (!is_lost(opened.error(), true)) break;
+  }
+  return tl::unexpected(opened.error());
+}
+
+Result<Camera::Answer> Camera::tick(v1::Tick tick) {
+  if (tick.step_control().merge_into_next())
+    return invalid("tick.step_control.merge_into_next", "a camera waits for a reply to each tick");
+  if (tick.sequence() == 0) tick.set_sequence(state_->sequence + 1);
+  state_->sequence = std::max(state_->sequence, tick.sequence());
+  auto answer = state_->ask_until_answered(tick);
+  if (!answer) return answer;
+  const auto* reply = std::get_if<v1::CameraReply>(&*answer);
+  if (reply || was_applied(std::get<v1::TickError>(*answer))) state_->snapshot.apply(tick);
+  if (reply) state_->snapshot.take_reply(*reply);
+  return answer;
+}
+
+const v1::SessionOpened& Camera::opened() const {
+  return state_->opened;
+}
+
+size_t Camera::resyncs() const {
+  return state_->resyncs;
+}
+
+Status Camera::close() {
+  const auto session = std::move(state_->session);
+  return session ? session->close(state_->options.reply_timeout) : Status{};
+}
+
+}  // namespace sightline

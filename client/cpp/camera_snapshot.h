@@ -1,0 +1,64 @@
+// The state of a session as the client knows it, so that the session can go on in another daemon.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+// Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings,
+// limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
+//
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+class CameraSnapshot {
+ public:
+  explicit CameraSnapshot(v1::OpenSession first) : first_(std::move(first)) {}
+
+  // Takes a tick that the daemon has applied.
+  void apply(const v1::Tick& tick);
+  void take_reply(const v1::CameraReply& reply);
+
+  // The first message of the session that goes on: as at first, but with the camera where it is now.
+  v1::OpenSession opening() const;
+  // The ticks that follow the opening; they get no replies of their own. `next_sequence` is that of the tick after them. None before the
+  // first reply.
+  std::vector<v1::Tick> ticks(uint64_t next_sequence) const;
+
+ private:
+  // The changes that ticks made to one instance.
+  struct Change {
+    uint64_t order = 0;                    // of the first change
+    bool removed = false;                  // an instance of the opening, or a node of its scene file
+    std::optional<v1::NewInstance> added;  // by a tick, perhaps after `removed`
+    std::optional<v1::Attributes> attributes;
+    std::vector<double> position;
+    std::vector<float> rotation;
+  };
+  using Entry = std::pair<uint64_t, const Change*>;
+
+  Change& change(uint64_t id);
+  void apply_delta(const v1::SceneDelta& delta);
+  void forget_in_targets(uint64_t id);
+  void move(const v1::Transforms& moved);
+  void take_terms(const v1::Tick& tick);
+  std::vector<Entry> in_order() const;
+  std::optional<v1::SceneDelta> delta() const;
+  std::optional<v1::Transforms> transforms(const std::function<bool(const Change&)>& takes) const;
+
+  v1::OpenSession first_;
+  std::map<uint64_t, Change> changes_;
+  uint64_t orders_ = 0;
+  v1::Tick terms_;  // targets, lens, settings, limits and tuning that replace those of the opening
+  double time_s_ = 0.0;
+  std::optional<v1::ObservedCamera> camera_;
+};
+
+// True if the tick was applied and only its step failed (see TickError).
+bool was_applied(const v1::TickError& error);
+
+}  // namespace sightline

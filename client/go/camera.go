@@ -1,0 +1,254 @@
+// Package sightline steers a camera that keeps several moving targets in view, by a Sightline daemon.
+//
+// A Camera is a session. Tick sends what has changed and returns where the camera goes. Messages are those of the package
+// sightline.dev/go/sightline/v1, whose comments describe every field.
+package sightline
+
+import (
+	"context"
+	"errors"
+	"math/rand/v2"
+	"time"
+
+	"google.golang.org/protobuf/proto"
+
+	v1 "sightline.dev/go/sightline/v1"
+)
+
+const longestPause = time.Second
+
+// Options say how a camera reaches its daemons and what it does when one is lost. A zero time is the default.
+type Options struct {
+	GiveUpAfter  time.Duration       // how long a tick waits for a daemon that takes the session over; negative: not at all. Default: 30 s
+	ReplyTimeout time.Duration       // a daemon that answers nothing for so long is taken for lost. Default: 5 s
+	OpenTimeout  time.Duration       // the same for the opening, for which the daemon loads the scene. Default: 30 s
+	Uploads      [][]byte            // the scene files that SceneRef.hash names; a daemon that does not have one gets it
+	OnResync     func(reason string) // called by Tick after the session has gone on in another daemon
+}
+
+// Camera is a session that keeps targets in view. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick
+// opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets,
+// settings, limits and lens as they were. It must not be used by several goroutines at once.
+type Camera struct {
+	addresses []string
+	address   int
+	options   Options
+	snapshot  *snapshot
+	stream    *stream
+	opened    *v1.SessionOpened
+	sequence  uint64
+	resyncs   int
+}
+
+// Open opens a session with the first of the addresses ("host:port" or "unix:/path") that answers. The error is a *Failed, or that of ctx.
+func Open(ctx context.Context, addresses []string, opening *v1.OpenSession, options Options) (*Camera, error) {
+	setDefault(&options.GiveUpAfter, 30*time.Second)
+	setDefault(&options.ReplyTimeout, 5*time.Second)
+	setDefault(&options.OpenTimeout, 30*time.Second)
+	c := &Camera{addresses: addresses, options: options, snapshot: newSnapshot(opening)}
+	var err error
+	for range addresses {
+		if err = c.openStream(ctx); err == nil {
+			return c, nil
+		}
+		c.leave()
+		if !isLost(err, true) {
+			break
+		}
+	}
+	return nil, err
+}
+
+func setDefault(value *time.Duration, standard time.Duration) {
+	if *value == 0 {
+		*value = standard
+	}
+}
+
+// Opened is what the daemon said when it opened the session, the last time that one did.
+func (c *Camera) Opened() *v1.SessionOpened { return c.opened }
+
+// Resyncs counts how many times the session went on in another daemon, or in the same one again.
+func (c *Camera) Resyncs() int { return c.resyncs }
+
+// Tick sends what has changed, and returns where the camera goes. The camera numbers ticks whose Sequence is 0. A tick that
+// StepControl merges into the next one gets no reply and is an error. The error is a *Refused, a *Failed, or that of ctx; after the last one,
+// the session goes on with the next tick in a new stream.
+func (c *Camera) Tick(ctx context.Context, message *v1.Tick) (*v1.CameraReply, error) {
+	if message.GetStepControl().GetMergeIntoNext() {
+		return nil, errors.New("step_control.merge_into_next: a camera waits for a reply to each tick")
+	}
+	tick := proto.Clone(message).(*v1.Tick)
+	if tick.Sequence == 0 {
+		tick.Sequence = c.sequence + 1
+	}
+	c.sequence = max(c.sequence, tick.Sequence)
+	answer, err := c.askUntilAnswered(ctx, tick)
+	if err != nil {
+		return nil, err
+	}
+	if refusal := answer.GetTickError(); refusal != nil {
+		if wasApplied(refusal) {
+			c.snapshot.apply(tick)
+		}
+		return nil, &Refused{TickError: refusal}
+	}
+	c.snapshot.apply(tick)
+	c.snapshot.takeReply(answer.GetCamera())
+	return answer.GetCamera(), nil
+}
+
+// Close ends the session. The error is a *Failed if the session was lost meanwhile.
+func (c *Camera) Close(ctx context.Context) error {
+	if c.stream == nil {
+		return nil
+	}
+	last := c.stream
+	c.stream = nil
+	return last.finish(ctx, c.options.ReplyTimeout)
+}
+
+func (c *Camera) askUntilAnswered(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, error) {
+	giveUp := time.Now().Add(c.options.GiveUpAfter)
+	reason := ""
+	for pause := time.Duration(0); ; pause = longer(pause) {
+		if err := sleep(ctx, pause); err != nil {
+			return nil, err
+		}
+		answer, why, err := c.tryToAsk(ctx, tick)
+		if reason == "" {
+			reason = why
+		}
+		if err == nil {
+			c.count(reason)
+			return answer, nil
+		}
+		opening := c.stream == nil
+		c.leave()
+		if !isLost(err, opening) || !time.Now().Before(giveUp) {
+			return nil, err
+		}
+		if reason == "" {
+			reason = err.Error()
+		}
+	}
+}
+
+func (c *Camera) count(reason string) {
+	if reason == "" {
+		return
+	}
+	c.resyncs++
+	if c.options.OnResync != nil {
+		c.options.OnResync(reason)
+	}
+}
+
+// tryToAsk returns the answer, and the reason why the former stream was left, if it was.
+func (c *Camera) tryToAsk(ctx context.Context, tick *v1.Tick) (answer *v1.ControlResponse, reason string, err error) {
+	if c.stream != nil {
+		if drained := c.stream.drained.Load(); drained != nil {
+			reason = *drained
+			c.leave()
+		}
+	}
+	if c.stream == nil {
+		if err = c.openStream(ctx); err != nil {
+			return nil, reason, err
+		}
+		c.resume(tick)
+	}
+	answer, err = c.ask(ctx, tick)
+	return answer, reason, err
+}
+
+// openStream leaves no stream behind when it fails.
+func (c *Camera) openStream(ctx context.Context) error {
+	opened, err := c.openSession(ctx, nil)
+	if err != nil && lacksScene(err) && len(c.options.Uploads) > 0 {
+		opened, err = c.openSession(ctx, c.options.Uploads)
+	}
+	c.stream = opened
+	return err
+}
+
+func (c *Camera) openSession(ctx context.Context, uploads [][]byte) (*stream, error) {
+	ctx, cancel := context.WithTimeout(ctx, c.options.OpenTimeout*time.Duration(len(uploads)+1))
+	defer cancel()
+	next, err := openStream(c.addresses[c.address])
+	if err != nil {
+		return nil, err
+	}
+	for _, scene := range uploads {
+		if err = next.upload(ctx, scene); err != nil {
+			next.cutOff()
+			return nil, err
+		}
+	}
+	next.send(&v1.ControlRequest{Message: &v1.ControlRequest_Open{Open: c.snapshot.opening()}})
+	for {
+		message, err := next.receive(ctx, c.options.OpenTimeout)
+		if err != nil {
+			next.cutOff()
+			return nil, err
+		}
+		if opened := message.GetOpened(); opened != nil {
+			c.opened = opened
+			return next, nil
+		}
+	}
+}
+
+// resume tells a new stream what happened before the tick.
+func (c *Camera) resume(tick *v1.Tick) {
+	ticks := c.snapshot.ticks(tick.Sequence)
+	revision := c.opened.GetMirrorRevision()
+	for _, summary := range ticks {
+		if summary.Delta != nil {
+			revision++
+		}
+		c.stream.send(&v1.ControlRequest{Message: &v1.ControlRequest_Tick{Tick: summary}})
+	}
+	if tick.Delta != nil && tick.Delta.BaseRevision != nil {
+		tick.Delta.BaseRevision = proto.Uint64(revision)
+	}
+}
+
+func (c *Camera) ask(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, error) {
+	c.stream.send(&v1.ControlRequest{Message: &v1.ControlRequest_Tick{Tick: tick}})
+	for {
+		answer, err := c.stream.receive(ctx, c.options.ReplyTimeout)
+		if err != nil {
+			return nil, err
+		}
+		if answer.GetTickError() != nil || (answer.GetCamera() != nil && answer.GetCamera().GetSequence() == tick.Sequence) {
+			return answer, nil
+		}
+	}
+}
+
+// leave gives the stream up; the next one goes to the next address.
+func (c *Camera) leave() {
+	if c.stream != nil {
+		c.stream.cutOff()
+		c.stream = nil
+	}
+	c.address = (c.address + 1) % len(c.addresses)
+}
+
+// longer is the time to wait before the next attempt.
+func longer(pause time.Duration) time.Duration {
+	return min(max(2*pause, 50*time.Millisecond), longestPause)
+}
+
+// sleep waits, a little less each time at random, so that the cameras of a lost daemon do not all come at once.
+func sleep(ctx context.Context, pause time.Duration) error {
+	timer := time.NewTimer(time.Duration(float64(pause) * (0.5 + rand.Float64()/2)))
+	defer timer.Stop()
+	select {
+	case <-timer.C:
+		return nil
+	case <-ctx.Done():
+		return ctx.Err()
+	}
+}

@@ -1,0 +1,123 @@
+// Plays conformance sessions with the Go client. tests/conformance/README.md describes the protocol.
+package main
+
+import (
+	"bufio"
+	"context"
+	"encoding/json"
+	"errors"
+	"fmt"
+	"log"
+	"os"
+	"strings"
+
+	"google.golang.org/protobuf/encoding/protojson"
+	"google.golang.org/protobuf/proto"
+
+	sightline "sightline.dev/go"
+	v1 "sightline.dev/go/sightline/v1"
+)
+
+type command struct {
+	Open, Tick json.RawMessage
+	Address    string
+	Uploads    []string
+}
+
+type object = map[string]any
+
+func asJSON(message proto.Message) json.RawMessage {
+	text, err := protojson.Marshal(message)
+	if err != nil {
+		log.Fatal(err)
+	}
+	return text
+}
+
+func open(c command) (*sightline.Camera, error) {
+	request, options := &v1.OpenSession{}, sightline.Options{}
+	if err := protojson.Unmarshal(c.Open, request); err != nil {
+		return nil, err
+	}
+	for _, path := range c.Uploads {
+		scene, err := os.ReadFile(path)
+		if err != nil {
+			return nil, err
+		}
+		options.Uploads = append(options.Uploads, scene)
+	}
+	return sightline.Open(context.Background(), []string{c.Address}, request, options)
+}
+
+func run(camera **sightline.Camera, c command) (object, error) {
+	switch {
+	case c.Open != nil:
+		opened, err := open(c)
+		if err != nil {
+			return nil, err
+		}
+		*camera = opened
+		return object{"opened": asJSON(opened.Opened())}, nil
+	case c.Tick != nil:
+		tick := &v1.Tick{}
+		if err := protojson.Unmarshal(c.Tick, tick); err != nil {
+			return nil, err
+		}
+		reply, err := (*camera).Tick(context.Background(), tick)
+		if err != nil {
+			return nil, err
+		}
+		return object{"camera": asJSON(reply)}, nil
+	default:
+		return object{"closed": object{"resyncs": (*camera).Resyncs()}}, (*camera).Close(context.Background())
+	}
+}
+
+func errorAnswer(err error) object {
+	var refused *sightline.Refused
+	if errors.As(err, &refused) {
+		return object{"refused": asJSON(refused.TickError)}
+	}
+	var failed *sightline.Failed
+	if !errors.As(err, &failed) {
+		log.Fatal(err)
+	}
+	violations := []json.RawMessage{}
+	for _, violation := range failed.Violations {
+		violations = append(violations, asJSON(violation))
+	}
+	return object{"failed": object{"code": codeName(failed.Code.String()), "violations": violations}}
+}
+
+// codeName is the name as the gRPC specification writes it: "NotFound" is NOT_FOUND.
+func codeName(name string) string {
+	var out strings.Builder
+	for i, letter := range name {
+		if i > 0 && letter >= 'A' && letter <= 'Z' {
+			out.WriteByte('_')
+		}
+		out.WriteRune(letter)
+	}
+	return strings.ToUpper(out.String())
+}
+
+func main() {
+	var camera *sightline.Camera
+	lines := bufio.NewScanner(os.Stdin)
+	lines.Buffer(nil, 1<<20)
+	for lines.Scan() {
+		var c command
+		if err := json.Unmarshal(lines.Bytes(), &c); err != nil {
+			log.Fatal(err)
+		}
+		answer, err := run(&camera, c)
+		if err != nil {
+			answer = errorAnswer(err)
+		}
+		text, err := json.Marshal(answer)
+		if err != nil {
+			log.Fatal(err)
+		}
+		fmt.Println(string(text))
+	}
+}

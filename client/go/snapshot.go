@@ -1,0 +1,192 @@
+package sightline
+
+import (
+	"slices"
+
+	"google.golang.org/protobuf/proto"
+
+	v1 "sightline.dev/go/sightline/v1"
+)
+
+// The changes that ticks made to one instance.
+type change struct {
+	removed    bool            // an instance of the opening, or a node of its scene file
+	added      *v1.NewInstance // by a tick, perhaps after removed
+	attributes *v1.Attributes
+	position   []float64
+	rotation   []float32
+}
+
+// snapshot is the state of a session as the client knows it, so that the session can go on in another daemon. It follows the ticks that a
+// daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings, limits, lens and clock
+// as one that got every tick, and its camera is where the newest reply had it.
+//
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+type snapshot struct {
+	first   *v1.OpenSession
+	changes map[uint64]*change
+	order   []uint64 // the keys of changes, in the order of the first change
+	terms   *v1.Tick // targets, lens, settings, limits and tuning that replace those of the opening
+	timeS   float64
+	camera  *v1.ObservedCamera
+}
+
+func newSnapshot(first *v1.OpenSession) *snapshot {
+	return &snapshot{first: proto.Clone(first).(*v1.OpenSession), changes: map[uint64]*change{}, terms: &v1.Tick{}}
+}
+
+// apply takes a tick that the daemon has applied.
+func (s *snapshot) apply(tick *v1.Tick) {
+	s.applyDelta(tick.GetDelta())
+	s.move(tick.GetTransforms())
+	s.takeTerms(tick)
+	s.timeS = tick.GetTimeS()
+}
+
+func (s *snapshot) takeReply(reply *v1.CameraReply) {
+	s.camera = &v1.ObservedCamera{Pose: reply.GetPose(), Velocity: reply.GetVelocity(), AngularVelocity: reply.GetAngularVelocity()}
+}
+
+// opening is the first message of the session that goes on: as at first, but with the camera where it is now.
+func (s *snapshot) opening() *v1.OpenSession {
+	request := proto.Clone(s.first).(*v1.OpenSession)
+	if s.camera != nil {
+		request.Camera = s.camera.Pose
+	}
+	return request
+}
+
+// ticks are those that follow the opening; they get no replies of their own. nextSequence is that of the tick after them. There are none
+// before the first reply.
+func (s *snapshot) ticks(nextSequence uint64) []*v1.Tick {
+	if s.camera == nil {
+		return nil
+	}
+	turned := s.transforms(func(c *change) bool { return c.rotation != nil })
+	moved := s.transforms(func(c *change) bool { return c.rotation == nil && c.position != nil })
+	// Rotations are sent for all instances of a tick or for none.
+	lists := []*v1.Transforms{turned, moved}
+	lists = slices.DeleteFunc(lists, func(list *v1.Transforms) bool { return list == nil })
+	if len(lists) == 0 {
+		lists = []*v1.Transforms{nil}
+	}
+	var ticks []*v1.Tick
+	for i, transforms := range lists {
+		tick := &v1.Tick{}
+		if i == 0 {
+			tick = proto.Clone(s.terms).(*v1.Tick)
+			tick.ObservedCamera, tick.Delta = s.camera, s.delta()
+		}
+		tick.Transforms = transforms
+		tick.Sequence = nextSequence - uint64(len(lists)-i)
+		tick.TimeS = s.timeS
+		tick.StepControl = &v1.StepControl{MergeIntoNext: true}
+		ticks = append(ticks, tick)
+	}
+	return ticks
+}
+
+func (s *snapshot) change(id uint64) *change {
+	if s.changes[id] == nil {
+		s.changes[id] = &change{}
+		s.order = append(s.order, id)
+	}
+	return s.changes[id]
+}
+
+func (s *snapshot) forget(id uint64) {
+	delete(s.changes, id)
+	s.order = slices.DeleteFunc(s.order, func(other uint64) bool { return other == id })
+}
+
+func (s *snapshot) applyDelta(delta *v1.SceneDelta) {
+	for _, id := range delta.GetRemovedIds() {
+		known := s.changes[id]
+		s.forget(id)
+		if known == nil || known.removed || known.added == nil {
+			s.change(id).removed = true
+		}
+		s.forgetInTargets(id)
+	}
+	for _, added := range delta.GetAddedInstances() {
+		s.change(added.GetId()).added = added
+	}
+	for _, changed := range delta.GetChangedInstances() {
+		s.change(changed.GetId()).attributes = changed.GetAttributes()
+	}
+}
+
+// A list of targets may name existing instances only.
+func (s *snapshot) forgetInTargets(id uint64) {
+	isIt := func(other uint64) bool { return other == id }
+	for _, target := range s.terms.GetTargets().GetTargets() {
+		target.AttachedIds = slices.DeleteFunc(target.AttachedIds, isIt)
+		target.IgnoredIds = slices.DeleteFunc(target.IgnoredIds, isIt)
+	}
+}
+
+func (s *snapshot) move(moved *v1.Transforms) {
+	for i, id := range moved.GetIds() {
+		c := s.change(id)
+		c.position = moved.Positions[3*i : 3*i+3]
+		if len(moved.Rotations) > 0 {
+			c.rotation = moved.Rotations[4*i : 4*i+4]
+		}
+	}
+}
+
+func (s *snapshot) takeTerms(tick *v1.Tick) {
+	if tick.Targets != nil {
+		s.terms.Targets = tick.Targets
+	}
+	if tick.Lens != nil {
+		s.terms.Lens = tick.Lens
+	}
+	if tick.GetSettings().GetPreset() != v1.Settings_PRESET_UNSPECIFIED { // resets the settings and the tuning
+		s.terms.Settings, s.terms.Tuning = nil, nil
+	}
+	proto.Merge(s.terms, &v1.Tick{Settings: tick.Settings, Limits: tick.Limits, Tuning: tick.Tuning})
+}
+
+func (s *snapshot) delta() *v1.SceneDelta {
+	delta := &v1.SceneDelta{}
+	for _, id := range s.order {
+		c := s.changes[id]
+		if c.removed {
+			delta.RemovedIds = append(delta.RemovedIds, id)
+		}
+		if c.added != nil {
+			delta.AddedInstances = append(delta.AddedInstances, c.added)
+		}
+		if c.attributes != nil {
+			delta.ChangedInstances = append(delta.ChangedInstances, &v1.AttributeChange{Id: id, Attributes: c.attributes})
+		}
+	}
+	if proto.Size(delta) == 0 {
+		return nil
+	}
+	return delta
+}
+
+func (s *snapshot) transforms(takes func(*change) bool) *v1.Transforms {
+	var moved *v1.Transforms
+	for _, id := range s.order {
+		c := s.changes[id]
+		if !takes(c) {
+			continue
+		}
+		if moved == nil {
+			moved = &v1.Transforms{}
+		}
+		moved.Ids = append(moved.Ids, id)
+		moved.Positions = append(moved.Positions, c.position...)
+		moved.Rotations = append(moved.Rotations, c.rotation...)
+	}
+	return moved
+}
+
+// wasApplied says whether the tick was applied and only its step failed (see TickError).
+func wasApplied(refusal *v1.TickError) bool {
+	code := refusal.GetCode()
+	return (code == v1.TickError_CODE_INTERNAL || code == v1.TickError_CODE_UNAVAILABLE) && len(refusal.GetFieldViolations()) == 0
+}

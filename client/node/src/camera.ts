@@ -1,0 +1,182 @@
+// A camera that keeps its targets in view, tick by tick.
+import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
+import {status} from "@grpc/grpc-js";
+
+import {Failed, Refused} from "./errors.js";
+import type {ControlResponse} from "./gen/sightline/v1/camera_control_pb.js";
+import {OpenSessionSchema, SessionOpenedSchema, TickSchema, type CameraReply, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
+import {Snapshot, wasApplied} from "./snapshot.js";
+import {Stream} from "./stream.js";
+
+const LONGEST_PAUSE_S = 1;
+const LOST = [status.UNAVAILABLE, status.CANCELLED, status.UNKNOWN, status.INTERNAL, status.DEADLINE_EXCEEDED, status.ABORTED];
+
+// How a camera reaches its daemons and what it does when one is lost.
+export interface Options {
+  giveUpAfterS?: number; // how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once. Default: 30
+  replyTimeoutS?: number; // a daemon that answers nothing for so long is taken for lost. Default: 5
+  openTimeoutS?: number; // the same for the opening, for which the daemon loads the scene. Default: 30
+  uploads?: Uint8Array[]; // the scene files that SceneRef.hash names; a daemon that does not have one gets it
+  onResync?: (reason: string) => void; // called after the session has gone on in another daemon
+}
+
+// A session. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the session again, in the daemon
+// that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were.
+export class Camera {
+  // What the daemon said when it opened the session, the last time that one did.
+  opened: SessionOpened = create(SessionOpenedSchema);
+  // How many times the session went on in another daemon, or in the same one again.
+  resyncs = 0;
+
+  private readonly options: Required<Omit<Options, "onResync">> & Options;
+  private readonly snapshot: Snapshot;
+  private stream?: Stream;
+  private address = 0;
+  private sequence = 0n;
+  private running: Promise<unknown> = Promise.resolve();
+
+  private constructor(private readonly addresses: string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: Options) {
+    this.options = {giveUpAfterS: 30, replyTimeoutS: 5, openTimeoutS: 30, uploads: [], ...options};
+    this.snapshot = new Snapshot(create(OpenSessionSchema, opening));
+  }
+
+  // Opens a session. addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws Failed.
+  static async open(addresses: string | string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: Options = {}): Promise<Camera> {
+    const camera = new Camera([addresses].flat(), opening, options);
+    for (let left = camera.addresses.length; ; ) {
+      try {
+        await camera.openStream();
+        return camera;
+      } catch (error) {
+        camera.leave();
+        if (!isLost(error, true) || --left === 0) throw error;
+      }
+    }
+  }
+
+  // Sends what has changed, and returns where the camera goes. The camera numbers ticks whose sequence is 0 or absent. Ticks go one after the
+  // other: one that is sent while another waits follows when that one is answered. No stepControl that merges a tick into the next one: it
+  // would get no reply. Throws Refused or Failed.
+  tick(message: MessageInitShape<typeof TickSchema>): Promise<CameraReply> {
+    const answer = this.running.then(() => this.step(clone(TickSchema, create(TickSchema, message))));
+    this.running = answer.catch(() => undefined);
+    return answer;
+  }
+
+  // Ends the session. Throws Failed if it was lost meanwhile.
+  async close(): Promise<void> {
+    await this.running;
+    const stream = this.stream;
+    this.stream = undefined;
+    await stream?.finish(this.options.replyTimeoutS);
+  }
+
+  private async step(tick: Tick): Promise<CameraReply> {
+    if (tick.stepControl?.mergeIntoNext) throw new TypeError("stepControl.mergeIntoNext: a camera waits for a reply to each tick");
+    if (tick.sequence === 0n) tick.sequence = this.sequence + 1n;
+    if (tick.sequence > this.sequence) this.sequence = tick.sequence;
+    const [response, reason] = await this.askUntilAnswered(tick);
+    if (reason !== undefined) {
+      this.resyncs += 1;
+      this.options.onResync?.(reason);
+    }
+    const answer = response.message;
+    if (answer.case === "tickError") {
+      if (wasApplied(answer.value)) this.snapshot.apply(tick);
+      throw new Refused(answer.value);
+    }
+    this.snapshot.apply(tick);
+    this.snapshot.takeReply(answer.value as CameraReply);
+    return answer.value as CameraReply;
+  }
+
+  // The answer, and the reason if the session had to be opened again.
+  private async askUntilAnswered(tick: Tick): Promise<[ControlResponse, string | undefined]> {
+    const giveUp = performance.now() + this.options.giveUpAfterS * 1000;
+    let reason: string | undefined;
+    for (const pauseS of pauses()) {
+      if (pauseS > 0) await new Promise((resolve) => setTimeout(resolve, pauseS * 1000));
+      let opening = false;
+      try {
+        if (this.stream?.drained !== undefined) {
+          reason = this.stream.drained;
+          this.leave();
+        }
+        if (!this.stream) {
+          opening = true;
+          await this.openStream();
+          opening = false;
+          this.resume(tick);
+        }
+        return [await this.ask(tick), reason];
+      } catch (error) {
+        this.leave();
+        if (!isLost(error, opening) || performance.now() >= giveUp) throw error;
+        reason ??= (error as Failed).message;
+      }
+    }
+    throw new Error("unreachable");
+  }
+
+  private async openStream(): Promise<void> {
+    this.stream = new Stream(this.addresses[this.address]!);
+    try {
+      await this.openSession();
+    } catch (error) {
+      if (!lacksScene(error) || !this.options.uploads.length) throw error;
+      this.stream.cutOff();
+      this.stream = new Stream(this.addresses[this.address]!);
+      for (const scene of this.options.uploads) await this.stream.upload(scene, this.options.openTimeoutS);
+      await this.openSession();
+    }
+  }
+
+  private async openSession(): Promise<void> {
+    this.stream!.send({case: "open", value: this.snapshot.opening()});
+    for (;;) {
+      const {message} = await this.stream!.receive(this.options.openTimeoutS);
+      if (message.case !== "opened") continue;
+      this.opened = message.value;
+      return;
+    }
+  }
+
+  private resume(next: Tick): void {
+    const ticks = this.snapshot.ticks(next.sequence);
+    if (next.delta?.baseRevision !== undefined)
+      next.delta.baseRevision = this.opened.mirrorRevision + BigInt(ticks.filter((tick) => tick.delta).length);
+    for (const value of ticks) this.stream!.send({case: "tick", value});
+  }
+
+  private async ask(tick: Tick): Promise<ControlResponse> {
+    this.stream!.send({case: "tick", value: tick});
+    for (;;) {
+      const response = await this.stream!.receive(this.options.replyTimeoutS);
+      const {message} = response;
+      if (message.case === "tickError" || (message.case === "camera" && message.value.sequence === tick.sequence)) return response;
+    }
+  }
+
+  // Gives the stream up; the next one goes to the next address.
+  private leave(): void {
+    this.stream?.cutOff();
+    this.stream = undefined;
+    this.address = (this.address + 1) % this.addresses.length;
+  }
+}
+
+// True if another attempt, or another daemon, may help.
+function isLost(error: unknown, opening: boolean): boolean {
+  return error instanceof Failed && (LOST.includes(error.code) || (opening && error.code === status.RESOURCE_EXHAUSTED));
+}
+
+function lacksScene(error: unknown): boolean {
+  return error instanceof Failed && error.code === status.NOT_FOUND && error.violations.some(({field}) => field.includes("scene"));
+}
+
+// The times to wait between attempts, in seconds: none, then longer and longer. They are random, so that the cameras of a lost daemon do
+// not all come at once.
+function* pauses(): Generator<number> {
+  yield 0;
+  for (let pauseS = 0.05; ; pauseS = Math.min(2 * pauseS, LONGEST_PAUSE_S)) yield pauseS * (0.5 + Math.random() / 2);
+}

@@ -1,0 +1,149 @@
+// The state of a session as the client knows it, so that the session can go on in another daemon.
+import {clone, create, mergeFromBinary, toBinary, type DescMessage, type MessageShape} from "@bufbuild/protobuf";
+
+import {TickError_Code, type TickError} from "./gen/sightline/v1/errors_pb.js";
+import {
+  AttributeChangeSchema, SceneDeltaSchema, TransformsSchema, type Attributes, type NewInstance, type SceneDelta, type Transforms,
+} from "./gen/sightline/v1/scene_pb.js";
+import {
+  ObservedCameraSchema, OpenSessionSchema, StepControlSchema, TickSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick,
+} from "./gen/sightline/v1/session_pb.js";
+import {CameraLimitsSchema, Settings_Preset, SettingsSchema} from "./gen/sightline/v1/settings_pb.js";
+import {TuningSchema} from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";
+
+// The changes that ticks made to one instance.
+interface Change {
+  removed?: boolean; // an instance of the opening, or a node of its scene file
+  added?: NewInstance; // by a tick, perhaps after `removed`
+  attributes?: Attributes;
+  position?: number[];
+  rotation?: number[];
+}
+
+// Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets,
+// settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
+//
+// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+export class Snapshot {
+  private readonly changes = new Map<bigint, Change>(); // in the order of the first change
+  private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening
+  private timeS = 0;
+  private camera?: ObservedCamera;
+
+  constructor(private readonly first: OpenSession) {}
+
+  // Takes a tick that the daemon has applied.
+  apply(tick: Tick): void {
+    if (tick.delta) this.applyDelta(tick.delta);
+    if (tick.transforms) this.move(tick.transforms);
+    this.takeTerms(tick);
+    this.timeS = tick.timeS;
+  }
+
+  takeReply({pose, velocity, angularVelocity}: CameraReply): void {
+    this.camera = create(ObservedCameraSchema, {pose, velocity, angularVelocity});
+  }
+
+  // The first message of the session that goes on: as at first, but with the camera where it is now.
+  opening(): OpenSession {
+    const request = clone(OpenSessionSchema, this.first);
+    if (this.camera) request.camera = this.camera.pose;
+    return request;
+  }
+
+  // The ticks that follow the opening; they get no replies of their own. nextSequence: of the tick after them. Empty before the first
+  // reply.
+  ticks(nextSequence: bigint): Tick[] {
+    if (!this.camera) return [];
+    const all = [...this.changes];
+    const turned = all.filter(([, change]) => change.rotation);
+    const moved = all.filter(([, change]) => change.position && !change.rotation);
+    const {targets, lens, settings, limits, tuning} = this.terms;
+    const first = create(TickSchema, {
+      observedCamera: this.camera, delta: this.delta(), transforms: transformsOf(turned.length ? turned : moved),
+      targets, lens, settings, limits, tuning,
+    });
+    // Rotations are sent for all instances of a tick or for none.
+    const ticks = turned.length && moved.length ? [first, create(TickSchema, {transforms: transformsOf(moved)})] : [first];
+    ticks.forEach((tick, i) => {
+      tick.sequence = nextSequence - BigInt(ticks.length - i);
+      tick.timeS = this.timeS;
+      tick.stepControl = create(StepControlSchema, {mergeIntoNext: true});
+    });
+    return ticks;
+  }
+
+  private change(id: bigint): Change {
+    let change = this.changes.get(id);
+    if (!change) this.changes.set(id, (change = {}));
+    return change;
+  }
+
+  private applyDelta(delta: SceneDelta): void {
+    for (const id of delta.removedIds) {
+      const known = this.changes.get(id);
+      this.changes.delete(id);
+      if (known?.removed || !known?.added) this.changes.set(id, {removed: true});
+      this.forgetInTargets(id);
+    }
+    for (const added of delta.addedInstances) this.change(added.id).added = added;
+    for (const {id, attributes} of delta.changedInstances) this.change(id).attributes = attributes;
+  }
+
+  // A list of targets may name existing instances only.
+  private forgetInTargets(id: bigint): void {
+    for (const target of this.terms.targets?.targets ?? []) {
+      target.attachedIds = target.attachedIds.filter((other) => other !== id);
+      target.ignoredIds = target.ignoredIds.filter((other) => other !== id);
+    }
+  }
+
+  private move({ids, positions, rotations}: Transforms): void {
+    ids.forEach((id, i) => {
+      const change = this.change(id);
+      change.position = positions.slice(3 * i, 3 * i + 3);
+      if (rotations.length) change.rotation = rotations.slice(4 * i, 4 * i + 4);
+    });
+  }
+
+  private takeTerms(tick: Tick): void {
+    const terms = this.terms;
+    terms.targets = tick.targets ?? terms.targets;
+    terms.lens = tick.lens ?? terms.lens;
+    // A preset resets the settings and the tuning.
+    if (tick.settings && tick.settings.preset !== Settings_Preset.UNSPECIFIED) terms.settings = terms.tuning = undefined;
+    terms.settings = merged(SettingsSchema, terms.settings, tick.settings);
+    terms.limits = merged(CameraLimitsSchema, terms.limits, tick.limits);
+    terms.tuning = merged(TuningSchema, terms.tuning, tick.tuning);
+  }
+
+  private delta(): SceneDelta | undefined {
+    const delta = create(SceneDeltaSchema);
+    for (const [id, {removed, added, attributes}] of this.changes) {
+      if (removed) delta.removedIds.push(id);
+      if (added) delta.addedInstances.push(added);
+      if (attributes) delta.changedInstances.push(create(AttributeChangeSchema, {id, attributes}));
+    }
+    return delta.removedIds.length + delta.addedInstances.length + delta.changedInstances.length ? delta : undefined;
+  }
+}
+
+// Both together; the fields of `change` win.
+function merged<Desc extends DescMessage>(schema: Desc, base: MessageShape<Desc> | undefined, change: MessageShape<Desc> | undefined) {
+  if (!change) return base;
+  return mergeFromBinary(schema, base ? clone(schema, base) : create(schema), toBinary(schema, change));
+}
+
+function transformsOf(changes: [bigint, Change][]): Transforms | undefined {
+  if (!changes.length) return undefined;
+  return create(TransformsSchema, {
+    ids: changes.map(([id]) => id),
+    positions: changes.flatMap(([, change]) => change.position ?? []),
+    rotations: changes.flatMap(([, change]) => change.rotation ?? []),
+  });
+}
+
+// True if the tick was applied and only its step failed (see TickError).
+export function wasApplied(error: TickError): boolean {
+  return [TickError_Code.INTERNAL, TickError_Code.UNAVAILABLE].includes(error.code) && !error.fieldViolations.length;
+}

@@ -1,0 +1,231 @@
+"""A camera for asyncio. It does what Camera (camera.py) does, without threads."""
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any, Mapping, Optional, Sequence, Union
+
+import grpc
+import grpc.aio
+
+from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse
+from sightline.v1.scene_pb2 import Shape
+from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
+from sightline_client.connection import (CHANNEL_OPTIONS, CONTROL, UPLOAD, Connection, Session, answers, chunks, ended, is_lost, lacks_scene,
+                                         pauses, silent)
+from sightline_client.errors import Failed, from_call
+from sightline_client.shapes import Place, opening, tick
+
+Message = Union[ControlResponse, Failed, None]  # None: the daemon has ended the call in order
+
+
+class _Stream:
+    """One call of Control, with a task that reads its responses."""
+
+    def __init__(self, address: str) -> None:
+        self.drained: Optional[str] = None  # the reason why the daemon takes no more ticks
+        self._responses: "asyncio.Queue[Message]" = asyncio.Queue()
+        self._channel = grpc.aio.insecure_channel(address, options=CHANNEL_OPTIONS)
+        method, serialize, parse = CONTROL
+        self._call: Any = self._channel.stream_stream(method, request_serializer=serialize, response_deserializer=parse)()
+        self._reader = asyncio.create_task(self._read())
+
+    async def _read(self) -> None:
+        try:
+            while (response := await self._call.read()) is not grpc.aio.EOF:
+                if response.HasField("drain"):
+                    self.drained = response.drain.reason
+                    await self._end_requests()  # the daemon need not wait for more ticks; it answers those that it has
+                self._responses.put_nowait(response)
+            self._responses.put_nowait(None)
+        except grpc.aio.AioRpcError as error:
+            self._responses.put_nowait(from_call(error))
+
+    async def _end_requests(self) -> None:
+        try:
+            await self._call.done_writing()
+        except (grpc.aio.AioRpcError, asyncio.InvalidStateError):
+            pass  # the call has ended, and the reader knows why
+
+    async def send(self, request: ControlRequest) -> None:
+        try:
+            await self._call.write(request)
+        except (grpc.aio.AioRpcError, asyncio.InvalidStateError):
+            pass  # as above
+
+    async def receive(self, timeout_s: float) -> ControlResponse:
+        """The next response. Raises Failed."""
+        response = await self._next(timeout_s)
+        if response is None:
+            raise ended(self.drained or "")
+        return response
+
+    async def _next(self, timeout_s: float) -> Optional[ControlResponse]:
+        try:
+            message = await asyncio.wait_for(self._responses.get(), timeout_s)
+        except asyncio.TimeoutError:
+            raise silent(timeout_s) from None
+        if isinstance(message, Failed):
+            raise message
+        return message
+
+    async def upload(self, scene: bytes, timeout_s: float) -> None:
+        method, serialize, parse = UPLOAD
+        send: Any = self._channel.stream_unary(method, request_serializer=serialize, response_deserializer=parse)
+        try:
+            await send(chunks(scene), timeout=timeout_s)
+        except grpc.aio.AioRpcError as error:
+            raise from_call(error) from None
+
+    async def finish(self, timeout_s: float) -> None:
+        """Ends the session in order. Raises Failed if it was lost."""
+        try:
+            await self._end_requests()
+            while await self._next(timeout_s) is not None:
+                pass
+        finally:
+            await self.cut_off()
+
+    async def cut_off(self) -> None:
+        self._reader.cancel()
+        self._call.cancel()
+        await self._channel.close()
+
+
+class AsyncCamera:
+    """A session that keeps targets in view, tick by tick, for one task at a time. Use it in an `async with` statement:
+
+        async with AsyncCamera(address, position=..., targets=..., occluders=..., at=...) as camera:
+            reply = await camera.tick(time_s, places)
+
+    AsyncCamera.of(address, OpenSession(...)) takes all that the contract has. What Camera says about lost sessions holds here too.
+    """
+
+    def __init__(self, addresses: Union[str, Sequence[str]], *, position: Place, targets: Mapping[int, Shape],
+                 occluders: Mapping[int, Shape], at: Mapping[int, Place], connection: Connection = Connection(), **more: Any) -> None:
+        self._prepare(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection)
+
+    @classmethod
+    def of(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection()) -> AsyncCamera:
+        camera = cls.__new__(cls)
+        camera._prepare(addresses, request, connection)
+        return camera
+
+    def _prepare(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection) -> None:
+        self._session = Session(addresses, request, connection)
+        self._stream: Optional[_Stream] = None
+
+    async def open(self) -> AsyncCamera:
+        """Opens the session, as `async with` does. Raises Failed."""
+        for attempt in range(len(self._session.addresses)):
+            try:
+                await self._open_stream()
+                break
+            except Failed as error:
+                self._session.next_address()
+                if not is_lost(error, opening=True) or attempt + 1 == len(self._session.addresses):
+                    raise
+        return self
+
+    @property
+    def opened(self) -> SessionOpened:
+        """What the daemon said when it opened the session, the last time that one did."""
+        return self._session.opened
+
+    @property
+    def resyncs(self) -> int:
+        """How many times the session went on in another daemon, or in the same one again."""
+        return self._session.resyncs
+
+    async def tick(self, time_s: float, places: Mapping[int, Place], **more: Any) -> CameraReply:
+        """As Camera.tick."""
+        return await self.step(tick(time_s, places, **more))
+
+    async def step(self, message: Tick) -> CameraReply:
+        """As Camera.step."""
+        numbered = self._session.number(message)
+        give_up = time.monotonic() + self._session.connection.give_up_after_s
+        reason = ""
+        for pause_s in pauses():
+            await asyncio.sleep(pause_s)
+            try:
+                if self._stream is not None and self._stream.drained is not None:
+                    reason = self._stream.drained
+                    await self._leave()
+                if self._stream is None:
+                    await self._open_stream()
+                    await self._resume(numbered)
+                response = await self._ask(numbered)
+                break
+            except Failed as error:
+                was_open = self._stream is not None
+                await self._leave()
+                if not is_lost(error, opening=not was_open) or time.monotonic() >= give_up:
+                    raise
+                reason = reason or str(error)
+        if reason:
+            self._session.resyncs += 1
+            if self._session.connection.on_resync is not None:
+                self._session.connection.on_resync(reason)
+        return self._session.take(numbered, response)
+
+    async def _open_stream(self) -> None:
+        session, options = self._session, self._session.connection
+        stream = _Stream(session.address)
+        try:
+            session.opened = await self._opened(stream)
+        except Failed as error:
+            await stream.cut_off()
+            if not lacks_scene(error) or not options.uploads:
+                raise
+            stream = _Stream(session.address)
+            try:
+                for scene in options.uploads:
+                    await stream.upload(scene, options.open_timeout_s)
+                session.opened = await self._opened(stream)
+            except Failed:
+                await stream.cut_off()
+                raise
+        self._stream = stream
+
+    async def _opened(self, stream: _Stream) -> SessionOpened:
+        await stream.send(ControlRequest(open=self._session.snapshot.opening()))
+        while True:
+            response = await stream.receive(self._session.connection.open_timeout_s)
+            if response.HasField("opened"):
+                return response.opened
+
+    async def _resume(self, next_tick: Tick) -> None:
+        assert self._stream is not None
+        for request in self._session.first_requests(next_tick):
+            await self._stream.send(request)
+
+    async def _ask(self, message: Tick) -> ControlResponse:
+        assert self._stream is not None
+        await self._stream.send(ControlRequest(tick=message))
+        while True:
+            response = await self._stream.receive(self._session.connection.reply_timeout_s)
+            if answers(response, message):
+                return response
+
+    async def _leave(self) -> None:
+        """Gives the stream up; the next one goes to the next address."""
+        if self._stream is not None:
+            await self._stream.cut_off()
+            self._stream = None
+        self._session.next_address()
+
+    async def close(self) -> None:
+        """Ends the session. Raises Failed if it was lost meanwhile."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            await stream.finish(self._session.connection.reply_timeout_s)
+
+    async def __aenter__(self) -> AsyncCamera:
+        return await self.open()
+
+    async def __aexit__(self, kind: Any, *_: Any) -> None:
+        if kind is None:
+            await self.close()
+        elif self._stream is not None:  # do not hide the error that is on its way
+            await self._stream.cut_off()

@@ -1,0 +1,129 @@
+"""What the two cameras share: options, the calls, and the rules by which a session goes on in another daemon."""
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
+
+import grpc
+
+from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse, UploadSceneRequest, UploadSceneResponse
+from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
+from sightline_client.errors import Failed, Refused, unavailable
+from sightline_client.snapshot import Snapshot, was_applied
+
+SERVICE = "/sightline.v1.CameraControlService/"
+CONTROL = (SERVICE + "Control", ControlRequest.SerializeToString, ControlResponse.FromString)
+UPLOAD = (SERVICE + "UploadScene", UploadSceneRequest.SerializeToString, UploadSceneResponse.FromString)
+CHUNK_BYTES = 512 << 10
+LONGEST_PAUSE_S = 1.0
+
+# A channel of its own for each connection: gRPC would otherwise share one, and its own pauses between attempts with it. Replies with
+# depth maps exceed gRPC's default limit of 4 MiB.
+CHANNEL_OPTIONS: List[Tuple[str, int]] = [("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", 64 << 20)]
+
+_LOST = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED, grpc.StatusCode.UNKNOWN, grpc.StatusCode.INTERNAL,
+         grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.ABORTED)
+
+
+@dataclass(frozen=True)
+class Connection:
+    """How a camera reaches its daemons and what it does when one is lost.
+
+    give_up_after_s: how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once.
+    reply_timeout_s: a daemon that answers nothing for so long is taken for lost. open_timeout_s: the same for the opening, for which the
+    daemon loads the scene. uploads: the scene files that SceneRef.hash names; a daemon that does not have one gets it.
+    on_resync: called with the reason after the session has gone on in another daemon, on the thread that waits for the tick.
+    """
+    give_up_after_s: float = 30.0
+    reply_timeout_s: float = 5.0
+    open_timeout_s: float = 30.0
+    uploads: Sequence[bytes] = ()
+    on_resync: Optional[Callable[[str], None]] = None
+
+
+def is_lost(error: Failed, opening: bool) -> bool:
+    """True if another attempt, or another daemon, may help."""
+    return error.code in _LOST or (opening and error.code == grpc.StatusCode.RESOURCE_EXHAUSTED)
+
+
+def lacks_scene(error: Failed) -> bool:
+    return error.code == grpc.StatusCode.NOT_FOUND and any("scene" in violation.field for violation in error.violations)
+
+
+def pauses() -> Iterator[float]:
+    """The times to wait between attempts, in seconds: none, then longer and longer. They are random, so that the cameras of a lost
+    daemon do not all come at once."""
+    yield 0.0
+    pause_s = 0.05
+    while True:
+        yield pause_s * random.uniform(0.5, 1.0)
+        pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+
+
+def chunks(scene: bytes) -> Iterator[UploadSceneRequest]:
+    for at in range(0, len(scene), CHUNK_BYTES):
+        yield UploadSceneRequest(chunk=scene[at:at + CHUNK_BYTES])
+
+
+class Session:
+    """The state of a camera's session over all of its streams: numbers, snapshot, addresses."""
+
+    def __init__(self, addresses: Union[str, Sequence[str]], opening: OpenSession, connection: Connection) -> None:
+        self.addresses = [addresses] if isinstance(addresses, str) else list(addresses)
+        self.connection = connection
+        self.snapshot = Snapshot(opening)
+        self.opened = SessionOpened()
+        self.resyncs = 0
+        self._sequence = 0
+        self._address = 0
+
+    @property
+    def address(self) -> str:
+        return self.addresses[self._address]
+
+    def next_address(self) -> None:
+        self._address = (self._address + 1) % len(self.addresses)
+
+    def number(self, tick: Tick) -> Tick:
+        """A copy of the tick with its number: one more than the last, unless the tick has one."""
+        if tick.step_control.merge_into_next:
+            raise ValueError("tick.step_control.merge_into_next: a camera waits for a reply to each tick")
+        numbered = Tick()
+        numbered.CopyFrom(tick)
+        if not numbered.sequence:
+            numbered.sequence = self._sequence + 1
+        self._sequence = max(self._sequence, numbered.sequence)
+        return numbered
+
+    def first_requests(self, tick: Tick) -> List[ControlRequest]:
+        """What a new stream begins with after its opening, so that `tick` can follow."""
+        ticks = self.snapshot.ticks(tick.sequence)
+        if tick.delta.HasField("base_revision"):
+            tick.delta.base_revision = self.opened.mirror_revision + sum(summary.HasField("delta") for summary in ticks)
+        return [ControlRequest(tick=summary) for summary in ticks]
+
+    def take(self, tick: Tick, response: ControlResponse) -> CameraReply:
+        """The answer to a tick. Raises Refused."""
+        if response.HasField("tick_error"):
+            if was_applied(response.tick_error):
+                self.snapshot.apply(tick)
+            raise Refused(response.tick_error)
+        self.snapshot.apply(tick)
+        self.snapshot.take_reply(response.camera)
+        return response.camera
+
+
+def answers(response: ControlResponse, tick: Tick) -> bool:
+    """False for what a daemon says beside its answers, and for messages of a newer one."""
+    if response.HasField("camera"):
+        return response.camera.sequence == tick.sequence
+    return response.HasField("tick_error")
+
+
+def ended(reason: str) -> Failed:
+    return unavailable(reason or "the daemon has ended the session")
+
+
+def silent(timeout_s: float) -> Failed:
+    return unavailable(f"the daemon has answered nothing for {timeout_s:g} s")

@@ -1,0 +1,214 @@
+//! A camera that keeps its targets in view, tick by tick.
+use std::time::{Duration, Instant};
+
+use crate::errors::{Error, Failed};
+use crate::snapshot::{was_applied, Snapshot};
+use crate::stream::{connect, upload, Stream};
+use crate::v1::{control_request, control_response, CameraReply, OpenSession, SessionOpened, Tick};
+
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+
+/// How a camera reaches its daemons and what it does when one is lost.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// How long a tick waits for a daemon that takes the session over; zero: a lost session is an error at once.
+    pub give_up_after: Duration,
+    /// A daemon that answers nothing for so long is taken for lost.
+    pub reply_timeout: Duration,
+    /// The same for the opening, for which the daemon loads the scene.
+    pub open_timeout: Duration,
+    /// The scene files that SceneRef.hash names; a daemon that does not have one gets it.
+    pub uploads: Vec<Vec<u8>>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let seconds = Duration::from_secs;
+        Options { give_up_after: seconds(30), reply_timeout: seconds(5), open_timeout: seconds(30), uploads: Vec::new() }
+    }
+}
+
+/// A session that keeps targets in view. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the
+/// session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings,
+/// limits and lens as they were. Needs a tokio runtime.
+pub struct Camera {
+    addresses: Vec<String>,
+    address: usize,
+    options: Options,
+    snapshot: Snapshot,
+    stream: Option<Stream>,
+    opened: SessionOpened,
+    sequence: u64,
+    resyncs: usize,
+    last_resync: Option<String>,
+}
+
+impl Camera {
+    /// Opens a session with the first of the addresses ("host:port" or "unix:/path") that answers.
+    pub async fn open<A: Into<String>>(addresses: impl IntoIterator<Item = A>, opening: OpenSession, options: Options) -> Result<Camera, Error> {
+        let mut camera = Camera {
+            addresses: addresses.into_iter().map(Into::into).collect(),
+            address: 0,
+            options,
+            snapshot: Snapshot::new(opening),
+            stream: None,
+            opened: SessionOpened::default(),
+            sequence: 0,
+            resyncs: 0,
+            last_resync: None,
+        };
+        for left in (0..camera.addresses.len()).rev() {
+            match camera.open_stream().await {
+                Ok(()) => break,
+                Err(failed) if left == 0 || !failed.is_lost(true) => return Err(Error::Failed(failed)),
+                Err(_) => camera.leave(),
+            }
+        }
+        Ok(camera)
+    }
+
+    /// What the daemon said when it opened the session, the last time that one did.
+    pub fn opened(&self) -> &SessionOpened {
+        &self.opened
+    }
+
+    /// How many times the session went on in another daemon, or in the same one again.
+    pub fn resyncs(&self) -> usize {
+        self.resyncs
+    }
+
+    /// Why it did so the last time.
+    pub fn last_resync(&self) -> Option<&str> {
+        self.last_resync.as_deref()
+    }
+
+    /// Sends what has changed, and returns where the camera goes. The camera numbers ticks whose sequence is 0. `step_control` must not merge
+    /// the tick into the next one, because it would get no reply.
+    pub async fn tick(&mut self, mut tick: Tick) -> Result<CameraReply, Error> {
+        assert!(!tick.step_control.is_some_and(|control| control.merge_into_next), "a camera waits for a reply to each tick");
+        if tick.sequence == 0 {
+            tick.sequence = self.sequence + 1;
+        }
+        self.sequence = self.sequence.max(tick.sequence);
+        match self.ask_until_answered(&mut tick).await.map_err(Error::Failed)? {
+            control_response::Message::Camera(reply) => {
+                self.snapshot.apply(&tick);
+                self.snapshot.take_reply(&reply);
+                Ok(reply)
+            }
+            control_response::Message::TickError(error) => {
+                if was_applied(&error) {
+                    self.snapshot.apply(&tick);
+                }
+                Err(Error::Refused(error))
+            }
+            _ => unreachable!("ask returns answers only"),
+        }
+    }
+
+    /// Ends the session.
+    pub async fn close(&mut self) -> Result<(), Error> {
+        match self.stream.take() {
+            Some(stream) => stream.finish(self.options.reply_timeout).await.map_err(Error::Failed),
+            None => Ok(()),
+        }
+    }
+
+    async fn ask_until_answered(&mut self, tick: &mut Tick) -> Result<control_response::Message, Failed> {
+        let give_up = Instant::now() + self.options.give_up_after;
+        let mut reason = None;
+        let mut pause = Duration::ZERO;
+        loop {
+            tokio::time::sleep(pause.mul_f64(0.5 + jitter() / 2.0)).await;
+            if let Some(drained) = self.stream.as_ref().and_then(Stream::drained) {
+                reason.get_or_insert(drained);
+                self.leave();
+            }
+            let (failed, opening) = match self.open_if_needed(tick).await {
+                Err(failed) => (failed, true),
+                Ok(()) => match self.ask(tick).await {
+                    Err(failed) => (failed, false),
+                    Ok(answer) => {
+                        self.resyncs += usize::from(reason.is_some());
+                        self.last_resync = reason.or(self.last_resync.take());
+                        return Ok(answer);
+                    }
+                },
+            };
+            self.leave();
+            if !failed.is_lost(opening) || Instant::now() >= give_up {
+                return Err(failed);
+            }
+            reason.get_or_insert(failed.message);
+            pause = (2 * pause).clamp(Duration::from_millis(50), LONGEST_PAUSE);
+        }
+    }
+
+    async fn open_if_needed(&mut self, next: &mut Tick) -> Result<(), Failed> {
+        if self.stream.is_none() {
+            self.open_stream().await?;
+            self.resume(next).await;
+        }
+        Ok(())
+    }
+
+    async fn open_stream(&mut self) -> Result<(), Failed> {
+        match self.open_session(false).await {
+            Err(failed) if failed.lacks_scene() && !self.options.uploads.is_empty() => self.open_session(true).await,
+            opened => opened,
+        }
+    }
+
+    async fn open_session(&mut self, uploads: bool) -> Result<(), Failed> {
+        let mut client = connect(&self.addresses[self.address], self.options.open_timeout).await?;
+        for scene in self.options.uploads.iter().filter(|_| uploads) {
+            upload(&mut client, scene).await?;
+        }
+        let mut stream = Stream::start(client, control_request::Message::Open(self.snapshot.opening()));
+        loop {
+            if let control_response::Message::Opened(opened) = stream.receive(self.options.open_timeout).await? {
+                self.opened = opened;
+                self.stream = Some(stream);
+                return Ok(());
+            }
+        }
+    }
+
+    /// Tells a new stream what happened before the tick.
+    async fn resume(&mut self, next: &mut Tick) {
+        let ticks = self.snapshot.ticks(next.sequence);
+        if let Some(revision) = next.delta.as_mut().and_then(|delta| delta.base_revision.as_mut()) {
+            *revision = self.opened.mirror_revision + ticks.iter().filter(|tick| tick.delta.is_some()).count() as u64;
+        }
+        let stream = self.stream.as_ref().expect("it was opened");
+        for tick in ticks {
+            stream.send(control_request::Message::Tick(tick)).await;
+        }
+    }
+
+    async fn ask(&mut self, tick: &Tick) -> Result<control_response::Message, Failed> {
+        let stream = self.stream.as_mut().expect("it was opened");
+        stream.send(control_request::Message::Tick(tick.clone())).await;
+        loop {
+            let message = stream.receive(self.options.reply_timeout).await?;
+            match &message {
+                control_response::Message::TickError(_) => return Ok(message),
+                control_response::Message::Camera(reply) if reply.sequence == tick.sequence => return Ok(message),
+                _ => continue,
+            }
+        }
+    }
+
+    /// Gives the stream up; the next one goes to the next address.
+    fn leave(&mut self) {
+        self.stream = None;
+        self.address = (self.address + 1) % self.addresses.len();
+    }
+}
+
+/// A number in [0, 1) that differs from process to process and from moment to moment, so that the cameras of a lost daemon do not all come
+/// at once.
+fn jitter() -> f64 {
+    use std::hash::{BuildHasher, RandomState};
+    (RandomState::new().hash_one(0) >> 11) as f64 / (1u64 << 53) as f64
+}

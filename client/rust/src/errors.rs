@@ -1,0 +1,67 @@
+use prost::Message;
+use tonic::{Code, Status};
+
+use crate::generated::google::rpc;
+use crate::v1::{FieldViolation, TickError};
+
+/// The error of an opening or of a tick.
+#[derive(Debug, Clone)]
+pub enum Error {
+    /// The daemon refused a tick, and the session goes on. The message names the field and what is wrong. Nothing of the tick was applied,
+    /// unless the message says that its step failed.
+    Refused(TickError),
+    /// The session could not be opened, or it was lost and no daemon took it over in time. The next tick of a camera that lost its session
+    /// tries again.
+    Failed(Failed),
+}
+
+/// Why a session failed.
+#[derive(Debug, Clone)]
+pub struct Failed {
+    /// Unavailable: no daemon answers, or the connection broke.
+    pub code: Code,
+    pub message: String,
+    /// The fields of the request that are wrong; empty if the request was not the cause.
+    pub violations: Vec<FieldViolation>,
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Error::Refused(error) => write!(out, "{}", error.message),
+            Error::Failed(failed) => write!(out, "{:?}: {}", failed.code, failed.message),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+pub(crate) fn unavailable(message: impl Into<String>) -> Failed {
+    Failed { code: Code::Unavailable, message: message.into(), violations: Vec::new() }
+}
+
+impl From<Status> for Failed {
+    fn from(status: Status) -> Self {
+        let details = rpc::Status::decode(status.details()).unwrap_or_default().details;
+        let bad = details.iter().filter(|detail| detail.type_url.ends_with("google.rpc.BadRequest"));
+        let violations = bad.flat_map(|detail| rpc::BadRequest::decode(&*detail.value).unwrap_or_default().field_violations);
+        Failed {
+            code: status.code(),
+            message: status.message().to_owned(),
+            violations: violations.map(|v| FieldViolation { field: v.field, description: v.description }).collect(),
+        }
+    }
+}
+
+impl Failed {
+    /// True if another attempt, or another daemon, may help.
+    pub(crate) fn is_lost(&self, opening: bool) -> bool {
+        use Code::*;
+        matches!(self.code, Unavailable | Cancelled | Unknown | Internal | DeadlineExceeded | Aborted)
+            || (opening && self.code == ResourceExhausted)
+    }
+
+    pub(crate) fn lacks_scene(&self) -> bool {
+        self.code == Code::NotFound && self.violations.iter().any(|violation| violation.field.contains("scene"))
+    }
+}

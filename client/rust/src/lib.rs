@@ -1,0 +1,35 @@
+//! Steers a camera that keeps several moving targets in view, by a Sightline daemon.
+//!
+//! A [`Camera`] is a session. [`Camera::tick`] sends what has changed and returns where the camera goes. The messages are in [`v1`]; the
+//! comments of the contract, in `proto/sightline/v1`, describe every field.
+mod camera;
+mod errors;
+mod shapes;
+mod snapshot;
+mod stream;
+
+pub use camera::{Camera, Options};
+pub use errors::{Error, Failed};
+pub use shapes::{box_shape, capsule, instance, sphere, transforms, vector};
+pub use tonic::Code;
+
+/// The generated messages, in modules that mirror their packages. Some details of errors are not used.
+#[allow(clippy::all, dead_code)]
+mod generated {
+    pub mod sightline {
+        pub mod v1 {
+            tonic::include_proto!("sightline.v1");
+        }
+        pub mod tuning {
+            pub mod v1alpha1 {
+                tonic::include_proto!("sightline.tuning.v1alpha1");
+            }
+        }
+    }
+    pub mod google {
+        pub mod rpc {
+            tonic::include_proto!("google.rpc");
+        }
+    }
+}
+pub use generated::sightline::{tuning::v1alpha1 as tuning, v1};
