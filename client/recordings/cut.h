@@ -28,9 +28,9 @@ struct RecordingCut {
 // then. All ticks before the range are read for the snapshot tick. Attachments and metadata are copied, and the part
 // keeps its number. The metadata `sightline.cut` names the source.
 //
-// A lead stands between the head and the range, so that the replies of the cut can be computed again to the bit: the session's messages from
-// the last StepMemory before the range on, or from the beginning of the session when that is less than kMostLeadS before the range. Messages
-// for viewers are not part of the lead. A recording without memories has no lead, and its cut replays alike.
+// A lead stands between the head and the range, so that the replies of the cut can be computed again to the bit. It holds the session's
+// messages from the last StepMemory before the range on. Without a memory it begins with the session, when that is less than kMostLeadS
+// before the range. Otherwise there is no lead, and the cut replays alike. Messages for viewers are not part of the lead.
 //
 // Fails with kInvalidArgument (fields "start_s", "end_s") when nothing is in the range, as an attachment cannot be read,
 // and when the sink fails. The sink then holds no complete file.

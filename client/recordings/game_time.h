@@ -15,7 +15,7 @@ struct GameTime {
   double duration_s() const { return end_s - start_s; }
 };
 
-// Reads the chunk of the first tick and that of the last. Empty when the file holds no tick that can be read.
+// Reads the first and the last chunk that hold ticks. Empty when the file holds no tick that can be read.
 std::optional<GameTime> game_time_of(const Recording& recording);
 
 // "12.500 s, from 3.000 s to 15.500 s".

@@ -1,5 +1,5 @@
-// What viewers see of the scene file that a session opened: triangles, the places of its nodes, and their names. The messages of a session
-// name the file but do not hold it, so this is made from the session itself, once, when it opens.
+// Viewers see the scene file of a session as triangles, with the places and names of its nodes. The messages of a session name the file but do
+// not hold it. So this view is made from the session itself, once, when it opens.
 #pragma once
 
 #include <cstdint>

@@ -127,7 +127,7 @@ struct StateFields {
   template <typename A, SameAs<Lattice> T>
   static void each(A& archive, T& lattice) {
     auto& [spacing, side, runs, size, positions, listed, covers, owners, cells, addresses] = lattice;
-    (void)runs, (void)size, (void)positions, (void)listed, (void)addresses;  // laid anew in every step
+    (void)runs, (void)size, (void)positions, (void)listed, (void)addresses;  // made again in every step
     archive(spacing, side, covers, owners, cells);
   }
   template <typename A, SameAs<TargetSwitch> T>

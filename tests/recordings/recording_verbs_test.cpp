@@ -38,7 +38,7 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
   EXPECT_EQ(session["replies"], 60);
   EXPECT_EQ(session["merged"], 30);
   EXPECT_EQ(session["rejections"], 0);
-  EXPECT_NEAR(told["duration_s"].get<double>(), 90 / 60.0 + 0.001, 1e-6);
+  EXPECT_NEAR(told["duration_s"].get<double>(), 90 / 60.0 + 0.002, 1e-6);
   EXPECT_EQ(told["finished"], true);
   // The messages are counted one by one instead.
   std::map<std::string, uint64_t> counts;
