@@ -313,6 +313,7 @@ void write_words(const SessionPage& session, Json& page) {
   page["facts"] = session.facts;
   page["aspect"] = session.aspect;
   page["body_radius_m"] = session.body_radius_m;
+  page["clearance_reach_m"] = session.clearance_reach_m;
   page["stages"] = session.stages;
   page["flag_names"] = session.flags;
   page["columns"] = session.columns;
@@ -325,7 +326,8 @@ void write_words(const SessionPage& session, Json& page) {
     targets.push_back({{"id", id_text(target.id)},
                        {"name", target.name},
                        {"weight", target.weight},
-                       {"required", target.required}});
+                       {"required", target.required},
+                       {"radius_m", target.radius_m}});
   page["targets"] = std::move(targets);
   Json marks = Json::array();
   for (const PageMark& mark : session.marks)

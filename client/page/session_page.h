@@ -55,6 +55,7 @@ struct PageTarget {
   std::string name;
   double weight = 1.0;
   bool required = true;
+  double radius_m = 0.0;  // of its bounding sphere; 0: not known
 };
 
 // One target in one frame.
@@ -136,6 +137,7 @@ struct SessionPage {
       facts;                   // name, value: sampler, seed, scene, rate and so on
   double aspect = 16.0 / 9.0;  // of the picture, width / height, above 0
   double body_radius_m = 0.0;  // [0, 10]
+  double clearance_reach_m = 0.0;  // PageFrame::clearance_m is this much where the nearest collider is farther; 0: it is always exact
   std::vector<PageInstance> instances;
   std::vector<PageTarget> targets;    // at most 32
   std::vector<PageMover> movers;

@@ -157,7 +157,7 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
       << (done->was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
       << "lost        " << loss_text(done->loss) << '\n';
   print_troubles(out, done->loss);
-  return 0;
+  return done->loss.chunks + done->loss.messages + done->loss.bytes > 0 ? 1 : 0;
 }
 
 int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& err) {
@@ -186,6 +186,8 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
                                   : "after " + grouped(done->snapshot_ticks) +
                                         " ticks, given as one snapshot tick")
       << '\n';
+  if (done->lead_messages > 0)
+    out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n", done->lead_s);
   const bool lost = done->loss.chunks + done->loss.messages > 0;
   if (!lost) return 0;
   err << options.file << ": lost " << loss_text(done->loss) << '\n';

@@ -33,7 +33,8 @@ struct VerifyOptions {
 };
 int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ostream& err);
 
-// Makes a sound copy of a damaged or unfinished file, and verifies it.
+// Makes a sound copy of a damaged or unfinished file, and verifies it. 0: nothing that the file holds was lost; 1: something was, and the
+// copy holds the rest.
 struct RecoverOptions {
   std::string file = {};
   std::string out = {};  // a new file

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <vector>
 
 #include "client/recordings/summary.h"
 #include "client/base/text_table.h"
@@ -35,13 +36,14 @@ class Cutter {
   }
 
   Result<RecordingCut> run() {
+    find_lead();
     if (Status ok = copy_beside(); !ok) return tl::unexpected(ok.error());
     const McapReadReport report =
         recording_.reader().read({}, [this](const McapMessage& m) { return take(m); });
     if (trouble_) return tl::unexpected(*trouble_);
-    if (!within_ || done_.messages == 0)
+    if (place_ != Place::kWithin || done_.messages == 0)
       return invalid(
-          within_ ? "end_s" : "start_s",
+          place_ == Place::kWithin ? "end_s" : "start_s",
           formatted("the recording has nothing in this range; it lasts %.3f s", recording_.duration_s()));
     if (Status ok = writer_.finish(); !ok) return tl::unexpected(ok.error());
     add_loss(recording_.container().loss);
@@ -50,6 +52,25 @@ class Cutter {
   }
 
  private:
+  enum class Place { kBefore, kLead, kWithin };
+
+  // The range may begin with the session itself, which needs no memory.
+  void find_lead() {
+    if (range_.start_s <= 0) return;
+    const McapQuery memories{.end_ns = start_ns_,
+                             .topics = {all_record_topics()[static_cast<size_t>(RecordTopic::kMemory)].topic}};
+    recording_.reader().read(memories, [this](const McapMessage& m) {
+      lead_ns_ = m.message.log_time_ns;
+      return true;
+    });
+    const v1::RecordingInfo& info = recording_.info();
+    if (!lead_ns_ && info.snapshot_ticks() == 0 && info.part() <= 1 && range_.start_s < kMostLeadS) {
+      lead_ns_ = recording_.start_ns();
+      leads_from_start_ = true;
+    }
+    if (lead_ns_) done_.lead_s = static_cast<double>(start_ns_ - *lead_ns_) * 1e-9;
+  }
+
   // Copies metadata and attachments.
   Status copy_beside() {
     for (const mcap::MetadataIndex& index : recording_.container().metadata) {
@@ -64,6 +85,7 @@ class Cutter {
     const mcap::Metadata cut{kCutMetadata,
                              {{"of", std::filesystem::path(recording_.name()).filename().string()},
                               {"start_s", formatted("%.3f", range_.start_s)},
+                              {"lead_s", formatted("%.3f", done_.lead_s)},
                               {"end_s", end}}};
     if (Status ok = writer_.add_metadata(cut); !ok) return ok;
     for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
@@ -78,18 +100,43 @@ class Cutter {
   }
 
   bool take(const McapMessage& m) {
-    if (!within_ && (range_.start_s <= 0 || m.message.log_time_ns >= start_ns_)) {
-      within_ = true;
-      if (range_.start_s > 0) write_head();
-    }
-    if (!within_) {
+    move_on(m);
+    if (place_ == Place::kBefore) {
       remember(m);
       return true;
+    }
+    if (place_ == Place::kLead) {
+      take_lead(m);
+      return !trouble_;
     }
     if (m.message.log_time_ns >= end_ns_) return false;
     note(write(m.channel, m.schema, m.message));
     ++done_.messages;
     return !trouble_;
+  }
+
+  void move_on(const McapMessage& m) {
+    const auto topic = record_topic_of(m.channel.topic);
+    const uint64_t now_ns = m.message.log_time_ns;
+    if (place_ == Place::kBefore && lead_ns_ && now_ns >= *lead_ns_ && now_ns < start_ns_ &&
+        (leads_from_start_ || topic == RecordTopic::kMemory)) {
+      place_ = Place::kLead;
+      if (!leads_from_start_) write_head();
+    }
+    if (place_ == Place::kWithin || (range_.start_s > 0 && now_ns < start_ns_)) return;
+    if (place_ == Place::kBefore && range_.start_s > 0) write_head();
+    if (place_ == Place::kLead) write_still(start_ns_ - 1);
+    place_ = Place::kWithin;
+  }
+
+  // Viewers see the range alone, with the still frames that hold when it begins.
+  void take_lead(const McapMessage& m) {
+    const auto topic = record_topic_of(m.channel.topic);
+    if (topic == RecordTopic::kStaticFrames || topic == RecordTopic::kShapes) keep(*topic, m);
+    if (topic == RecordTopic::kLevel) keep_level(m);
+    if (!topic || *topic > RecordTopic::kMemory) return;
+    note(write(m.channel, m.schema, m.message));
+    ++done_.lead_messages;
   }
 
   void remember(const McapMessage& m) {
@@ -102,6 +149,8 @@ class Cutter {
       case RecordTopic::kStaticFrames:
       case RecordTopic::kShapes:
         return keep(*topic, m);
+      case RecordTopic::kLevel:
+        return keep_level(m);
       case RecordTopic::kTick:
         return parsed<v1::Tick>(m, [&](v1::Tick& tick) { take_tick(tick, m.message); });
       case RecordTopic::kReply:
@@ -122,6 +171,13 @@ class Cutter {
     kept = KeptMessage{
         m.channel, {}, m.message.sequence, m.message.publish_time_ns, std::string(m.message.data)};
     if (m.schema) kept->schema = *m.schema;
+  }
+
+  // The first one holds the level, later ones remove nodes from it.
+  void keep_level(const McapMessage& m) {
+    keep(RecordTopic::kLevel, m);
+    level_.push_back(*kept_[static_cast<size_t>(RecordTopic::kLevel)]);
+    kept_[static_cast<size_t>(RecordTopic::kLevel)].reset();
   }
 
   template <typename Message, typename Take>
@@ -162,11 +218,22 @@ class Cutter {
     auto gap = std::exchange(kept_[static_cast<size_t>(RecordTopic::kGap)], std::nullopt);
     for (const auto& kept : kept_)
       if (kept) write_kept(*kept, now_ns);
+    write_level(now_ns);
     if (has_snapshot) write_tick(snapshot_.tick(), snapshot_.stamp());
     for (const WaitingTick& waiting : snapshot_.waiting()) write_tick(waiting.tick, waiting.stamp);
     if (!gap) return;
     gap->bytes = lost_.SerializeAsString();
     write_kept(*gap, now_ns);
+  }
+
+  void write_still(uint64_t now_ns) {
+    for (const RecordTopic topic : {RecordTopic::kStaticFrames, RecordTopic::kShapes})
+      if (auto kept = std::exchange(kept_[static_cast<size_t>(topic)], std::nullopt)) write_kept(*kept, now_ns);
+    write_level(now_ns);
+  }
+
+  void write_level(uint64_t now_ns) {
+    for (const KeptMessage& kept : std::exchange(level_, {})) write_kept(kept, now_ns);
   }
 
   void write_kept(const KeptMessage& kept, uint64_t now_ns) {
@@ -225,11 +292,14 @@ class Cutter {
   const uint64_t start_ns_, end_ns_;
   McapWriter writer_;
   bool snapshot_next_;  // the next tick is a snapshot
-  bool within_ = false;
+  Place place_ = Place::kBefore;
+  std::optional<uint64_t> lead_ns_;  // log time of the lead's first message
+  bool leads_from_start_ = false;    // the lead begins with the session
   SessionSnapshot snapshot_;
   v1::Gap lost_;  // before the range
   uint16_t tick_channel_id_ = 0;
   std::array<std::optional<KeptMessage>, kRecordTopics> kept_{};  // in the order of a head
+  std::vector<KeptMessage> level_;                                // of the viewers' topic kLevel
   std::map<uint16_t, uint16_t> schemas_, channels_;               // the cut's ids by the recording's
   std::optional<Error> trouble_;
   RecordingCut done_;

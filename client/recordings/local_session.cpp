@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "server/wire/from_proto.h"
+#include "server/wire/memory_proto.h"
 #include "server/wire/to_proto.h"
 
 namespace sightline {
@@ -42,6 +43,14 @@ Status LocalSession::step(int quality_level, v1::CameraReply& reply) {
   if (!answer) return tl::unexpected(answer.error());
   camera_reply_to_proto(*answer, *session_, wanted_, reply);
   return {};
+}
+
+void LocalSession::write_memory(v1::StepMemory& memory) const {
+  memory_to_proto(*session_, memory);
+}
+
+Status LocalSession::resume(const v1::StepMemory& memory) {
+  return resume_from_proto(memory, *session_);
 }
 
 }  // namespace sightline

@@ -13,6 +13,7 @@
 #include "server/scene/scene_folder.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
+#include "sightline/v1/recording.pb.h"
 
 namespace sightline {
 
@@ -52,6 +53,10 @@ class LocalSession {
 
   // Every reply from now on has candidates, in addition to what the opening asked for.
   void want_candidates() { wanted_.candidates = true; }
+
+  // Writes the session's memory after a step, as a daemon records it, and takes one over (Session::resume).
+  void write_memory(v1::StepMemory& memory) const;
+  Status resume(const v1::StepMemory& memory);
 
   const Session& session() const { return *session_; }
 

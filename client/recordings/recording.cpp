@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "server/base/hash.h"
@@ -40,9 +41,42 @@ bool parse(RecordTopic topic, std::string_view bytes, RecordedMessage& out) {
       return parse_into<v1::Fault>(bytes, out);
     case RecordTopic::kGap:
       return parse_into<v1::Gap>(bytes, out);
+    case RecordTopic::kMemory:
+      return parse_into<v1::StepMemory>(bytes, out);
     default:
       return false;
   }
+}
+
+// By the counts of the channels. At least 1, so that a reading begins.
+uint64_t messages_on(const McapInfo& info, const std::vector<std::string>& topics) {
+  uint64_t count = 0;
+  for (const auto& [id, channel] : info.channels) {
+    const auto found = info.statistics.channel_message_counts.find(id);
+    const bool wanted = std::find(topics.begin(), topics.end(), channel.topic) != topics.end();
+    if (wanted && found != info.statistics.channel_message_counts.end()) count += found->second;
+  }
+  // Statistics need not count by channel.
+  const bool counted = !info.statistics.channel_message_counts.empty();
+  return counted ? std::max<uint64_t>(count, 1) : std::numeric_limits<uint64_t>::max();
+}
+
+std::string session_text(std::string_view bytes) {
+  v1::RecordingInfo info;
+  if (!info.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+  return info.session_id() + " (part " + std::to_string(info.part()) + ")";
+}
+
+// Merged files: their ticks and replies do not belong together.
+std::string several_text(const std::set<std::string>& sessions) {
+  constexpr size_t kMost = 4;
+  std::string text = "holds " + std::to_string(sessions.size()) + " sessions or parts, which must be read one by one: ";
+  size_t named = 0;
+  for (const std::string& session : sessions) {
+    if (named == kMost) return text.append(", ...");
+    text.append(named++ > 0 ? ", " : "").append(session);
+  }
+  return text;
 }
 
 Error not_ours(const std::string& name, std::string why) {
@@ -88,24 +122,26 @@ Result<Recording> Recording::open(std::shared_ptr<const ByteSource> source, std:
   return recording;
 }
 
-// The opening stands in the first chunk, or the first few when the scene is large.
+// The opening stands at the head of our files. Other programs may write it anywhere, so the index is asked where it is.
 Status Recording::read_head() {
   bool has_info = false, has_open = false, has_opened = false;
   start_ns_ = container().statistics.start_time_ns;
   McapQuery query;
-  for (const RecordTopic topic :
-       {RecordTopic::kInfo, RecordTopic::kOpen, RecordTopic::kOpened, RecordTopic::kTick})
+  for (const RecordTopic topic : {RecordTopic::kInfo, RecordTopic::kOpen, RecordTopic::kOpened})
     query.topics.push_back(name_of(topic));
+  uint64_t left = messages_on(container(), query.topics);
+  std::set<std::string> sessions;
   const auto take = [](auto& message, bool& has, std::string_view bytes) {
     if (!has) has = message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
   };
   reader_.read(query, [&](const McapMessage& m) {
     const auto topic = record_topic_of(m.channel.topic);
-    if (topic == RecordTopic::kInfo) take(info_, has_info, m.message.data);
+    if (topic == RecordTopic::kInfo) take(info_, has_info, m.message.data), sessions.insert(session_text(m.message.data));
     if (topic == RecordTopic::kOpen) take(open_, has_open, m.message.data);
     if (topic == RecordTopic::kOpened) take(opened_, has_opened, m.message.data);
-    return !(has_info && has_open && has_opened) && topic != RecordTopic::kTick;
+    return --left > 0;
   });
+  if (sessions.size() > 1) return tl::unexpected(not_ours(name_, several_text(sessions)));
   if (!has_info)
     return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
   if (info_.layout_version() > kKnownVersion)
@@ -126,7 +162,7 @@ RecordedReport Recording::read(const RecordedRange& range,
   McapQuery query{.start_ns = range.start_s > 0 ? log_time_after(start_ns_, range.start_s) : 0,
                   .end_ns = log_time_after(start_ns_, range.end_s)};
   for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kTickError,
-                                  RecordTopic::kFault, RecordTopic::kGap})
+                                  RecordTopic::kFault, RecordTopic::kGap, RecordTopic::kMemory})
     query.topics.push_back(name_of(topic));
   RecordedReport report;
   RecordedEvent event;
@@ -185,6 +221,10 @@ bool StepAssembler::add(RecordedEvent& event) {
       return false;
     case RecordTopic::kGap:
       step_.missing += std::get<v1::Gap>(event.message).messages();
+      return false;
+    case RecordTopic::kMemory:
+      step_.memory = std::move(std::get<v1::StepMemory>(event.message));
+      step_.ticks_before_memory = step_.ticks.size();
       return false;
     case RecordTopic::kReply:
       step_.reply = std::move(std::get<v1::CameraReply>(event.message));

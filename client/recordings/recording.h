@@ -13,6 +13,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -28,10 +29,10 @@
 namespace sightline {
 
 // Messages for viewers and those at the head of the file are not among them.
-using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::TickError, v1::Fault, v1::Gap>;
+using RecordedMessage = std::variant<v1::Tick, v1::CameraReply, v1::TickError, v1::Fault, v1::Gap, v1::StepMemory>;
 
 struct RecordedEvent {
-  RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kTickError, kFault or kGap, as `message` holds
+  RecordTopic topic = RecordTopic::kTick;  // kTick, kReply, kTickError, kFault, kGap or kMemory, as `message` holds
   uint64_t log_ns = 0;                     // when the server had it, since 1970 (UTC)
   uint64_t publish_ns = 0;                 // when the client sent it, or log_ns
   uint32_t sequence = 0;                   // within its topic; missing numbers are lost messages
@@ -64,8 +65,8 @@ struct RecordedFile {
 class Recording {
  public:
   // Fails with kNotFound, kUnavailable or kDataLoss when the file cannot be read as MCAP. Fails with kInvalidArgument
-  // (field "recording") when it holds no Sightline session, or is of a later version than this program knows. Reads the
-  // tail of the file and the chunk with the opening.
+  // (field "recording") when it holds no Sightline session or several, or is of a later version than this program knows. Reads
+  // the tail of the file and the chunks with the opening.
   static Result<Recording> open(const std::string& path, McapLimits limits = {});
   // The same of any bytes; `name` is for errors.
   static Result<Recording> open(std::shared_ptr<const ByteSource> source, std::string name,
@@ -116,6 +117,9 @@ struct RecordedStep {
   std::vector<uint64_t> tick_log_ns;  // of each
   std::vector<v1::TickError> rejections;
   std::vector<v1::Fault> faults;
+  // The server's memory, and how many of `ticks` stand before it. The head of a later part has it after its snapshot tick.
+  std::optional<v1::StepMemory> memory;
+  size_t ticks_before_memory = 0;
   v1::CameraReply reply;
   uint64_t log_ns = 0;    // of the reply
   uint64_t missing = 0;   // messages lost since the step before; later replies may then differ in a replay

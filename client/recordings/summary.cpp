@@ -48,6 +48,7 @@ void take_container(const McapReader& reader, RecordingSummary& out) {
   }
   out.attachments = info.attachments;
   out.finished = info.finished;
+  out.absent = info.absent;
   out.loss = info.loss;
   out.cut = metadata_named(reader, kCutMetadata);
   out.recovered = metadata_named(reader, kRecoveredMetadata);
@@ -68,6 +69,7 @@ void take_gaps(const McapReader& reader, RecordingSummary& out) {
 
 void take_session(const Recording& recording, RecordingSummary& out) {
   out.session = recording.info();
+  out.game_time = game_time_of(recording);
   const uint64_t snapshots = recording.info().snapshot_ticks() > 0 ? 1 : 0;
   const auto less = [](uint64_t a, uint64_t b) { return a > b ? a - b : 0; };
   out.ticks = less(messages_of(out, RecordTopic::kTick), snapshots);
@@ -134,6 +136,7 @@ void print_session(std::ostream& out, const RecordingSummary& s) {
                                             : "with the session")
               : "after " + counted(info.snapshot_ticks(), "tick") + ", given as one snapshot tick")
       << '\n';
+  if (s.replies == 0) out << "note        no reply was recorded: there is nothing to compare or to show\n";
   out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, "
       << grouped(s.merged) << " merged or not answered, " << grouped(s.rejections) << " refused\n"
       << "faults      " << grouped(s.faults) << '\n'
@@ -155,10 +158,10 @@ void print_topics(std::ostream& out, const RecordingSummary& s) {
 void print_attachments(std::ostream& out, const RecordingSummary& s) {
   if (s.attachments.empty()) return;
   out << "\nattachments (" << s.attachments.size() << ")\n";
-  Table table({{"name"}, {"size", true}, {"type"}});
+  Table table({{"name"}, {"size", true}, {"type"}, {"recorded"}});
   for (const mcap::AttachmentIndex& attachment : s.attachments)
     table.row({printable(attachment.name, 100), bytes_text(attachment.data_size),
-               printable(attachment.content_type)});
+               printable(attachment.content_type), utc_text(attachment.log_time_ns)});
   table.print(out);
 }
 
@@ -211,10 +214,12 @@ void print_summary(std::ostream& out, const RecordingSummary& s) {
   print_session(out, s);
   if (!s.cut.empty())
     out << "cut         " << value_of(s.cut, "start_s") << " s to " << value_of(s.cut, "end_s") << " s of "
-        << value_of(s.cut, "of") << '\n';
+        << value_of(s.cut, "of") << ", after a lead of " << value_of(s.cut, "lead_s") << " s\n";
   if (!s.recovered.empty()) out << "recovered   lost " << value_of(s.recovered, "lost") << '\n';
   out << "first       " << (s.end_ns == 0 ? "-" : utc_text(s.start_ns)) << '\n'
-      << "duration    " << seconds_text(s.duration_s()) << '\n'
+      << "duration    " << seconds_text(s.duration_s()) << " by the wall clock\n";
+  if (s.game_time) out << "game time   " << game_time_text(*s.game_time) << '\n';
+  out
       << "chunks      " << grouped(s.chunks);
   if (s.packed_bytes > 0)
     out << ", " << s.compression << ": " << bytes_text(s.unpacked_bytes) << " in "
@@ -225,6 +230,7 @@ void print_summary(std::ostream& out, const RecordingSummary& s) {
       << "finished    " << (s.finished ? "yes" : "no: its end is missing, as a killed server leaves it")
       << '\n'
       << "lost        " << loss_text(s.loss) << '\n';
+  print_absent(out, s.absent);
   print_troubles(out, s.loss);
   print_topics(out, s);
   print_attachments(out, s);
@@ -241,11 +247,17 @@ nlohmann::ordered_json json_of(const RecordingSummary& s) {
   out["first_time_ns"] = s.start_ns;
   out["last_time_ns"] = s.end_ns;
   out["duration_s"] = s.duration_s();
+  out["game_time"] = nullptr;
+  if (s.game_time)
+    out["game_time"] = {{"start_s", s.game_time->start_s},
+                        {"end_s", s.game_time->end_s},
+                        {"duration_s", s.game_time->duration_s()}};
   out["chunks"] = {{"count", s.chunks},
                    {"compression", s.compression},
                    {"packed_bytes", s.packed_bytes},
                    {"unpacked_bytes", s.unpacked_bytes}};
   out["finished"] = s.finished;
+  out["absent"] = s.absent;
   out["lost"] = {{"chunks", s.loss.chunks},
                  {"messages", s.loss.messages},
                  {"bytes", s.loss.bytes},
@@ -255,7 +267,11 @@ nlohmann::ordered_json json_of(const RecordingSummary& s) {
     out["topics"].push_back({{"topic", topic.topic}, {"messages", topic.messages}, {"type", topic.type}});
   out["attachments"] = nlohmann::ordered_json::array();
   for (const mcap::AttachmentIndex& a : s.attachments)
-    out["attachments"].push_back({{"name", a.name}, {"bytes", a.data_size}, {"type", a.content_type}});
+    out["attachments"].push_back({{"name", a.name},
+                                  {"bytes", a.data_size},
+                                  {"type", a.content_type},
+                                  {"log_time_ns", a.log_time_ns},
+                                  {"create_time_ns", a.create_time_ns}});
   return out;
 }
 
@@ -272,6 +288,13 @@ std::string loss_text(const McapLoss& loss) {
       .append(" known of, ")
       .append(bytes_text(loss.bytes));
   return text.append(" of the file");
+}
+
+void print_absent(std::ostream& out, const std::vector<std::string>& absent) {
+  if (absent.empty()) return;
+  std::string parts;
+  for (const std::string& part : absent) parts.append(parts.empty() ? "" : ", ").append(part);
+  out << "not there   " << parts << ": no damage, the format lets them be left out; the file was read through instead\n";
 }
 
 void print_troubles(std::ostream& out, const McapLoss& loss) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/recordings/game_time.h"
 #include "client/recordings/recording.h"
 
 namespace sightline {
@@ -33,12 +34,14 @@ struct RecordingSummary {
   std::map<std::string, std::string> cut;        // the metadata of a cut; empty: the file is no cut
   std::map<std::string, std::string> recovered;  // what was lost before it was recovered; empty: it never was recovered
 
+  std::optional<GameTime> game_time;  // empty: the file holds no tick
   uint64_t start_ns = 0, end_ns = 0;  // of the first and the last message, log time
   uint64_t chunks = 0, packed_bytes = 0, unpacked_bytes = 0;
   std::string compression;  // "zstd"; several with commas
   std::vector<TopicSummary> topics;
   std::vector<mcap::AttachmentIndex> attachments;
   bool finished = false;
+  std::vector<std::string> absent;  // McapInfo::absent
   McapLoss loss;
 
   static constexpr uint64_t kMaxGaps = 100;
@@ -62,6 +65,8 @@ inline constexpr char kRecoveredMetadata[] = "sightline.recovered";
 std::string error_text(const std::string& name, const Error& error);
 // "1 chunk, 20 messages, 1.5 KiB"; "nothing".
 std::string loss_text(const McapLoss& loss);
+// Prints what the summary of a file lacks though the format lets it; nothing when it lacks nothing.
+void print_absent(std::ostream& out, const std::vector<std::string>& absent);
 // Prints the kept troubles, one a line, with their place in the file.
 void print_troubles(std::ostream& out, const McapLoss& loss);
 

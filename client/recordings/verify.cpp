@@ -71,7 +71,9 @@ void print_verdict(std::ostream& out, const std::string& path, const FileVerdict
       << "chunks      " << grouped(container.chunks);
   if (container.chunks_without_crc > 0)
     out << ", " << grouped(container.chunks_without_crc) << " without a CRC";
-  out << '\n' << "lost        " << loss_text(container.loss) << '\n';
+  out << '\n';
+  print_absent(out, container.absent);
+  out << "lost        " << loss_text(container.loss) << '\n';
   print_troubles(out, container.loss);
   out << "container   " << sound_text(container.disagreements) << '\n';
   print_troubles(out, container.disagreements);
@@ -106,6 +108,7 @@ nlohmann::ordered_json json_of(const std::string& path, const FileVerdict& verdi
                                 {"finished", container.finished},
                                 {"recovered", verdict.recovered},
                                 {"chunks", container.chunks},
+                                {"absent", container.absent},
                                 {"lost", json_of(container.loss)},
                                 {"disagreements", json_of(container.disagreements)}};
   out["session"] = nullptr;

@@ -28,7 +28,7 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
 }
 
 RecordingWriter::RecordingWriter(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info)
-    : file_(std::move(sink), versioned(info), info.start_time_ns(), options_for(info)) {}
+    : file_(std::move(sink), versioned(info), options_for(info)) {}
 
 Status RecordingWriter::put(RecordTopic topic, const google::protobuf::MessageLite& message, uint64_t log_ns) {
   const uint32_t sequence = ++sequences_[static_cast<size_t>(topic)];
@@ -75,6 +75,9 @@ Status RecordingWriter::write(const v1::Fault& fault, uint64_t log_ns) {
 Status RecordingWriter::write(const v1::Gap& gap, uint64_t log_ns) {
   if (Status done = put(RecordTopic::kGap, gap, log_ns); !done) return done;
   return put_for_viewers(log_ns, [&](const auto& emit) { viewers_.take_gap(gap, log_ns, emit); });
+}
+Status RecordingWriter::write(const v1::StepMemory& memory, uint64_t log_ns) {
+  return put(RecordTopic::kMemory, memory, log_ns);
 }
 
 Status RecordingWriter::attach(const RecordedFile& file, uint64_t log_ns) {

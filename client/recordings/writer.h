@@ -28,6 +28,7 @@ class RecordingWriter {
   Status write(const v1::TickError& rejection, uint64_t log_ns);
   Status write(const v1::Fault& fault, uint64_t log_ns);
   Status write(const v1::Gap& gap, uint64_t log_ns);
+  Status write(const v1::StepMemory& memory, uint64_t log_ns);
   Status attach(const RecordedFile& file, uint64_t log_ns);
 
   // Writes the summary; nothing may be written after it. Without it the file looks like one whose writer was killed.

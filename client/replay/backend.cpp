@@ -43,6 +43,15 @@ class LocalBackend final : public ReplayBackend {
     return {};
   }
 
+  Status resume(std::span<const v1::Tick> ticks, const v1::StepMemory& memory) override {
+    for (const v1::Tick& tick : ticks) {
+      v1::TickError rejection;
+      if (!session_->apply(tick, rejection)) return invalid("memory", "its snapshot tick is refused: " + rejection.message());
+    }
+    waiting_ = false;
+    return session_->resume(memory);
+  }
+
   const Session* session() const override { return session_ ? &session_->session() : nullptr; }
 
  private:
@@ -92,6 +101,10 @@ class ServerBackend final : public ReplayBackend {
       take_event(std::move(**event), answer);
     }
     return {};
+  }
+
+  Status resume(std::span<const v1::Tick>, const v1::StepMemory&) override {
+    return fail(ErrorCode::kUnsupported, "memory", "a daemon cannot take over the memory of a recorded session");
   }
 
   // Makes a new connection, since the old one may wait long before it tries again.

@@ -12,6 +12,7 @@
 #include "server/base/error.h"
 #include "server/sample/sampler_choice.h"
 #include "sightline/v1/camera_control.pb.h"
+#include "sightline/v1/recording.pb.h"
 
 namespace sightline {
 
@@ -35,6 +36,9 @@ class ReplayBackend {
   // last tick is refused, the ticks before it belong to the next step. `answer` must be empty. kUnavailable: the backend is
   // gone, and the session with it.
   virtual Status take(std::span<const v1::Tick> ticks, int quality_level, ReplayAnswer& answer) = 0;
+  // Applies ticks without a step, and then takes over the memory of the recorded session. Fails with kUnsupported when the backend
+  // cannot take a memory, and with kInvalidArgument (field "memory") when this one does not fit.
+  virtual Status resume(std::span<const v1::Tick> ticks, const v1::StepMemory& memory) = 0;
   // Waits for a backend that is gone, at most as long as it was configured to. Returns true when open() works again.
   virtual bool wait_until_back() { return false; }
   // The session in this process; null: it is elsewhere.

@@ -5,8 +5,11 @@
 #include <utility>
 
 #include "client/replay/compare_replies.h"
+#include "client/replay/truth.h"
 #include "client/scenario/scenario_session.h"
 #include "server/base/hash.h"
+#include "server/settings/step_settings.h"
+#include "server/wire/from_proto_values.h"
 
 namespace sightline {
 namespace {
@@ -16,6 +19,13 @@ constexpr int kMostRestartsAtOneStep = 3;
 void move_tick(RecordedStep& from, size_t i, RecordedStep& to) {
   to.ticks.push_back(std::move(from.ticks[i]));
   to.tick_log_ns.push_back(from.tick_log_ns[i]);
+}
+
+// The ticks of `to` so far stand before it.
+void move_memory(RecordedStep& from, RecordedStep& to) {
+  if (!from.memory) return;
+  to.memory = std::exchange(from.memory, std::nullopt);
+  to.ticks_before_memory = to.ticks.size();
 }
 
 }  // namespace
@@ -36,6 +46,20 @@ std::vector<bool> refused_ticks(const RecordedStep& step) {
       }
   }
   return refused;
+}
+
+ReplayFeed::ReplayFeed(const Recording& recording, const Convention& convention,
+                       const std::vector<ReplaySetting>& settings)
+    : source_(recording), convention_(convention), settings_(settings) {
+  const v1::OpenSession& open = recording.open_session();
+  if (open.settings().preset() == v1::Settings::PRESET_PAPER) limits_ = preset_limits(Preset::kPaper);
+  read_limits(open.limits(), limits_);
+  widest_limits_ = limits_;
+}
+
+void ReplayFeed::take_limits(const v1::CameraLimits& changed) {
+  read_limits(changed, limits_);
+  widest_limits_ = wider(widest_limits_, limits_);
 }
 
 bool ReplayFeed::next(FedStep& step) {
@@ -62,10 +86,13 @@ void ReplayFeed::split(RecordedStep& recorded) {
   const size_t answered = recorded.has_reply ? size_t{1} + recorded.reply.merged_ticks() : accepted;
   size_t lost = accepted - std::min(accepted, answered);
   size_t left = accepted;
+  for (size_t i = 0; i < recorded.ticks.size(); ++i)
+    if (!refused[i] && recorded.ticks[i].has_limits()) take_limits(recorded.ticks[i].limits());
   for (v1::Tick& tick : recorded.ticks) change(tick);
   RecordedStep now = std::exchange(held_, {});
   now.missing = recorded.missing;
   for (size_t i = 0; i < recorded.ticks.size(); ++i) {
+    if (i == recorded.ticks_before_memory) move_memory(recorded, now);
     if (refused[i] && left == 0) {
       move_tick(recorded, i, held_);
       continue;
@@ -79,6 +106,7 @@ void ReplayFeed::split(RecordedStep& recorded) {
     now.has_reply = false;
     ready_.push_back({std::exchange(now, {}), StepAnswer::kLost});
   }
+  move_memory(recorded, now);
   now.rejections = std::move(recorded.rejections);
   now.faults = std::move(recorded.faults);
   now.reply = std::move(recorded.reply);
@@ -125,6 +153,7 @@ Status Replay::open() {
     if (Status done = open_backend(*mirror_, *mirror_scenes_); !done) return done;
   if (Status done = open_backend(backend_, scenes_); !done) return done;
   feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
+  knows_state_ = recording_.info().snapshot_ticks() == 0;
   return {};
 }
 
@@ -183,6 +212,7 @@ Result<bool> Replay::next(ReplayedStep& step) {
 Status Replay::catch_up() {
   if (Status opened = open_backend(backend_, scenes_); !opened) return opened;
   feed_ = std::make_unique<ReplayFeed>(recording_, convention_, settings_);
+  knows_state_ = recording_.info().snapshot_ticks() == 0;
   uint64_t hash = 0;
   FedStep step;
   ReplayAnswer answer;
@@ -209,11 +239,28 @@ Status Replay::take(ReplayBackend& backend, SceneFiles& scenes, const FedStep& s
   if (ticks.empty() || (step.answer == StepAnswer::kNone && !backend.session())) return {};
   const int level = step.step.quality_level();
   if (std::none_of(ticks.begin(), ticks.end(), SceneFiles::named_in))
-    return backend.take(ticks, level, answer);
+    return backend.take(resume(backend, ticks, step.step), level, answer);
   renamed_ = ticks;
   for (v1::Tick& tick : renamed_)
     if (Status named = scenes.name_by_hash(tick); !named) return named;
-  return backend.take(renamed_, level, answer);
+  return backend.take(resume(backend, renamed_, step.step), level, answer);
+}
+
+// Takes over the recorded memory when the state is not known. Returns the ticks that are left for the step: all of them when there is no
+// memory, or when it cannot be taken over.
+std::span<const v1::Tick> Replay::resume(ReplayBackend& backend, std::span<const v1::Tick> ticks, const RecordedStep& step) {
+  if (knows_state_ || &backend != &backend_) return ticks;
+  const std::string begins = "the file begins with a snapshot of " + std::to_string(recording_.info().snapshot_ticks()) + " ticks";
+  if (!step.memory) {
+    if (inexact_.empty()) inexact_ = begins + " and no memory of the camera";
+    return ticks;
+  }
+  const size_t before = std::min(step.ticks_before_memory, ticks.size());
+  const Status resumed = backend.resume(ticks.first(before), *step.memory);
+  knows_state_ = true;
+  if (resumed) return ticks.subspan(before);
+  inexact_ = begins + ", and " + to_string(resumed.error());
+  return resumed.error().code == ErrorCode::kUnsupported ? ticks : ticks.subspan(before);
 }
 
 }  // namespace sightline

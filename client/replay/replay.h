@@ -42,8 +42,7 @@ struct FedStep {
 class ReplayFeed {
  public:
   ReplayFeed(const Recording& recording, const Convention& convention,
-             const std::vector<ReplaySetting>& settings)
-      : source_(recording), convention_(convention), settings_(settings) {}
+             const std::vector<ReplaySetting>& settings);
 
   bool next(FedStep& step);
 
@@ -51,6 +50,9 @@ class ReplayFeed {
   // path, so they are left out. Without other settings all are kept.
   uint64_t observed_left_out() const { return observed_left_out_; }
   uint64_t observed_kept() const { return observed_kept_; }
+  // The limits of the recorded session up to the step that `next` returned, without the changed settings. The widest, when ticks
+  // changed them.
+  const CameraLimits& recorded_limits() const { return widest_limits_; }
   const RecordedReport& report() const { return source_.report(); }
 
   static constexpr double kFollowsM = 1e-3, kFollowsDeg = 0.1;
@@ -58,6 +60,7 @@ class ReplayFeed {
 
  private:
   void split(RecordedStep& step);
+  void take_limits(const v1::CameraLimits& changed);
   void change(v1::Tick& tick);
   bool follows(const v1::ObservedCamera& observed) const;
 
@@ -68,6 +71,7 @@ class ReplayFeed {
   RecordedStep held_;                // refused ticks after the last reply; they belong to the next step
   std::deque<Pose> recorded_poses_;  // of the newest replies, oldest first
   uint64_t observed_left_out_ = 0, observed_kept_ = 0;
+  CameraLimits limits_, widest_limits_;  // of the recorded session
 };
 
 // True when nothing of the tick was applied. A failed step is reported as a TickError too, but without a field.
@@ -107,12 +111,16 @@ class Replay {
   const ReplayFeed& feed() const { return *feed_; }
   // How often the backend went away, and whether the repeated steps gave the same replies as before.
   uint64_t restarts() const { return restarts_; }
+  // Why replies need not be equal, since the recording begins with a snapshot and no memory was taken over; empty: the state is exact.
+  // Known once the first step was taken.
+  const std::string& inexact() const { return inexact_; }
   bool restarts_equal() const { return restarts_equal_; }
 
  private:
   Status open_backend(ReplayBackend& backend, SceneFiles& scenes);
   bool peek();
   Status take(ReplayBackend& backend, SceneFiles& scenes, const FedStep& step, ReplayAnswer& answer);
+  std::span<const v1::Tick> resume(ReplayBackend& backend, std::span<const v1::Tick> ticks, const RecordedStep& step);
   Status catch_up();
   void remember(const ReplayAnswer& answer, uint64_t& hash);
 
@@ -133,6 +141,8 @@ class Replay {
   PlainReply plain_;
   uint64_t restarts_ = 0;
   bool restarts_equal_ = true;
+  bool knows_state_ = true;  // false: the recording begins with a snapshot, and no memory was taken over so far
+  std::string inexact_;
 };
 
 }  // namespace sightline

@@ -23,6 +23,8 @@ const char* to_string(ReplayVerdict verdict) {
       return "alike, not equal";
     case ReplayVerdict::kDiffers:
       return "differs";
+    case ReplayVerdict::kNothing:
+      return "nothing to compare: the recording has no reply";
   }
   return "";
 }
@@ -68,6 +70,7 @@ bool ReplayResult::expected_equal() const {
 }
 
 ReplayVerdict ReplayResult::verdict() const {
+  if (replies_.compared() + only_recorded_ == 0) return ReplayVerdict::kNothing;
   const bool same_steps = only_recorded_ == 0 && refused_recorded_.empty() && refused_only_replayed_ == 0;
   if (replies_.all_equal() && same_steps) return ReplayVerdict::kEqual;
   if (expected_equal() || (never_equal_.empty() && compared_before_gap_ > equal_before_gap_))
@@ -113,7 +116,7 @@ void ReplayResult::print(std::ostream& out) const {
     line(out, "", "the recording ends before the answer to " + std::to_string(unanswered_ticks_) + " ticks");
   if (never_equal_ == kOtherSettings) return line(out, "result", never_equal_);
   std::string verdict = to_string(this->verdict());
-  if (!never_equal_.empty() && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");
+  if (!never_equal_.empty() && replies_.compared() > 0 && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");
   line(out, "result", verdict);
 }
 

@@ -14,7 +14,8 @@ namespace sightline {
 
 // Replies that need not be equal are alike while the camera is nearer to its recorded pose than a visible jump (kPopM and
 // kPopRad of client/truth/metrics.h).
-enum class ReplayVerdict { kEqual, kAlike, kDiffers };
+// kNothing: the recording has no reply, so there is nothing to compare.
+enum class ReplayVerdict { kEqual, kAlike, kDiffers, kNothing };
 
 // The reason for changed settings: the result is then no verdict.
 inline constexpr const char* kOtherSettings = "other settings";
@@ -27,6 +28,10 @@ class ReplayResult {
       : replies_(convention), never_equal_(std::move(never_equal)) {}
 
   void add(const ReplayedStep& step);
+  // Replies need not be equal for this reason; the first reason counts.
+  void excuse(const std::string& reason) {
+    if (never_equal_.empty()) never_equal_ = reason;
+  }
 
   const ReplyComparison& replies() const { return replies_; }
   ReplayVerdict verdict() const;
@@ -38,7 +43,7 @@ class ReplayResult {
   bool expected_equal() const;
 
   ReplyComparison replies_;
-  const std::string never_equal_;
+  std::string never_equal_;
   uint64_t only_recorded_ = 0, only_replayed_ = 0;  // replies
   uint64_t refused_both_ = 0, refused_only_replayed_ = 0;
   std::vector<uint64_t> refused_recorded_;  // sequences that the replay has not refused so far

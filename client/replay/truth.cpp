@@ -8,6 +8,13 @@
 namespace sightline {
 namespace {
 
+bool same_view(const CameraFrame& a, const CameraFrame& b) {
+  return a.camera.position_m == b.camera.position_m && a.camera.rotation == b.camera.rotation &&
+         a.lens.vertical_fov_rad == b.lens.vertical_fov_rad;
+}
+
+}  // namespace
+
 CameraLimits wider(const CameraLimits& a, const CameraLimits& b) {
   return {.max_speed_mps = std::max(a.max_speed_mps, b.max_speed_mps),
           .max_acceleration_mps2 = std::max(a.max_acceleration_mps2, b.max_acceleration_mps2),
@@ -17,21 +24,16 @@ CameraLimits wider(const CameraLimits& a, const CameraLimits& b) {
           .body_radius_m = std::min(a.body_radius_m, b.body_radius_m)};
 }
 
-bool same_view(const CameraFrame& a, const CameraFrame& b) {
-  return a.camera.position_m == b.camera.position_m && a.camera.rotation == b.camera.rotation &&
-         a.lens.vertical_fov_rad == b.lens.vertical_fov_rad;
-}
-
-}  // namespace
-
 ReplayTruth::ReplayTruth(size_t picture_every)
     : picture_every_(picture_every),
       occluders_(device_, EmbreeScene::Content::kOccluders),
       colliders_(device_, EmbreeScene::Content::kColliders) {}
 
-void ReplayTruth::add(const Session& session, const v1::CameraReply& recorded,
-                      const v1::CameraReply& replayed) {
-  limits_ = recorded_.frames.empty() ? session.limits() : wider(limits_, session.limits());
+void ReplayTruth::add(const Session& session, const CameraLimits& recorded_limits,
+                      const v1::CameraReply& recorded, const v1::CameraReply& replayed) {
+  const bool first = recorded_.frames.empty();
+  recorded_.limits = recorded_limits;
+  replayed_.limits = first ? session.limits() : wider(replayed_.limits, session.limits());
   std::vector<Target> targets;
   for (const Target& target : session.targets()) {
     if (!(target.weight > 0)) continue;
@@ -70,7 +72,7 @@ void ReplayTruth::judge_into(Run& run, const JudgedScene& scene, const CameraFra
 RunMetrics ReplayTruth::metrics_of(const Run& run) const {
   std::vector<TargetMetrics> targets;
   for (const auto& [id, name] : names_) targets.push_back({.id = id, .name = name});
-  return summarize(std::move(targets), run.frames, run.truths, limits_);
+  return summarize(std::move(targets), run.frames, run.truths, run.limits);
 }
 
 std::vector<FigureRow> ReplayTruth::rows() const {

@@ -1,3 +1,4 @@
+#include "client/recordings/game_time.h"
 #include "client/report/digest.h"
 
 #include <google/protobuf/util/json_util.h>
@@ -64,6 +65,8 @@ class Digester {
     for (const v1::Target& target : list.targets()) text.append(" ").append(std::to_string(target.id()));
     return list.targets().empty() ? "no targets" : text;
   }
+
+  void take(const v1::StepMemory&, uint64_t) {}
 
   void take(const v1::TickError& rejection, uint64_t) {
     ++digest_.rejections;
@@ -192,9 +195,11 @@ std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recor
                                                           const RecordingDigest& digest) {
   const v1::RecordingInfo& info = recording.info();
   const v1::SessionOpened& opened = recording.opened();
+  const std::optional<GameTime> game = game_time_of(recording);
   std::vector<std::pair<std::string, std::string>> facts = {
       {"start", utc_text(info.start_time_ns() != 0 ? info.start_time_ns() : recording.start_ns())},
-      {"duration", formatted("%.2f s", recording.duration_s())},
+      {"wall clock", formatted("%.2f s", recording.duration_s())},
+      {"game time", game ? game_time_text(*game) : ""},
       {"sampler", info.sampler()},
       {"ticks", std::to_string(digest.ticks)},
       {"replies", std::to_string(digest.replies.replies())},

@@ -11,6 +11,7 @@
 #include "client/report/instance_timeline.h"
 #include "client/report/digest.h"
 #include "client/report/placeholders.h"
+#include "client/truth/truth.h"
 #include "server/scene/mirror.h"
 #include "server/wire/settings_to_proto.h"
 
@@ -55,6 +56,7 @@ class Maker {
         options_(options),
         sampler_(sampler),
         occluders_(embree_, EmbreeScene::Content::kOccluders),
+        colliders_(embree_, EmbreeScene::Content::kColliders),
         world_("", sampler),
         scenes_(recording, options.scenes) {}
 
@@ -214,6 +216,7 @@ class Maker {
     if (newest_tick_.first == reply.sequence() && log_ns >= newest_tick_.second)
       frame.latency_ms = static_cast<double>(log_ns - newest_tick_.second) * 1e-6;
     aim(frame);
+    if (whole_scene_) measure_clearance(frame);
     if (options_.cells != PageCells::kNone)
       add_page_cells(digest_.has_candidates ? reply : again, convention_, page_.targets, frame);
     thin_cells(frame);
@@ -241,6 +244,7 @@ class Maker {
       }
       if (const Target* target = told(seen.id()))
         known->weight = target->weight, known->required = target->required;
+      if (const Instance* instance = session_->session().mirror().find(seen.id())) known->radius_m = instance->radius_m;
     }
   }
 
@@ -264,6 +268,12 @@ class Maker {
       else
         aim_m = aim_point_m(*instance);
     }
+  }
+
+  // From the recorded camera to the nearest collider of the scene as it is in this frame.
+  void measure_clearance(PageFrame& frame) {
+    colliders_.take_in(session_->session().mirror());
+    frame.clearance_m = colliders_.nearest_surface_m(frame.camera.position_m, BodyTruth::kReachM);
   }
 
   // Keeps the cells of every n-th frame. n doubles whenever a page would hold too many.
@@ -331,6 +341,7 @@ class Maker {
           "The shape of the picture changes in the session; all frames are shown in the one that it began "
           "with.");
     page_.body_radius_m = session.limits().body_radius_m;
+    page_.clearance_reach_m = BodyTruth::kReachM;
     page_.stages = page_stages();
     page_.flags = page_flags();
     for (PageFrame& frame : page_.frames)
@@ -377,7 +388,7 @@ class Maker {
   const RecordingPageOptions& options_;
   SamplerDevice& sampler_;
   EmbreeDevice embree_;
-  EmbreeScene occluders_;
+  EmbreeScene occluders_, colliders_;
 
   Convention convention_;
   LocalWorld world_;

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "client/base/progress_bar.h"
+#include "client/page/side_by_side.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/sampler_choice.h"
 
@@ -31,25 +32,52 @@ std::string page_path(const ReportOptions& options) {
   return std::filesystem::path(options.recording).replace_extension(".html").string();
 }
 
-Status write_report(const ReportOptions& options, std::ostream& out, ProgressBar& bar) {
-  const auto recording = Recording::open(options.recording);
+Result<SessionPage> page_of(const std::string& file, const ReportOptions& options, ProgressBar& bar) {
+  const auto recording = Recording::open(file);
   if (!recording) return tl::unexpected(recording.error());
-  const std::string path = page_path(options);
-  // Fails now rather than after the work.
-  const bool is_new = !std::filesystem::exists(path);
-  if (!std::ofstream(path, std::ios::app)) return fail(ErrorCode::kUnavailable, path, "cannot be written");
   RecordingPageOptions page_options = options.page;
   page_options.progress = [&](const char* what, size_t done, size_t of) { bar.show(what, done, of); };
   const auto sampler = sampler_like(recording->info().sampler(), options.page.cells);
   auto page = recording_page(*recording, page_options, *sampler);
   bar.clear();
-  std::error_code ignored;
-  if (!page && is_new) std::filesystem::remove(path, ignored);
+  return page;
+}
+
+void tell(const SessionPage& page, std::ostream& out) {
+  for (const std::string& text : page.notices) out << "notice  " << text << '\n';
+  out << "frames  " << page.frames.size() << ", pictures " << page.pictures.size() << '\n';
+}
+
+Result<std::string> report_html(const ReportOptions& options, std::ostream& out, ProgressBar& bar) {
+  auto page = page_of(options.recording, options, bar);
   if (!page) return tl::unexpected(page.error());
-  if (Status ok = write_session_page(*page, path); !ok) return ok;
-  for (const std::string& text : page->notices) out << "notice  " << text << '\n';
-  out << "frames  " << page->frames.size() << ", pictures " << page->pictures.size() << '\n'
-      << "page    " << path << '\n';
+  tell(*page, out);
+  if (!options.beside.empty()) page->title.append(": ").append(std::filesystem::path(options.recording).filename().string());
+  auto html = session_page(*page);
+  if (!html || options.beside.empty()) return html;
+  auto other = page_of(options.beside, options, bar);
+  if (!other) return tl::unexpected(other.error());
+  tell(*other, out);
+  other->title.append(": ").append(std::filesystem::path(options.beside).filename().string());
+  const auto right = session_page(*other);
+  if (!right) return right;
+  return side_by_side_page(page->title + " | " + other->title, *html, *right);
+}
+
+Status write_report(const ReportOptions& options, std::ostream& out, ProgressBar& bar) {
+  const std::string path = page_path(options);
+  // Fails now rather than after the work.
+  const bool is_new = !std::filesystem::exists(path);
+  std::ofstream file(path, std::ios::app | std::ios::binary);
+  if (!file) return fail(ErrorCode::kUnavailable, path, "cannot be written");
+  file.close();
+  const auto html = report_html(options, out, bar);
+  std::error_code ignored;
+  if (!html && is_new) std::filesystem::remove(path, ignored);
+  if (!html) return tl::unexpected(html.error());
+  std::ofstream page(path, std::ios::trunc | std::ios::binary);
+  if (!(page << *html).flush()) return fail(ErrorCode::kUnavailable, path, "cannot be written");
+  out << "page    " << path << '\n';
   return {};
 }
 
@@ -70,6 +98,8 @@ Verb add_report_verb(CLI::App& app) {
       "report", "Write a recording as one HTML page: 3D view, time line, what the camera saw");
   report->add_option("recording", options->recording, "A recording (.mcap)")
       ->required()
+      ->check(CLI::ExistingFile);
+  report->add_option("beside", options->beside, "A second recording, shown beside the first at the same time")
       ->check(CLI::ExistingFile);
   report->add_option("--out", options->out, "The page (default: beside the recording, .html)");
   report

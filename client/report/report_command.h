@@ -1,4 +1,4 @@
-// `sightline report`: a recording as one HTML page.
+// `sightline report`: a recording as one HTML page, or two recordings side by side.
 #pragma once
 
 #include <ostream>
@@ -11,6 +11,7 @@ namespace sightline {
 
 struct ReportOptions {
   std::string recording;
+  std::string beside;  // a second recording, shown on the right; empty: none
   std::string out;  // empty: beside the recording, .html in the place of .mcap
   RecordingPageOptions page;
   bool progress = false;  // draw a progress bar on `err`

@@ -1,8 +1,8 @@
 // The share of the targets that is expected to be hidden from each cell of the lattice at coming times.
 //
 // The coming second is divided into slices: instants that are kSliceS apart and fixed on the session's clock. Each step renews the few
-// slices whose estimates are oldest. A renewed estimate is mixed with the former one, so the noise of the maps averages out, and so do the
-// several ways that the targets may go: each renewal takes one of them.
+// slices whose estimates are oldest. A renewed estimate is mixed with the former one, so the noise of the maps averages out. The targets may go
+// several ways; each renewal takes one of them, so these average out too.
 #pragma once
 
 #include <array>
@@ -49,6 +49,7 @@ class HiddenAhead {
   std::span<const SharePart> shares(size_t slice) const { return at(slice).shares; }
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   struct Slice {
     uint64_t renewed = 0;  // number of the step that renewed it; 0: never
     std::vector<SharePart> shares;

@@ -20,6 +20,7 @@ class OcclusionSmoother {
               std::span<double> hidden);
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   struct Past {
     uint64_t owner = 0;          // Lattice::owner of the address
     uint64_t step = UINT64_MAX;  // of the last update; UINT64_MAX: never

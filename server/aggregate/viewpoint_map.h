@@ -51,6 +51,7 @@ class ViewpointMap {
   size_t target_count() const { return ids_.size(); }
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   std::array<glm::dvec3, kAzimuths * kElevations> directions_;  // azimuth by azimuth
   double distance_m_ = 1.0;
   std::vector<uint64_t> ids_;

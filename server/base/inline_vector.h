@@ -13,6 +13,7 @@ class InlineVector {
   using value_type = T;
   using iterator = T*;
   using const_iterator = const T*;
+  static constexpr size_t kMost = N;
 
   // Precondition: size() < N.
   void push_back(const T& value) {

@@ -184,7 +184,7 @@ size_t FlightPlanner::leg_slices(double length_m, const FlightSettings& settings
   return static_cast<size_t>(std::max(1L, std::lround(length_m / (settings.speed_mps * settings.slice_s))));
 }
 
-// The values of a slice, from those of the slices after it.
+// The values of one slice follow from the values of the slices after it.
 void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
   const size_t count = end_ - begin_;
   const auto slices = static_cast<double>(cost_.size());

@@ -2,8 +2,8 @@
 // slices of time.
 //
 // A cell has a cost for each slice of time, which holds what is expected to be hidden from there *then*. At each slice the camera stays in its
-// cell or flies to one of its 26 neighbours. A leg takes as many slices as its length does at the camera's mean speed, and costs its length
-// and the mean of the costs of both cells for each slice on the way. Beyond the last slice the camera is taken to stay. The plan with the least sum of
+// cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the camera's mean speed. It costs its length
+// and, for each slice on the way, the mean of both cells' costs. Beyond the last slice the camera is taken to stay. The plan with the least sum of
 // costs is found exactly. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
 //
 // The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.

@@ -87,6 +87,7 @@ class MotionPredictor {
   void configure(const PredictionSettings& settings) { settings_ = settings; }
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   static constexpr size_t kKept = 32;  // steps remembered: 0.5 s at 60 Hz, five times the default smoothing
 
   // Times and weights of the samples; the newest is at time 0.
@@ -115,6 +116,7 @@ class MotionPredictor {
     glm::dvec3 rate{0.0}, acceleration{0.0};
 
    private:
+    friend struct StateFields;
     struct Step {
       double dt_s = 0;
       glm::dvec3 moved{0.0};

@@ -29,6 +29,7 @@ class Trail {
   const std::vector<glm::dvec3>& places_m() const { return places_m_; }  // oldest first
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   std::vector<glm::dvec3> places_m_;
 };
 

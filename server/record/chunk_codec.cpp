@@ -1,5 +1,6 @@
 #include "server/record/chunk_codec.h"
 
+#include <lz4frame.h>
 #include <zstd.h>
 
 namespace sightline {
@@ -31,6 +32,10 @@ void ChunkUnpacker::Free::operator()(ZSTD_DCtx_s* context) const {
   ZSTD_freeDCtx(context);
 }
 
+void ChunkUnpacker::Free::operator()(LZ4F_dctx_s* context) const {
+  LZ4F_freeDecompressionContext(context);
+}
+
 ChunkUnpacker::ChunkUnpacker(uint64_t max_bytes) : max_bytes_(max_bytes), context_(ZSTD_createDCtx()) {}
 
 ChunkUnpacker::~ChunkUnpacker() = default;
@@ -43,9 +48,11 @@ Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
   Result<std::string_view> raw = chunk.records;
   if (chunk.compression == "zstd")
     raw = unpack_zstd(chunk);
+  else if (chunk.compression == "lz4")
+    raw = unpack_lz4(chunk);
   else if (!chunk.compression.empty())
     return fail(ErrorCode::kUnsupported, "chunk.compression",
-                "zstd and none can be read, not \"" + std::string(chunk.compression.substr(0, 32)) + '"');
+                "zstd, lz4 and none can be read, not \"" + std::string(chunk.compression.substr(0, 32)) + '"');
   if (!raw) return raw;
   if (raw->size() != chunk.uncompressed_size)
     return fail(ErrorCode::kDataLoss, "chunk.uncompressed_size", "is not the size of the records");
@@ -66,6 +73,28 @@ Result<std::string_view> ChunkUnpacker::unpack_zstd(const mcap::Chunk& chunk) {
                                           chunk.records.data(), chunk.records.size());
   if (ZSTD_isError(size)) return fail(ErrorCode::kDataLoss, "chunk.records", ZSTD_getErrorName(size));
   return std::string_view(raw_).substr(0, size);
+}
+
+// A frame may follow another, as the format of LZ4 allows. Writes no more than the chunk declares.
+Result<std::string_view> ChunkUnpacker::unpack_lz4(const mcap::Chunk& chunk) {
+  const auto broken = [](const char* what) { return fail(ErrorCode::kDataLoss, "chunk.records", what); };
+  LZ4F_dctx* made = nullptr;
+  if (!lz4_context_ && LZ4F_isError(LZ4F_createDecompressionContext(&made, LZ4F_VERSION)))
+    return fail(ErrorCode::kResourceExhausted, "chunk.records", "there is no memory to unpack them");
+  if (made) lz4_context_.reset(made);
+  LZ4F_resetDecompressionContext(lz4_context_.get());
+  if (raw_.size() < chunk.uncompressed_size) raw_.resize(chunk.uncompressed_size);
+  size_t read = 0, written = 0, wanted = 0;  // wanted: 0 at the end of a frame
+  while (read < chunk.records.size()) {
+    size_t in = chunk.records.size() - read, out = chunk.uncompressed_size - written;
+    wanted = LZ4F_decompress(lz4_context_.get(), raw_.data() + written, &out, chunk.records.data() + read, &in, nullptr);
+    if (LZ4F_isError(wanted)) return broken(LZ4F_getErrorName(wanted));
+    if (in == 0 && out == 0) return broken("hold more than the chunk declares");
+    read += in;
+    written += out;
+  }
+  if (wanted != 0) return broken("end within an LZ4 frame");
+  return std::string_view(raw_).substr(0, written);
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
-// Packs and unpacks the records of a chunk: with zstd (RFC 8878), or uncompressed. MCAP's third compression, lz4, is
-// refused by name.
+// Packs and unpacks the records of a chunk. Chunks are packed with zstd (RFC 8878) or stay as they are. Chunks of other programs may
+// be packed with lz4 (LZ4 frames) too, and are unpacked.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 
 struct ZSTD_CCtx_s;
 struct ZSTD_DCtx_s;
+struct LZ4F_dctx_s;
 
 namespace sightline {
 
@@ -49,12 +50,15 @@ class ChunkUnpacker {
 
  private:
   Result<std::string_view> unpack_zstd(const mcap::Chunk& chunk);
+  Result<std::string_view> unpack_lz4(const mcap::Chunk& chunk);
 
   struct Free {
     void operator()(ZSTD_DCtx_s* context) const;
+    void operator()(LZ4F_dctx_s* context) const;
   };
   const uint64_t max_bytes_;
   std::unique_ptr<ZSTD_DCtx_s, Free> context_;
+  std::unique_ptr<LZ4F_dctx_s, Free> lz4_context_;  // made for the first chunk that needs it
   std::string raw_;
 };
 

@@ -82,6 +82,21 @@ bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t le
   return out.data_size <= content;
 }
 
+// The optional parts that a summary lacks although the file may need them. Without statistics, only a scan can show that there is nothing
+// to index.
+std::vector<std::string> absent_parts(const McapInfo& summary) {
+  const mcap::Statistics& counted = summary.statistics;
+  const auto lacks = [&](bool has_index, uint64_t count) { return !has_index && (count > 0 || !summary.has_statistics); };
+  std::vector<std::string> absent;
+  if (!summary.has_statistics) absent.emplace_back("statistics");
+  if (summary.schemas.size() < counted.schema_count) absent.emplace_back("schemas");
+  if (summary.channels.size() < counted.channel_count) absent.emplace_back("channels");
+  if (lacks(!summary.chunks.empty(), counted.chunk_count)) absent.emplace_back("chunk index");
+  if (lacks(!summary.attachments.empty(), counted.attachment_count)) absent.emplace_back("attachment index");
+  if (lacks(!summary.metadata.empty(), counted.metadata_count)) absent.emplace_back("metadata index");
+  return absent;
+}
+
 // Receives messages one by one and passes on the ones that match a query.
 class Filter {
  public:
@@ -152,14 +167,26 @@ Result<McapReader> McapReader::open(const ByteSource& source, McapLimits limits)
   McapReader reader(source, limits);
   const Result<bool> taken = reader.take_summary();
   if (taken && *taken) return reader;
-  reader.info_ = {};
   if (!taken) reader.info_.loss.note(source.size(), taken.error());
   reader.go_through();
   return reader;
 }
 
-// False: the file was finished without one, as is allowed.
+// False: the file was finished without a summary, or its summary lacks parts that are needed here, as is allowed.
 Result<bool> McapReader::take_summary() {
+  McapInfo found;
+  const Result<bool> read = read_summary(found);
+  if (!read || !*read) return read;
+  found.from_summary = found.finished = true;
+  summary_ = found;
+  info_.absent = absent_parts(found);
+  const bool loose = found.chunks.empty() && found.statistics.message_count > 0;
+  if (!info_.absent.empty() || loose) return false;
+  info_ = std::move(found);
+  return true;
+}
+
+Result<bool> McapReader::read_summary(McapInfo& out) const {
   const uint64_t size = source_->size();
   if (size < mcap::kMagic.size() + mcap::kTailBytes) return tl::unexpected(broken("footer", "there is none"));
   const uint64_t footer_start = size - mcap::kTailBytes;
@@ -187,42 +214,43 @@ Result<bool> McapReader::take_summary() {
   rest = *summary;
   uint64_t room = limits_.max_definition_bytes;
   while (mcap::take_record(rest, record)) {
-    bool sound = learn(record, info_, room);
+    bool sound = learn(record, out, room);
     const auto decode_into = [&](auto& list) { return mcap::decode(record.content, list.emplace_back()); };
-    if (record.opcode == Opcode::kChunkIndex) sound = decode_into(info_.chunks);
-    if (record.opcode == Opcode::kAttachmentIndex) sound = decode_into(info_.attachments);
-    if (record.opcode == Opcode::kMetadataIndex) sound = decode_into(info_.metadata);
+    if (record.opcode == Opcode::kChunkIndex) sound = decode_into(out.chunks);
+    if (record.opcode == Opcode::kAttachmentIndex) sound = decode_into(out.attachments);
+    if (record.opcode == Opcode::kMetadataIndex) sound = decode_into(out.metadata);
     if (record.opcode == Opcode::kStatistics)
-      sound = info_.has_statistics = mcap::decode(record.content, info_.statistics);
+      sound = out.has_statistics = mcap::decode(record.content, out.statistics);
     if (!sound) return tl::unexpected(broken("summary", kUnfit));
   }
   if (!rest.empty()) return tl::unexpected(broken("summary", "ends within a record"));
-  if (Status ok = check_summary(); !ok) return tl::unexpected(ok.error());
-
-  std::string bytes;
-  char head[mcap::kRecordHeadBytes];
-  if (Status ok = source_->read_at(mcap::kMagic.size(), head, sizeof head); !ok)
-    return tl::unexpected(ok.error());
-  uint64_t length = 0;
-  std::copy_n(head + 1, sizeof length, reinterpret_cast<char*>(&length));
-  if (length > size) return tl::unexpected(broken("header", "is longer than the file"));
-  const Result<std::string_view> header =
-      load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length, Opcode::kHeader,
-                  limits_.max_record_bytes, bytes);
-  if (!header || !mcap::decode(*header, info_.header))
-    return tl::unexpected(broken("header", "there is none"));
-  info_.from_summary = true;
-  info_.finished = true;
+  if (Status ok = check_summary(out); !ok) return tl::unexpected(ok.error());
+  if (Status ok = read_header(out); !ok) return tl::unexpected(ok.error());
   return true;
 }
 
-// Checks that the summary is complete and possible.
-Status McapReader::check_summary() const {
+Status McapReader::read_header(McapInfo& out) const {
+  std::string bytes;
+  char head[mcap::kRecordHeadBytes];
+  if (Status ok = source_->read_at(mcap::kMagic.size(), head, sizeof head); !ok) return ok;
+  uint64_t length = 0;
+  std::copy_n(head + 1, sizeof length, reinterpret_cast<char*>(&length));
+  if (length > source_->size()) return tl::unexpected(broken("header", "is longer than the file"));
+  const Result<std::string_view> header =
+      load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length, Opcode::kHeader,
+                  limits_.max_record_bytes, bytes);
+  if (!header || !mcap::decode(*header, out.header))
+    return tl::unexpected(broken("header", "there is none"));
+  return {};
+}
+
+// Checks that the summary is possible. An index that is there must be complete.
+Status McapReader::check_summary(const McapInfo& summary) const {
   const auto inside = [&](uint64_t offset, uint64_t length) {
     return offset >= mcap::kMagic.size() && offset <= source_->size() && length <= source_->size() - offset;
   };
   uint64_t declared = 0;
-  for (const mcap::ChunkIndex& chunk : info_.chunks) {
+  for (const mcap::ChunkIndex& chunk : summary.chunks) {
     const uint64_t behind = chunk.chunk_start + chunk.chunk_length;
     if (!inside(chunk.chunk_start, chunk.chunk_length) || !inside(behind, chunk.message_index_length) ||
         chunk.start_time_ns > chunk.end_time_ns)
@@ -232,17 +260,14 @@ Status McapReader::check_summary() const {
     if (declared > source_->size())
       return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
   }
-  for (const mcap::AttachmentIndex& index : info_.attachments)
+  for (const mcap::AttachmentIndex& index : summary.attachments)
     if (!inside(index.offset, index.length))
       return tl::unexpected(broken("attachment_index", "points to no attachment"));
-  for (const mcap::MetadataIndex& index : info_.metadata)
+  for (const mcap::MetadataIndex& index : summary.metadata)
     if (!inside(index.offset, index.length))
       return tl::unexpected(broken("metadata_index", "points to no metadata"));
-  const mcap::Statistics& statistics = info_.statistics;
-  if (info_.chunks.size() < statistics.chunk_count || (info_.chunks.empty() && statistics.message_count > 0))
+  if (!summary.chunks.empty() && summary.chunks.size() < summary.statistics.chunk_count)
     return tl::unexpected(broken("summary", "has no index of all chunks"));
-  if (info_.chunks.empty() && !info_.has_statistics)
-    return tl::unexpected(broken("summary", "says nothing of what is in the file"));
   return {};
 }
 
@@ -299,6 +324,11 @@ void McapReader::go_through() {
   counted.attachment_count = static_cast<uint32_t>(info_.attachments.size());
   counted.metadata_count = static_cast<uint32_t>(info_.metadata.size());
   counted.chunk_count = static_cast<uint32_t>(info_.chunks.size());
+  const auto needless = [&](const std::string& part) {
+    return (part == "chunk index" && info_.chunks.empty()) || (part == "attachment index" && info_.attachments.empty()) ||
+           (part == "metadata index" && info_.metadata.empty());
+  };
+  std::erase_if(info_.absent, needless);
   info_.finished = scanner.finished();
   McapLoss loss = scanner.loss();
   for (McapTrouble& trouble : info_.loss.first_troubles) loss.note(trouble.offset, std::move(trouble.error));

@@ -5,8 +5,8 @@
 //   reader->info()                                    what is in it: topics, schemas, counts, times
 //   reader->read({.start_ns = t}, [](const McapMessage& m) { ...; return true; });
 //
-// With a summary, only the tail of the file is read at first, and then the chunks that a query needs. Without a summary, or
-// with one that does not fit the file, the whole file is scanned once to make the same index. Damage costs the chunks that
+// With a complete summary, only the tail of the file is read at first, and then the chunks that a query needs. Without one, with one
+// that lacks an optional part, or with one that does not fit the file, the whole file is scanned once to make the same index. Damage costs the chunks that
 // it lies in, and losses are counted. Everything that a file declares is checked against the file's size and the limits
 // (mcap_loss.h).
 #pragma once
@@ -15,6 +15,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,9 @@ struct McapInfo {
   std::vector<mcap::MetadataIndex> metadata;
   mcap::Statistics statistics;  // from the summary, or counted
   bool has_statistics = false;  // false: the summary has none
+  // What the format lets a writer leave out and the summary lacks: "statistics", "schemas", "channels", "chunk index",
+  // "attachment index", "metadata index". That is no damage; the file was scanned instead.
+  std::vector<std::string> absent;
   bool from_summary = false;    // false: the file was scanned
   bool finished = false;        // its data have an end
   bool loose_messages = false;  // the file was scanned and has messages outside chunks
@@ -68,6 +72,8 @@ class McapReader {
   static Result<McapReader> open(const ByteSource& source, McapLimits limits);
 
   const McapInfo& info() const { return info_; }
+  // The summary as the file has it, even when it lacks parts; null: there is none that fits the file.
+  const McapInfo* summary() const { return summary_ ? &*summary_ : nullptr; }
 
   // Calls `visit` with every message of the query, in the order of the file, until it returns false. In our recordings that
   // is the order of events. Messages outside chunks are found only in a file without a summary.
@@ -81,7 +87,9 @@ class McapReader {
   McapReader(const ByteSource& source, McapLimits limits) : source_(&source), limits_(limits) {}
 
   Result<bool> take_summary();
-  Status check_summary() const;
+  Result<bool> read_summary(McapInfo& out) const;
+  Status check_summary(const McapInfo& summary) const;
+  Status read_header(McapInfo& out) const;
   void go_through();
   void read_chunks(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,
                    McapReadReport& report) const;
@@ -93,6 +101,7 @@ class McapReader {
   const ByteSource* source_;  // never null
   McapLimits limits_;
   McapInfo info_;
+  std::optional<McapInfo> summary_;
 };
 
 }  // namespace sightline

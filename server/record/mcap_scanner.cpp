@@ -241,9 +241,10 @@ bool McapScanner::chunk_head_fits(uint64_t offset, uint64_t content_length) cons
     return false;
   const std::string_view name(head + 28, 8);
   const bool zstd = name == std::string_view("\4\0\0\0zstd", 8);
+  const bool lz4 = name.substr(0, 7) == std::string_view("\3\0\0\0lz4", 7);
   const bool plain = name.substr(0, 4) == std::string_view("\0\0\0\0", 4);
-  const uint64_t name_bytes = zstd ? 4 : 0;
-  return (zstd || plain) && read_u64(head) <= read_u64(head + 8) &&
+  const uint64_t name_bytes = zstd ? 4 : lz4 ? 3 : 0;
+  return (zstd || lz4 || plain) && read_u64(head) <= read_u64(head + 8) &&
          read_u64(head + 16) <= limits_.max_chunk_bytes &&
          read_u64(head + kChunkHeadBytes + name_bytes) == content_length - kChunkHeadBytes - name_bytes - 8;
 }

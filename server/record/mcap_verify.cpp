@@ -44,8 +44,9 @@ struct TopicWatch {
 
 class Verifier {
  public:
-  Verifier(const ByteSource& source, const McapInfo& stated) : source_(source), stated_(stated) {
-    for (const mcap::ChunkIndex& index : stated_.chunks) stated_chunks_.emplace(index.chunk_start, &index);
+  Verifier(const ByteSource& source, const McapReader& reader) : source_(source), stated_(reader.info()), summary_(reader.summary()) {
+    if (summary_)
+      for (const mcap::ChunkIndex& index : summary_->chunks) stated_chunks_.emplace(index.chunk_start, &index);
   }
 
   void take(const ScannedRecord& record) {
@@ -59,12 +60,13 @@ class Verifier {
     verdict_.loss = scanner.loss();
     verdict_.finished = scanner.finished();
     verdict_.summary_used = stated_.from_summary;
+    verdict_.absent = stated_.absent;
     for (auto& [id, watch] : watches_) {
       std::string topic = topic_of(id);
       if (verdict_.topics.contains(topic)) topic.append(" (channel ").append(std::to_string(id)).append(")");
       verdict_.topics[topic] = watch.verdict;
     }
-    if (stated_.from_summary)
+    if (summary_)
       compare_counts();
     else
       for (const McapTrouble& trouble : stated_.loss.first_troubles)
@@ -119,7 +121,7 @@ class Verifier {
 
   void compare_index(const ScannedRecord& record,
                      const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
-    if (!stated_.from_summary) return;
+    if (stated_chunks_.empty()) return;  // the file has no index of its chunks
     const auto stated = stated_chunks_.find(record.offset);
     if (stated == stated_chunks_.end()) {
       verdict_.disagreements.note(record.offset, differs("chunk_index", "does not name this chunk"));
@@ -164,18 +166,19 @@ class Verifier {
   }
 
   void compare_counts() {
-    const mcap::Statistics& stated = stated_.statistics;
+    const mcap::Statistics& stated = summary_->statistics;
     bool right =
-        !stated_.has_statistics || (stated.message_count == messages_ && stated.chunk_count == verdict_.chunks &&
+        !summary_->has_statistics || (stated.message_count == messages_ && stated.chunk_count == verdict_.chunks &&
                                   stated.attachment_count == attachments_ && stated.metadata_count == metadata_);
     for (const auto& [id, count] : stated.channel_message_counts) {
       const auto watch = watches_.find(id);
       right = right && (watch == watches_.end() ? 0 : watch->second.verdict.messages) == count;
     }
     if (!right) verdict_.disagreements.note(0, differs("statistics", "are not the counts of the data"));
-    if (stated_.attachments.size() != attachments_)
+    // An index that is left out is no disagreement; one that names too few is.
+    if (!summary_->attachments.empty() && summary_->attachments.size() != attachments_)
       verdict_.disagreements.note(0, differs("attachment_index", "does not name every attachment"));
-    if (stated_.metadata.size() != metadata_)
+    if (!summary_->metadata.empty() && summary_->metadata.size() != metadata_)
       verdict_.disagreements.note(0, differs("metadata_index", "does not name all metadata"));
   }
 
@@ -203,6 +206,7 @@ class Verifier {
 
   const ByteSource& source_;
   const McapInfo& stated_;
+  const McapInfo* summary_;  // as the file has it; null: none
   std::map<uint64_t, const mcap::ChunkIndex*> stated_chunks_;  // by offset
   std::map<uint16_t, TopicWatch> watches_;                   // by channel
   McapVerdict verdict_;
@@ -216,7 +220,7 @@ class Verifier {
 Result<McapVerdict> verify_mcap(const ByteSource& source, McapLimits limits) {
   const Result<McapReader> reader = McapReader::open(source, limits);
   if (!reader) return tl::unexpected(reader.error());
-  Verifier verifier(source, reader->info());
+  Verifier verifier(source, *reader);
   McapScanner scanner(source, limits, true);
   ScannedRecord record;
   while (scanner.next(record)) verifier.take(record);

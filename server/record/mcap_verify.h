@@ -4,6 +4,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "server/record/byte_io.h"
 #include "server/record/mcap_loss.h"
@@ -26,6 +27,7 @@ struct McapVerdict {
   McapLoss disagreements;     // readable, but the summary, an index or a CRC of the whole says otherwise
   bool finished = false;      // the data have an end
   bool summary_used = false;  // there is a summary, and it can be relied on
+  std::vector<std::string> absent;  // McapInfo::absent: left out, which is no loss
   uint64_t chunks = 0;
   uint64_t chunks_without_crc = 0;
   std::map<std::string, TopicVerdict> topics;

@@ -109,9 +109,13 @@ struct Session {
   v1::RecordingInfo info;
   const uint64_t max_message_bytes;
 
+  // Set before the first message is recorded; null: not known.
+  std::shared_ptr<const LevelView> level;
+
   RecordRing ring;
   std::atomic<bool> closed{false};   // set by the recorder: nothing more comes
   std::atomic<bool> failing{false};  // set by the writer: there is no file
+  std::atomic<bool> wants_memory{false};  // set by the writer: the file is nearly full, or began without a memory
   // Counted by the recorder: the queue was full, or the message too large.
   std::atomic<uint64_t> dropped_queue_full{0};
   std::atomic<uint64_t> dropped_too_large{0};

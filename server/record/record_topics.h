@@ -23,11 +23,13 @@ enum class RecordTopic : uint16_t {
   kTickError,   // TickError
   kFault,       // Fault
   kGap,         // Gap
+  kMemory,      // StepMemory
   kVisibility,  // VisibilitySample, made from replies
   // Made for viewers, from ticks and replies; see viewer_channels.h.
   kFrames,        // foxglove.FrameTransforms: instances that have moved
   kStaticFrames,  // foxglove.FrameTransforms: instances that have not
   kShapes,        // foxglove.SceneUpdate: the shapes that the client sent
+  kLevel,         // foxglove.SceneUpdate: the triangles of the scene file
   kSight,         // foxglove.SceneUpdate: the camera's frustum, and a line to every target
   kCameraPose,    // foxglove.PoseInFrame
   kCalibration,   // foxglove.CameraCalibration

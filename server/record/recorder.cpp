@@ -18,6 +18,7 @@ constexpr uint64_t kHousekeepingBytes = uint64_t{16} << 20;
 constexpr uint64_t kLeastPartBytes = uint64_t{1} << 20;
 constexpr uint32_t kLayoutVersion = 1;
 constexpr int kNameTries = 1000;
+constexpr uint64_t kLastShare = 16;  // the last part of a file, in which a memory ends it
 
 const char* reason_text(v1::Gap::Reason reason) {
   switch (reason) {
@@ -66,6 +67,8 @@ struct RecordWriter::ActiveSession {
   uint64_t head_bytes = 0;                  // size of the file with only its head
   uint64_t head_size = 0;                   // of the messages at its head, unpacked
   uint64_t head_chunks = 0;                 // chunks of the file with only its head
+  std::optional<std::string> memory;        // the newest message of the session, when it was a memory: for the next head
+  TickStamp memory_stamp;
   ViewerChannels viewers{snapshot};
   std::array<uint32_t, kRecordTopics> sequences{};  // of messages made here
 };
@@ -171,7 +174,7 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   const RecordMessage message{static_cast<RecordTopic>(head.topic), head.sequence, head.log_time_ns,
                               head.publish_time_ns, entry.message};
   // The head of a file that begins here covers all earlier messages.
-  const bool has_file = ensure_file(active);
+  const bool has_file = ensure_file(active, message.log_time_ns);
   if (message.topic == RecordTopic::kOpen) active.open = entry.message;
   if (message.topic == RecordTopic::kOpened) active.opened = entry.message;
   const Status written = has_file ? active.file->write(message, now_ns_()) : Status{};
@@ -186,7 +189,12 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   if (active.file) check(active, active.file->status());
   // A part must be larger than its head.
   const uint64_t limit = std::max(part_limit(), 2 * active.head_size);
-  if (!active.file || active.file->bytes() - active.session->attachment_bytes < limit) return;
+  if (!active.file) return;
+  // A part that ends with a memory lets the next one begin with it. So a memory is asked for before the part is full.
+  const uint64_t bytes = active.file->bytes() - active.session->attachment_bytes;
+  const bool nearly_full = bytes >= limit - limit / kLastShare;
+  if (nearly_full) active.session->wants_memory.store(true, std::memory_order_relaxed);
+  if (bytes < limit && !(nearly_full && message.topic == RecordTopic::kMemory)) return;
   write_attachments(active);
   close_file(active);
 }
@@ -194,6 +202,7 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
 // For the head of the next part, lost or not; and for viewers, when the message is in the file.
 void RecordWriter::take_in(ActiveSession& active, const RecordMessage& message, bool written) {
   const uint64_t time_ns = message.log_time_ns;
+  active.memory.reset();  // it is of the moment before this message
   const bool shown = written && settings_.for_viewers;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
     write_for_viewers(active, topic, time_ns, made);
@@ -205,8 +214,8 @@ void RecordWriter::take_in(ActiveSession& active, const RecordMessage& message, 
     case RecordTopic::kOpen:
       return parsed(v1::OpenSession(), [&](const v1::OpenSession& open) {
         active.snapshot.take_open(open);
-        active.viewers.take_open(open);
-        if (shown) active.viewers.emit_still(time_ns, emit);
+        active.viewers.take_open(open, active.session->level.get());
+        if (shown) active.viewers.emit_still(time_ns, emit), active.viewers.emit_level(time_ns, emit);
       });
     case RecordTopic::kTick:
       return parsed(v1::Tick(), [&](v1::Tick& tick) {
@@ -230,6 +239,11 @@ void RecordWriter::take_in(ActiveSession& active, const RecordMessage& message, 
       return parsed(v1::Gap(), [&](const v1::Gap& gap) {
         if (shown) active.viewers.take_gap(gap, time_ns, emit);
       });
+    case RecordTopic::kMemory:
+      active.memory = message.bytes;
+      active.memory_stamp = {message.sequence, time_ns, message.publish_time_ns};
+      active.session->wants_memory.store(false, std::memory_order_relaxed);
+      return;
     default:
       return;
   }
@@ -253,7 +267,7 @@ size_t RecordWriter::write_for_viewers(ActiveSession& active, RecordTopic topic,
 void RecordWriter::write_attachments(ActiveSession& active) {
   Session& session = *active.session;
   // Attachments wait for a file instead of being lost.
-  while (session.attachments_done < session.attached.count() && ensure_file(active)) {
+  while (session.attachments_done < session.attached.count() && ensure_file(active, session.attached.at(session.attachments_done)->head.log_time_ns)) {
     const auto attached = session.attached.at(session.attachments_done);
     const Status done = active.file->attach(attached->head);
     if (done) ++session.attachments_done, session.attachment_bytes += attached->data->size();
@@ -271,7 +285,8 @@ void RecordWriter::begin_attachments(ActiveSession& active) {
   session.attachments_done = fits ? 0 : session.attached.count();
 }
 
-bool RecordWriter::ensure_file(ActiveSession& active) {
+// `time_ns`: log time of what is to be written next.
+bool RecordWriter::ensure_file(ActiveSession& active, uint64_t time_ns) {
   if (active.file) return true;
   const uint64_t now_ns = now_ns_();
   if (now_ns < active.retry_ns) return false;
@@ -304,11 +319,11 @@ bool RecordWriter::ensure_file(ActiveSession& active) {
   // The info stands first, so the snapshot tick is made before it.
   const std::string snapshot = snapshot_tick(active);
   info.set_snapshot_ticks(snapshot.empty() ? 0 : active.snapshot.ticks());
-  active.file = std::make_unique<SessionFile>(std::move(*sink), info, now_ns, std::move(options));
+  active.file = std::make_unique<SessionFile>(std::move(*sink), info, std::move(options));
   being_written_.insert(active.file_name);
   active.counted_bytes = 0;
   begin_attachments(active);
-  write_head(active, snapshot, now_ns);
+  write_head(active, snapshot, time_ns, now_ns);
   active.head_bytes = active.file->bytes();
   active.head_chunks = active.file->chunks();
   {
@@ -327,27 +342,36 @@ std::string RecordWriter::snapshot_tick(const ActiveSession& active) const {
 }
 
 // Writes the head of a later part, which makes it readable by itself. The head has the opening, a snapshot of the answered
-// ticks, the unanswered ticks, and a Gap for earlier losses.
-void RecordWriter::write_head(ActiveSession& active, const std::string& snapshot, uint64_t now_ns) {
+// ticks, the unanswered ticks, and a Gap for earlier losses. The log times never go back.
+void RecordWriter::write_head(ActiveSession& active, const std::string& snapshot, uint64_t time_ns, uint64_t now_ns) {
   active.head_size = 0;
+  const auto& waits = active.snapshot.waiting();
+  const uint64_t first_ns = active.snapshot.ticks() > 0 ? active.snapshot.stamp().log_ns
+                            : waits.empty()            ? time_ns
+                                                       : waits.front().stamp.log_ns;
+  const uint64_t last_ns = waits.empty() ? first_ns : waits.back().stamp.log_ns;
   const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
     active.head_size += bytes.size();
     return active.file->write({topic, stamp.sequence, stamp.log_ns, stamp.publish_ns, bytes}, now_ns);
   };
-  const TickStamp again{1, now_ns, now_ns};
+  const TickStamp again{1, first_ns, first_ns};
   if (active.open) (void)write(RecordTopic::kOpen, again, *active.open);
   if (active.opened) (void)write(RecordTopic::kOpened, again, *active.opened);
-  if (active.open && settings_.for_viewers)
-    active.viewers.emit_still(now_ns, [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
-      active.head_size += write_for_viewers(active, topic, now_ns, made);
-    });
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    active.head_size += write_for_viewers(active, topic, first_ns, made);
+  };
+  if (active.open && settings_.for_viewers) active.viewers.emit_still(first_ns, emit), active.viewers.emit_level(first_ns, emit);
   if (!snapshot.empty())
     (void)write(RecordTopic::kTick, active.snapshot.stamp(), snapshot);
   else if (active.snapshot.ticks() > 0)
     (void)write(RecordTopic::kGap, again, too_large_snapshot(active.snapshot, *active.session).SerializeAsString());
-  for (const WaitingTick& waiting : active.snapshot.waiting())
+  // A tick that waits was in no step, so the memory is of the snapshot.
+  if (active.memory && !snapshot.empty()) (void)write(RecordTopic::kMemory, active.memory_stamp, *active.memory);
+  // Otherwise a later memory tells the state from there on.
+  active.session->wants_memory.store(active.snapshot.ticks() > 0 && !active.memory, std::memory_order_relaxed);
+  for (const WaitingTick& waiting : waits)
     (void)write(RecordTopic::kTick, waiting.stamp, waiting.tick.SerializeAsString());
-  if (active.gap.messages() > 0) (void)write(RecordTopic::kGap, again, active.gap.SerializeAsString());
+  if (active.gap.messages() > 0) (void)write(RecordTopic::kGap, {1, last_ns, last_ns}, active.gap.SerializeAsString());
   active.file->forget_waiting();
 }
 

@@ -24,6 +24,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/record/level_view.h"
 #include "server/record/record_folder.h"
 #include "server/record/record_ring.h"
 #include "server/record/session_file.h"
@@ -48,7 +49,9 @@ struct RecordSettings {
   bool for_viewers = true;  // adds topics for ordinary viewers, made on the writing thread
 };
 
-// Nanoseconds since 1970 (UTC). Log time: when the server had the message. Publish time: when the client sent it, if known.
+// Nanoseconds since 1970 (UTC). Log time: when the message takes effect in the session; a message that is not later than the one before
+// gets the next nanosecond, so that a file sorted by log time is in the order of recording. Publish time: when the server received
+// or sent it.
 struct RecordTimes {
   uint64_t log_ns = 0;
   uint64_t publish_ns = 0;
@@ -89,7 +92,7 @@ class SessionRecorder {
   SessionRecorder(const SessionRecorder&) = delete;
   SessionRecorder& operator=(const SessionRecorder&) = delete;
 
-  // Takes topics up to kFault. Returns false when the message was dropped and counted: the queue is full, or the message is
+  // Takes topics up to kFault, and kMemory. Returns false when the message was dropped and counted: the queue is full, or the message is
   // over `max_message_bytes`. The message is serialised during the call.
   bool record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message);
   // The same for a message that is serialised already.
@@ -101,6 +104,12 @@ class SessionRecorder {
   bool attach(std::string name, std::string content_type, uint64_t log_time_ns,
               std::shared_ptr<const std::string> data);
   static constexpr size_t kMaxAttachments = 4096;
+
+  // True when the file would soon end: a kMemory message that comes now ends it, and the next part begins with that memory.
+  bool wants_memory() const;
+
+  // What viewers see of the scene file. Call it before the first record().
+  void show_level(std::shared_ptr<const LevelView> level);
 
   // Name of the first part, within the folder.
   std::string file_name() const;
@@ -119,6 +128,7 @@ class SessionRecorder {
 
   const std::shared_ptr<record_internal::Session> session_;
   std::array<uint32_t, kRecordTopics> sequences_{};
+  uint64_t newest_ns_ = 0;  // log time of the last message
   v1::Gap gap_;  // messages dropped since the last one that was recorded
 };
 
@@ -165,9 +175,9 @@ class RecordWriter {
                            const google::protobuf::MessageLite& made);
   void write_attachments(ActiveSession& active);
   void begin_attachments(ActiveSession& active);
-  bool ensure_file(ActiveSession& active);
+  bool ensure_file(ActiveSession& active, uint64_t time_ns);
   std::string snapshot_tick(const ActiveSession& active) const;
-  void write_head(ActiveSession& active, const std::string& snapshot, uint64_t now_ns);
+  void write_head(ActiveSession& active, const std::string& snapshot, uint64_t time_ns, uint64_t now_ns);
   void close_file(ActiveSession& active);
   void lose_file(ActiveSession& active, const Error& error);
   void lose_messages(ActiveSession& active, const LostMessages& lost);

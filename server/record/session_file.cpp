@@ -2,6 +2,8 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include <utility>
+
 namespace sightline {
 namespace {
 
@@ -36,16 +38,14 @@ LostMessages lost_with(const RecordMessage& message) {
   return lost;
 }
 
-SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
-                         McapWriterOptions options)
+SessionFile::SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, McapWriterOptions options)
     : sink_(std::move(sink)),
       chunk_time_ns_(static_cast<uint64_t>(options.chunk_time.count())),
-      writer_(*sink_, std::move(options)) {
+      writer_(*sink_, std::move(options)),
+      info_(info.SerializeAsString()),
+      start_ns_(info.start_time_ns()) {
   // The writer keeps its first error, and the first write() returns it.
   (void)writer_.add_metadata(metadata_of(info));
-  const std::string bytes = info.SerializeAsString();
-  (void)write({RecordTopic::kInfo, 1, now_ns, now_ns, bytes}, now_ns);
-  forget_waiting();
 }
 
 Result<uint16_t> SessionFile::channel_of(RecordTopic topic) {
@@ -65,6 +65,16 @@ Result<uint16_t> SessionFile::channel_of(RecordTopic topic) {
 }
 
 Status SessionFile::write(const RecordMessage& message, uint64_t now_ns) {
+  if (!info_.empty()) {
+    const std::string info = std::exchange(info_, {});
+    const Status done = put({RecordTopic::kInfo, 1, message.log_time_ns, message.log_time_ns, info}, now_ns);
+    forget_waiting();
+    if (!done) return done;
+  }
+  return put(message, now_ns);
+}
+
+Status SessionFile::put(const RecordMessage& message, uint64_t now_ns) {
   const Result<uint16_t> channel = channel_of(message.topic);
   if (!channel) return tl::unexpected(channel.error());
   const uint64_t before = writer_.bytes_written();
@@ -83,6 +93,14 @@ Status SessionFile::tend(uint64_t now_ns) {
   const Status done = writer_.end_chunk();
   if (done) chunk_ended();
   return done;
+}
+
+// A file without any message has its info nevertheless.
+Status SessionFile::finish() {
+  const std::string info = std::exchange(info_, {});
+  if (!info.empty())
+    if (const Status done = put({RecordTopic::kInfo, 1, start_ns_, start_ns_, info}, start_ns_); !done) return done;
+  return writer_.finish();
 }
 
 // The open chunk is written before it.

@@ -38,15 +38,15 @@ LostMessages lost_with(const RecordMessage& message);
 // Not thread-safe.
 class SessionFile {
  public:
-  // Owns the sink. Writes the head: the info, as a message and as metadata "sightline" for tools without protobuf.
-  SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, uint64_t now_ns,
-              McapWriterOptions options);
+  // Owns the sink. Writes the metadata "sightline", for tools without protobuf. The info, as a message, is written with the first
+  // message and has the time of that message, so that a tool that sorts by time leaves it in front.
+  SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, McapWriterOptions options);
 
   Status write(const RecordMessage& message, uint64_t now_ns);
   Status attach(const mcap::Attachment& attachment);
   // Closes the chunk when its first message has waited for `chunk_time`. Call it at least that often.
   Status tend(uint64_t now_ns);
-  Status finish() { return writer_.finish(); }
+  Status finish();
 
   // Messages taken but not yet handed to the sink. They are lost when the sink fails.
   const LostMessages& waiting() const { return waiting_; }
@@ -57,6 +57,7 @@ class SessionFile {
   uint64_t chunks() const { return chunks_; }  // handed to the sink
 
  private:
+  Status put(const RecordMessage& message, uint64_t now_ns);
   void chunk_ended();
   Result<uint16_t> channel_of(RecordTopic topic);
 
@@ -65,6 +66,8 @@ class SessionFile {
   McapWriter writer_;
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
+  std::string info_;  // until it is written
+  uint64_t start_ns_;
   LostMessages waiting_;
   uint64_t chunks_ = 0;
   std::optional<uint64_t> chunk_since_ns_;  // by the clock; empty: no message waits

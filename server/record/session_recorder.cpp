@@ -40,7 +40,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_v
 }
 
 char* SessionRecorder::reserve(RecordTopic topic, RecordTimes times, size_t size) {
-  assert(topic <= RecordTopic::kGap);
+  assert(topic <= RecordTopic::kMemory);
   // A dropped message uses up its number, so that the gap is visible.
   ++sequences_[static_cast<size_t>(topic)];
   char* at = nullptr;
@@ -62,8 +62,9 @@ bool SessionRecorder::record_beside(RecordTopic topic, RecordTimes times, std::s
 }
 
 void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, bool beside) {
+  newest_ns_ = std::max(times.log_ns, newest_ns_ + 1);
   session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
-                         sequences_[static_cast<size_t>(topic)], 0, times.log_ns, times.publish_ns});
+                         sequences_[static_cast<size_t>(topic)], 0, newest_ns_, times.publish_ns});
   if (session_->ring.half_full()) session_->waker->wake();
 }
 
@@ -90,13 +91,21 @@ void SessionRecorder::drop(RecordTimes times, v1::Gap::Reason reason) {
 bool SessionRecorder::attach(std::string name, std::string content_type, uint64_t log_time_ns,
                              std::shared_ptr<const std::string> data) {
   auto attached = std::make_shared<Attached>();
-  attached->head = {log_time_ns, 0, std::move(name), std::move(content_type), *data, 0};
+  attached->head = {log_time_ns, log_time_ns, std::move(name), std::move(content_type), *data, 0};
   attached->data = std::move(data);
   return session_->attached.add(std::move(attached));
 }
 
 std::string SessionRecorder::file_name() const {
   return recording_name(session_->info.start_time_ns(), session_->info.session_id(), 1);
+}
+
+void SessionRecorder::show_level(std::shared_ptr<const LevelView> level) {
+  session_->level = std::move(level);
+}
+
+bool SessionRecorder::wants_memory() const {
+  return session_->wants_memory.load(std::memory_order_relaxed);
 }
 
 bool SessionRecorder::degraded() const {

@@ -10,7 +10,8 @@
 // A tick counts once a later message shows that it was applied. Until then it waits. Refused ticks never count.
 //
 // A tick cannot say everything. These differ:
-//   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal.
+//   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal, unless the recording has a
+//     StepMemory beside the tick. It also holds the velocities, revision and rotations below to the bit.
 //   - Velocities that a session derives from successive positions are 0 until the next tick. Velocities that the client
 //     sent are kept.
 //   - The scene revision counts deltas, and there is only one. Rotations that were kept from move to move may differ in
@@ -105,6 +106,8 @@ class SessionSnapshot {
   const std::map<uint64_t, Instance>& instances() const { return instances_; }
   uint64_t deltas() const { return deltas_; }  // ticks with a scene delta that count
   const std::optional<v1::Lens>& lens() const { return lens_; }
+  // As the newest tick that had a list; empty: as the opening says.
+  const std::optional<v1::TargetList>& targets() const { return targets_; }
 
  private:
   void apply(const v1::Tick& tick, const TickStamp& stamp);

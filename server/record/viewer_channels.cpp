@@ -21,7 +21,7 @@ constexpr double kFrustumDepthM = 1.0;
 struct Colour {
   double r, g, b, a;
 };
-constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kCameraColour{0.15, 0.45, 0.95, 1.0};
+constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kTargetColour{0.98, 0.78, 0.20, 0.9}, kCameraColour{0.15, 0.45, 0.95, 1.0};
 
 Colour colour_of(v1::TargetState state) {
   switch (state) {
@@ -89,11 +89,6 @@ glm::dvec3 extent_to_viewer(const glm::dvec3& canonical) {
   return glm::abs(vector_to_client(ros_convention(), canonical));
 }
 
-std::string frame_of(uint64_t id) {
-  std::string frame = "instance/";
-  return frame.append(std::to_string(id));
-}
-
 void add_frame(foxglove::FrameTransforms& out, uint64_t time_ns, const char* parent, const std::string& child,
                const Pose& parent_from_child) {
   foxglove::FrameTransform& frame = *out.add_transforms();
@@ -104,24 +99,24 @@ void add_frame(foxglove::FrameTransforms& out, uint64_t time_ns, const char* par
   set(*frame.mutable_rotation(), parent_from_child.rotation);
 }
 
-void add_sphere(foxglove::SceneEntity& entity, const glm::dvec3& centre_m, const glm::dvec3& size_m) {
+void add_sphere(foxglove::SceneEntity& entity, const Colour& colour, const glm::dvec3& centre_m, const glm::dvec3& size_m) {
   foxglove::SpherePrimitive& sphere = *entity.add_spheres();
   set(*sphere.mutable_pose(), Pose{centre_m, {1, 0, 0, 0}});
   set(*sphere.mutable_size(), size_m);
-  set(*sphere.mutable_color(), kShapeColour);
+  set(*sphere.mutable_color(), colour);
 }
 
-void add_cylinder(foxglove::SceneEntity& entity, const glm::dvec3& size_m) {
+void add_cylinder(foxglove::SceneEntity& entity, const Colour& colour, const glm::dvec3& size_m) {
   foxglove::CylinderPrimitive& cylinder = *entity.add_cylinders();
   set(*cylinder.mutable_pose(), Pose{});
   set(*cylinder.mutable_size(), size_m);
   cylinder.set_bottom_scale(1.0);
   cylinder.set_top_scale(1.0);
-  set(*cylinder.mutable_color(), kShapeColour);
+  set(*cylinder.mutable_color(), colour);
 }
 
 // Long axes are along the client's up, which is the viewer's Z.
-void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Convention& c) {
+void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Colour& colour, const Convention& c) {
   const v1::Shape& wire = instance.shape();
   const glm::dvec3 scale =
       scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
@@ -134,23 +129,23 @@ void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, c
       set(*cube.mutable_pose(), Pose{});
       set(*cube.mutable_size(),
           2.0 * extent_to_viewer(scale * extent_from_client(c, vector_of(wire.box().half_extent()))));
-      set(*cube.mutable_color(), kShapeColour);
+      set(*cube.mutable_color(), colour);
       return;
     }
     case v1::Shape::kSphere:
-      return add_sphere(entity, {0, 0, 0},
+      return add_sphere(entity, colour, {0, 0, 0},
                         2.0 * sized(wire.sphere().radius(), wire.sphere().radius(), wire.sphere().radius()));
     case v1::Shape::kCapsule: {
       const double r = wire.capsule().radius(), h = wire.capsule().half_height();
       const glm::dvec3 round = 2.0 * sized(r, r, r), middle = 2.0 * sized(r, h, r);
-      if (h > 0) add_cylinder(entity, middle);
-      add_sphere(entity, {0, 0, middle.z / 2}, round);
-      add_sphere(entity, {0, 0, -middle.z / 2}, round);
+      if (h > 0) add_cylinder(entity, colour, middle);
+      add_sphere(entity, colour, {0, 0, middle.z / 2}, round);
+      add_sphere(entity, colour, {0, 0, -middle.z / 2}, round);
       return;
     }
     case v1::Shape::kCylinder: {
       const double r = wire.cylinder().radius();
-      return add_cylinder(entity, 2.0 * sized(r, wire.cylinder().half_height(), r));
+      return add_cylinder(entity, colour, 2.0 * sized(r, wire.cylinder().half_height(), r));
     }
     case v1::Shape::SHAPE_NOT_SET:
       return;
@@ -211,7 +206,9 @@ void emit_log(foxglove::Log::Level level, const std::string& name, const std::st
 
 }  // namespace
 
-void ViewerChannels::take_open(const v1::OpenSession& open) {
+void ViewerChannels::take_open(const v1::OpenSession& open, const LevelView* level) {
+  level_ = level;
+  *first_targets_.mutable_targets() = open.targets();
   Convention read;
   client_ = read_convention(open.convention(), "", read) ? read : gltf_convention();
   take_lens(open.lens());
@@ -233,13 +230,72 @@ void ViewerChannels::for_each_shown(Visit visit) const {
   }
 }
 
-// In the viewer's world.
-Pose ViewerChannels::place_of(const SessionSnapshot::Instance& instance) const {
+// In the viewer's world. A node that was moved but never turned keeps its rotation of the file.
+Pose ViewerChannels::place_of(uint64_t id, const SessionSnapshot::Instance& instance) const {
+  const auto node = level_ && !instance.given ? level_->nodes.find(id) : std::map<uint64_t, LevelNode>::const_iterator();
+  const bool of_level = level_ && !instance.given && node != level_->nodes.end();
+  if (of_level && !instance.moved) return node->second.rest;
   Pose pose = instance.given ? pose_of(instance.given->pose()) : Pose{};
   if (instance.moved) pose.position_m = {instance.position[0], instance.position[1], instance.position[2]};
   const auto& r = instance.rotation;
   if (instance.turned) pose.rotation = glm::normalize(glm::dquat(r[3], r[0], r[1], r[2]));
-  return to_viewer(pose_from_client(client_, pose));
+  Pose place = to_viewer(pose_from_client(client_, pose));
+  if (of_level && !instance.turned) place.rotation = node->second.rest.rotation;
+  return place;
+}
+
+// Empty: the instance is not there, or its place is not known.
+std::optional<Pose> ViewerChannels::place_of(uint64_t id) const {
+  const auto instance = session_.instances().find(id);
+  const bool in_level = level_ && level_->nodes.contains(id);
+  if (instance == session_.instances().end()) return in_level ? std::optional(level_->nodes.at(id).rest) : std::nullopt;
+  if (!instance->second.there() || !(has_place(instance->second) || in_level)) return std::nullopt;
+  return place_of(id, instance->second);
+}
+
+const v1::Target* ViewerChannels::target_of(uint64_t id) const {
+  const v1::TargetList& list = session_.targets() ? *session_.targets() : first_targets_;
+  for (const v1::Target& target : list.targets())
+    if (target.id() == id) return &target;
+  return nullptr;
+}
+
+// The point that the camera aims at: where sight lines end. As in a step (targets_now.cpp).
+std::optional<glm::dvec3> ViewerChannels::aim_of(uint64_t id) const {
+  const std::optional<Pose> place = place_of(id);
+  if (!place) return std::nullopt;
+  glm::dmat3 linear(1.0);
+  glm::dvec3 aim_m(0.0);
+  const auto instance = session_.instances().find(id);
+  const bool given = instance != session_.instances().end() && instance->second.given;
+  if (level_ && !given) {
+    const auto node = level_->nodes.find(id);
+    if (node != level_->nodes.end()) linear = node->second.linear, aim_m = node->second.centre_m;
+  } else if (given && instance->second.given->has_scale()) {
+    const glm::dvec3 scale = scale_from_client(client_, vector_of(instance->second.given->scale()));
+    linear = glm::dmat3(glm::dvec3(scale.x, 0, 0), glm::dvec3(0, scale.y, 0), glm::dvec3(0, 0, scale.z));
+  }
+  const v1::Target* target = target_of(id);
+  if (target && target->has_aim_offset()) aim_m = vector_from_client(client_, vector_of(target->aim_offset()));
+  return place->position_m + place->rotation * vector_to_client(ros_convention(), linear * aim_m);
+}
+
+std::string ViewerChannels::name_of(uint64_t id) const {
+  if (level_)
+    if (const auto node = level_->nodes.find(id); node != level_->nodes.end() && !node->second.name.empty()) return node->second.name;
+  return "target " + std::to_string(id);
+}
+
+// A node of the scene file that never moved.
+bool ViewerChannels::is_at_rest(uint64_t id) const {
+  const auto instance = session_.instances().find(id);
+  if (instance == session_.instances().end()) return true;
+  return instance->second.there() && !instance->second.given && !instance->second.moved;
+}
+
+bool ViewerChannels::was_removed(uint64_t id) const {
+  const auto instance = session_.instances().find(id);
+  return instance != session_.instances().end() && (!instance->second.there() || instance->second.given);
 }
 
 void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) {
@@ -251,15 +307,42 @@ void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) {
   foxglove::SceneEntityDeletion& all = *shapes.add_deletions();
   set_time(*all.mutable_timestamp(), time_ns);
   all.set_type(foxglove::SceneEntityDeletion::ALL);
+  size_t nodes = 0;
+  if (level_)
+    for (const auto& [id, node] : level_->nodes)
+      if (is_at_rest(id) && ++nodes <= kMaxInstances) add_frame(frames, time_ns, kWorld, viewer_frame_of(id), node.rest);
   for_each_shown([&](uint64_t id, const SessionSnapshot::Instance& instance) {
-    if (!instance.moved) add_frame(frames, time_ns, kWorld, frame_of(id), place_of(instance));
+    if (!instance.moved) add_frame(frames, time_ns, kWorld, viewer_frame_of(id), place_of(id, instance));
     if (!instance.given || !instance.given->has_shape()) return;
     foxglove::SceneEntity& entity = *shapes.add_entities();
-    start_entity(entity, time_ns, frame_of(id), frame_of(id));
-    add_shape(entity, *instance.given, client_);
+    start_entity(entity, time_ns, viewer_frame_of(id), viewer_frame_of(id));
+    add_shape(entity, *instance.given, target_of(id) ? kTargetColour : kShapeColour, client_);
   });
   emit(RecordTopic::kStaticFrames, frames);
   emit(RecordTopic::kShapes, shapes);
+  if (level_ && shown_deltas_ > 0) emit_removed(time_ns, emit);
+}
+
+void ViewerChannels::emit_level(uint64_t time_ns, const Emit& emit) const {
+  if (!level_ || level_->shapes.entities().empty()) return;
+  emit(RecordTopic::kLevel, level_->shapes);
+  if (shown_deltas_ > 0) emit_removed(time_ns, emit);
+  if (level_->left_out > 0)
+    emit_log(foxglove::Log::INFO, "record", std::to_string(level_->left_out) + " triangles of the smallest nodes are left out of /scene/level",
+             time_ns, emit);
+}
+
+// Nodes of the scene file that are not there any more.
+void ViewerChannels::emit_removed(uint64_t time_ns, const Emit& emit) const {
+  foxglove::SceneUpdate update;
+  for (const auto& [id, node] : level_->nodes) {
+    if (!was_removed(id)) continue;
+    foxglove::SceneEntityDeletion& gone = *update.add_deletions();
+    set_time(*gone.mutable_timestamp(), time_ns);
+    gone.set_type(foxglove::SceneEntityDeletion::MATCHING_ID);
+    gone.set_id(viewer_frame_of(id));
+  }
+  if (!update.deletions().empty()) emit(RecordTopic::kLevel, update);
 }
 
 void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) {
@@ -295,7 +378,7 @@ void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emi
   foxglove::FrameTransforms frames;
   add_frame(frames, time_ns, kWorld, kCamera, camera);
   for_each_shown([&](uint64_t id, const SessionSnapshot::Instance& instance) {
-    if (instance.moved) add_frame(frames, time_ns, kWorld, frame_of(id), place_of(instance));
+    if (instance.moved) add_frame(frames, time_ns, kWorld, viewer_frame_of(id), place_of(id, instance));
   });
   emit(RecordTopic::kFrames, frames);
 }
@@ -326,18 +409,17 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
   foxglove::SceneEntity& lines = *sight.add_entities();
   start_entity(lines, time_ns, kWorld, "sight");
   for (const v1::TargetVisibility& target : reply.targets()) {
-    const auto instance = session_.instances().find(target.id());
-    if (instance == session_.instances().end() || !has_place(instance->second)) continue;
-    const glm::dvec3 place = place_of(instance->second).position_m;
+    const std::optional<glm::dvec3> aim = aim_of(target.id());
+    if (!aim) continue;
     const Colour colour = colour_of(target.state());
-    add_line(add_lines(lines, colour, 1.5), camera.position_m, place);
+    add_line(add_lines(lines, colour, 1.5), camera.position_m, *aim);
     foxglove::TextPrimitive& text = *lines.add_texts();
-    set(*text.mutable_pose(), Pose{place, {1, 0, 0, 0}});
+    set(*text.mutable_pose(), Pose{*aim, {1, 0, 0, 0}});
     text.set_billboard(true);
     text.set_scale_invariant(true);
     text.set_font_size(14);
     set(*text.mutable_color(), colour);
-    text.set_text(std::to_string(target.id()) + ": " +
+    text.set_text(name_of(target.id()) + ": " +
                   std::to_string(std::lround(100 * target.filtered_share())) + " %");
   }
   emit(RecordTopic::kSight, sight);

@@ -225,6 +225,7 @@ void SceneMirror::remove(uint64_t id) {
   moving_slots_untidy_ |= slots_[slot].moving;
   hash_ -= std::exchange(record_hashes_[slot], 0);
   slots_[slot] = Instance{};
+  rearranged_slots_.insert(slot);
   free_slots_.push_back(slot);
   slot_by_id_.erase(it);
 }
@@ -239,6 +240,7 @@ void SceneMirror::add(const NewInstance& instance) {
   const uint32_t slot = free_slots_.back();
   free_slots_.pop_back();
   slot_by_id_.emplace(instance.id, slot);
+  if (revision_ > 0) rearranged_slots_.insert(slot);
   Instance& added = slots_[slot];
   added.id = instance.id;
   added.geometry = instance.geometry;

@@ -15,6 +15,7 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -139,6 +140,7 @@ class SceneMirror {
   uint64_t version() const { return version_; }
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   struct Pending;  // ids that the delta being checked removes and adds
 
   Status check(const SceneDelta& delta, const TransformUpdate& transforms);
@@ -168,6 +170,7 @@ class SceneMirror {
   std::vector<uint64_t> named_in_;       // by slot: the last message whose transforms named the instance
   uint64_t message_ = 0;
   std::vector<uint32_t> free_slots_;
+  std::set<uint32_t> rearranged_slots_;  // whose instance is not the one of the first delta
   std::vector<uint32_t> moving_slots_;
   bool moving_slots_untidy_ = false;
   std::unordered_map<uint64_t, uint32_t> slot_by_id_;

@@ -141,7 +141,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   opened.set_session_id(session_id_);
   opened.set_sampler(parts_.sampler.kind());
   for (std::string& warning : warnings) opened.add_warnings(std::move(warning));
-  recording_.open(request, arrival_ns, opened);
+  recording_.open(request, *session_, arrival_ns, opened);
   parts_.log.info("session opened", {{"session", session_id_},
                                      {"label", request.label()},
                                      {"instances", std::to_string(opened.instance_count())},
@@ -234,6 +234,7 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
   v1::CameraReply& reply = *turn.replies.emplace_back(std::move(turn.spare)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);
+  recording_.memory(*session_);
 }
 
 void SessionDriver::reject(Turn& turn, const Error& error, uint64_t sequence) {

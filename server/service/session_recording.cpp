@@ -5,6 +5,7 @@
 #include "server/base/hash.h"
 #include "server/service/server_info.h"
 #include "server/record/recorder.h"
+#include "server/wire/memory_proto.h"
 
 namespace sightline {
 namespace {
@@ -60,7 +61,8 @@ void SessionRecording::close() {
   recorder_.reset();
 }
 
-void SessionRecording::open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
+void SessionRecording::open(const v1::OpenSession& request, const Session& session, int64_t arrival_ns,
+                            v1::SessionOpened& opened) {
   session_id_ = opened.session_id();
   if (!is_wanted(request.recording(), rules_.all)) return;
   if (!rules_.writer) {
@@ -76,10 +78,14 @@ void SessionRecording::open(const v1::OpenSession& request, int64_t arrival_ns, 
     opened.add_warnings("recording: no file can be written at present: " + to_string(*trouble));
   else
     opened.set_recording_file(name_);
-  recorder_->record(RecordTopic::kOpen, times(arrival_ns), request);
+  const RecordTimes opened_at = times(arrival_ns);
+  recorder_->show_level(std::make_shared<const LevelView>(
+      level_view_of(session.mirror(), session.convention(), request, opened_at.log_ns)));
+  recorder_->record(RecordTopic::kOpen, opened_at, request);
   attaches_ = rules_.attach_scenes || request.recording().attach_scenes();
   if (attaches_) attach_scenes(request, opened);
   recorder_->record(RecordTopic::kOpened, times(clock_()), opened);
+  next_memory_ns_ = clock_() + static_cast<int64_t>(kMemoryEveryS * 1e9);
 }
 
 void SessionRecording::tick(const v1::Tick& tick, int64_t arrival_ns) {
@@ -94,6 +100,15 @@ void SessionRecording::reply(v1::CameraReply& reply) {
   if (!recorder_) return;
   if (recorder_->degraded()) reply.mutable_flags()->set_recording_degraded(true);
   recorder_->record(RecordTopic::kReply, times(clock_()), reply);
+}
+
+void SessionRecording::memory(const Session& session) {
+  if (!recorder_) return;
+  const int64_t now_ns = clock_();
+  if (now_ns < next_memory_ns_ && !recorder_->wants_memory()) return;
+  next_memory_ns_ = now_ns + static_cast<int64_t>(kMemoryEveryS * 1e9);
+  memory_to_proto(session, memory_);
+  recorder_->record(RecordTopic::kMemory, times(now_ns), memory_);
 }
 
 void SessionRecording::fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept try {

@@ -12,7 +12,9 @@
 #include "server/service/log.h"
 #include "server/scene/scene_folder.h"
 #include "server/step/step.h"
+#include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
+#include "sightline/v1/recording.pb.h"
 
 namespace sightline {
 
@@ -42,12 +44,15 @@ class SessionRecording {
 
   // Begins the recording when the rules and the request ask for one, and says so in `opened`, whose other fields must be
   // set already. Records both messages. It reads the scene files when they are to be attached, which can take long.
-  void open(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
+  void open(const v1::OpenSession& request, const Session& session, int64_t arrival_ns, v1::SessionOpened& opened);
 
   void tick(const v1::Tick& tick, int64_t arrival_ns);
   void rejection(const v1::TickError& rejection);
   // Records the reply; sets its flag `recording_degraded` first when messages are missing in the file.
   void reply(v1::CameraReply& reply);
+  // Records what the session carries, every kMemoryEveryS seconds and when the recorder asks. Call it after `reply`, before the next tick.
+  void memory(const Session& session);
+  static constexpr double kMemoryEveryS = 10.0;
   // Records a failure of the server. `sequence` is the sequence number of the tick, or 0. Never throws.
   void fault(uint64_t sequence, std::string_view stage, std::string_view message) noexcept;
 
@@ -74,6 +79,8 @@ class SessionRecording {
 
   std::unique_ptr<SessionRecorder> recorder_;  // null: not recorded
   std::string name_, session_id_;
+  int64_t next_memory_ns_ = 0;  // by the clock
+  v1::StepMemory memory_;       // reused
   int64_t wall_from_clock_ns_ = 0;
   bool attaches_ = false;
   std::set<std::string> tried_scenes_;    // by name or hash, once each

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "server/base/camera.h"
@@ -143,6 +144,7 @@ class Session {
   const Lens& lens() const { return options_.lens; }  // as last sent, without zoom
   const DiagnosticsWanted& diagnostics() const { return options_.diagnostics; }
   const std::string& label() const { return options_.label; }
+  uint64_t sequence() const { return sequence_; }  // of the newest applied tick; 0 before the first
   // True if a table of the instance's shape must be built before its surface points can be sampled. That takes 10 ms
   // for a capsule and seconds for a million triangles (ExtentTable::build). Settings may make tables unnecessary;
   // this function ignores them.
@@ -150,9 +152,20 @@ class Session {
   // The state that is carried to the next step, the camera included, and the results of the last step's stages.
   const CarriedState& carried() const { return stepper_.carried(); }
   const StepDump& dump() const { return stepper_.dump(); }
+
+  // Appends all that later replies depend on beyond what ticks say: the carried state, the exact transforms and the clock
+  // (server/session/session_memory.cpp). Call it after a step, before the next tick.
+  void write_memory(std::string& out) const;
+  // Goes on from such bytes, in a session with the same scene, targets, settings and limits: every later reply has the same bits as that of
+  // the session that wrote them. The next tick must be the one that followed. kInvalidArgument (field "memory") when the bytes
+  // are damaged, of another scene or of another layout. The session is then as it was, except that instances may have moved.
+  Status resume(uint64_t layout, std::string_view memory);
+  // Identifies the fields of the bytes. Programs with other fields have another number.
+  static uint64_t memory_layout();
   size_t triangle_count() const;  // as instanced, hidden ones too
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   Session(SessionOptions options, std::unique_ptr<Sampler> sampler, StageClock clock);
   Status add_first_instances();
   Status check(const TickInput& tick, const IdsAfter& ids) const;

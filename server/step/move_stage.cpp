@@ -9,8 +9,8 @@
 namespace sightline {
 namespace {
 
-// The horizon doubles in this time while no candidate sees all targets (strategies of the paper) or no place on the plan sees any
-// (kMinCost), and halves in it otherwise.
+// The time in which the horizon doubles or halves. It grows while no candidate sees all targets, or with the strategy kMinCost while no
+// place on the plan sees any.
 constexpr double kHorizonDoublingS = 0.25;
 
 // With a prediction, drops candidates that will not see the predicted targets, as long as another one sees them now and

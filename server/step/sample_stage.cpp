@@ -125,7 +125,7 @@ glm::dvec3 turned(const glm::dvec3& v, double rad) {
 }
 
 // Picks the points of the targets at the slices that are due. In each slice all targets go on as predicted or turn to one side, by
-// chance, since people do turn; the estimates of several steps together hold every way that they may go.
+// chance, since people do turn. The estimates of several steps together hold every way that they may go.
 class SlicePicker {
  public:
   SlicePicker(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan)

@@ -13,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/aggregate/compose.h"
@@ -147,6 +148,8 @@ class Stepper {
   Result<StepResult> take(const StepInput& input, Sampler& sampler, const StageClock& clock);
 
   const CarriedState& carried() const { return carried_; }
+  // Goes on from the state of another camera, which was stepped so far with the same inputs.
+  void resume(CarriedState carried) { carried_ = std::move(carried); }
   const StepDump& dump() const { return dump_; }  // of the last step
 
  private:

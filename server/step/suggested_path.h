@@ -25,6 +25,7 @@ class RecentTrack {
   const Value& operator[](size_t i) const { return entries_[i].value; }  // oldest first
 
  private:
+  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
   static constexpr double kApartS = 1.0 / 64;
   static constexpr size_t kMost = 40;  // more than kKeptS / kApartS, the newest and one older than kKeptS
   struct Entry {

@@ -40,6 +40,7 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"tl/expected\.hpp$", "expected", "expected"),
     (r"xxhash\.h$", "xxHash", "PkgConfig::XXHASH"),
     (r"zstd\.h$", "zstd", "PkgConfig::ZSTD"),
+    (r"lz4frame\.h$", "lz4", "PkgConfig::LZ4"),
     (r"zlib\.h$", "zlib", "ZLIB::ZLIB"),
     (r"stb/", "stb", "stb"),
     (r"tiny_gltf\.h$", "tinygltf", "TinyGLTF::TinyGLTF"),

@@ -1,5 +1,6 @@
 // Files that were cut, damaged or made to do harm. The answer is an error, or a part with a count of what is missing;
 // never a crash, and never memory without bound.
+#include <lz4frame.h>
 #include <gtest/gtest.h>
 #include <zstd.h>
 
@@ -200,10 +201,31 @@ TEST(McapHostile, BombsAreRefusedByWhatTheyDeclareAndByWhatTheyAre) {
 
 TEST(McapHostile, OtherCompressionsAreNamedInTheError) {
   ChunkUnpacker unpacker(1000);
-  const Error error = unpacker.unpack({0, 0, 3, 0, "lz4", "abc"}).error();
+  const Error error = unpacker.unpack({0, 0, 3, 0, "brotli", "abc"}).error();
   EXPECT_EQ(error.code, ErrorCode::kUnsupported);
-  EXPECT_NE(error.message.find("lz4"), std::string::npos);
-  EXPECT_GT(read_every_way(file_of_chunk({0, 0, 3, 0, "lz4", "abc"})).troubles, 0u);
+  EXPECT_NE(error.message.find("brotli"), std::string::npos);
+  EXPECT_GT(read_every_way(file_of_chunk({0, 0, 3, 0, "brotli", "abc"})).troubles, 0u);
+}
+
+std::string lz4_of(const std::string& raw) {
+  std::string packed(LZ4F_compressFrameBound(raw.size(), nullptr), '\0');
+  packed.resize(LZ4F_compressFrame(packed.data(), packed.size(), raw.data(), raw.size(), nullptr));
+  return packed;
+}
+
+TEST(McapHostile, Lz4GivesWhatTheChunkDeclaresAndNoMore) {
+  const std::string raw(100'000, 'x'), packed = lz4_of(raw);
+  ChunkUnpacker unpacker(raw.size());
+  EXPECT_EQ(unpacker.unpack({0, 0, raw.size(), mcap::crc32_of(raw), "lz4", packed}).value(), raw);
+  // Two frames, one behind the other.
+  EXPECT_EQ(unpacker.unpack({0, 0, 6, 0, "lz4", lz4_of("abc") + lz4_of("def")}).value(), "abcdef");
+  for (const auto& [records, declared] : std::vector<std::pair<std::string, uint64_t>>{
+           {packed, raw.size() - 1}, {packed, 10}, {packed, 0}, {packed.substr(0, packed.size() / 2), raw.size()},
+           {packed + "garbage", raw.size()}, {"abc", 3}, {"", 3}}) {
+    const auto unpacked = unpacker.unpack({0, 0, declared, 0, "lz4", records});
+    ASSERT_FALSE(unpacked) << records.size() << ' ' << declared;
+    EXPECT_EQ(unpacked.error().code, ErrorCode::kDataLoss);
+  }
 }
 
 TEST(McapHostile, LengthsAndOffsetsBeyondTheFileAreNoPlaces) {

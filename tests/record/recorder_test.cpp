@@ -32,7 +32,8 @@ TEST(Recorder, WhatWasRecordedIsInTheFile) {
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(studio.tick(*recorder));
   v1::CameraReply reply;
   reply.set_reason_text("all seen");
-  EXPECT_TRUE(recorder->record(RecordTopic::kReply, {5, 6}, reply));
+  const uint64_t late_ns = studio.files.now_ns + kSecondNs;
+  EXPECT_TRUE(recorder->record(RecordTopic::kReply, {late_ns, 6}, reply));
   EXPECT_FALSE(recorder->degraded());
   recorder.reset();
   studio.writer->run_once();
@@ -50,13 +51,41 @@ TEST(Recorder, WhatWasRecordedIsInTheFile) {
     v1::CameraReply back;
     EXPECT_TRUE(back.ParseFromString(std::string(m.message.data)));
     EXPECT_EQ(back.reason_text(), "all seen");
-    EXPECT_EQ(m.message.log_time_ns, 5u);
+    EXPECT_EQ(m.message.log_time_ns, late_ns);
     EXPECT_EQ(m.message.publish_time_ns, 6u);
     EXPECT_EQ(m.schema->name, "sightline.v1.CameraReply");
     return true;
   });
   EXPECT_EQ(studio.writer->counts().open_sessions, 0u);
   EXPECT_THAT(studio.warnings, SizeIs(0));
+}
+
+// A tool that sorts by log time must not change the order.
+TEST(Recorder, LogTimesRiseFromMessageToMessageAndTheInfoHasTheFirst) {
+  Studio studio;
+  auto recorder = studio.open();
+  const uint64_t start_ns = studio.files.now_ns;
+  v1::Tick tick;
+  const auto record_at = [&](RecordTopic topic, uint64_t log_ns) {
+    EXPECT_TRUE(recorder->record(topic, {log_ns, log_ns}, tick));
+  };
+  record_at(RecordTopic::kTick, start_ns + 100);
+  record_at(RecordTopic::kReply, start_ns + 900);
+  record_at(RecordTopic::kTick, start_ns + 500);  // it arrived during the step
+  record_at(RecordTopic::kTick, start_ns + 501);
+  studio.files.now_ns += 50 * kSecondNs;  // the writer comes late
+  recorder.reset();
+  studio.writer->run_once();
+  const MemorySource source(*studio.files.files.begin()->second.bytes);
+  const McapReader reader = McapReader::open(source, {}).value();
+  std::vector<uint64_t> logged, published;
+  reader.read({.topics = {"/sightline/info", "/sightline/tick", "/sightline/reply"}}, [&](const McapMessage& m) {
+    logged.push_back(m.message.log_time_ns - start_ns);
+    published.push_back(m.message.publish_time_ns - start_ns);
+    return true;
+  });
+  EXPECT_THAT(logged, ::testing::ElementsAre(100, 100, 900, 901, 902));
+  EXPECT_THAT(published, ::testing::ElementsAre(100, 100, 900, 500, 501));
 }
 
 TEST(Recorder, AFullQueueDropsCountsAndSaysSoInTheFile) {

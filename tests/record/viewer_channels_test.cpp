@@ -11,6 +11,8 @@
 #include "foxglove/camera.pb.h"
 #include "foxglove/frames.pb.h"
 #include "foxglove/scene.pb.h"
+#include "server/scene/geometry.h"
+#include "server/scene/mirror.h"
 
 namespace sightline {
 namespace {
@@ -84,6 +86,104 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
   reply(4), reply(5);
   EXPECT_THAT(shapes, ::testing::ElementsAre(0, 2, 3));
   EXPECT_THAT(frames, ::testing::ElementsAre(1 + 2, 1 + 3, 1 + 3)) << "the camera's, and of what moves";
+}
+
+// What the viewers see of one target: where its sight line ends, and what stands there.
+struct SeenTarget {
+  glm::dvec3 end_m{0.0};
+  std::string text;
+};
+
+SeenTarget seen_target(const v1::OpenSession& open, const LevelView* level) {
+  SeenTarget seen;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic != RecordTopic::kSight) return;
+    const auto& lines = dynamic_cast<const foxglove::SceneUpdate&>(made).entities(1);
+    const foxglove::Point3& end = lines.lines(0).points(1);
+    seen.end_m = {end.x(), end.y(), end.z()};
+    seen.text = lines.texts(0).text();
+  };
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open(open);
+  viewers.take_open(open, level);
+  v1::CameraReply reply;
+  reply.add_targets()->set_id(7);
+  reply.mutable_targets(0)->set_filtered_share(0.5f);
+  viewers.take_reply(reply, 1, emit);
+  return seen;
+}
+
+TEST(ViewerChannels, SightLinesEndAtTheAimPoint) {
+  v1::OpenSession open;
+  v1::NewInstance& person = *open.add_instances();
+  person.set_id(7);
+  person.mutable_shape()->mutable_sphere()->set_radius(1.0);
+  person.mutable_pose()->mutable_position()->set_x(10.0);
+  person.mutable_scale()->set_x(1.0), person.mutable_scale()->set_y(3.0), person.mutable_scale()->set_z(1.0);
+  v1::Target& target = *open.add_targets();
+  target.set_id(7);
+  EXPECT_EQ(seen_target(open, nullptr).end_m, glm::dvec3(0, 10, 0)) << "x of glTF is y of the viewer";
+  target.mutable_aim_offset()->set_y(0.5);
+  EXPECT_EQ(seen_target(open, nullptr).end_m, glm::dvec3(0, 10, 1.5)) << "the offset is scaled with the instance";
+  EXPECT_EQ(seen_target(open, nullptr).text, "target 7: 50 %");
+}
+
+TEST(ViewerChannels, ATargetOfTheSceneFileHasItsPlaceAndName) {
+  v1::OpenSession open;
+  v1::NodeBinding& binding = *open.mutable_scene()->add_bindings();
+  binding.set_node("Anna");
+  binding.set_id(7);
+  open.add_targets()->set_id(7);
+  LevelView level;
+  LevelNode& anna = level.nodes[7];
+  anna.rest.position_m = {1, 2, 3};
+  anna.centre_m = {0, 0.9, 0};
+  anna.name = "Anna";
+  const SeenTarget seen = seen_target(open, &level);
+  EXPECT_EQ(seen.end_m, glm::dvec3(1, 2, 3.9));
+  EXPECT_EQ(seen.text, "Anna: 50 %");
+}
+
+TEST(ViewerChannels, TheLevelIsThereAsTriangles) {
+  GeometryStore store;
+  MeshData triangle{.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .indices = {0, 1, 2}};
+  SceneMirror mirror;
+  SceneDelta delta;
+  delta.asset_ids_allowed = true;
+  for (const uint64_t id : {kAssetIdBit, kAssetIdBit | 1}) {
+    const auto geometry = store.intern(triangle);
+    ASSERT_TRUE(geometry.has_value());
+    NewInstance& added = delta.add.emplace_back();
+    added.id = id;
+    added.geometry = *geometry;
+    added.pose.position_m.x = static_cast<double>(id & 1);
+  }
+  ASSERT_TRUE(mirror.apply(delta, {}).has_value());
+  Convention convention = gltf_convention();
+  convention.origin_m = {100, 0, 0};
+  const LevelView level = level_view_of(mirror, convention, {}, 5);
+  EXPECT_EQ(level.triangles, 2u);
+  ASSERT_EQ(level.shapes.entities_size(), 2);
+  const foxglove::TriangleListPrimitive& drawn = level.shapes.entities(0).triangles(0);
+  EXPECT_EQ(drawn.indices_size(), 3);
+  EXPECT_EQ(drawn.points_size(), 3);
+  EXPECT_EQ(level.nodes.at(kAssetIdBit | 1).rest.position_m, glm::dvec3(0, 101, 0)) << "absolute, in the viewers' axes";
+
+  std::vector<std::string> frames;
+  int levels = 0;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    levels += topic == RecordTopic::kLevel;
+    if (topic != RecordTopic::kStaticFrames) return;
+    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms()) frames.push_back(frame.child_frame_id());
+  };
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  viewers.take_open({}, &level);
+  viewers.emit_still(1, emit);
+  viewers.emit_level(1, emit);
+  EXPECT_EQ(levels, 1);
+  EXPECT_THAT(frames, ::testing::IsSupersetOf({viewer_frame_of(kAssetIdBit), viewer_frame_of(kAssetIdBit | 1)}));
 }
 
 }  // namespace

@@ -68,7 +68,7 @@ struct Numbered {
     info.set_layout_version(1);
     info.set_part(part);
     info.set_snapshot_ticks(snapshot_ticks);
-    file.emplace(std::make_unique<StringSink>(bytes), info, 1, McapWriterOptions{});
+    file.emplace(std::make_unique<StringSink>(bytes), info, McapWriterOptions{});
     put(RecordTopic::kOpen, 1, v1::OpenSession());
   }
   void put(RecordTopic topic, uint32_t number, const google::protobuf::MessageLite& message) {

@@ -45,7 +45,7 @@ class Verbs : public testing::Test {
   static const std::string& hall() {
     static const std::string bytes = [] {
       const auto sampler = make_embree_sampler_device();
-      return record_hall(*sampler, {.ticks = 90, .merge_every = 3}).bytes;
+      return record_hall(*sampler, {.ticks = 90, .merge_every = 3, .memory_every = 4}).bytes;
     }();
     return bytes;
   }

@@ -38,7 +38,7 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
   EXPECT_EQ(session["replies"], 60);
   EXPECT_EQ(session["merged"], 30);
   EXPECT_EQ(session["rejections"], 0);
-  EXPECT_NEAR(told["duration_s"].get<double>(), 90 / 60.0 + 0.001, 1e-6);
+  EXPECT_NEAR(told["duration_s"].get<double>(), 90 / 60.0 + 0.002, 1e-6);
   EXPECT_EQ(told["finished"], true);
   // The messages are counted one by one instead.
   std::map<std::string, uint64_t> counts;
@@ -61,7 +61,7 @@ TEST_F(Verbs, InfoTellsWhatIsMissingAndWhy) {
   EXPECT_EQ(json::parse(info({file}, true).out)["session"]["missing"]["QUEUE_FULL"], 14);
 }
 
-TEST_F(Verbs, InfoReadsTheSummaryAndTheFirstChunkAlone) {
+TEST_F(Verbs, InfoReadsTheSummaryAndTheFirstAndTheLastChunksAlone) {
   Told told;
   for (uint64_t i = 1; i <= 20'000; ++i) told.tick(i), told.reply(i);
   const std::string bytes = told.finish();
@@ -70,8 +70,9 @@ TEST_F(Verbs, InfoReadsTheSummaryAndTheFirstChunkAlone) {
   ASSERT_TRUE(summary.has_value());
   EXPECT_EQ(summary->ticks, 20'000u);
   const std::vector<mcap::ChunkIndex> chunks = recording_of(bytes).container().chunks;
-  const uint64_t behind_data = bytes.size() - chunks.back().chunk_start;
-  EXPECT_LE(source->take_count(), chunks.front().chunk_length + behind_data + 4096);
+  // The head and the first tick; the ticks of the last second; the tail.
+  const uint64_t from_last = bytes.size() - chunks.at(chunks.size() - 4).chunk_start;
+  EXPECT_LE(source->take_count(), 2 * chunks.front().chunk_length + from_last + 4096);
   EXPECT_GT(summary->chunks, 100u);
 }
 
@@ -83,7 +84,7 @@ TEST_F(Verbs, AnUnfinishedFileIsRecovered) {
   EXPECT_EQ(verify(file).status, 1);
 
   const Said done = recover(file, path("copy.mcap"));
-  EXPECT_EQ(done.status, 0) << done.err;
+  EXPECT_EQ(done.status, 1) << "half a chunk is lost";
   EXPECT_EQ(verify(path("copy.mcap")).status, 0) << verify(path("copy.mcap")).out;
   EXPECT_THAT(info({path("copy.mcap")}).out, HasSubstr("recovered"));
   const auto all = messages_of(hall()), copied = messages_of(bytes_of(path("copy.mcap")));
@@ -105,7 +106,7 @@ TEST_F(Verbs, ADamagedChunkIsNamedAndLeftOut) {
   EXPECT_THAT(checked.out, HasSubstr("1 chunk"));
 
   const Said done = recover(file, path("copy.mcap"));
-  EXPECT_EQ(done.status, 0) << done.err;
+  EXPECT_EQ(done.status, 1) << "a chunk is lost";
   EXPECT_THAT(done.out, HasSubstr("1 chunk"));
   EXPECT_EQ(verify(path("copy.mcap")).status, 0) << verify(path("copy.mcap")).out;
   std::vector<PlainMessage> expected = messages_of(hall());

@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x1811725195b14bb2;
-constexpr uint64_t kLlvmpipeHash = 0x1811725195b14bb2;
+constexpr uint64_t kEmbreeHash = 0xb8317296f3856d94;
+constexpr uint64_t kLlvmpipeHash = 0xb8317296f3856d94;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

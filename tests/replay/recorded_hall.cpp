@@ -10,7 +10,8 @@
 namespace sightline::test {
 
 RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& options) {
-  const auto glb = scenes::make_hall({.seed = 1, .duration_s = options.ticks / 60.0 + 1.0});
+  const double duration_s = options.ticks / 60.0 + 1.0;
+  const auto glb = options.scene ? options.scene(duration_s) : scenes::make_hall({.seed = 1, .duration_s = duration_s});
   LocalWorld world("", sampler);
   const auto asset = world.scenes.add_uploaded(glb);
   EXPECT_TRUE(asset.has_value());
@@ -58,6 +59,11 @@ RecordedHall record_hall(SamplerDevice& sampler, const RecordedHallOptions& opti
     put(reply, log_ns + 1'000'000);
     recorded.hash = reply_hash(reply, recorded.hash);
     ++recorded.replies;
+    if (options.memory_every > 0 && recorded.replies % static_cast<size_t>(options.memory_every) == 0) {
+      v1::StepMemory memory;
+      (*session)->write_memory(memory);
+      put(memory, log_ns + 2'000'000);
+    }
   }
   EXPECT_TRUE(writer.finish().has_value());
   return recorded;

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
@@ -17,7 +19,9 @@ struct RecordedHallOptions {
   uint64_t seed = 1;
   int merge_every = 0;    // 2: every second tick is merged into the next; 0: none
   int quality_level = 0;  // of every step
+  int memory_every = 0;   // 60: the server's memory after every 60th reply; 0: none
   bool attach_scene = true;
+  std::function<std::vector<std::byte>(double duration_s)> scene = {};  // empty: the hall
   v1::Settings settings = {};
   tuning::v1alpha1::Tuning tuning = {};
   // Changes the opening, and tick i before it is applied and recorded, given the newest reply. A tick that is then refused

@@ -163,17 +163,40 @@ TEST_F(ReplayHere, AStartFromASnapshotNeedNotBeEqual) {
   EXPECT_EQ(replay_here(other_seed, {"seed=3"}).verdict, ReplayVerdict::kDiffers);
 }
 
-// A cut from the middle begins with a snapshot tick that no reply answers.
+// A cut from the middle of a recording without memories begins with a snapshot tick that no reply answers.
 TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 960});
+  MemorySink sink;
+  const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 15.5}, sink);
+  ASSERT_TRUE(cut.has_value()) << to_string(cut.error());
+  EXPECT_EQ(cut->snapshot_ticks, 929u);
+  EXPECT_EQ(cut->lead_messages, 0u);
+  const Replayed replayed = replay_here(sink.bytes());
+  EXPECT_EQ(replayed.replies, 31u);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kAlike) << replayed.text;
+  EXPECT_THAT(replayed.text, HasSubstr("no memory of the camera"));
+  EXPECT_THAT(replayed.text, Not(HasSubstr("missing")));
+}
+
+// Near the beginning of a session its own messages lead in.
+TEST_F(ReplayHere, AnEarlyCutBeginsWithTheSession) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 90});
   MemorySink sink;
   const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 0.5}, sink);
   ASSERT_TRUE(cut.has_value()) << to_string(cut.error());
-  EXPECT_EQ(cut->snapshot_ticks, 29u);
-  const Replayed replayed = replay_here(sink.bytes(), {}, "from_snapshot");
-  EXPECT_EQ(replayed.replies, 61u);
-  EXPECT_EQ(replayed.verdict, ReplayVerdict::kAlike);
-  EXPECT_THAT(replayed.text, Not(HasSubstr("missing")));
+  EXPECT_EQ(cut->snapshot_ticks, 0u);
+  EXPECT_NEAR(cut->lead_s, 0.5, 1e-6);
+  EXPECT_EQ(replay_here(sink.bytes()).verdict, ReplayVerdict::kEqual);
+}
+
+TEST_F(ReplayHere, NothingToCompareIsNotCalledEqual) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
+  const std::string silent = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter&) {
+    return event.topic != RecordTopic::kReply;
+  });
+  const Replayed replayed = replay_here(silent);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kNothing);
+  EXPECT_THAT(replayed.text, HasSubstr("nothing to compare: the recording has no reply"));
 }
 
 // All that the ticks added together is more than one message may hold, so a later part cannot begin in the session's
@@ -337,6 +360,8 @@ TEST_F(ReplayCommand, OtherSettingsShowBothRunsAndTheTruth) {
   for (const char* line : {"travel", "peak speed", "0.50 m/s", "true: r_N",
                            "true: body collisions", "2 pictures of each"})
     EXPECT_THAT(out_.str(), HasSubstr(line));
+  // The recorded camera went faster than the new limit, which did not hold for it.
+  EXPECT_THAT(out_.str(), testing::ContainsRegex("motion limit violations \\(frames\\) +0 +0"));
   // The written recording has the changed settings, and replays equal without --set.
   ASSERT_EQ(run({.file = again}), 0) << err_.str();
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));

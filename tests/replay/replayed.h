@@ -75,6 +75,7 @@ inline Replayed replay_on(ReplayBackend& place, const Recording& recording,
     const auto more = replay.next(step);
     EXPECT_TRUE(more.has_value()) << to_string(more.error());
     if (!more || !*more) break;
+    tally.excuse(replay.inexact());
     tally.add(step);
     if (step.answer.has_reply) done.all.push_back(step.answer.reply);
   }

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   }
   write(folder / "yard.mcap",
         sightline::test::record_yard(*sampler, {.convention = sightline::v1::Convention::PRESET_UNREAL}).bytes);
-  write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300}).bytes);
+  write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300, .memory_every = 60}).bytes);
   write(folder / "lost.mcap",
         sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
   return testing::Test::HasFailure() ? 1 : 0;

@@ -185,6 +185,11 @@ RecordedYard record_yard(SamplerDevice& sampler, const RecordedYardOptions& opti
     set_times(i, *reply.mutable_stage_times());
     put(writer, reply, log_ns + 1'500'000);
     recorded.replies.push_back(std::move(reply));
+    if (options.memory_every > 0 && recorded.replies.size() % static_cast<size_t>(options.memory_every) == 0) {
+      v1::StepMemory memory;
+      (*session)->write_memory(memory);
+      put(writer, memory, log_ns + 2'000'000);
+    }
   }
   if (options.finished) {
     EXPECT_TRUE(writer.finish().has_value());

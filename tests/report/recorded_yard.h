@@ -20,6 +20,7 @@ struct RecordedYardOptions {
   bool finished = true;       // false: the file ends as after a kill
   uint64_t snapshot_ticks = 0;  // only stated in the file's info
   int points = 8;             // surface points of a target
+  int memory_every = 0;       // 60: the server's memory after every 60th reply; 0: none
 };
 
 // The ticks at which the events of the yard happen.

@@ -1,6 +1,7 @@
 // Draws the lanes of the time line. A column of pixels that many frames share shows the worst of them: a short loss of
 // sight is never smoothed away.
 import { colour, fixed, plain, targetColour } from './dom.js';
+import { makeGraphLanes } from './graph_lanes.js';
 import { isTrouble, look, sightAt, stageTotalUs } from './session.js';
 
 // Room for the names, pixels.
@@ -15,6 +16,7 @@ export function makeLanes(session) {
   if (session.marks.length) lanes.push(events(session));
   lanes.push(
     flags(session),
+    ...makeGraphLanes(session),
     cells(session),
     stages(session),
   );

@@ -147,6 +147,7 @@ function wireKeys(keys) {
 
 // "#frame=120" opens the page there, and the address follows what is shown when it rests.
 function wireAddress(player) {
+  if (window.parent !== window) return; // one of two pages side by side: it has no address of its own
   const read = () => {
     const frame = /^#frame=(\d+)$/.exec(window.location.hash);
     if (frame) player.seek(Number(frame[1]));

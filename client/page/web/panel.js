@@ -206,7 +206,7 @@ export class FramePanel {
     this.set('speed', `${fixed(Math.hypot(...velocity), 2)} m/s`);
     this.set(
       'clearance',
-      Number.isNaN(session.clearance_m[frame]) ? DASH : `${fixed(session.clearance_m[frame], 2)} m`,
+      Number.isNaN(session.clearance_m[frame]) ? DASH : `${fixed(session.clearance_m[frame], 2)} m${session.clearance_m[frame] === session.clearance_reach_m ? ' or more' : ''}`,
     );
   }
 

@@ -92,6 +92,7 @@ export class SceneView {
       (place) => this.meshes.isOpen(place, this.middle()) && this.meshes.isOpen(place, this.place()),
     );
     this.outside.position.copy(open || places[0]);
+    this.stepBack(focus);
     this.controls = new OrbitControls(this.outside, this.canvas);
     this.controls.target.copy(focus);
     this.controls.zoomToCursor = true;
@@ -99,6 +100,29 @@ export class SceneView {
     this.controls.update();
     this.controls.addEventListener('change', () => this.render());
     this.followed = focus;
+  }
+
+  // Moves the outside viewpoint away from what it looks at until the camera and every target are in the picture, with room for the
+  // buttons above and the inset below.
+  stepBack(focus) {
+    const { session } = this,
+      frame = this.player.frame;
+    const { clientWidth: width, clientHeight: height } = this.section;
+    const shown = session.targets
+      .map((_, k) => sightAt(session, frame, k))
+      .filter(({ placed }) => placed)
+      .map(({ aim }) => new THREE.Vector3(...aim));
+    shown.push(this.place(frame));
+    this.outside.aspect = height > 0 ? width / height : session.aspect;
+    this.outside.lookAt(focus);
+    this.outside.updateProjectionMatrix();
+    const inside = (point) => {
+      this.outside.updateMatrixWorld();
+      const at = point.clone().project(this.outside);
+      return at.z < 1 && Math.abs(at.x) < 0.8 && Math.abs(at.y) < 0.7;
+    };
+    for (let tries = 0; tries < 20 && !shown.every(inside); tries++)
+      this.outside.position.sub(focus).multiplyScalar(1.2).add(focus);
   }
 
   // Moves with the targets, keeping what the user has chosen.

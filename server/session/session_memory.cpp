@@ -1,0 +1,416 @@
+// All that a session carries from step to step, as bytes: the one place that lists the fields. A class that gets another field does not
+// compile here until the field is in its list. Fields that have no meaning for the next step are named and left out.
+//
+// Ticks say the rest: a session that goes on from these bytes already has the same scene, settings, limits and lens.
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "server/base/field_archive.h"
+#include "server/session/session.h"
+
+namespace sightline {
+
+// A friend of the classes whose fields are private.
+struct StateFields {
+  // --- camera and motion
+
+  template <typename A, SameAs<Pose> T>
+  static void each(A& archive, T& pose) {
+    auto& [position_m, rotation] = pose;
+    archive(position_m, rotation);
+  }
+  template <typename A, SameAs<CameraState> T>
+  static void each(A& archive, T& camera) {
+    auto& [pose, velocity, acceleration, angular_velocity] = camera;
+    archive(pose, velocity, acceleration, angular_velocity);
+  }
+  template <typename A, SameAs<ViewAngles> T>
+  static void each(A& archive, T& angles) {
+    auto& [yaw, pitch, roll] = angles;
+    archive(yaw, pitch, roll);
+  }
+  template <typename A, SameAs<TurnState> T>
+  static void each(A& archive, T& turn) {
+    auto& [angles, yaw_rate, pitch_rate] = turn;
+    archive(angles, yaw_rate, pitch_rate);
+  }
+  template <typename A, SameAs<ZoomState> T>
+  static void each(A& archive, T& zoom) {
+    auto& [fov, lens_fov] = zoom;
+    archive(fov, lens_fov);
+  }
+  template <typename A, SameAs<WantedShot> T>
+  static void each(A& archive, T& shot) {
+    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, viewpoint] = shot;
+    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, viewpoint);
+  }
+  template <typename A, SameAs<CutState> T>
+  static void each(A& archive, T& cut) {
+    auto& [since, unseen, next_rank, most_seen, takes_partial] = cut;
+    archive(since, unseen, next_rank, most_seen, takes_partial);
+  }
+  template <typename A, SameAs<Trail> T>
+  static void each(A& archive, T& trail) {
+    auto& [places] = trail;
+    archive(places);
+  }
+  template <typename A, typename Value>
+  static void each(A& archive, RecentTrack<Value>& track) {
+    auto& [entries] = track;
+    archive(entries);
+  }
+  template <typename A, typename Value>
+  static void each(A& archive, const RecentTrack<Value>& track) {
+    auto& [entries] = track;
+    archive(entries);
+  }
+  template <typename A, typename T>
+    requires SameAs<T, RecentTrack<glm::dvec3>::Entry> || SameAs<T, RecentTrack<glm::dquat>::Entry>
+  static void each(A& archive, T& entry) {
+    auto& [value, age] = entry;
+    archive(value, age);
+  }
+  template <typename A, SameAs<SuggestedPath> T>
+  static void each(A& archive, T& path) {
+    auto& [position, rotation] = path;
+    archive(position, rotation);
+  }
+
+  // --- prediction
+
+  template <typename A, SameAs<PredictionSettings> T>
+  static void each(A& archive, T& settings) {
+    auto& [ahead, smoothing, lasts, memory, tolerance_m, tolerance_rad, max_speed, max_turn] = settings;
+    archive(ahead, smoothing, lasts, memory, tolerance_m, tolerance_rad, max_speed, max_turn);
+  }
+  template <typename A, SameAs<MotionPredictor::Track::Step> T>
+  static void each(A& archive, T& step) {
+    auto& [dt, moved] = step;
+    archive(dt, moved);
+  }
+  template <typename A, SameAs<MotionPredictor::Track::Extremes> T>
+  static void each(A& archive, T& top) {
+    auto& [rate, acceleration, dt] = top;
+    archive(rate, acceleration, dt);
+  }
+  template <typename A, SameAs<MotionPredictor::Track> T>
+  static void each(A& archive, T& track) {
+    auto& [rate, acceleration, steps, next, count, top, drift, mismatch, judged] = track;
+    archive(rate, acceleration, steps, next, count, top, drift, mismatch, judged);
+  }
+  template <typename A, SameAs<MotionPredictor> T>
+  static void each(A& archive, T& predictor) {
+    auto& [settings, last, seen, travel, turn] = predictor;
+    archive(settings, last, seen, travel, turn);
+  }
+  template <typename A, SameAs<TargetPast> T>
+  static void each(A& archive, T& past) {
+    auto& [id, predictor] = past;
+    archive(id, predictor);
+  }
+
+  // --- visibility
+
+  template <typename A, SameAs<ViewpointMap> T>
+  static void each(A& archive, T& map) {
+    auto& [directions, distance, ids, shares, known, places, look_up] = map;
+    (void)directions, (void)places, (void)look_up;  // constant; working memory
+    archive(distance, ids, shares, known);
+  }
+  template <typename A, SameAs<Lattice::Cell> T>
+  static void each(A& archive, T& cell) {
+    auto& [index, owner] = cell;
+    archive(index, owner);
+  }
+  template <typename A, SameAs<Lattice> T>
+  static void each(A& archive, T& lattice) {
+    auto& [spacing, side, runs, size, positions, listed, covers, owners, cells, addresses] = lattice;
+    (void)runs, (void)size, (void)positions, (void)listed, (void)addresses;  // made again in every step
+    archive(spacing, side, covers, owners, cells);
+  }
+  template <typename A, SameAs<TargetSwitch> T>
+  static void each(A& archive, T& state) {
+    auto& [held_until, visible] = state;
+    archive(held_until, visible);
+  }
+  template <typename A, SameAs<VisibilityRecord> T>
+  static void each(A& archive, T& record) {
+    auto& [visible, known] = record;
+    archive(visible, known);
+  }
+  template <typename A, SameAs<VisibilityHistory::Slot> T>
+  static void each(A& archive, T& slot) {
+    auto& [owner, step] = slot;
+    archive(owner, step);
+  }
+  template <typename A, SameAs<VisibilityHistory> T>
+  static void each(A& archive, T& history) {
+    auto& [step, targets, slots, records, scratch] = history;
+    (void)scratch;
+    archive(step, targets, slots, records);
+  }
+  template <typename A, SameAs<TemporalVolume> T>
+  static void each(A& archive, T& volume) {
+    auto& [settings, steps, lattice_slots, target_ids, history, switches, scratch, old_of_new] = volume;
+    (void)settings, (void)steps, (void)lattice_slots, (void)scratch, (void)old_of_new;  // of the present step
+    archive(target_ids, history, switches);
+  }
+  template <typename A, SameAs<OcclusionSmoother::Past> T>
+  static void each(A& archive, T& past) {
+    auto& [owner, step, smoothed] = past;
+    archive(owner, step, smoothed);
+  }
+  template <typename A, SameAs<OcclusionSmoother> T>
+  static void each(A& archive, T& smoother) {
+    auto& [step, cells, travellers] = smoother;
+    archive(step, cells, travellers);
+  }
+  template <typename A, SameAs<HiddenAhead::Slice> T>
+  static void each(A& archive, T& slice) {
+    auto& [renewed, shares] = slice;
+    archive(renewed, shares);
+  }
+  template <typename A, SameAs<HiddenAhead> T>
+  static void each(A& archive, T& ahead) {
+    auto& [slices, first, next, steps, newest_owner] = ahead;
+    archive(slices, first, next, steps, newest_owner);
+  }
+  template <typename A, SameAs<CandidateMemory> T>
+  static void each(A& archive, T& memory) {
+    auto& [lattice, volume, smoother, ahead, ahead_targets] = memory;
+    archive(lattice, volume, smoother, ahead, ahead_targets);
+  }
+  template <typename A, SameAs<ShareWindow::Step> T>
+  static void each(A& archive, T& step) {
+    auto& [time, seen, points] = step;
+    archive(time, seen, points);
+  }
+  template <typename A, SameAs<ShareWindow::Track> T>
+  static void each(A& archive, T& track) {
+    auto& [id, added, kept, ring] = track;
+    archive(id, added, kept, ring);
+  }
+  template <typename A, SameAs<ShareWindow> T>
+  static void each(A& archive, T& window) {
+    auto& [time, tracks] = window;
+    archive(time, tracks);
+  }
+
+  // --- the whole
+
+  template <typename A, SameAs<CarriedState> T>
+  static void each(A& archive, T& state) {
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, shares, given_up, not_aimed_at,
+           path, cut, pull] = state;
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, shares, given_up, not_aimed_at,
+            path, cut, pull);
+  }
+  template <typename A, SameAs<Target> T>
+  static void each(A& archive, T& target) {
+    auto& [id, weight, required, aim_offset, layers, attached, ignored] = target;
+    archive(id, weight, required, aim_offset, layers, attached, ignored);
+  }
+
+  // An instance that has moved: where it is, to the bit.
+  struct Moved {
+    uint64_t id = 0;
+    Pose pose;
+    glm::dvec3 velocity_mps{0.0};
+  };
+  template <typename A, SameAs<Moved> T>
+  static void each(A& archive, T& instance) {
+    auto& [id, pose, velocity] = instance;
+    archive(id, pose, velocity);
+  }
+  // Slots decide the order of what is equal otherwise.
+  struct Slot {
+    uint32_t slot = 0;
+    uint64_t id = 0;  // 0: free
+  };
+  template <typename A, SameAs<Slot> T>
+  static void each(A& archive, T& place) {
+    auto& [slot, id] = place;
+    archive(slot, id);
+  }
+  struct Scene {
+    uint64_t revision = 0, hash = 0, slot_count = 0;
+    std::vector<Moved> moved;
+    std::vector<Slot> rearranged;
+    std::vector<uint32_t> free_slots;
+  };
+  template <typename A, SameAs<Scene> T>
+  static void each(A& archive, T& scene) {
+    auto& [revision, hash, slot_count, moved, rearranged, free_slots] = scene;
+    archive(revision, hash, slot_count, moved, rearranged, free_slots);
+  }
+  struct Memory {
+    Scene scene;
+    std::vector<Target> targets;
+    bool ticked = false;
+    uint64_t sequence = 0, steps = 0;
+    double time_s = 0.0;
+    std::vector<uint64_t> derived_moving, former_ids;
+    CarriedState carried;
+  };
+  template <typename A, SameAs<Memory> T>
+  static void each(A& archive, T& memory) {
+    auto& [scene, targets, ticked, sequence, steps, time, derived_moving, former_ids, carried] = memory;
+    archive(scene, targets, ticked, sequence, steps, time, derived_moving, former_ids, carried);
+  }
+
+  // --- the scene
+
+  static Scene scene_of(const SceneMirror& mirror) {
+    Scene scene{.revision = mirror.revision_, .hash = mirror.hash_, .slot_count = mirror.slots_.size(), .moved = {}, .rearranged = {},
+                .free_slots = mirror.free_slots_};
+    for (const uint32_t slot : mirror.moving_slots_) {
+      const Instance& instance = mirror.slots_[slot];
+      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps});
+    }
+    for (const uint32_t slot : mirror.rearranged_slots_) scene.rearranged.push_back({slot, mirror.slots_[slot].id});
+    return scene;
+  }
+
+  // The slot of every instance, by `scene`; empty when the mirror holds other instances.
+  static std::vector<uint64_t> ids_by_slot(const SceneMirror& mirror, const Scene& scene) {
+    std::vector<uint64_t> ids(std::min<uint64_t>(scene.slot_count, kMaxInstances), 0);
+    size_t placed = 0;
+    std::set<uint64_t> rearranged;
+    for (const auto& [slot, id] : scene.rearranged) {
+      if (slot >= ids.size() || (id != 0 && (!mirror.slot_of(id) || !rearranged.insert(id).second))) return {};
+      ids[slot] = id;
+      placed += id != 0;
+    }
+    for (const auto& [id, slot] : mirror.slot_by_id_) {
+      if (rearranged.contains(id)) continue;
+      if (slot >= ids.size() || ids[slot] != 0) return {};
+      ids[slot] = id;
+      ++placed;
+    }
+    std::vector<bool> is_free(ids.size(), false);
+    for (const uint32_t slot : scene.free_slots) {
+      if (slot >= ids.size() || ids[slot] != 0 || is_free[slot]) return {};
+      is_free[slot] = true;
+    }
+    return placed == mirror.size() && placed + scene.free_slots.size() == ids.size() ? ids : std::vector<uint64_t>{};
+  }
+
+  static bool resume(SceneMirror& mirror, const Scene& scene) {
+    const std::vector<uint64_t> ids = ids_by_slot(mirror, scene);
+    if (ids.empty() && scene.slot_count > 0) return false;
+    for (const Moved& moved : scene.moved)
+      if (!mirror.find(moved.id) || !(std::abs(glm::length(moved.pose.rotation) - 1.0) < 1e-3)) return false;
+    std::vector<Instance> slots(ids.size());
+    for (size_t slot = 0; slot < ids.size(); ++slot)
+      if (ids[slot] != 0) slots[slot] = std::move(mirror.slots_[mirror.slot_by_id_.at(ids[slot])]);
+    mirror.slots_ = std::move(slots);
+    mirror.slot_by_id_.clear();
+    mirror.record_hashes_.assign(ids.size(), 0);
+    mirror.named_in_.assign(ids.size(), 0);
+    mirror.free_slots_ = scene.free_slots;
+    mirror.rearranged_slots_.clear();
+    for (const auto& place : scene.rearranged) mirror.rearranged_slots_.insert(place.slot);
+    mirror.hash_ = 0;
+    for (uint32_t slot = 0; slot < ids.size(); ++slot)
+      if (ids[slot] != 0) mirror.slot_by_id_.emplace(ids[slot], slot), mirror.slots_[slot].moving = false, mirror.place(slot);
+    mirror.moving_slots_.clear();
+    for (const auto& [id, pose, velocity_mps] : scene.moved) move(mirror, mirror.slot_by_id_.at(id), pose, velocity_mps);
+    mirror.tidy_moving_slots();
+    mirror.revision_ = scene.revision;
+    ++mirror.version_, ++mirror.static_version_, ++mirror.moving_version_;
+    return mirror.hash_ == scene.hash;
+  }
+
+  // As SceneMirror::move, but to the bit: the rotation is not normalised again.
+  static void move(SceneMirror& mirror, uint32_t slot, const Pose& pose, const glm::dvec3& velocity_mps) {
+    Instance& instance = mirror.slots_[slot];
+    instance.pose = pose;
+    instance.velocity_mps = velocity_mps;
+    instance.moving = true;
+    mirror.moving_slots_.push_back(slot);
+    mirror.place(slot);
+  }
+
+  // --- bytes that may come from anywhere
+
+  static bool possible(const MotionPredictor::Track& track) {
+    return track.next_ < MotionPredictor::kKept && track.count_ <= MotionPredictor::kKept;
+  }
+  static bool possible(const CandidateMemory& memory) {
+    const Lattice& lattice = memory.lattice;
+    const VisibilityHistory& history = memory.volume.history_;
+    const uint64_t side = static_cast<uint64_t>(std::max(lattice.side_, 0));
+    const bool cells = lattice.cells_.empty() || (side < 4096 && lattice.cells_.size() == side * side * side);
+    const size_t rows = history.slots_.size() * history.targets_;
+    return lattice.side_ >= 0 && lattice.spacing_m_ >= 0 && cells && history.targets_ <= kMaxTargets &&
+           memory.volume.target_ids_.size() == history.targets_ && history.records_.size() == rows &&
+           memory.volume.switches_.size() == rows;
+  }
+  static bool possible(const ViewpointMap& map) {
+    return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
+           map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
+  }
+  static bool possible(const CarriedState& state) {
+    const auto past = [](const TargetPast& of) { return possible(of.predictor.travel_) && possible(of.predictor.turn_); };
+    const auto track = [](const ShareWindow::Track& of) { return of.kept <= kShareSteps; };
+    const auto& shares = state.shares.tracks_;
+    const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
+    return possible(state.candidates) && possible(state.viewpoints) && state.pasts.size() <= kMaxTargets &&
+           std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
+           std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
+           state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
+           known(state.shot.viewpoint.value_or(0));
+  }
+};
+
+namespace {
+
+Status unfit(const char* why) {
+  return invalid("memory", why);
+}
+
+}  // namespace
+
+uint64_t Session::memory_layout() {
+  static const uint64_t number = [] {
+    FieldLayout<StateFields> layout;
+    layout(StateFields::Memory{});
+    return layout.number();
+  }();
+  return number;
+}
+
+void Session::write_memory(std::string& out) const {
+  FieldWriter<StateFields> write(out);
+  write(StateFields::scene_of(mirror_), options_.targets, ticked_, sequence_, steps_, time_s_, derived_moving_, former_ids_,
+        stepper_.carried());
+}
+
+Status Session::resume(uint64_t layout, std::string_view memory) {
+  if (layout != memory_layout()) return unfit("was written by a version of the program that carries other data");
+  FieldReader<StateFields> read(memory);
+  StateFields::Memory found;
+  read(found);
+  if (read.failed() || !read.at_end() || !StateFields::possible(found.carried)) return unfit("is damaged");
+  for (const Target& target : found.targets)
+    if (!mirror_.find(target.instance_id)) return unfit("is of a session with other targets");
+  if (found.targets.size() > kMaxTargets) return unfit("is damaged");
+  if (!StateFields::resume(mirror_, found.scene)) return unfit("is of another scene");
+  options_.targets = std::move(found.targets);
+  take_extents();
+  ticked_ = found.ticked;
+  sequence_ = found.sequence;
+  steps_ = found.steps;
+  time_s_ = found.time_s;
+  derived_moving_ = std::move(found.derived_moving);
+  former_ids_ = std::move(found.former_ids);
+  pending_dt_s_ = 0.0;
+  pending_ticks_ = 0;
+  pending_cut_ = false;
+  stepper_.resume(std::move(found.carried));
+  return {};
+}
+
+}  // namespace sightline

@@ -1,0 +1,130 @@
+// Cuts at random places of three recordings, each computed again: every reply must have the bits of the recorded one.
+#include <fstream>
+#include <random>
+
+#include "client/recordings/cut.h"
+#include "scenes/rooms.h"
+#include "server/record/recorder.h"
+#include "tests/record/pretended_files.h"
+#include "tests/replay/replayed.h"
+#include "tests/replay/recorded_hall.h"
+#include "tests/report/recorded_yard.h"
+#include "tests/support/temporary_folder.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMemoryEvery = 50;
+
+std::string cut_of(const Recording& recording, const RecordedRange& range, RecordingCut* told = nullptr) {
+  MemorySink sink;
+  const auto done = cut_recording(recording, range, sink);
+  EXPECT_TRUE(done.has_value()) << to_string(done.error());
+  if (done && told) *told = *done;
+  return sink.bytes();
+}
+
+class RandomCuts : public testing::Test {
+ protected:
+  // Cuts `count` times and computes each cut again.
+  void cut_and_replay(const std::string& bytes, int count, uint32_t seed) {
+    const Recording recording = test::open_recording(bytes);
+    std::mt19937 dice(seed);
+    std::uniform_real_distribution<double> start(0.0, recording.duration_s() - 0.1), length(0.05, 0.6);
+    for (int i = 0; i < count; ++i) {
+      const double start_s = start(dice), end_s = start_s + length(dice);
+      const std::string cut = cut_of(recording, {start_s, end_s});
+      const test::Replayed replayed = test::replay_here(cut);
+      ASSERT_GT(replayed.replies, 0u) << start_s;
+      ASSERT_EQ(replayed.verdict, ReplayVerdict::kEqual) << "from " << start_s << " s to " << end_s << " s\n" << replayed.text;
+    }
+  }
+
+  const std::unique_ptr<SamplerDevice> sampler_ = make_embree_sampler_device();
+};
+
+TEST_F(RandomCuts, OfTheHallReplayToTheBit) {
+  v1::Settings settings;
+  settings.set_preset(v1::Settings::PRESET_PAPER);
+  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .merge_every = 7, .memory_every = kMemoryEvery, .settings = settings}).bytes,
+                 334, 1);
+}
+
+TEST_F(RandomCuts, OfRoomsReplayToTheBit) {
+  const auto rooms = [](double duration_s) { return scenes::make_rooms({.seed = 3, .duration_s = duration_s}); };
+  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .memory_every = kMemoryEvery, .scene = rooms}).bytes, 333, 2);
+}
+
+TEST_F(RandomCuts, OfAYardWithManyEventsReplayToTheBit) {
+  cut_and_replay(test::record_yard(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery}).bytes, 333, 3);
+}
+
+TEST_F(RandomCuts, ACutOfACutReplaysToTheBit) {
+  const std::string hall = test::record_hall(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery}).bytes;
+  const std::string cut = cut_of(test::open_recording(hall), {2.0, 4.5});
+  RecordingCut told;
+  const std::string again = cut_of(test::open_recording(cut), {1.5, 2.0}, &told);
+  EXPECT_GT(told.snapshot_ticks, 100u);
+  EXPECT_EQ(test::replay_here(again).verdict, ReplayVerdict::kEqual);
+}
+
+// The writer asks for a memory when a part is nearly full, and the session answers after its next reply.
+TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
+  const std::string hall = test::record_hall(*sampler_, {.ticks = 1500, .memory_every = 1}).bytes;
+  const Recording recording = test::open_recording(hall);
+  test::PretendedFiles disk;
+  disk.now_ns = test::kRecordedStartNs;
+  {
+    RecordWriter writer({.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
+                        [&] { return disk.now_ns; }, [](const RecordWarning&) {});
+    const auto recorder = writer.open_session(recording.info());
+    const auto put = [&](RecordTopic topic, const auto& message) {
+      disk.now_ns += 1'000'000;
+      EXPECT_TRUE(recorder->record(topic, {disk.now_ns, disk.now_ns}, message));
+      writer.run_once();
+    };
+    put(RecordTopic::kOpen, recording.open_session());
+    put(RecordTopic::kOpened, recording.opened());
+    const auto files = recording.files();
+    for (const RecordedFile& file : *files) recorder->attach(file.name, "", 1, std::make_shared<std::string>(file.bytes));
+    recording.read({}, [&](RecordedEvent& event) {
+      if (event.topic == RecordTopic::kMemory && !recorder->wants_memory()) return true;
+      std::visit([&](const auto& message) { put(event.topic, message); }, event.message);
+      return true;
+    });
+  }
+  ASSERT_GT(disk.files.size(), 2u);
+  uint64_t replies = 0;
+  for (const auto& [name, file] : disk.files) {
+    const Recording part = test::open_recording(*file.bytes);
+    // Large attachments are only in the first part.
+    SceneFileOptions scenes;
+    const test::TemporaryFolder folder;
+    const auto attached = recording.files();
+    std::ofstream(folder / "hall.glb", std::ios::binary) << attached->front().bytes;
+    scenes.files = {(folder / "hall.glb").string()};
+    const test::Replayed replayed = test::replay_here(*file.bytes, {}, {}, scenes);
+    EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << name << '\n' << replayed.text;
+    replies += replayed.replies;
+  }
+  EXPECT_EQ(replies, 1500u);
+}
+
+TEST_F(RandomCuts, ADamagedMemoryIsNotTakenOver) {
+  const std::string hall = test::record_hall(*sampler_, {.ticks = 200, .memory_every = kMemoryEvery}).bytes;
+  const std::string cut = cut_of(test::open_recording(hall), {2.0, 3.0});
+  for (const auto& damage : std::vector<std::function<void(v1::StepMemory&)>>{
+           [](v1::StepMemory& memory) { memory.mutable_state()->back() ^= 1; },
+           [](v1::StepMemory& memory) { memory.set_layout(memory.layout() + 1); }}) {
+    const auto change = [&](RecordedEvent& event, RecordingWriter&) {
+      if (auto* memory = std::get_if<v1::StepMemory>(&event.message)) damage(*memory);
+      return true;
+    };
+    const test::Replayed replayed = test::replay_here(test::rewritten(cut, change));
+    EXPECT_GT(replayed.replies, 0u);
+    EXPECT_NE(replayed.verdict, ReplayVerdict::kEqual);
+  }
+}
+
+}  // namespace
+}  // namespace sightline
