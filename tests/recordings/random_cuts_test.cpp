@@ -75,7 +75,7 @@ TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
   test::PretendedFiles disk;
   disk.now_ns = test::kRecordedStartNs;
   {
-    RecordWriter writer({.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
+    RecordWriter writer({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
                         [&] { return disk.now_ns; }, [](const RecordWarning&) {});
     const auto recorder = writer.open_session(recording.info());
     const auto put = [&](RecordTopic topic, const auto& message) {

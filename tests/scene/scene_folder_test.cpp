@@ -283,7 +283,7 @@ TEST_F(SceneFolder, AnUploadsBytesAreKeptWhereTheyAreWanted) {
 
 TEST_F(SceneFolder, AnUploadsBytesGoWithItsAsset) {
   SceneLibrary keeper("", GltfLimits{}, store, true);
-  const auto first = (*keeper.add_uploaded(triangle_glb(100)))->hash;
+  const auto first = (*keeper.add_uploaded(triangle_glb(1000)))->hash;  // no other one is so wide
   for (size_t i = 0; i < SceneLibrary::kKeptUploads; ++i)
     ASSERT_TRUE(keeper.add_uploaded(triangle_glb(static_cast<float>(i + 1))));
   EXPECT_EQ(keeper.files_of(first).error().code, ErrorCode::kNotFound);

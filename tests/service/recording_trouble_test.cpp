@@ -91,13 +91,13 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
   EXPECT_EQ(counts().failing_sessions(), 1u);
   EXPECT_GT(counts().dropped_messages(), 0u);
   EXPECT_EQ(logged("warning recording degraded"), 1u) << daemon_->errors();
-  EXPECT_EQ(logged("recording recovered"), 0u);
+  EXPECT_EQ(logged("it is written again"), 0u);
 
   fs::remove(folder_);
   play_until([&] { return !flagged(); });
   const size_t recovered = heard_->replies.size();
   play(40);
-  EXPECT_EQ(logged("recording recovered"), 1u) << daemon_->errors();
+  EXPECT_EQ(logged("it is written again"), 1u) << daemon_->errors();
   EXPECT_EQ(counts().failing_sessions(), 0u);
   expect_unharmed();
   test::stop(*daemon_);

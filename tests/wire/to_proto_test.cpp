@@ -121,7 +121,7 @@ TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
     EXPECT_EQ(reply.degradation().sample_points(), static_cast<uint32_t>(used.sample.points));
     EXPECT_EQ(reply.degradation().candidates(), static_cast<uint32_t>(used.aggregate.candidates));
     EXPECT_EQ(reply.degradation().search_resolution(), static_cast<uint32_t>(used.move.viewpoint_search.resolution));
-    EXPECT_FALSE(reply.degradation().predicted_turns());
+    EXPECT_EQ(reply.degradation().predicted_turns(), used.move.turn_probability > 0);
     EXPECT_EQ(reply.degradation().predicted_motion(), used.move.prediction_s > 0);
   }
 }

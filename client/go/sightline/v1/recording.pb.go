@@ -82,7 +82,7 @@ func (x Gap_Reason) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use Gap_Reason.Descriptor instead.
 func (Gap_Reason) EnumDescriptor() ([]byte, []int) {
-	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{2, 0}
+	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{3, 0}
 }
 
 // The first message of every file.
@@ -109,9 +109,9 @@ type RecordingInfo struct {
 	// Start of the session, in nanoseconds since 1970 (UTC).
 	StartTimeNs uint64 `protobuf:"fixed64,10,opt,name=start_time_ns,json=startTimeNs,proto3" json:"start_time_ns,omitempty"`
 	// The file's first tick is a snapshot that combines this many ticks of the session. Later files of a session begin with one,
-	// and so do excerpts. A replay then starts from the same scene and the same camera, but without the memory of the earlier
-	// steps. Its replies are similar, not equal. 0: the file begins with the session, or with a Gap (REASON_TOO_LARGE) in place
-	// of the snapshot.
+	// and so do excerpts. With the StepMemory that follows it, a replay gives equal replies. Without one, a replay starts from the
+	// same scene and the same camera, but without the memory of the earlier steps, and its replies are similar. 0: the file
+	// begins with the session, or with a Gap (REASON_TOO_LARGE) in place of the snapshot.
 	SnapshotTicks uint64 `protobuf:"varint,11,opt,name=snapshot_ticks,json=snapshotTicks,proto3" json:"snapshot_ticks,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -224,6 +224,80 @@ func (x *RecordingInfo) GetSnapshotTicks() uint64 {
 	return 0
 }
 
+// All that the server carries from one step to the next beyond what ticks say. A session that has applied the same ticks, or a snapshot
+// of them, and takes this over gives the same replies as the recorded one. It follows the reply of the step that it was taken after.
+type StepMemory struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Sequence number of the newest tick of that step.
+	Sequence uint64 `protobuf:"varint,1,opt,name=sequence,proto3" json:"sequence,omitempty"`
+	// Names the fields of `state`. A program that carries other data has another number and cannot use it.
+	Layout uint64 `protobuf:"fixed64,2,opt,name=layout,proto3" json:"layout,omitempty"`
+	// For the server alone.
+	State []byte `protobuf:"bytes,3,opt,name=state,proto3" json:"state,omitempty"`
+	// XXH3-64 of `state`, seed 0.
+	Checksum      uint64 `protobuf:"fixed64,4,opt,name=checksum,proto3" json:"checksum,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *StepMemory) Reset() {
+	*x = StepMemory{}
+	mi := &file_sightline_v1_recording_proto_msgTypes[1]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *StepMemory) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*StepMemory) ProtoMessage() {}
+
+func (x *StepMemory) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_recording_proto_msgTypes[1]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use StepMemory.ProtoReflect.Descriptor instead.
+func (*StepMemory) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{1}
+}
+
+func (x *StepMemory) GetSequence() uint64 {
+	if x != nil {
+		return x.Sequence
+	}
+	return 0
+}
+
+func (x *StepMemory) GetLayout() uint64 {
+	if x != nil {
+		return x.Layout
+	}
+	return 0
+}
+
+func (x *StepMemory) GetState() []byte {
+	if x != nil {
+		return x.State
+	}
+	return nil
+}
+
+func (x *StepMemory) GetChecksum() uint64 {
+	if x != nil {
+		return x.Checksum
+	}
+	return 0
+}
+
 // Something went wrong in the server while the session ran.
 type Fault struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -239,7 +313,7 @@ type Fault struct {
 
 func (x *Fault) Reset() {
 	*x = Fault{}
-	mi := &file_sightline_v1_recording_proto_msgTypes[1]
+	mi := &file_sightline_v1_recording_proto_msgTypes[2]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -251,7 +325,7 @@ func (x *Fault) String() string {
 func (*Fault) ProtoMessage() {}
 
 func (x *Fault) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_recording_proto_msgTypes[1]
+	mi := &file_sightline_v1_recording_proto_msgTypes[2]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -264,7 +338,7 @@ func (x *Fault) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Fault.ProtoReflect.Descriptor instead.
 func (*Fault) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{1}
+	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{2}
 }
 
 func (x *Fault) GetSequence() uint64 {
@@ -307,7 +381,7 @@ type Gap struct {
 
 func (x *Gap) Reset() {
 	*x = Gap{}
-	mi := &file_sightline_v1_recording_proto_msgTypes[2]
+	mi := &file_sightline_v1_recording_proto_msgTypes[3]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -319,7 +393,7 @@ func (x *Gap) String() string {
 func (*Gap) ProtoMessage() {}
 
 func (x *Gap) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_recording_proto_msgTypes[2]
+	mi := &file_sightline_v1_recording_proto_msgTypes[3]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -332,7 +406,7 @@ func (x *Gap) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Gap.ProtoReflect.Descriptor instead.
 func (*Gap) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{2}
+	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{3}
 }
 
 func (x *Gap) GetReason() Gap_Reason {
@@ -389,7 +463,7 @@ type VisibilitySample struct {
 
 func (x *VisibilitySample) Reset() {
 	*x = VisibilitySample{}
-	mi := &file_sightline_v1_recording_proto_msgTypes[3]
+	mi := &file_sightline_v1_recording_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -401,7 +475,7 @@ func (x *VisibilitySample) String() string {
 func (*VisibilitySample) ProtoMessage() {}
 
 func (x *VisibilitySample) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_recording_proto_msgTypes[3]
+	mi := &file_sightline_v1_recording_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -414,7 +488,7 @@ func (x *VisibilitySample) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use VisibilitySample.ProtoReflect.Descriptor instead.
 func (*VisibilitySample) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{3}
+	return file_sightline_v1_recording_proto_rawDescGZIP(), []int{4}
 }
 
 func (x *VisibilitySample) GetTimeS() float64 {
@@ -472,7 +546,13 @@ const file_sightline_v1_recording_proto_rawDesc = "" +
 	"\x04part\x18\t \x01(\rR\x04part\x12\"\n" +
 	"\rstart_time_ns\x18\n" +
 	" \x01(\x06R\vstartTimeNs\x12%\n" +
-	"\x0esnapshot_ticks\x18\v \x01(\x04R\rsnapshotTicks\"S\n" +
+	"\x0esnapshot_ticks\x18\v \x01(\x04R\rsnapshotTicks\"r\n" +
+	"\n" +
+	"StepMemory\x12\x1a\n" +
+	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x16\n" +
+	"\x06layout\x18\x02 \x01(\x06R\x06layout\x12\x14\n" +
+	"\x05state\x18\x03 \x01(\fR\x05state\x12\x1a\n" +
+	"\bchecksum\x18\x04 \x01(\x06R\bchecksum\"S\n" +
 	"\x05Fault\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x14\n" +
 	"\x05stage\x18\x02 \x01(\tR\x05stage\x12\x18\n" +
@@ -511,24 +591,25 @@ func file_sightline_v1_recording_proto_rawDescGZIP() []byte {
 }
 
 var file_sightline_v1_recording_proto_enumTypes = make([]protoimpl.EnumInfo, 1)
-var file_sightline_v1_recording_proto_msgTypes = make([]protoimpl.MessageInfo, 4)
+var file_sightline_v1_recording_proto_msgTypes = make([]protoimpl.MessageInfo, 5)
 var file_sightline_v1_recording_proto_goTypes = []any{
 	(Gap_Reason)(0),          // 0: sightline.v1.Gap.Reason
 	(*RecordingInfo)(nil),    // 1: sightline.v1.RecordingInfo
-	(*Fault)(nil),            // 2: sightline.v1.Fault
-	(*Gap)(nil),              // 3: sightline.v1.Gap
-	(*VisibilitySample)(nil), // 4: sightline.v1.VisibilitySample
-	(*Convention)(nil),       // 5: sightline.v1.Convention
-	(*TargetVisibility)(nil), // 6: sightline.v1.TargetVisibility
-	(TrackingStatus)(0),      // 7: sightline.v1.TrackingStatus
-	(MoveReason)(0),          // 8: sightline.v1.MoveReason
+	(*StepMemory)(nil),       // 2: sightline.v1.StepMemory
+	(*Fault)(nil),            // 3: sightline.v1.Fault
+	(*Gap)(nil),              // 4: sightline.v1.Gap
+	(*VisibilitySample)(nil), // 5: sightline.v1.VisibilitySample
+	(*Convention)(nil),       // 6: sightline.v1.Convention
+	(*TargetVisibility)(nil), // 7: sightline.v1.TargetVisibility
+	(TrackingStatus)(0),      // 8: sightline.v1.TrackingStatus
+	(MoveReason)(0),          // 9: sightline.v1.MoveReason
 }
 var file_sightline_v1_recording_proto_depIdxs = []int32{
-	5, // 0: sightline.v1.RecordingInfo.convention:type_name -> sightline.v1.Convention
+	6, // 0: sightline.v1.RecordingInfo.convention:type_name -> sightline.v1.Convention
 	0, // 1: sightline.v1.Gap.reason:type_name -> sightline.v1.Gap.Reason
-	6, // 2: sightline.v1.VisibilitySample.targets:type_name -> sightline.v1.TargetVisibility
-	7, // 3: sightline.v1.VisibilitySample.status:type_name -> sightline.v1.TrackingStatus
-	8, // 4: sightline.v1.VisibilitySample.reason:type_name -> sightline.v1.MoveReason
+	7, // 2: sightline.v1.VisibilitySample.targets:type_name -> sightline.v1.TargetVisibility
+	8, // 3: sightline.v1.VisibilitySample.status:type_name -> sightline.v1.TrackingStatus
+	9, // 4: sightline.v1.VisibilitySample.reason:type_name -> sightline.v1.MoveReason
 	5, // [5:5] is the sub-list for method output_type
 	5, // [5:5] is the sub-list for method input_type
 	5, // [5:5] is the sub-list for extension type_name
@@ -549,7 +630,7 @@ func file_sightline_v1_recording_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_recording_proto_rawDesc), len(file_sightline_v1_recording_proto_rawDesc)),
 			NumEnums:      1,
-			NumMessages:   4,
+			NumMessages:   5,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

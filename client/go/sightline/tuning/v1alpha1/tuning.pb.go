@@ -750,7 +750,7 @@ func (x *MoveSettings) GetTurnRad() float64 {
 	return 0
 }
 
-// The weights of the strategy MIN_COST. Costs are in metres of camera path. At least one of occlusion, distance, edge_penalty
+// The weights of the strategy MIN_COST. Costs are in metres of camera path. At least one of occlusion, distance
 // and route must be above 0.
 type CostWeights struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -761,18 +761,14 @@ type CostWeights struct {
 	Tolerance *float64 `protobuf:"fixed64,2,opt,name=tolerance,proto3,oneof" json:"tolerance,omitempty"`
 	// The cost of a metre between the candidate and the desired position.
 	Distance *float64 `protobuf:"fixed64,3,opt,name=distance,proto3,oneof" json:"distance,omitempty"`
-	// The cost of a goal at the edge of a group of candidates that see all targets. Small: the camera stays at the edge of the
-	// visible region and loses the targets as soon as they move. Large: it moves into the middle of free space and gives up the
-	// shot.
-	EdgePenalty *float64 `protobuf:"fixed64,4,opt,name=edge_penalty,json=edgePenalty,proto3,oneof" json:"edge_penalty,omitempty"`
-	// The edge penalty ends at this depth inside the group.
-	FullDepthM *float64 `protobuf:"fixed64,5,opt,name=full_depth_m,json=fullDepthM,proto3,oneof" json:"full_depth_m,omitempty"`
-	// The cost of a metre of the path to the candidate, round the colliders.
+	// How much the hidden share at the neighbouring cells of the lattice counts beside that of the candidate itself. Small: the camera
+	// stays at the edge of the visible region and loses the targets as soon as they move. Large: it avoids narrow gaps through which it
+	// would see them.
+	Surroundings *float64 `protobuf:"fixed64,9,opt,name=surroundings,proto3,oneof" json:"surroundings,omitempty"`
+	// The cost of a metre of the path, round the colliders.
 	Route *float64 `protobuf:"fixed64,6,opt,name=route,proto3,oneof" json:"route,omitempty"`
-	// The additional cost of a metre of that path where no target is visible.
-	Exposure *float64 `protobuf:"fixed64,7,opt,name=exposure,proto3,oneof" json:"exposure,omitempty"`
-	// The cost of a goal that is a metre or more from the former one, which is taken to move along with the targets. 0: the camera
-	// alternates between equally good goals. As large as distance - route: it stops up to a metre before the desired position.
+	// A camera that follows the desired position leaves it only for a plan that costs less by this much. 0: it often leaves it for nothing.
+	// Large: it stays in its place while the targets are hidden a little.
 	Steadiness    *float64 `protobuf:"fixed64,8,opt,name=steadiness,proto3,oneof" json:"steadiness,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -829,16 +825,9 @@ func (x *CostWeights) GetDistance() float64 {
 	return 0
 }
 
-func (x *CostWeights) GetEdgePenalty() float64 {
-	if x != nil && x.EdgePenalty != nil {
-		return *x.EdgePenalty
-	}
-	return 0
-}
-
-func (x *CostWeights) GetFullDepthM() float64 {
-	if x != nil && x.FullDepthM != nil {
-		return *x.FullDepthM
+func (x *CostWeights) GetSurroundings() float64 {
+	if x != nil && x.Surroundings != nil {
+		return *x.Surroundings
 	}
 	return 0
 }
@@ -846,13 +835,6 @@ func (x *CostWeights) GetFullDepthM() float64 {
 func (x *CostWeights) GetRoute() float64 {
 	if x != nil && x.Route != nil {
 		return *x.Route
-	}
-	return 0
-}
-
-func (x *CostWeights) GetExposure() float64 {
-	if x != nil && x.Exposure != nil {
-		return *x.Exposure
 	}
 	return 0
 }
@@ -1053,15 +1035,15 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x05bound\x18\x01 \x01(\v2(.sightline.tuning.v1alpha1.BoundSettingsR\x05bound\x12A\n" +
 	"\x06sample\x18\x02 \x01(\v2).sightline.tuning.v1alpha1.SampleSettingsR\x06sample\x12J\n" +
 	"\taggregate\x18\x03 \x01(\v2,.sightline.tuning.v1alpha1.AggregateSettingsR\taggregate\x12;\n" +
-	"\x04move\x18\x04 \x01(\v2'.sightline.tuning.v1alpha1.MoveSettingsR\x04move\"\x8c\x03\n" +
+	"\x04move\x18\x04 \x01(\v2'.sightline.tuning.v1alpha1.MoveSettingsR\x04move\"\x92\x03\n" +
 	"\rBoundSettings\x12N\n" +
-	"\x04mode\x18\x01 \x01(\x0e2$.sightline.tuning.v1alpha1.BoundModeB\x14\xca\xf3\x18\x10\x12\aHORIZON\x1a\x05PAPERR\x04mode\x126\n" +
-	"\thorizon_s\x18\x02 \x01(\x01B\x14\xca\xf3\x18\x10\n" +
-	"\t[0.05, 2]\x12\x030.5H\x00R\bhorizonS\x88\x01\x01\x12@\n" +
+	"\x04mode\x18\x01 \x01(\x0e2$.sightline.tuning.v1alpha1.BoundModeB\x14\xca\xf3\x18\x10\x12\aHORIZON\x1a\x05PAPERR\x04mode\x12<\n" +
+	"\thorizon_s\x18\x02 \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
+	"\t[0.05, 2]\x12\x040.85\x1a\x030.5H\x00R\bhorizonS\x88\x01\x01\x12@\n" +
 	"\rmax_horizon_s\x18\x03 \x01(\x01B\x17\xca\xf3\x18\x13\n" +
 	"\x0e[horizon_s, 2]\x12\x012H\x01R\vmaxHorizonS\x88\x01\x01\x12?\n" +
 	"\x0etarget_reach_m\x18\x04 \x01(\x01B\x14\xca\xf3\x18\x10\n" +
-	"\b[0, 100]\x12\x015\x1a\x010H\x02R\ftargetReachM\x88\x01\x01\x121\n" +
+	"\b[0, 100]\x12\x012\x1a\x010H\x02R\ftargetReachM\x88\x01\x01\x121\n" +
 	"\apaper_n\x18\x05 \x01(\x01B\x13\xca\xf3\x18\x0f\n" +
 	"\b[1, 1e6]\x12\x03300H\x03R\x06paperN\x88\x01\x01B\f\n" +
 	"\n" +
@@ -1080,12 +1062,12 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x06jitter\x18\x03 \x01(\bB\x11\xca\xf3\x18\r\x12\x04true\x1a\x05falseH\x02R\x06jitter\x88\x01\x01B\r\n" +
 	"\v_resolutionB\t\n" +
 	"\a_pointsB\t\n" +
-	"\a_jitter\"\xc0\x03\n" +
+	"\a_jitter\"\xc6\x03\n" +
 	"\x11AggregateSettings\x12N\n" +
-	"\x06volume\x18\x01 \x01(\x0e2!.sightline.tuning.v1alpha1.VolumeB\x13\xca\xf3\x18\x0f\x12\aLATTICE\x1a\x04PAIRR\x06volume\x12C\n" +
+	"\x06volume\x18\x01 \x01(\x0e2!.sightline.tuning.v1alpha1.VolumeB\x13\xca\xf3\x18\x0f\x12\aLATTICE\x1a\x04PAIRR\x06volume\x12I\n" +
 	"\n" +
-	"candidates\x18\x02 \x01(\rB\x1e\xca\xf3\x18\x1a\n" +
-	"\v[27, 32768]\x12\x03343\"\x06pointsH\x00R\n" +
+	"candidates\x18\x02 \x01(\rB$\xca\xf3\x18 \n" +
+	"\v[27, 32768]\x12\x041000\x1a\x03343\"\x06pointsH\x00R\n" +
 	"candidates\x88\x01\x01\x12Q\n" +
 	"\x14visibility_threshold\x18\x03 \x01(\x01B\x19\xca\xf3\x18\x15\n" +
 	"\x06[0, 1]\x12\x040.75\"\x05shareH\x01R\x13visibilityThreshold\x88\x01\x01\x12A\n" +
@@ -1126,7 +1108,7 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\bturn_rad\x18\x06 \x01(\x01B\x12\xca\xf3\x18\x0e\n" +
 	"\t[0, pi/2]\x12\x011H\x01R\aturnRad\x88\x01\x01B\x13\n" +
 	"\x11_turn_probabilityB\v\n" +
-	"\t_turn_rad\"\xe4\x04\n" +
+	"\t_turn_rad\"\x87\x04\n" +
 	"\vCostWeights\x129\n" +
 	"\tocclusion\x18\x01 \x01(\x01B\x16\xca\xf3\x18\x12\n" +
 	"\t[0, 1000]\x12\x0280\"\x01mH\x00R\tocclusion\x88\x01\x01\x12<\n" +
@@ -1134,29 +1116,22 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x06[0, 1]\x12\x040.05\"\x05shareH\x01R\ttolerance\x88\x01\x01\x12:\n" +
 	"\bdistance\x18\x03 \x01(\x01B\x19\xca\xf3\x18\x15\n" +
 	"\a[0, 10]\x12\x011\"\am per mH\x02R\bdistance\x88\x01\x01\x12A\n" +
-	"\fedge_penalty\x18\x04 \x01(\x01B\x19\xca\xf3\x18\x15\n" +
-	"\a[0, 10]\x12\x011\"\am per mH\x03R\vedgePenalty\x88\x01\x01\x128\n" +
-	"\ffull_depth_m\x18\x05 \x01(\x01B\x11\xca\xf3\x18\r\n" +
-	"\x06(0, 5]\x12\x030.6H\x04R\n" +
-	"fullDepthM\x88\x01\x01\x126\n" +
+	"\fsurroundings\x18\t \x01(\x01B\x18\xca\xf3\x18\x14\n" +
+	"\x06[0, 1]\x12\x030.5\"\x05shareH\x03R\fsurroundings\x88\x01\x01\x126\n" +
 	"\x05route\x18\x06 \x01(\x01B\x1b\xca\xf3\x18\x17\n" +
-	"\a[0, 10]\x12\x030.3\"\am per mH\x05R\x05route\x88\x01\x01\x12;\n" +
-	"\bexposure\x18\a \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\b[0, 100]\x12\x015\"\am per mH\x06R\bexposure\x88\x01\x01\x12=\n" +
+	"\a[0, 10]\x12\x030.3\"\am per mH\x04R\x05route\x88\x01\x01\x12=\n" +
 	"\n" +
 	"steadiness\x18\b \x01(\x01B\x18\xca\xf3\x18\x14\n" +
-	"\a[0, 10]\x12\x030.6\x1a\x010\"\x01mH\aR\n" +
+	"\a[0, 10]\x12\x030.6\x1a\x010\"\x01mH\x05R\n" +
 	"steadiness\x88\x01\x01B\f\n" +
 	"\n" +
 	"_occlusionB\f\n" +
 	"\n" +
 	"_toleranceB\v\n" +
 	"\t_distanceB\x0f\n" +
-	"\r_edge_penaltyB\x0f\n" +
-	"\r_full_depth_mB\b\n" +
-	"\x06_routeB\v\n" +
-	"\t_exposureB\r\n" +
-	"\v_steadiness\"\xda\x02\n" +
+	"\r_surroundingsB\b\n" +
+	"\x06_routeB\r\n" +
+	"\v_steadinessJ\x04\b\x04\x10\x05J\x04\b\x05\x10\x06J\x04\b\a\x10\bR\fedge_penaltyR\ffull_depth_mR\bexposure\"\xda\x02\n" +
 	"\x17ViewpointSearchSettings\x122\n" +
 	"\bmemory_s\x18\x01 \x01(\x01B\x12\xca\xf3\x18\x0e\n" +
 	"\a(0, 10]\x12\x030.7H\x00R\amemoryS\x88\x01\x01\x12=\n" +
