@@ -149,7 +149,6 @@ class Documents(unittest.TestCase):
                              f" --no-truth --server 127.0.0.1:{cls.shop.port} --out made && sleep 1.2 && cp recorded/*.mcap hall.mcap")
         assert made.returncode == 0, made.stderr + made.stdout
         whole = (cls.shop.folder / "hall.mcap").read_bytes()
-        (cls.shop.folder / "slower.mcap").write_bytes(whole)
         (cls.shop.folder / "broken.mcap").write_bytes(whole[:len(whole) * 2 // 3])
 
     def of_language(self, language):

@@ -70,12 +70,12 @@ TEST_F(RandomCuts, ACutOfACutReplaysToTheBit) {
 
 // The writer asks for a memory when a part is nearly full, and the session answers after its next reply.
 TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
-  const std::string hall = test::record_hall(*sampler_, {.ticks = 1500, .memory_every = 1}).bytes;
+  const std::string hall = test::record_hall(*sampler_, {.ticks = 2600, .memory_every = 1}).bytes;
   const Recording recording = test::open_recording(hall);
   test::PretendedFiles disk;
   disk.now_ns = test::kRecordedStartNs;
   {
-    RecordWriter writer({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
+    RecordWriter writer({.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
                         [&] { return disk.now_ns; }, [](const RecordWarning&) {});
     const auto recorder = writer.open_session(recording.info());
     const auto put = [&](RecordTopic topic, const auto& message) {
@@ -107,7 +107,7 @@ TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
     EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << name << '\n' << replayed.text;
     replies += replayed.replies;
   }
-  EXPECT_EQ(replies, 1500u);
+  EXPECT_EQ(replies, 2600u);
 }
 
 TEST_F(RandomCuts, ADamagedMemoryIsNotTakenOver) {

@@ -58,6 +58,10 @@ class RecordingTrouble : public testing::Test {
   size_t logged(const std::string& message) const {
     return count(daemon_->errors(), message + " session=" + heard_->opened.session_id());
   }
+  // That the file is written again. A queue that ran over meanwhile has a message of its own.
+  size_t logged_recovery() const {
+    return count(daemon_->errors(), "recording recovered session=" + heard_->opened.session_id() + " reason=\"it is written again\"");
+  }
   // The same ticks at a daemon that does not record.
   uint64_t hash_without_recording() const {
     Daemon plain({"--listen", "127.0.0.1:0"});
@@ -91,13 +95,13 @@ TEST_F(RecordingTrouble, AFolderThatGoesAndComesBack) {
   EXPECT_EQ(counts().failing_sessions(), 1u);
   EXPECT_GT(counts().dropped_messages(), 0u);
   EXPECT_EQ(logged("warning recording degraded"), 1u) << daemon_->errors();
-  EXPECT_EQ(logged("it is written again"), 0u);
+  EXPECT_EQ(logged_recovery(), 0u);
 
   fs::remove(folder_);
   play_until([&] { return !flagged(); });
   const size_t recovered = heard_->replies.size();
   play(40);
-  EXPECT_EQ(logged("it is written again"), 1u) << daemon_->errors();
+  EXPECT_EQ(logged_recovery(), 1u) << daemon_->errors();
   EXPECT_EQ(counts().failing_sessions(), 0u);
   expect_unharmed();
   test::stop(*daemon_);
