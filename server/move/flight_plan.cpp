@@ -55,11 +55,19 @@ void add_to(const float* __restrict values, size_t count, float factor, float* _
   for (size_t i = 0; i < count; ++i) sums[i] += factor * values[i];
 }
 
-// least = min(least, best + half a pass + extra)
+// The lesser of the values at `step` before and after each.
 SIGHTLINE_VECTOR_CLONES
-void take_leg(const float* __restrict best, const float* __restrict pass, size_t count, float extra, float* __restrict least) {
+void least_beside(const float* __restrict values, size_t begin, size_t end, size_t step, float* __restrict least) {
+  const float* before = values - step;
+  const float* after = values + step;
+  for (size_t i = begin; i < end; ++i) least[i] = before[i] < after[i] ? before[i] : after[i];
+}
+
+// least = min(least, values + extra)
+SIGHTLINE_VECTOR_CLONES
+void take_leg(const float* __restrict values, size_t count, float extra, float* __restrict least) {
   for (size_t i = 0; i < count; ++i) {
-    const float value = best[i] + pass[i] + extra;
+    const float value = values[i] + extra;
     least[i] = value < least[i] ? value : least[i];
   }
 }
@@ -104,15 +112,7 @@ glm::dvec3 FlightPlan::at(double time_s) const {
 }
 
 void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices) {
-  spacing_m_ = places.spacing_m();
-  glm::ivec3 low(INT32_MAX), high(INT32_MIN);
-  for (size_t run = 0; run < places.runs().size(); ++run) {
-    const glm::ivec3 first = places.runs()[run].cell;
-    const auto count = static_cast<int>(places.end_of_run(run) - places.runs()[run].first);
-    low = glm::min(low, first);
-    high = glm::max(high, first + glm::ivec3(count - 1, 0, 0));
-  }
-  box_ = {low - 1, high - low + 3};
+  lay_box(places, slices);
   const size_t cells = box_.count();
   open_.assign(cells, 0.0f);
   clear_m_.assign(cells, -1.0f);
@@ -127,6 +127,39 @@ void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearanc
       open_[cell] = clearance_m[i] >= body_radius_m ? 1.0f : 0.0f;
     }
   }
+  pull_.assign(slices, Pull{});
+  lay_legs(body_radius_m);
+  sum_around(open_.data(), open_around_.data());
+}
+
+void FlightPlanner::lay_box(const PlaceView& places, size_t slices) {
+  glm::ivec3 low(INT32_MAX), high(INT32_MIN);
+  for (size_t run = 0; run < places.runs().size(); ++run) {
+    const glm::ivec3 first = places.runs()[run].cell;
+    const auto count = static_cast<int>(places.end_of_run(run) - places.runs()[run].first);
+    low = glm::min(low, first);
+    high = glm::max(high, first + glm::ivec3(count - 1, 0, 0));
+  }
+  const CellBox former = box_;
+  const double former_spacing_m = spacing_m_;
+  box_ = {low - 1, high - low + 3};
+  spacing_m_ = places.spacing_m();
+  if (box_.size == former.size && spacing_m_ == former_spacing_m && cost_.size() == slices) return;
+  const size_t cells = box_.count();
+  begin_ = box_.slice() + box_.row() + 1;
+  end_ = cells - begin_;
+  cost_.resize(slices);
+  value_.resize(slices + 1);
+  for (std::vector<float>& costs : cost_) costs.resize(cells);
+  for (std::vector<float>* values : {&arrive_, &best_, &along_[0], &along_[1], &scratch_, &open_around_}) values->assign(cells, 0.0f);
+  // The rims of these are read, and never written again.
+  for (std::vector<float>& values : value_) values.assign(cells, kClosed);
+  arrive_.assign(cells, kClosed);
+  set_positions();
+}
+
+void FlightPlanner::set_positions() {
+  const size_t cells = box_.count();
   x_m_.resize(cells), y_m_.resize(cells), z_m_.resize(cells);
   size_t at = 0;
   for (int z = 0; z < box_.size.z; ++z)
@@ -135,15 +168,6 @@ void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearanc
         const glm::dvec3 place_m = glm::dvec3(x, y, z) * spacing_m_;
         x_m_[at] = static_cast<float>(place_m.x), y_m_[at] = static_cast<float>(place_m.y), z_m_[at] = static_cast<float>(place_m.z);
       }
-  begin_ = box_.slice() + box_.row() + 1;
-  end_ = cells - begin_;
-  cost_.resize(slices);
-  value_.resize(slices + 1);
-  pull_.assign(slices, Pull{});
-  for (std::vector<float>& costs : cost_) costs.resize(cells);
-  for (std::vector<float>& values : value_) values.assign(cells, kClosed);
-  best_.resize(cells), arrive_.assign(cells, kClosed), scratch_.assign(cells, 0.0f), sums_.assign(cells, 0.0f);
-  lay_legs(body_radius_m);
 }
 
 // A surface that crosses a leg at a point is no farther from each end than that point is. So nothing crosses a leg that is shorter than the sum of
@@ -152,25 +176,26 @@ void FlightPlanner::lay_legs(double body_radius_m) {
   legs_.assign(box_.count(), 0u);
   for (size_t leg = 0; leg < kLegs.size(); ++leg) {
     const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
+    is_masked_[static_cast<size_t>(kLegs[leg].axes)] = static_cast<float>(length_m) >= 2 * static_cast<float>(body_radius_m);
     mark_leg(clear_m_.data() + begin_, clear_m_.data() + begin_ + offset_of(kLegs[leg], box_), end_ - begin_,
              static_cast<float>(body_radius_m), static_cast<float>(length_m), 1u << leg, legs_.data() + begin_);
   }
 }
 
 // The sum over the 3 x 3 x 3 is taken one axis at a time.
+void FlightPlanner::sum_around(const float* values, float* sums) {
+  const size_t cells = box_.count(), row = box_.row(), slice = box_.slice();
+  float *const x = along_[0].data(), *const y = along_[1].data();
+  sum_of_three(values + 1, cells - 2, 1, x + 1);
+  sum_of_three(x + row + 1, cells - 2 * row - 2, static_cast<std::ptrdiff_t>(row), y + row + 1);
+  sum_of_three(y + begin_, end_ - begin_, static_cast<std::ptrdiff_t>(slice), sums + begin_);
+}
+
 void FlightPlanner::blur(size_t slice, double share) {
   float* const costs = cost_[slice].data();
-  const size_t cells = box_.count(), row = box_.row(), whole = box_.slice();
-  const auto sum_around = [&](const float* values, float* sums) {
-    sum_of_three(values + 1, cells - 2, 1, arrive_.data() + 1);
-    sum_of_three(arrive_.data() + row + 1, cells - 2 * row - 2, static_cast<std::ptrdiff_t>(row), best_.data() + row + 1);
-    sum_of_three(best_.data() + begin_, end_ - begin_, static_cast<std::ptrdiff_t>(whole), sums + begin_);
-  };
-  if (slice == 0) sum_around(open_.data(), sums_.data());  // the number of open cells; the same for all slices
-  multiply(costs, open_.data(), cells, scratch_.data());
-  sum_around(scratch_.data(), scratch_.data());
-  mix(scratch_.data() + begin_, sums_.data() + begin_, open_.data() + begin_, end_ - begin_, static_cast<float>(share),
-      costs + begin_);
+  multiply(costs, open_.data(), box_.count(), scratch_.data());
+  sum_around(scratch_.data(), best_.data());
+  mix(best_.data() + begin_, open_around_.data() + begin_, open_.data() + begin_, end_ - begin_, static_cast<float>(share), costs + begin_);
 }
 
 void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others) {
@@ -184,6 +209,39 @@ size_t FlightPlanner::leg_slices(double length_m, const FlightSettings& settings
   return static_cast<size_t>(std::max(1L, std::lround(length_m / (settings.speed_mps * settings.slice_s))));
 }
 
+// Where the body fits at both ends of a leg that is shorter than two radii, nothing crosses the leg. So the least value at the ends of these
+// legs is found one axis at a time; closed cells hold kClosed.
+void FlightPlanner::least_at_unmasked_legs(const float* values, int axes) {
+  const size_t cells = box_.count(), row = box_.row(), slice = box_.slice();
+  float *const x = along_[0].data(), *const y = along_[1].data();
+  least_beside(values, 1, cells - 1, 1, x);
+  if (axes == 1) {
+    least_beside(values, begin_, end_, row, best_.data());
+    least_beside(values, begin_, end_, slice, y);
+    take_leg(x + begin_, end_ - begin_, 0.0f, best_.data() + begin_);
+    return take_leg(y + begin_, end_ - begin_, 0.0f, best_.data() + begin_);
+  }
+  if (axes == 3) {
+    least_beside(x, row + 1, cells - row - 1, row, y);
+    return least_beside(y, begin_, end_, slice, best_.data());
+  }
+  least_beside(x, begin_, end_, row, best_.data());
+  least_beside(x, begin_, end_, slice, y);
+  take_leg(y + begin_, end_ - begin_, 0.0f, best_.data() + begin_);
+  least_beside(values, row, cells - row, row, y);
+  least_beside(y, begin_, end_, slice, x);
+  take_leg(x + begin_, end_ - begin_, 0.0f, best_.data() + begin_);
+}
+
+void FlightPlanner::least_at_legs(const float* values, int axes) {
+  if (!is_masked_[static_cast<size_t>(axes)]) return least_at_unmasked_legs(values, axes);
+  const size_t count = end_ - begin_;
+  std::fill_n(best_.data() + begin_, count, kClosed);
+  for (size_t leg = 0; leg < kLegs.size(); ++leg)
+    if (kLegs[leg].axes == axes)
+      take_least(values + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg, best_.data() + begin_);
+}
+
 // The values of one slice follow from the values of the slices after it.
 void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
   const size_t count = end_ - begin_;
@@ -192,19 +250,19 @@ void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
   std::copy_n(value(slice + 1).data() + begin_, count, least);  // it stays
   for (int axes = 1; axes <= 3; ++axes) {
     const double length_m = spacing_m_ * std::sqrt(static_cast<double>(axes));
-    const size_t arrival = slice + leg_slices(length_m, settings);
-    std::fill_n(scratch_.data() + begin_, count, 0.0f);  // half of what the slices on the way cost
-    for (size_t k = slice + 1; k < std::min(arrival, cost_.size()); ++k)
-      add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
-    std::copy_n(value(arrival).data() + begin_, count, arrive_.data() + begin_);
-    add_to(scratch_.data() + begin_, count, 1.0f, arrive_.data() + begin_);
-    std::fill_n(best_.data() + begin_, count, kClosed);
-    for (size_t leg = 0; leg < kLegs.size(); ++leg)
-      if (kLegs[leg].axes == axes)
-        take_least(arrive_.data() + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg,
-                   best_.data() + begin_);
-    take_leg(best_.data() + begin_, scratch_.data() + begin_, count, static_cast<float>(settings.route * length_m * slices),
-             least);
+    const size_t arrival = slice + leg_slices(length_m, settings), last = std::min(arrival, cost_.size());
+    const float* values = value(arrival).data();
+    const bool passes_slices = last > slice + 1;  // half of what they cost counts at either end
+    if (passes_slices) {
+      std::fill_n(scratch_.data() + begin_, count, 0.0f);
+      for (size_t k = slice + 1; k < last; ++k) add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
+      std::copy_n(values + begin_, count, arrive_.data() + begin_);
+      add_to(scratch_.data() + begin_, count, 1.0f, arrive_.data() + begin_);
+      values = arrive_.data();
+    }
+    least_at_legs(values, axes);
+    if (passes_slices) add_to(scratch_.data() + begin_, count, 1.0f, best_.data() + begin_);
+    take_leg(best_.data() + begin_, count, static_cast<float>(settings.route * length_m * slices), least);
   }
   add_to(cost_[slice].data() + begin_, count, 1.0f, least);
 }
@@ -295,7 +353,7 @@ const FlightPlan& FlightPlanner::plan(const FlightStart& start, const FlightSett
   plan_.candidates.clear();
   plan_.cost = kClosed;
   std::vector<float>& last = value_.back();
-  std::fill(last.begin(), last.end(), 0.0f);
+  std::fill_n(last.begin() + static_cast<std::ptrdiff_t>(begin_), end_ - begin_, 0.0f);
   add_to(cost_.back().data() + begin_, end_ - begin_, static_cast<float>(settings.afterwards * static_cast<double>(cost_.size())),
          last.data() + begin_);
   for (size_t slice = cost_.size(); slice-- > 0;) price_slice(slice, settings);

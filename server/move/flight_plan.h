@@ -9,6 +9,7 @@
 // The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -22,10 +23,10 @@
 namespace sightline {
 
 struct FlightSettings {
-  double slice_s = 0.1;      // > 0
-  double speed_mps = 4.5;    // > 0: the camera's mean speed on a leg
-  double route = 0.3;        // cost of a metre of way, in units of the cost of a whole plan
-  double afterwards = 0.3;   // >= 0: how much the cost of the last slice counts for the time after it, in plans
+  double slice_s = 0.1;     // > 0
+  double speed_mps = 4.5;   // > 0: the camera's mean speed on a leg
+  double route = 0.3;       // >= 0: cost of a metre of way, in units of the cost of a whole plan
+  double afterwards = 0.3;  // >= 0: how much the cost of the last slice counts for the time after it, in plans
 };
 
 // The plan. Times are from the present; the camera moves straight and evenly from point to point.
@@ -50,21 +51,23 @@ struct FlightStart {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FlightPlanner {
  public:
-  // Sets the cells and the legs between them. `clearance_m`: of each candidate in the runs, to the nearest collider. The body must fit at
-  // both ends of a leg, and nothing may cross it.
+  // Sets the cells and the legs between them. `places`: at least one run, none empty. `clearance_m`: of each candidate in the runs, to the
+  // nearest collider, metres >= 0. The body, of a radius >= 0, must fit at both ends of a leg, and nothing may cross it. `slices` >= 1.
   void lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices);
 
-  // The costs of a slice by cell: index a candidate's with cell_of. Cells without a candidate are ignored. Valid until the next `lay`.
+  // The costs of a slice by cell, to be written in full after each `lay`: index a candidate's with cell_of. They should be at least 0 and
+  // less than 1e6. Cells without a candidate are ignored. Valid until the next `lay`.
   std::span<float> costs(size_t slice) { return cost_[slice]; }
   uint32_t cell_of(size_t candidate) const { return cell_of_[candidate]; }
   // The candidate whose cell holds a position, or nothing.
   std::optional<uint32_t> candidate_at(const glm::dvec3& position_m) const;
 
-  // Replaces each cost by a mix with the mean over the open cells of the 3 x 3 x 3 around it, which counts by `share`. A place
-  // whose neighbours are good too is good even if the camera or the targets are not quite where they were expected.
+  // Replaces each cost by a mix with the mean over the open cells of the 3 x 3 x 3 around it, which counts by `share`, [0, 1]. A place
+  // whose neighbours are good too is good even if the camera or the targets are not quite where they were expected. Must be
+  // called once for each slice when its costs are written, since it also closes the cells where the body does not fit.
   void blur(size_t slice, double share);
 
-  // Adds `weight` times the distance of each cell from a point, and `others`, by cell.
+  // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at most once for each slice.
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
   size_t cell_count() const { return box_.count(); }
 
@@ -76,7 +79,13 @@ class FlightPlanner {
   double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
 
  private:
+  void lay_box(const PlaceView& places, size_t slices);
+  void set_positions();
   void lay_legs(double body_radius_m);
+  void sum_around(const float* values, float* sums);
+  // Writes to best_: the least of the values at the ends of the legs that run along `axes` axes.
+  void least_at_legs(const float* values, int axes);
+  void least_at_unmasked_legs(const float* values, int axes);
   void price_slice(size_t slice, const FlightSettings& settings);
   uint32_t best_move(size_t slice, uint32_t cell, const FlightSettings& settings, size_t& slices) const;
   double move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const;
@@ -100,7 +109,10 @@ class FlightPlanner {
   };
   std::vector<Pull> pull_;  // by slice: what add_distances was given
   std::vector<std::vector<float>> cost_, value_;  // by slice and cell; value_ has one slice more: what comes afterwards
-  std::vector<float> scratch_, best_, arrive_, sums_;
+  std::array<bool, 4> is_masked_{};  // by number of axes: the clearances decide which of these legs can be flown
+  std::vector<float> open_around_;   // by cell: the number of open cells in the 3 x 3 x 3 around it
+  std::vector<float> scratch_, best_, arrive_;
+  std::array<std::vector<float>, 2> along_;
   uint32_t at_ = 0;
   size_t at_slice_ = 0;
   FlightPlan plan_;

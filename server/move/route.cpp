@@ -63,24 +63,22 @@ void RouteFinder::try_leg(const RouteNodes& nodes, uint32_t from, uint32_t to) {
   if (state_[to] != kOpen) return;
   const bool from_start = before_[from] == kNone;
   const double length = glm::distance(nodes.position_m[from], nodes.position_m[to]);
-  const double cost =
-      cost_m_[from] + length * (1 + settings_.exposure * (nodes.hidden[from] + nodes.hidden[to]) / 2);
-  if (cost >= cost_m_[to] || !is_free(nodes, from, to, length, settings_.body_radius_m, from_start)) return;
-  if (from_start && !first_leg_fits(nodes, from, to, length, settings_.body_radius_m)) return;
-  cost_m_[to] = cost;
+  const double route_m = length_m_[from] + length;
+  if (route_m >= length_m_[to] || !is_free(nodes, from, to, length, body_radius_m_, from_start)) return;
+  if (from_start && !first_leg_fits(nodes, from, to, length, body_radius_m_)) return;
+  length_m_[to] = route_m;
   before_[to] = from;
-  if (on_lattice_[to]) open_below_m_[box_.address(nodes.cell[to])] = cost;
-  push({cost, to});
+  if (on_lattice_[to]) open_below_m_[box_.address(nodes.cell[to])] = route_m;
+  push({route_m, to});
 }
 
-// Skips the cells that no leg from here can improve. A leg costs at least its length, weighted by what is hidden here. Floating-point
-// operations are monotonic, so rounding never makes it skip a cheaper leg.
+// Skips the cells that no leg from here can improve. Floating-point operations are monotonic, so rounding never makes it skip a
+// shorter leg.
 void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
-  const double share = 1 + settings_.exposure * nodes.hidden[from] / 2;
   const double spacing_m = on_lattice_[from] ? nodes.spacing_m : 0.0;
   std::array<double, 4> least_m;  // by how many axes the leg runs along
   for (size_t axes = 0; axes < least_m.size(); ++axes)
-    least_m[axes] = cost_m_[from] + spacing_m * kLeastSteps[axes] * share;
+    least_m[axes] = length_m_[from] + spacing_m * kLeastSteps[axes];
   const size_t cell = box_.address(nodes.cell[from]);
   if (on_lattice_[from] && first_in_cell_[cell] == from) open_below_m_[cell] = -kUnreachable;
   for (int z = -1; z <= 1; ++z)
@@ -127,14 +125,14 @@ RouteFinder::Entry RouteFinder::pop() {
   return least;
 }
 
-void RouteFinder::begin(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
-  nodes_ = &nodes, settings_ = settings;
+void RouteFinder::begin(const RouteNodes& nodes, uint32_t start, double body_radius_m) {
+  nodes_ = &nodes, body_radius_m_ = body_radius_m;
   const size_t count = nodes.position_m.size();
-  cost_m_.assign(count, kUnreachable);
+  length_m_.assign(count, kUnreachable);
   before_.assign(count, kNone);
   state_.assign(count, kOpen);
-  index(nodes, start, settings.body_radius_m);
-  cost_m_[start] = 0;
+  index(nodes, start, body_radius_m);
+  length_m_[start] = 0;
   clear_heap();
   push({0.0, start});
 }

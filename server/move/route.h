@@ -1,10 +1,9 @@
 // Routes from the camera's position to the candidates, round obstacles (design 6: never inside or through geometry). The wall or pillar
 // that hides the targets often blocks the straight line to the goal too; the way round it leads through other candidates.
 //
-// The nodes of the graph are the candidates. A node is joined with its 26 neighbours where the camera body fits. A leg costs its length,
-// and more where the targets are hidden on the way. So a detour in sight of the targets is preferred to a short cut behind a wall.
-// Oskam et al., "Visibility Transition Planning for Dynamic Camera Control", 2009, weight their road map in the same way. The search is
-// Dijkstra's from the camera's position. It is exact on the graph and runs only as far as the caller asks.
+// The nodes of the graph are the candidates. A node is joined with its 26 neighbours where the camera body fits. The search is
+// Dijkstra's from the camera's position. It is exact on the graph and runs only as far as the caller asks. A camera whose flight plan
+// (flight_plan.h) sees no target uses it.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +25,6 @@ struct RouteNodes {
   std::span<const glm::dvec3> position_m;
   std::span<const glm::ivec3> cell;    // candidates off the lattice may share a cell with others
   std::span<const float> clearance_m;  // to the nearest collider; may be capped at twice the spacing
-  std::span<const double> hidden;      // share of the targets that is hidden there, [0, 1]
   // Returns whether the body can go straight from the start to a node. It is called where the clearances of both do not prove that, so that the
   // camera never heads for a leg that it cannot take. Empty: the clearances decide, as on every other leg.
   std::function<bool(uint32_t node)> first_leg_is_free = {};
@@ -35,22 +33,17 @@ struct RouteNodes {
   double spacing_m = 0.0;
 };
 
-struct RouteSettings {
-  double body_radius_m = 0.3;
-  double exposure = 3.0;  // [0, 100]: a metre with all hidden costs 1 + exposure metres
-};
-
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class RouteFinder {
  public:
   // Begins a search from node `start`, which need not have room for the body. `nodes` must outlive the last call of settle_next. O(n),
   // and O(log n) for each settled node.
-  void begin(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings);
-  // Settles the cheapest node that is left, `start` first: its cost and route are final from now on. Empty: no other node can be reached.
+  void begin(const RouteNodes& nodes, uint32_t start, double body_radius_m);
+  // Settles the nearest node that is left, `start` first: its route is final from now on. Empty: no other node can be reached.
   std::optional<uint32_t> settle_next();
 
-  // Cost of the route to a settled node: metres, including exposure. Nodes are settled in the order of their cost.
-  double cost_m(uint32_t node) const { return cost_m_[node]; }
+  // Length of the route to a settled node, metres. Nodes are settled in the order of their lengths.
+  double length_m(uint32_t node) const { return length_m_[node]; }
   bool is_settled(uint32_t node) const { return state_[node] == kSettled; }
   // The node is neither settled nor known to be unreachable.
   bool is_open(uint32_t node) const { return state_[node] == kOpen; }
@@ -59,11 +52,11 @@ class RouteFinder {
 
  private:
   struct Entry {
-    double cost = kUnreachable;
+    double length_m = kUnreachable;
     uint32_t node = UINT32_MAX;
     // Branch-free, because the branch would be unpredictable.
     bool operator<(const Entry& other) const {
-      return static_cast<bool>((cost < other.cost) | ((cost == other.cost) & (node < other.node)));
+      return static_cast<bool>((length_m < other.length_m) | ((length_m == other.length_m) & (node < other.node)));
     }
   };
   void index(const RouteNodes& nodes, uint32_t start, double body_radius_m);
@@ -74,14 +67,14 @@ class RouteFinder {
   Entry pop();
 
   const RouteNodes* nodes_ = nullptr;  // of the search
-  RouteSettings settings_;
+  double body_radius_m_ = 0.0;
   CellBox box_;
   std::vector<uint32_t> first_in_cell_, next_in_cell_;  // of the nodes that have room for the body
-  // For each cell, the cost that a leg to the cell must undercut. It is the cost of the cell's node; infinity where each node of the cell has
+  // For each cell, the length that a route to the cell must undercut. It is the length of the route to the cell's node; infinity where each node of the cell has
   // to be tried; negative where no node is open.
   std::vector<double> open_below_m_;
   std::vector<uint8_t> on_lattice_;  // by node: it is alone in its cell, and exactly on the lattice point
-  std::vector<double> cost_m_;
+  std::vector<double> length_m_;
   std::vector<uint32_t> before_;
   enum : uint8_t { kOpen, kSettled, kNoRoom };
   std::vector<uint8_t> state_;

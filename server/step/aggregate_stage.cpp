@@ -140,7 +140,7 @@ void Aggregation::filter() {
 }
 
 void Aggregation::look_ahead() {
-  if (plan_.ahead_s > 0)
+  if (plan_.ahead_s > 0 && !weighs_hidden_)  // a flight plan knows more (renew_slices)
     scratch_.composer.visibility(taken_.of(plan_.ahead), settings_.relative_bias, candidates_.ahead_targets);
 }
 

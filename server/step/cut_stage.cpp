@@ -151,13 +151,7 @@ double way_m(const MoveInput& in, const Decision& decision, MoveScratch& scratch
   if ((in.sights.candidates.visible_targets[chosen] & required_mask(in.step)) == 0)
     return std::numeric_limits<double>::infinity();
   if (!weighs_hidden(in.step.input)) return glm::distance(from_m, in.sights.candidates.position_m[chosen]);
-  double length_m = 0;
-  glm::dvec3 last_m = from_m;
-  for (const uint32_t node : scratch.way) {
-    length_m += glm::distance(last_m, in.sights.position_m[node]);
-    last_m = in.sights.position_m[node];
-  }
-  return length_m;
+  return way_length_m(in, from_m, scratch.way);
 }
 
 // Called when all places were examined. The next round takes the place that sees most. The round after it begins afresh.

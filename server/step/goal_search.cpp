@@ -11,8 +11,6 @@ namespace {
 
 // Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
 constexpr double kRouteRoomM = 0.05;
-// Length of the trail that a lost camera examines.
-constexpr double kTrailReachM = 16.0;
 // A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are longer.
 constexpr double kWayM = 4.0;
 // The cost of a place outside the limits of distance and elevation, metres.
@@ -113,53 +111,6 @@ double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, cons
   for (size_t slice = 0; slice < kSlices; ++slice)
     sum += last = planner.cost_at(path(ahead.ahead_s(slice)), slice, 100.0);
   return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), path(ahead.ahead_s(kSlices - 1)));
-}
-
-// ---- ways ----
-
-// The next position to head for, and the remaining length of the way.
-struct Leg {
-  glm::dvec3 to_m{0.0};
-  double length_m = 0;
-};
-
-// The velocity towards the end of the leg, no faster than allows the camera to stop at the goal. It changes with the
-// time constant response_s.
-glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
-  const double response_s = step.input.settings.move.move_response_s;
-  const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
-  const double distance_m = glm::length(way_m);
-  glm::dvec3 wanted_mps = with_mps;
-  if (distance_m > 1e-9) {
-    const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
-    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
-  }
-  return steer_velocity(step.camera, wanted_mps, step.input.limits, response_s, step.move_s);
-}
-
-// The newest reachable position of the targets' trail; empty if none is reachable.
-std::optional<Leg> leg_to_trail(const MoveInput& in, ClearanceField& field) {
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_m(in), {});
-  const auto to_m = in.carried.trail.way_back(field, from_m, kTrailReachM, body_m(in),
-                                              in.step.input.settings.move.min_distance_m);
-  if (!to_m) return std::nullopt;
-  return Leg{*to_m, glm::distance(from_m, *to_m)};
-}
-
-// Roughly the farthest candidate of the way that the body can reach in a straight line. On long ways only every second candidate is
-// tried. The first one always qualifies, because every way begins with a leg that the body can take.
-Leg first_leg(const MoveInput& in, const std::vector<uint32_t>& way) {
-  const auto& position_m = in.sights.position_m;
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  if (way.empty()) return {from_m, 0};
-  StraightWays ways(in.surroundings.colliders, from_m, body_m(in));
-  size_t k = way.size() - 1;
-  while (k > 0 && !ways.is_free(position_m[way[k]])) k = k > 4 ? k - 2 : k - 1;
-  const glm::dvec3 to_m = position_m[way[k]];
-  double length_m = glm::distance(from_m, to_m);
-  for (; k + 1 < way.size(); ++k) length_m += glm::distance(position_m[way[k]], position_m[way[k + 1]]);
-  return {to_m, length_m};
 }
 
 class GoalSearch {
@@ -266,34 +217,35 @@ class GoalSearch {
     const RouteNodes nodes{.position_m = position_m,
                            .cell = scratch_.cells,
                            .clearance_m = scratch_.clearance_m,
-                           .hidden = in_.sights.hidden,
                            .first_leg_is_free = [&](uint32_t node) { return ways_.is_free(position_m[node]); },
                            .spacing_m = in_.carried.candidates.lattice.spacing_m()};
-    scratch_.routes.begin(nodes, static_cast<uint32_t>(in_.sights.own_candidate), {.body_radius_m = body_radius_m, .exposure = 0.0});
+    scratch_.routes.begin(nodes, static_cast<uint32_t>(in_.sights.own_candidate), body_radius_m);
     while (const auto candidate = scratch_.routes.settle_next())
       if (in_.sights.hidden[*candidate] < kAllHidden) {
         scratch_.way = scratch_.routes.to(*candidate);
         Goal goal = goal_at(*candidate, position_m[*candidate]);
         goal.searches = true;
-        goal.velocity_mps = velocity_along(in_.step, first_leg(in_, scratch_.way), glm::dvec3(0.0));
+        goal.velocity_mps = velocity_along(in_.step, first_leg(in_, scratch_.way, body_m(in_)), glm::dvec3(0.0));
         return goal;
       }
     return escape(plan);
   }
-  // Without a trail it goes at least nearer to the desired position.
   Goal escape(const FlightPlan& plan) {
-    Goal goal = ways_.is_free(in_.sights.position_m[desired_candidate()]) ? follow_desired()
-                : plan.candidates.empty()                                  ? stay_here()
-                                                                           : fly(plan);
+    const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
+    Goal goal = leg ? follow_trail(*leg) : approach(plan);
     goal.lost = goal.searches = true;
-    const auto leg = leg_to_trail(in_, scratch_.trail_colliders);
-    if (!leg) return goal;
-    scratch_.way.clear();
-    goal.plan_m.clear();
-    goal.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1};
-    goal.follows = false;
-    goal.velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0));
     return goal;
+  }
+  Goal follow_trail(const Leg& leg) {
+    scratch_.way.clear();
+    return {.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1},
+            .position_m = leg.to_m,
+            .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0))};
+  }
+  // Without a trail the camera goes at least nearer to the desired position.
+  Goal approach(const FlightPlan& plan) {
+    if (ways_.is_free(in_.sights.position_m[desired_candidate()])) return follow_desired();
+    return plan.candidates.empty() ? stay_here() : fly(plan);
   }
 
   const MoveInput& in_;

@@ -79,18 +79,6 @@ double next_horizon_s(const MoveInput& in, bool grows) {
   return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
 }
 
-// The length of a way whose first part is cut short: the camera goes straight to the farthest candidate that it can reach so.
-double cut_short_m(const MoveInput& in, std::span<const uint32_t> way) {
-  const auto& position_m = in.sights.position_m;
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  StraightWays ways(in.surroundings.colliders, from_m, swept_radius_m(in.step.input.limits, in.step.lens));
-  size_t k = way.size() - 1;
-  while (k > 0 && !ways.is_free(position_m[way[k]])) --k;
-  double length_m = glm::distance(from_m, position_m[way[k]]);
-  for (; k + 1 < way.size(); ++k) length_m += glm::distance(position_m[way[k]], position_m[way[k + 1]]);
-  return length_m;
-}
-
 // See Decision::view_way_m. `way`: the candidates on the way to the choice; strategies that plan no way pass null.
 std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, const std::vector<uint32_t>* way) {
   if (choice.candidate < 0) return std::nullopt;
@@ -100,16 +88,14 @@ std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, c
     return (seen[candidate] & in.step.targets.steered) != 0 || (way && in.sights.hidden[candidate] < kAllHidden);
   };
   const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  glm::dvec3 at_m = from_m;
-  if (!way)
-    return sees(goal) ? std::optional(glm::distance(at_m, in.sights.candidates.position_m[goal])) : std::nullopt;
-  double way_m = 0.0;
+  if (!way) return sees(goal) ? std::optional(glm::distance(from_m, in.sights.candidates.position_m[goal])) : std::nullopt;
   for (size_t k = 0; k < way->size(); ++k) {
-    way_m += glm::distance(at_m, in.sights.position_m[(*way)[k]]);
-    at_m = in.sights.position_m[(*way)[k]];
-    if (sees((*way)[k])) return sees(static_cast<uint32_t>(in.sights.own_candidate)) ? way_m : cut_short_m(in, std::span(*way).first(k + 1));
+    if (!sees((*way)[k])) continue;
+    const std::span<const uint32_t> to_view = std::span(*way).first(k + 1);
+    if (sees(static_cast<uint32_t>(in.sights.own_candidate))) return way_length_m(in, from_m, to_view);
+    return first_leg(in, to_view, swept_radius_m(in.step.input.limits, in.step.lens)).length_m;
   }
-  return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_m) : std::nullopt;
+  return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_length_m(in, from_m, *way)) : std::nullopt;
 }
 
 struct Course {
@@ -217,7 +203,7 @@ Decision unmoved(const MoveInput& in) {
   decision.turn = in.carried.turn;
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
-  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m;
+  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m, decision.follows = in.carried.follows;
   if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
   return decision;
 }

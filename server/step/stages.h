@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -184,6 +185,25 @@ void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& plac
             Decision& decision);
 // Counts the time without a sight of any required target.
 void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, CutState& state);
+
+// ---- ways (legs.cpp) ----
+
+// The next position to head for, and the length of the way from the camera over that position to its end.
+struct Leg {
+  glm::dvec3 to_m{0.0};
+  double length_m = 0;
+};
+
+// The length of a way over candidates.
+double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<const uint32_t> way);
+// Roughly the farthest candidate of the way that the body can reach in a straight line. The first one counts as reachable, because
+// every way begins with a leg that the body can take.
+Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
+// The newest reachable position of the targets' trail; empty if none is reachable.
+std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
+// `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way. The
+// velocity changes with the time constant response_s.
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps);
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
 

@@ -14,14 +14,13 @@ struct Nodes {
   std::vector<glm::dvec3> position_m;
   std::vector<glm::ivec3> cell;
   std::vector<float> clearance_m;
-  std::vector<double> hidden;
 
-  void add(const glm::ivec3& at, const glm::dvec3& place, double clearance, double share) {
+  void add(const glm::ivec3& at, const glm::dvec3& place, double clearance) {
     cell.push_back(at), position_m.push_back(place);
-    clearance_m.push_back(static_cast<float>(clearance)), hidden.push_back(share);
+    clearance_m.push_back(static_cast<float>(clearance));
   }
   size_t size() const { return cell.size(); }
-  RouteNodes view() const { return {position_m, cell, clearance_m, hidden}; }
+  RouteNodes view() const { return {position_m, cell, clearance_m}; }
 };
 
 // A node lies anywhere in its cell. A cell holds no node, one or several, and a few nodes form an island far away.
@@ -30,8 +29,7 @@ inline Nodes random_nodes(Draw& draw) {
   const double filled = draw.in(0.3, 1.0), widest = draw.in(0.5, 2.0);
   const auto add = [&](const glm::ivec3& cell) {
     const glm::dvec3 place = glm::dvec3(cell) + (draw.in(0, 1) < 0.5 ? glm::dvec3(0.0) : draw.vec(0.5));
-    const double hidden = draw.in(0, 1) < 0.3 ? std::round(draw.in(0, 1)) : draw.in(0, 1);
-    nodes.add(cell, place, draw.in(0, 1) < 0.2 ? 0.0 : draw.in(0, widest), hidden);
+    nodes.add(cell, place, draw.in(0, 1) < 0.2 ? 0.0 : draw.in(0, widest));
   };
   for (int z = -2; z <= 2; ++z)
     for (int y = -1; y <= 1; ++y)
@@ -42,8 +40,6 @@ inline Nodes random_nodes(Draw& draw) {
   return nodes;
 }
 
-inline RouteSettings random_settings(Draw& draw) {
-  return {.body_radius_m = draw.in(0, 0.6), .exposure = draw.in(0, 1) < 0.3 ? 0.0 : draw.in(0, 10)};
-}
+inline double random_body_m(Draw& draw) { return draw.in(0, 0.6); }
 
 }  // namespace sightline::test

@@ -19,73 +19,73 @@ using namespace test;
 // All routes, as a search finds them that continues to the end.
 class Ways {
  public:
-  void find(const RouteNodes& nodes, uint32_t start, const RouteSettings& settings) {
-    finder_.begin(nodes, start, settings);
-    cost_m_.assign(nodes.cell.size(), kUnreachable);
+  void find(const RouteNodes& nodes, uint32_t start, double body_radius_m) {
+    finder_.begin(nodes, start, body_radius_m);
+    length_m_.assign(nodes.cell.size(), kUnreachable);
     double last_m = 0;
     while (const auto node = finder_.settle_next()) {
-      cost_m_[*node] = finder_.cost_m(*node);
-      EXPECT_GE(cost_m_[*node], last_m) << "the cheapest first";
-      last_m = cost_m_[*node];
+      length_m_[*node] = finder_.length_m(*node);
+      EXPECT_GE(length_m_[*node], last_m) << "the nearest first";
+      last_m = length_m_[*node];
     }
   }
-  const std::vector<double>& cost_m() const { return cost_m_; }
+  const std::vector<double>& length_m() const { return length_m_; }
   const std::vector<uint32_t>& to(uint32_t goal) { return finder_.to(goal); }
 
  private:
   RouteFinder finder_;
-  std::vector<double> cost_m_;
+  std::vector<double> length_m_;
 };
 
 // The rule of route.h with its one exception: the start is a node even where the body has no room.
-double leg_cost(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, const RouteSettings& s) {
+double leg_m(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, double body_m) {
   const glm::ivec3 apart = glm::abs(n.cell[a] - n.cell[b]);
   if (std::max({apart.x, apart.y, apart.z}) > 1) return kUnreachable;
-  if (a != start && n.clearance_m[a] < s.body_radius_m) return kUnreachable;
-  if (n.clearance_m[b] < s.body_radius_m) return kUnreachable;
+  if (a != start && n.clearance_m[a] < body_m) return kUnreachable;
+  if (n.clearance_m[b] < body_m) return kUnreachable;
   const glm::dvec3 d = n.position_m[a] - n.position_m[b];
   const double length = std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
   if (static_cast<double>(n.clearance_m[a]) + static_cast<double>(n.clearance_m[b]) <= length)
     return kUnreachable;
-  return length + s.exposure * length * 0.5 * (n.hidden[a] + n.hidden[b]);
+  return length;
 }
 
-// Bellman-Ford: every leg is tried until nothing gets cheaper.
-std::vector<double> reference_costs(const Nodes& n, uint32_t start, const RouteSettings& s) {
-  std::vector<double> cost(n.size(), kUnreachable);
-  cost[start] = 0;
+// Bellman-Ford: every leg is tried until nothing gets shorter.
+std::vector<double> reference_lengths_m(const Nodes& n, uint32_t start, double body_m) {
+  std::vector<double> length_m(n.size(), kUnreachable);
+  length_m[start] = 0;
   for (bool changed = true; changed;) {
     changed = false;
     for (uint32_t a = 0; a < n.size(); ++a)
       for (uint32_t b = 0; b < n.size(); ++b) {
-        if (a == b || std::isinf(cost[a])) continue;
-        const double through = cost[a] + leg_cost(n, a, b, start, s);
-        if (through < cost[b] - 1e-12) cost[b] = through, changed = true;
+        if (a == b || std::isinf(length_m[a])) continue;
+        const double through_m = length_m[a] + leg_m(n, a, b, start, body_m);
+        if (through_m < length_m[b] - 1e-12) length_m[b] = through_m, changed = true;
       }
   }
-  return cost;
+  return length_m;
 }
 
-TEST(Route, CostsAreThoseOfBellmanFordOnRandomNodes) {
+TEST(Route, LengthsAreThoseOfBellmanFordOnRandomNodes) {
   Draw draw(11);
   Ways finder;
   int reached = 0, unreached = 0;
   for (int trial = 0; trial < 150; ++trial) {
     const Nodes nodes = random_nodes(draw);
-    const RouteSettings settings = random_settings(draw);
+    const double body_m = random_body_m(draw);
     const auto start = static_cast<uint32_t>(draw.in(0, static_cast<double>(nodes.size())));
-    finder.find(nodes.view(), start, settings);
-    const std::vector<double> expected = reference_costs(nodes, start, settings);
-    ASSERT_EQ(finder.cost_m().size(), nodes.size());
+    finder.find(nodes.view(), start, body_m);
+    const std::vector<double> expected = reference_lengths_m(nodes, start, body_m);
+    ASSERT_EQ(finder.length_m().size(), nodes.size());
     for (size_t i = 0; i < nodes.size(); ++i) {
-      ASSERT_EQ(std::isinf(finder.cost_m()[i]), std::isinf(expected[i]))
+      ASSERT_EQ(std::isinf(finder.length_m()[i]), std::isinf(expected[i]))
           << "trial " << trial << " node " << i;
       if (std::isinf(expected[i])) {
         ++unreached;
         continue;
       }
       ++reached;
-      EXPECT_NEAR(finder.cost_m()[i], expected[i], 1e-9) << "trial " << trial << " node " << i;
+      EXPECT_NEAR(finder.length_m()[i], expected[i], 1e-9) << "trial " << trial << " node " << i;
     }
   }
   EXPECT_GT(reached, 1000);
@@ -99,15 +99,15 @@ TEST(Route, KnowingTheLatticeChangesNoBitAndNoRoute) {
   size_t routes = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const Nodes nodes = random_nodes(draw);
-    const RouteSettings settings = random_settings(draw);
+    const double body_m = random_body_m(draw);
     const auto start = static_cast<uint32_t>(draw.in(0, static_cast<double>(nodes.size())));
     RouteNodes view = nodes.view();
-    plain.find(view, start, settings);
+    plain.find(view, start, body_m);
     view.spacing_m = 1.0;
-    knowing.find(view, start, settings);
-    ASSERT_EQ(knowing.cost_m(), plain.cost_m()) << "trial " << trial;
+    knowing.find(view, start, body_m);
+    ASSERT_EQ(knowing.length_m(), plain.length_m()) << "trial " << trial;
     for (uint32_t goal = 0; goal < nodes.size(); ++goal) {
-      if (std::isinf(plain.cost_m()[goal])) continue;
+      if (std::isinf(plain.length_m()[goal])) continue;
       ASSERT_EQ(knowing.to(goal), plain.to(goal)) << "trial " << trial << " goal " << goal;
       ++routes;
     }
@@ -124,44 +124,44 @@ TEST(Route, WhatIsSettledIsFinal) {
   for (int trial = 0; trial < 60; ++trial) {
     const Nodes nodes = random_nodes(draw);
     const RouteNodes view = nodes.view();
-    const RouteSettings settings = random_settings(draw);
-    all.find(view, 0, settings);
-    some.begin(view, 0, settings);
+    const double body_m = random_body_m(draw);
+    all.find(view, 0, body_m);
+    some.begin(view, 0, body_m);
     for (int settled = 0; settled < 8; ++settled) {
       const auto node = some.settle_next();
       if (!node) break;
       ASSERT_TRUE(some.is_settled(*node) && !some.is_open(*node));
-      ASSERT_EQ(some.cost_m(*node), all.cost_m()[*node]);
+      ASSERT_EQ(some.length_m(*node), all.length_m()[*node]);
       ASSERT_EQ(some.to(*node), all.to(*node));
     }
     for (uint32_t i = 0; i < nodes.size(); ++i) {
       open += some.is_open(i);
       const bool known = some.is_settled(i) || some.is_open(i);
-      ASSERT_TRUE(known || std::isinf(all.cost_m()[i])) << "what is given up is out of reach";
+      ASSERT_TRUE(known || std::isinf(all.length_m()[i])) << "what is given up is out of reach";
     }
   }
   EXPECT_GT(open, 1000u);
 }
 
-TEST(Route, ARouteLeadsOverNeighboursAtTheReportedCost) {
+TEST(Route, ARouteLeadsOverNeighboursAtTheReportedLength) {
   Draw draw(12);
   Ways finder;
   size_t longest = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Nodes nodes = random_nodes(draw);
-    const RouteSettings settings = random_settings(draw);
+    const double body_m = random_body_m(draw);
     const auto start = static_cast<uint32_t>(draw.in(0, static_cast<double>(nodes.size())));
-    finder.find(nodes.view(), start, settings);
+    finder.find(nodes.view(), start, body_m);
     EXPECT_TRUE(finder.to(start).empty());
     for (uint32_t goal = 0; goal < nodes.size(); ++goal) {
-      if (goal == start || std::isinf(finder.cost_m()[goal])) continue;
+      if (goal == start || std::isinf(finder.length_m()[goal])) continue;
       const std::vector<uint32_t>& route = finder.to(goal);
       ASSERT_FALSE(route.empty());
       EXPECT_EQ(route.back(), goal);
       double sum = 0;
       uint32_t at = start;
-      for (const uint32_t next : route) sum += leg_cost(nodes, at, next, start, settings), at = next;
-      EXPECT_NEAR(sum, finder.cost_m()[goal], 1e-9);
+      for (const uint32_t next : route) sum += leg_m(nodes, at, next, start, body_m), at = next;
+      EXPECT_NEAR(sum, finder.length_m()[goal], 1e-9);
       longest = std::max(longest, route.size());
     }
   }
@@ -170,49 +170,34 @@ TEST(Route, ARouteLeadsOverNeighboursAtTheReportedCost) {
 
 TEST(Route, StartsFromAPlaceWithoutRoomButEntersNone) {
   Nodes nodes;
-  for (int x = 0; x < 4; ++x) nodes.add({x, 0, 0}, {x, 0, 0}, 1.0, 0.0);
-  const RouteSettings settings{.body_radius_m = 0.5, .exposure = 0};
+  for (int x = 0; x < 4; ++x) nodes.add({x, 0, 0}, {x, 0, 0}, 1.0);
+  const double body_m = 0.5;
   nodes.clearance_m[0] = 0.2f;
   Ways finder;
-  finder.find(nodes.view(), 0, settings);
-  EXPECT_DOUBLE_EQ(finder.cost_m()[3], 3.0) << "out of a tight place";
-  finder.find(nodes.view(), 3, settings);
-  EXPECT_DOUBLE_EQ(finder.cost_m()[1], 2.0);
-  EXPECT_EQ(finder.cost_m()[0], kUnreachable) << "into it";
+  finder.find(nodes.view(), 0, body_m);
+  EXPECT_DOUBLE_EQ(finder.length_m()[3], 3.0) << "out of a tight place";
+  finder.find(nodes.view(), 3, body_m);
+  EXPECT_DOUBLE_EQ(finder.length_m()[1], 2.0);
+  EXPECT_EQ(finder.length_m()[0], kUnreachable) << "into it";
 }
 
 TEST(Route, AClearanceAtTheLimitFitsAndASumAtTheLengthDoesNot) {
   Nodes nodes;
-  nodes.add({0, 0, 0}, {0, 0, 0}, 0.5, 0), nodes.add({1, 0, 0}, {1, 0, 0}, 0.5, 0);
+  nodes.add({0, 0, 0}, {0, 0, 0}, 0.5), nodes.add({1, 0, 0}, {1, 0, 0}, 0.5);
   Ways finder;
-  finder.find(nodes.view(), 0, {.body_radius_m = 0.25});
-  EXPECT_EQ(finder.cost_m()[1], kUnreachable) << "a wall may touch both balls half way";
+  finder.find(nodes.view(), 0, 0.25);
+  EXPECT_EQ(finder.length_m()[1], kUnreachable) << "a wall may touch both balls half way";
   nodes.clearance_m = {0.75f, 0.5f};
-  finder.find(nodes.view(), 0, {.body_radius_m = 0.5});
-  EXPECT_EQ(finder.cost_m()[1], 1.0);
-}
-
-// The way is straight through three hidden nodes, or around them in sight of the targets.
-TEST(Route, ExposureBuysADetourInSight) {
-  Nodes nodes;
-  for (int x = 0; x < 5; ++x)
-    for (int z = 0; z < 2; ++z) nodes.add({x, 0, z}, {x, 0, z}, 2.0, z == 0 && x > 0 && x < 4 ? 1.0 : 0.0);
-  Ways finder;
-  const auto passes_hidden = [&](double exposure) {
-    finder.find(nodes.view(), 0, {.body_radius_m = 0.3, .exposure = exposure});
-    const auto& route = finder.to(8);
-    return std::any_of(route.begin(), route.end(), [&](uint32_t node) { return nodes.hidden[node] > 0; });
-  };
-  EXPECT_TRUE(passes_hidden(0.0));
-  EXPECT_FALSE(passes_hidden(5.0));
+  finder.find(nodes.view(), 0, 0.5);
+  EXPECT_EQ(finder.length_m()[1], 1.0);
 }
 
 TEST(Route, OneNodeIsItsOwnRoute) {
   Nodes nodes;
-  nodes.add({-40'000, 7, 40'000}, {-10'000, 2, 10'000}, 0.0, 1.0);
+  nodes.add({-40'000, 7, 40'000}, {-10'000, 2, 10'000}, 0.0);
   Ways finder;
-  finder.find(nodes.view(), 0, {});
-  EXPECT_EQ(finder.cost_m(), std::vector<double>{0.0});
+  finder.find(nodes.view(), 0, 0.3);
+  EXPECT_EQ(finder.length_m(), std::vector<double>{0.0});
   EXPECT_TRUE(finder.to(0).empty());
 }
 
@@ -222,13 +207,13 @@ TEST(Route, MemoryOfFormerCallsChangesNothing) {
   Ways reused;
   for (int trial = 0; trial < 40; ++trial) {
     const Nodes nodes = random_nodes(draw);
-    const RouteSettings settings = random_settings(draw);
+    const double body_m = random_body_m(draw);
     Ways fresh;
-    reused.find(nodes.view(), 0, settings);
-    fresh.find(nodes.view(), 0, settings);
-    ASSERT_EQ(reused.cost_m(), fresh.cost_m());
+    reused.find(nodes.view(), 0, body_m);
+    fresh.find(nodes.view(), 0, body_m);
+    ASSERT_EQ(reused.length_m(), fresh.length_m());
     for (uint32_t goal = 0; goal < nodes.size(); ++goal) {
-      if (std::isinf(fresh.cost_m()[goal])) continue;
+      if (std::isinf(fresh.length_m()[goal])) continue;
       ASSERT_EQ(reused.to(goal), fresh.to(goal));
     }
   }
@@ -260,18 +245,18 @@ TEST(Route, NoLegPassesThroughATriangle) {
       for (int y = -4; y <= 4; ++y)
         for (int x = -4; x <= 4; ++x) {
           const glm::dvec3 place = glm::dvec3(x, y, z) * spacing;
-          nodes.add({x, y, z}, place, field.clearance_m(place, cut_m), draw.in(0, 1));
+          nodes.add({x, y, z}, place, field.clearance_m(place, cut_m));
         }
     const glm::dvec3 camera = draw.vec(1);
     std::vector<glm::ivec3> cell;
     lattice_cells(std::span(&camera, 1), spacing, cell);
     const auto start = static_cast<uint32_t>(nodes.size());
-    nodes.add(cell[0], camera, field.clearance_m(camera, cut_m), 0.0);
+    nodes.add(cell[0], camera, field.clearance_m(camera, cut_m));
     Ways finder;
-    finder.find(nodes.view(), start, {.body_radius_m = 0.02, .exposure = 3});
+    finder.find(nodes.view(), start, 0.02);
     std::set<std::pair<uint32_t, uint32_t>> tried;
     for (uint32_t goal = 0; goal < nodes.size(); ++goal) {
-      if (std::isinf(finder.cost_m()[goal])) continue;
+      if (std::isinf(finder.length_m()[goal])) continue;
       uint32_t at = start;
       for (const uint32_t next : finder.to(goal)) {
         if (tried.insert({at, next}).second) {

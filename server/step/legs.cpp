@@ -1,0 +1,56 @@
+// The next leg of a way that the camera flies, and the velocity along it.
+#include <algorithm>
+#include <cmath>
+
+#include "server/step/stages.h"
+
+namespace sightline {
+namespace {
+
+// Length of the trail that a lost camera examines.
+constexpr double kTrailReachM = 16.0;
+
+}  // namespace
+
+double way_length_m(const MoveInput& in, const glm::dvec3& from_m, std::span<const uint32_t> way) {
+  double length_m = 0;
+  glm::dvec3 last_m = from_m;
+  for (const uint32_t candidate : way) {
+    length_m += glm::distance(last_m, in.sights.position_m[candidate]);
+    last_m = in.sights.position_m[candidate];
+  }
+  return length_m;
+}
+
+// On long ways only every second candidate is tried.
+Leg first_leg(const MoveInput& in, std::span<const uint32_t> way, double body_radius_m) {
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  if (way.empty()) return {from_m, 0};
+  StraightWays ways(in.surroundings.colliders, from_m, body_radius_m);
+  size_t k = way.size() - 1;
+  while (k > 0 && !ways.is_free(in.sights.position_m[way[k]])) k = k > 4 ? k - 2 : k - 1;
+  return {in.sights.position_m[way[k]], way_length_m(in, from_m, way.subspan(k))};
+}
+
+std::optional<Leg> leg_to_trail(const MoveInput& in, double body_radius_m, ClearanceField& field) {
+  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+  field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_radius_m, {});
+  const auto to_m = in.carried.trail.way_back(field, from_m, kTrailReachM, body_radius_m,
+                                              in.step.input.settings.move.min_distance_m);
+  if (!to_m) return std::nullopt;
+  return Leg{*to_m, glm::distance(from_m, *to_m)};
+}
+
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
+  const double response_s = step.input.settings.move.move_response_s;
+  const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
+  const double distance_m = glm::length(way_m);
+  glm::dvec3 wanted_mps = with_mps;
+  if (distance_m > 1e-9) {
+    const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
+  }
+  return steer_velocity(step.camera, wanted_mps, step.input.limits, response_s, step.move_s);
+}
+
+}  // namespace sightline
