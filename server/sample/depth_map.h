@@ -46,8 +46,7 @@ MapPoint project(const MapView& view, const glm::dvec3& point_m);
 struct MapRequest {
   MapView view;
   uint32_t layer_mask = 0xFFFFFFFF;  // draws instances with (layers & layer_mask) != 0
-  // Moving occluders are placed where their velocities take them in this time, in seconds, [0, 2]. The requests of one call use 0 and at
-  // most one other value.
+  // Moving occluders are placed where their velocities take them in this time, in seconds, [0, 2].
   double ahead_s = 0.0;
   // The greatest distance from the eye, in metres, at which occluders must be found. Texels may miss or confuse occluders beyond it, so
   // candidates beyond it must not be looked up. A sampler saves time by ending its search there.

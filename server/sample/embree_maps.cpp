@@ -205,12 +205,12 @@ EmbreeMaps::EmbreeMaps(EmbreeDevice& device)
     : device_(device.impl()), fixed_(std::make_shared<StaticTop>()), packet_(std::make_unique<Packet>()) {}
 EmbreeMaps::~EmbreeMaps() = default;
 
-void EmbreeMaps::take_in(const SceneMirror& mirror, double ahead_s) {
+void EmbreeMaps::take_in(const SceneMirror& mirror) {
   if (identity_ != mirror.identity() || static_version_ != mirror.static_version())
     fixed_ = device_->static_top_of(mirror, EmbreeScene::Content::kOccluders);
   identity_ = mirror.identity();
   static_version_ = mirror.static_version();
-  movers_.take_in(*device_, mirror, ahead_s);
+  movers_.take_in(*device_, mirror);
 }
 
 // A filter that Embree calls for every hit costs a third of the time, so it is set only when a ray can hit an ignored instance.

@@ -27,8 +27,8 @@ class EmbreeMaps {
   explicit EmbreeMaps(EmbreeDevice& device);
   ~EmbreeMaps();
 
-  // To be called after every change of the mirror. `ahead_s` is the only value other than 0 that requests use, or 0.
-  void take_in(const SceneMirror& mirror, double ahead_s);
+  // To be called after every change of the mirror.
+  void take_in(const SceneMirror& mirror);
   // Like Sampler::take for one request, on the mirror as of the last take_in. Allocates only while `map` grows.
   void take(const SceneMirror& mirror, const MapRequest& request, DepthMap& map);
 

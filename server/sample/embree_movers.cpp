@@ -32,7 +32,7 @@ bool RayCone::may_meet(const glm::vec3& c, float radius_m) const {
 }
 
 void EmbreeMovers::Centers::place(const SceneMirror& mirror, std::span<const uint32_t> slots,
-                                  const glm::dvec3& anchor_m, double ahead_s) {
+                                  const glm::dvec3& anchor_m) {
   x.resize(slots.size());
   y.resize(slots.size());
   z.resize(slots.size());
@@ -61,15 +61,22 @@ void EmbreeMovers::list(EmbreeDevice::Impl& device, const SceneMirror& mirror) {
   anchor_m_ = slots_.empty() ? glm::dvec3(0.0) : mirror.instances()[slots_[0]].center_m;
 }
 
-void EmbreeMovers::take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror, double ahead_s) {
-  const bool moved = identity_ != mirror.identity() || version_ != mirror.version();
+void EmbreeMovers::take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror) {
   if (identity_ != mirror.identity() || moving_version_ != mirror.moving_version()) list(device, mirror);
-  if (moved) now_.place(mirror, slots_, anchor_m_, 0.0);
-  if (ahead_s > 0 && (moved || ahead_s_ != ahead_s)) ahead_.place(mirror, slots_, anchor_m_, ahead_s);
+  if (identity_ != mirror.identity() || version_ != mirror.version()) placed_ = 0;
   identity_ = mirror.identity();
   version_ = mirror.version();
   moving_version_ = mirror.moving_version();
-  ahead_s_ = ahead_s;
+}
+
+const EmbreeMovers::Centers& EmbreeMovers::centers_in(const SceneMirror& mirror, double ahead_s) {
+  for (size_t i = 0; i < placed_; ++i)
+    if (centers_[i].ahead_s == ahead_s) return centers_[i];
+  if (placed_ == centers_.size()) centers_.emplace_back();
+  Centers& added = centers_[placed_++];
+  added.ahead_s = ahead_s;
+  added.place(mirror, slots_, anchor_m_);
+  return added;
 }
 
 // RayCone::may_meet for all, without branches, so that the compiler tests several at once.
@@ -98,7 +105,7 @@ void EmbreeMovers::find(const SceneMirror& mirror, const MapRequest& request, co
                         std::vector<NearMover>& near) {
   near.clear();
   if (slots_.empty()) return;
-  const Centers& centers = request.ahead_s > 0 ? ahead_ : now_;
+  const Centers& centers = centers_in(mirror, request.ahead_s);
   const glm::dvec3& eye_m = request.view.eye_m;
   const glm::vec3 eye(eye_m - anchor_m_);
   const auto far_m = static_cast<float>(request.far_m);

@@ -42,33 +42,34 @@ struct NearMover {
 
 class EmbreeMovers {
  public:
-  // To be called after every change of the mirror; `ahead_s` is as in EmbreeScene::take_in.
-  void take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror, double ahead_s);
+  // To be called after every change of the mirror.
+  void take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror);
 
-  // Sets `near` to the instances that the request includes and a ray of the cone may hit, nearest first. The request's ahead_s must be 0
-  // or that of take_in.
+  // Sets `near` to the instances that the request includes and a ray of the cone may hit, nearest first, where they are at its ahead_s.
+  // The mirror is that of take_in. The first request for a time since then places all instances.
   void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone,
             std::vector<NearMover>& near);
 
  private:
   struct Centers {
+    double ahead_s = 0.0;
     std::vector<float> x, y, z;  // from the anchor, metres
-    void place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m,
-               double ahead_s);
+    void place(const SceneMirror& mirror, std::span<const uint32_t> slots, const glm::dvec3& anchor_m);
   };
 
   void list(EmbreeDevice::Impl& device, const SceneMirror& mirror);
+  const Centers& centers_in(const SceneMirror& mirror, double ahead_s);
   void mark(const Centers& centers, const glm::vec3& eye_from_anchor_m, const RayCone& cone, float far_m,
             float margin_m);
 
   uint64_t identity_ = 0, version_ = 0, moving_version_ = 0;  // of the mirror, as last taken in; 0: never
-  double ahead_s_ = 0.0;                                      // of ahead_
   glm::dvec3 anchor_m_{0.0};
   // Parallel, by slot ascending.
   std::vector<uint32_t> slots_;
   std::vector<std::shared_ptr<const BottomScene>> bottoms_;
   std::vector<float> radius_m_;
-  Centers now_, ahead_;
+  std::vector<Centers> centers_;  // by time; the first placed_ ones belong to the mirror as it is
+  size_t placed_ = 0;
   std::vector<int32_t> marks_;  // scratch: whether the cone may hit the instance
 };
 

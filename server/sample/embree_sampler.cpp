@@ -13,13 +13,6 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// The largest ahead_s; the requests have at most one value other than 0.
-double common_ahead_s(std::span<const MapRequest> requests) {
-  double ahead_s = 0.0;
-  for (const MapRequest& request : requests) ahead_s = std::max(ahead_s, request.ahead_s);
-  return ahead_s;
-}
-
 // Up to this number of maps, one thread takes them all. A step with preset `paper` takes its maps in less than 0.03 ms.
 constexpr size_t kTooFewForPool = 16;
 
@@ -32,10 +25,9 @@ class EmbreeSampler final : public Sampler {
   }
 
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
-    const double ahead_s = common_ahead_s(requests);
     maps.resize(requests.size());
     // Builds what is new to the device once; the other threads find it.
-    takers_[0]->take_in(mirror, ahead_s);
+    takers_[0]->take_in(mirror);
     // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last maps are taken
     // first. They belong to the viewpoint search and cost three times as much, so this order lets the threads end at about the
     // same time.
@@ -43,7 +35,7 @@ class EmbreeSampler final : public Sampler {
     std::atomic<bool> late{false};
     const auto start = steady_clock::now();
     const auto work = [&](size_t thread) {
-      if (thread > 0) takers_[thread]->take_in(mirror, ahead_s);
+      if (thread > 0) takers_[thread]->take_in(mirror);
       for (ptrdiff_t i = --left; i >= 0 && !late; i = --left) {
         takers_[thread]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
         if (i > 0 && most_time_.count() > 0 && steady_clock::now() - start > most_time_) late = true;

@@ -96,7 +96,9 @@ class PointPicker {
     pick(table.points_blended(transform_point(mesh_from_world, position_on_course_m(in_.step)), {x, y}));
     add_points(now_.sights_m, picked_, instance.world_from_instance);
     pick(table.points(transform_point(mesh_from_world, in_.bound.center_m)));
-    add_points(now_.points_m, picked_, instance.world_from_instance);
+    // A flight plan adds up the maps of many steps, so it needs fewer of them in each.
+    const size_t mapped = weighs_hidden(in_.step.input) ? (picked_.size() + 1) / 2 : picked_.size();
+    add_points(now_.points_m, std::span(picked_).first(mapped), instance.world_from_instance);
     if (ahead_s_ <= 0) return;
     add_points(ahead_.points_m, std::span(picked_).first(std::min(kPointsAhead, picked_.size())), later);
   }
@@ -219,10 +221,12 @@ void plan_chain_maps(const glm::dvec2& jitter, SamplePlan& plan) {
   now.sights_m.resize(now.points_m.size());
 }
 
-void plan_maps(const SampleInput& in, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan) {
+void plan_maps(const SampleInput& in, const glm::dvec2& jitter, int resolution, Sampled& sampled, SamplePlan& plan) {
+  SampleSettings settings = in.step.input.settings.sample;
+  settings.resolution = resolution;
   for (const glm::dvec3& point_m : sampled.points_m) {
     const auto first = static_cast<uint32_t>(plan.views.size());
-    const int count = plan_views(point_m, in.bound, in.step.input.settings.sample, jitter, plan.views);
+    const int count = plan_views(point_m, in.bound, settings, jitter, plan.views);
     sampled.maps_of_point.push_back({first, static_cast<uint32_t>(count)});
     plan.used_cube_map |= count > 1;
   }
@@ -293,15 +297,18 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   PointPicker picker(in, scratch.picked, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
   const glm::dvec2 jitter = texel_jitter(in.step.input);
+  const int resolution = in.step.input.settings.sample.resolution;
   chain_pairs(in, plan);
   if (plan.pair.used)
     plan_chain_maps(jitter, plan);
   else
-    plan_maps(in, jitter, plan.now, plan);
+    plan_maps(in, jitter, resolution, plan.now, plan);
   plan_sights(in.step, plan);
-  plan_maps(in, jitter, plan.ahead, plan);
+  plan_maps(in, jitter, resolution, plan.ahead, plan);
   SlicePicker(in, scratch, plan).pick();
-  for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, slice.sampled, plan);
+  // The shares of a slice are averaged over steps, with other jitter in each, so few texels are enough.
+  const int of_slices = std::max(kLeastResolution, (resolution + 1) / 2);
+  for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, of_slices, slice.sampled, plan);
   plan.look = plan_look(in, plan.views);
   request_all(in, plan);
 }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <cstring>
 
@@ -147,25 +148,26 @@ TEST_F(EmbreeMapsTest, AreTheSameBitsOnAnyNumberOfHandsWhileTheSceneChanges) {
   }
 }
 
+// Each request of one call may ask for a time of its own.
 TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
-  constexpr double kAheadS = 0.4;
+  constexpr std::array kAheadS = {0.0, 0.4, 0.05, 1.2};
   size_t different = 0, texels = 0;
   for (uint64_t seed = 400; seed < 410; ++seed) {
     SceneMaker maker(seed);
-    SceneMirror mirror, later;
+    std::array<SceneMirror, kAheadS.size()> mirrors;  // by time; the first is the present
     const SceneDelta scene = maker.scene(12);
-    ASSERT_TRUE(mirror.apply(scene, {}));
-    ASSERT_TRUE(later.apply(scene, {}));
-    TransformUpdate moves = maker.moves(mirror, 12);
+    for (SceneMirror& mirror : mirrors) ASSERT_TRUE(mirror.apply(scene, {}));
+    TransformUpdate moves = maker.moves(mirrors[0], 12);
     moves.velocities_mps.resize(moves.ids.size(), {1.5, -0.5, 2.0});
-    ASSERT_TRUE(mirror.apply({}, moves));
-    for (size_t i = 0; i < moves.ids.size(); ++i)
-      moves.poses[i].position_m += kAheadS * moves.velocities_mps[i];
-    ASSERT_TRUE(later.apply({}, moves));
-    const Requests requests(maker, 12, 8, kAheadS);
-    const std::vector<DepthMap> maps = take(mirror, requests.all);
-    for (size_t i = 0; i < maps.size(); ++i)
-      different += count_differences(requests.all[i].ahead_s > 0 ? later : mirror, requests.all[i], maps[i]);
+    for (size_t k = 0; k < mirrors.size(); ++k) {
+      TransformUpdate then = moves;
+      for (size_t i = 0; i < moves.ids.size(); ++i) then.poses[i].position_m += kAheadS[k] * moves.velocities_mps[i];
+      ASSERT_TRUE(mirrors[k].apply({}, then));
+    }
+    Requests requests(maker, 12, 16);
+    for (size_t i = 0; i < requests.all.size(); ++i) requests.all[i].ahead_s = kAheadS[i / 4];
+    const std::vector<DepthMap> maps = take(mirrors[0], requests.all);
+    for (size_t i = 0; i < maps.size(); ++i) different += count_differences(mirrors[i / 4], requests.all[i], maps[i]);
     texels += count_texels(maps);
   }
   EXPECT_LE(different, texels / 2000) << "of " << texels;
