@@ -4,7 +4,7 @@
 #   docker run --rm -p 127.0.0.1:50151:50151 -v "$PWD/my-scenes:/scenes:ro" sightline
 #   docker run --rm --user "$(id -u)" -v "$PWD:/out" sightline demo --out /out/demo
 #
-# The second line plays a generated scene and leaves the page of the session in ./demo. /scenes holds two scenes, hall.glb and rooms.glb, until a folder
+# The last line plays a generated scene and leaves the page of the session in ./demo. /scenes holds two scenes, hall.glb and rooms.glb, until a folder
 # is mounted over it.
 #
 # Inside the container the daemon listens on all interfaces, because a published port cannot reach the container's loopback. There is no

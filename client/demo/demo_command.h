@@ -1,5 +1,5 @@
-// `sightline demo`: starts a daemon, lets it steer a camera through a generated scene, prints a table of how well it did beside a plain
-// follow camera, and leaves the page of the session.
+// `sightline demo`: starts a daemon and lets it steer a camera through a generated scene. Then it prints a table of how well the camera did
+// beside a plain follow camera, and leaves the page of the session.
 #pragma once
 
 #include <ostream>
