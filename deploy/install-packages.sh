@@ -20,7 +20,7 @@ build_packages=(
 )
 # An npm from another source is good enough, and would conflict with Debian's.
 command -v npm >/dev/null || build_packages+=(nodejs npm)
-test_packages=(dpkg-dev lintian chromium chromium-driver python3-selenium fonts-dejavu-core)
+test_packages=(dpkg-dev lintian mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core)
 run_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
   libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 liblz4-1 zlib1g

@@ -22,6 +22,7 @@ NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
+    (r"^dotnet ", "needs a .NET SDK; CSharpBuild compiles with Mono"),
     (r"^apt-get |--target packages$", "Packages makes the packages and unpacks them"),
     (r"^deploy/install-packages\.sh", "installs packages on this machine"),
     (r"^grpcurl ", "needs grpcurl"),
