@@ -307,8 +307,14 @@ Command parse_command_line(int argc, const char* const* argv) {
       app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
           ->fallthrough()
           ->configurable(false);
+  // Its flags, --help among them, are those of `sightline demo`.
+  CLI::App* demo = app.add_subcommand("demo", "Play a generated scene and write a page of the session, as `sightline demo` does")
+                       ->prefix_command()
+                       ->configurable(false);
+  demo->set_help_flag();
   try {
     app.parse(argc, argv);
+    if (demo->parsed()) return BecomeDemo{demo->remaining()};
     if (!devices->parsed() && !raw.print_config) check_together(raw.flags);
   } catch (const CLI::ValidationError& error) {
     const CLI::ValidationError placed("", error.what() + config->place_of(error.what()));

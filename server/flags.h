@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "server/service/log.h"
 #include "server/sample/sampler_choice.h"
@@ -58,11 +59,15 @@ struct Serve {
 struct ReportDevices {
   Flags flags;
 };
+// `sightlined demo`: the process becomes the command `sightline demo`, which stands beside it.
+struct BecomeDemo {
+  std::vector<std::string> arguments;
+};
 // The process ends with this code. Help, version, configuration or error have been printed.
 struct Exit {
   int code = 0;
 };
-using Command = std::variant<Serve, ReportDevices, Exit>;
+using Command = std::variant<Serve, ReportDevices, BecomeDemo, Exit>;
 
 // Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
 // Exit{2}.

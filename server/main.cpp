@@ -6,11 +6,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
@@ -394,6 +396,20 @@ int report_devices(const Flags& flags) {
   return EXIT_SUCCESS;
 }
 
+// Returns only when it fails.
+int become_demo(const std::vector<std::string>& arguments) {
+  std::error_code none;
+  const std::string program = std::filesystem::read_symlink("/proc/self/exe", none).replace_filename("sightline");
+  std::vector<std::string> words{"sightline", "demo"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  ::execv(program.c_str(), argv.data());
+  std::fprintf(stderr, "sightlined demo: cannot run %s: %s\n", program.c_str(), std::strerror(errno));
+  return EXIT_FAILURE;
+}
+
 }  // namespace
 }  // namespace sightline
 
@@ -401,6 +417,7 @@ int main(int argc, char** argv) {
   using namespace sightline;
   const Command command = parse_command_line(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&command)) return exit->code;
+  if (const auto* demo = std::get_if<BecomeDemo>(&command)) return become_demo(demo->arguments);
   prepare_process();
   if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags);
   const Flags& flags = std::get<Serve>(command).flags;

@@ -10,7 +10,7 @@
 
 #include "client/bench/command.h"
 #include "client/bench/generator.h"
-#include "client/bench/process.h"
+#include "client/base/process.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
 #include "client/cpp/sightline_client.h"

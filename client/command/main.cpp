@@ -8,6 +8,7 @@
 #include "client/bench/command.h"
 #include "client/replay/compare_command.h"
 #include "client/recordings/commands.h"
+#include "client/demo/demo_command.h"
 #include "client/drive/drive_command.h"
 #include "client/evaluate/evaluate_command.h"
 #include "client/replay/replay_command.h"
@@ -121,6 +122,7 @@ int main(int argc, char** argv) {
       ->check(CLI::ExistingFile);
 
   std::vector<sightline::Verb> verbs = sightline::add_recording_verbs(app);
+  verbs.push_back(sightline::add_demo_verb(app, bench.program));
   verbs.push_back(sightline::add_replay_verb(app));
   verbs.push_back(sightline::add_compare_verb(app));
   verbs.push_back(sightline::add_report_verb(app));

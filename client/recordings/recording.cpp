@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "client/recordings/reply_fields.h"
 #include "server/base/hash.h"
 #include "server/wire/from_proto_values.h"
 
@@ -251,6 +252,7 @@ const std::string& PlainReply::bytes_of(const v1::CameraReply& reply) {
   plain_.CopyFrom(reply);
   plain_.clear_stage_times();
   if (plain_.has_flags()) plain_.mutable_flags()->clear_recording_degraded();
+  clear_fields(plain_, left_out_);
   bytes_.clear();
   google::protobuf::io::StringOutputStream stream(&bytes_);
   google::protobuf::io::CodedOutputStream coded(&stream);

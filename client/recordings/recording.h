@@ -151,10 +151,14 @@ uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed = 0);
 // The bytes that reply_hash covers. Reuses its memory from reply to reply.
 class PlainReply {
  public:
+  // `left_out`: fields that the bytes lack in addition, as of reply_fields_unknown_to.
+  explicit PlainReply(std::vector<const google::protobuf::FieldDescriptor*> left_out = {}) : left_out_(std::move(left_out)) {}
+
   // Valid until the next call.
   const std::string& bytes_of(const v1::CameraReply& reply);
 
  private:
+  const std::vector<const google::protobuf::FieldDescriptor*> left_out_;
   v1::CameraReply plain_;
   std::string bytes_;
 };

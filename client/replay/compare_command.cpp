@@ -59,6 +59,7 @@ ordered_json json_of(const RecordingComparison& comparison) {
             {"position_m", replies.position_m()},
             {"direction_deg", replies.direction_deg()},
             {"visible_share", replies.visible_share()},
+            {"unknown_fields", replies.unknown()},
             {"fields", std::move(fields)}}},
           {"input",
            {{"compared", comparison.input.ticks},
@@ -107,6 +108,7 @@ void print(std::ostream& out, const RecordingComparison& comparison) {
   print_first(out, input.first);
   out << "replies     " << counts(replies.compared(), replies.equal(), comparison.only_a, comparison.only_b)
       << '\n';
+  for (const std::string& field : replies.unknown()) out << "  unknown   " << field << ": not in both contracts, not compared\n";
   print_first(out, replies.first());
   if (comparison.missing_a + comparison.missing_b > 0)
     out << formatted("gaps        %lu messages are missing in A, %lu in B\n",

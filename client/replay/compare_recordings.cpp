@@ -1,9 +1,11 @@
 #include "client/replay/compare_recordings.h"
 
+#include <algorithm>
 #include <deque>
 #include <limits>
 #include <utility>
 
+#include "client/recordings/reply_fields.h"
 #include "client/replay/source.h"
 
 namespace sightline {
@@ -80,7 +82,10 @@ Result<RecordingComparison> compare_recordings(const Recording& a, const Recordi
                                                const std::function<void(double)>& progress) {
   auto convention = convention_of(a.open_session());
   if (!convention) return tl::unexpected(std::move(convention.error()));
-  RecordingComparison comparison(*convention);
+  IgnoredFields unknown = reply_fields_unknown_to(a.container());
+  for (const auto* field : reply_fields_unknown_to(b.container()))
+    if (std::find(unknown.begin(), unknown.end(), field) == unknown.end()) unknown.push_back(field);
+  RecordingComparison comparison(*convention, unknown);
   InputComparison& input = comparison.input;
   input.opening = first_difference(a.open_session(), b.open_session(), fields_beside_the_input());
 

@@ -19,7 +19,7 @@ struct InputComparison {
 };
 
 struct RecordingComparison {
-  explicit RecordingComparison(const Convention& convention) : replies(convention) {}
+  RecordingComparison(const Convention& convention, const IgnoredFields& unknown) : replies(convention, unknown) {}
   InputComparison input;
   ReplyComparison replies;
   uint64_t only_a = 0, only_b = 0;        // replies
@@ -29,8 +29,8 @@ struct RecordingComparison {
 
 // Reads both once, side by side. `progress` is called with the log time in seconds since the start of `a`. Two kinds of
 // fields do not count: the fields of the openings about how the session is recorded, and `step` of the ticks. A replay
-// at a daemon fills `step` with values from the recorded replies. Fails when the convention of `a` is invalid.
-// invalid.
+// at a daemon fills `step` with values from the recorded replies. Nor do fields of replies that the server of one recording did not
+// know. Fails when the convention of `a` is invalid.
 Result<RecordingComparison> compare_recordings(const Recording& a, const Recording& b,
                                                const std::function<void(double)>& progress = {});
 

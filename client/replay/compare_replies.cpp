@@ -1,5 +1,7 @@
 #include "client/replay/compare_replies.h"
 
+#include <google/protobuf/descriptor.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -13,6 +15,28 @@ const IgnoredFields& fields_beside_the_reply() {
   static const IgnoredFields fields =
       fields_named({"sightline.v1.CameraReply.stage_times", "sightline.v1.StepFlags.recording_degraded"});
   return fields;
+}
+
+namespace {
+
+IgnoredFields with(IgnoredFields fields, const IgnoredFields& more) {
+  fields.insert(fields.end(), more.begin(), more.end());
+  return fields;
+}
+
+}  // namespace
+
+ReplyComparison::ReplyComparison(const Convention& convention, const IgnoredFields& unknown)
+    : convention_(convention),
+      unknown_(unknown),
+      not_compared_(with(fields_beside_the_reply(), unknown)),
+      plain_a_(unknown),
+      plain_b_(unknown) {}
+
+std::vector<std::string> ReplyComparison::unknown() const {
+  std::vector<std::string> names;
+  for (const google::protobuf::FieldDescriptor* field : unknown_) names.push_back(field->full_name());
+  return names;
 }
 
 bool ReplyComparison::add(const v1::CameraReply& a, const v1::CameraReply& b) {
@@ -29,7 +53,7 @@ bool ReplyComparison::add(const v1::CameraReply& a, const v1::CameraReply& b) {
 
 void ReplyComparison::note(const v1::CameraReply& a, const v1::CameraReply& b) {
   note_pose(a, b);
-  for_each_difference(a, b, fields_beside_the_reply(), [&](const FieldDifference& difference) {
+  for_each_difference(a, b, not_compared_, [&](const FieldDifference& difference) {
     if (!first_) first_ = {a.sequence(), a.time_s(), difference};
     FieldDeviation& deviation = deviations_[difference.general];
     if (deviation.replies == 0) deviation.first_sequence = a.sequence();

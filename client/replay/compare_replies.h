@@ -34,7 +34,8 @@ struct FieldDeviation {
 // Not thread-safe.
 class ReplyComparison {
  public:
-  explicit ReplyComparison(const Convention& convention) : convention_(convention) {}
+  // `unknown`: fields that a server of one side did not know yet. They do not count, and the hashes do not cover them.
+  explicit ReplyComparison(const Convention& convention, const IgnoredFields& unknown = {});
 
   // Both must answer the same tick. Returns true when they are equal, as reply_hash is.
   bool add(const v1::CameraReply& a, const v1::CameraReply& b);
@@ -49,6 +50,8 @@ class ReplyComparison {
   double visible_share() const { return visible_share_; }  // of any target in both
   // Every field that differed anywhere, in the order of their names.
   std::vector<FieldDeviation> deviations() const;
+  // The full names of the unknown fields, in the order of the contract.
+  std::vector<std::string> unknown() const;
   // Chained hashes of all replies so far, as of reply_hash.
   uint64_t hash_a() const { return hash_a_; }
   uint64_t hash_b() const { return hash_b_; }
@@ -58,6 +61,7 @@ class ReplyComparison {
   void note_pose(const v1::CameraReply& a, const v1::CameraReply& b);
 
   const Convention convention_;
+  const IgnoredFields unknown_, not_compared_;  // the latter includes fields_beside_the_reply
   PlainReply plain_a_, plain_b_;
   uint64_t compared_ = 0, equal_ = 0, hash_a_ = 0, hash_b_ = 0;
   std::optional<ReplyDifference> first_;

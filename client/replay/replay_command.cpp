@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "client/base/progress_bar.h"
+#include "client/recordings/reply_fields.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
 #include "client/report/figures.h"
@@ -114,7 +115,7 @@ class Command {
       replay_->mirror_on(*mirror_, *mirror_scenes_);
     }
     if (Status done = replay_->open(); !done) return done;
-    result_.emplace(replay_->convention(), never_equal());
+    result_.emplace(replay_->convention(), never_equal(), reply_fields_unknown_to(recording_->container()));
     if (!settings_.empty() || options_.truth) {
       recorded_figures_.emplace(replay_->convention());
       replayed_figures_.emplace(replay_->convention());

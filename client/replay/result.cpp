@@ -88,6 +88,7 @@ void ReplayResult::print(std::ostream& out) const {
   line(out, "hash",
        formatted("%016lx recorded, %016lx replayed", static_cast<unsigned long>(replies_.hash_a()),
                  static_cast<unsigned long>(replies_.hash_b())));
+  for (const std::string& field : replies_.unknown()) line(out, "unknown", field + ": newer than the recording, not compared");
   if (const auto& first = replies_.first())
     line(out, "first",
          formatted("tick %lu at %.3f s: ", static_cast<unsigned long>(first->sequence), first->time_s) +

@@ -24,8 +24,9 @@ inline constexpr const char* kOtherSettings = "other settings";
 class ReplayResult {
  public:
   // `never_equal`: why no reply need be equal ("another sampler"). Empty: all must be equal, up to the first gap.
-  ReplayResult(const Convention& convention, std::string never_equal)
-      : replies_(convention), never_equal_(std::move(never_equal)) {}
+  // `unknown`: as of ReplyComparison.
+  ReplayResult(const Convention& convention, std::string never_equal, const IgnoredFields& unknown = {})
+      : replies_(convention, unknown), never_equal_(std::move(never_equal)) {}
 
   void add(const ReplayedStep& step);
   // Replies need not be equal for this reason; the first reason counts.

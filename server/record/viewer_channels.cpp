@@ -99,56 +99,77 @@ void add_frame(foxglove::FrameTransforms& out, uint64_t time_ns, const char* par
   set(*frame.mutable_rotation(), parent_from_child.rotation);
 }
 
-void add_sphere(foxglove::SceneEntity& entity, const Colour& colour, const glm::dvec3& centre_m, const glm::dvec3& size_m) {
+// `place`: of the shape's centre in the entity; `up_m`: how far above it, along the shape's own axis, the sphere is.
+void add_sphere(foxglove::SceneEntity& entity, const Colour& colour, const Pose& place, double up_m, const glm::dvec3& size_m) {
   foxglove::SpherePrimitive& sphere = *entity.add_spheres();
-  set(*sphere.mutable_pose(), Pose{centre_m, {1, 0, 0, 0}});
+  set(*sphere.mutable_pose(), Pose{place.position_m + place.rotation * glm::dvec3(0, 0, up_m), place.rotation});
   set(*sphere.mutable_size(), size_m);
   set(*sphere.mutable_color(), colour);
 }
 
-void add_cylinder(foxglove::SceneEntity& entity, const Colour& colour, const glm::dvec3& size_m) {
+void add_cylinder(foxglove::SceneEntity& entity, const Colour& colour, const Pose& place, const glm::dvec3& size_m) {
   foxglove::CylinderPrimitive& cylinder = *entity.add_cylinders();
-  set(*cylinder.mutable_pose(), Pose{});
+  set(*cylinder.mutable_pose(), place);
   set(*cylinder.mutable_size(), size_m);
   cylinder.set_bottom_scale(1.0);
   cylinder.set_top_scale(1.0);
   set(*cylinder.mutable_color(), colour);
 }
 
-// Long axes are along the client's up, which is the viewer's Z.
-void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Colour& colour, const Convention& c) {
-  const v1::Shape& wire = instance.shape();
-  const glm::dvec3 scale =
-      scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
+// The offset of a shape in its instance, in the viewer's frame.
+glm::dvec3 offset_of(const v1::Shape& wire, const glm::dvec3& scale, const Convention& c) {
+  return vector_to_client(ros_convention(), scale * vector_from_client(c, vector_of(wire.offset())));
+}
+
+// A shape that is no compound, with its centre at `place` in the entity. Long axes are along the client's up, which is the viewer's Z. An
+// uneven scale is applied along the axes of the shape, which is exact for shapes that are not turned.
+void add_part(foxglove::SceneEntity& entity, const v1::Shape& wire, const Pose& place, const glm::dvec3& scale, const Colour& colour,
+              const Convention& c) {
   const auto sized = [&](double x, double y, double z) {  // canonical units of the client's length
     return extent_to_viewer(scale * glm::dvec3(x, y, z) * c.metres_per_unit);
   };
   switch (wire.shape_case()) {
     case v1::Shape::kBox: {
       foxglove::CubePrimitive& cube = *entity.add_cubes();
-      set(*cube.mutable_pose(), Pose{});
+      set(*cube.mutable_pose(), place);
       set(*cube.mutable_size(),
           2.0 * extent_to_viewer(scale * extent_from_client(c, vector_of(wire.box().half_extent()))));
       set(*cube.mutable_color(), colour);
       return;
     }
     case v1::Shape::kSphere:
-      return add_sphere(entity, colour, {0, 0, 0},
+      return add_sphere(entity, colour, place, 0.0,
                         2.0 * sized(wire.sphere().radius(), wire.sphere().radius(), wire.sphere().radius()));
     case v1::Shape::kCapsule: {
       const double r = wire.capsule().radius(), h = wire.capsule().half_height();
       const glm::dvec3 round = 2.0 * sized(r, r, r), middle = 2.0 * sized(r, h, r);
-      if (h > 0) add_cylinder(entity, colour, middle);
-      add_sphere(entity, colour, {0, 0, middle.z / 2}, round);
-      add_sphere(entity, colour, {0, 0, -middle.z / 2}, round);
+      if (h > 0) add_cylinder(entity, colour, place, middle);
+      add_sphere(entity, colour, place, middle.z / 2, round);
+      add_sphere(entity, colour, place, -middle.z / 2, round);
       return;
     }
     case v1::Shape::kCylinder: {
       const double r = wire.cylinder().radius();
-      return add_cylinder(entity, colour, 2.0 * sized(r, wire.cylinder().half_height(), r));
+      return add_cylinder(entity, colour, place, 2.0 * sized(r, wire.cylinder().half_height(), r));
     }
+    case v1::Shape::kCompound:
     case v1::Shape::SHAPE_NOT_SET:
       return;
+  }
+}
+
+void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Colour& colour, const Convention& c) {
+  const v1::Shape& body = instance.shape();
+  const glm::dvec3 scale =
+      scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
+  const glm::dvec3 offset = offset_of(body, scale, c);
+  if (!body.has_compound()) return add_part(entity, body, {offset, {1, 0, 0, 0}}, scale, colour, c);
+  for (const v1::Shape::Part& part : body.compound().parts()) {
+    v1::Pose3 turn;
+    *turn.mutable_rotation() = part.rotation();
+    const glm::dquat rotation = part.has_rotation() ? pose_of(turn).rotation : glm::dquat(1, 0, 0, 0);
+    const glm::dquat turned = rotation_to_client(ros_convention(), rotation_from_client(c, rotation));
+    add_part(entity, part.shape(), {offset + offset_of(part.shape(), scale, c), turned}, scale, colour, c);
   }
 }
 

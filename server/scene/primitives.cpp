@@ -107,4 +107,17 @@ Result<MeshData> tessellate(const Shape& shape) {
   return std::visit([](const auto& s) { return make(s); }, shape);
 }
 
+Result<MeshData> tessellate(std::span<const PlacedShape> shapes) {
+  MeshData body;
+  for (size_t i = 0; i < shapes.size(); ++i) {
+    const auto part = tessellate(shapes[i].shape);
+    if (!part) return fail(part.error().code, indexed("", i) + '.' + part.error().field, part.error().message);
+    const auto first = static_cast<uint32_t>(body.positions.size());
+    const Pose& place = shapes[i].body_from_shape;
+    for (const glm::vec3& p : part->positions) body.positions.emplace_back(place.position_m + place.rotation * glm::dvec3(p));
+    for (const uint32_t index : part->indices) body.indices.push_back(first + index);
+  }
+  return body;
+}
+
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// Shapes without a mesh: box, sphere, capsule, cylinder. They become ordinary triangle geometry, so that both
+// Shapes without a mesh: box, sphere, capsule, cylinder, and bodies of several of them. They become ordinary triangle geometry, so that both
 // samplers, the clearance query and the truth renderer see the same surface.
 //
 // Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round shapes are
@@ -6,8 +6,10 @@
 // surface is under 1 % of the radius.
 #pragma once
 
+#include <span>
 #include <variant>
 
+#include "server/base/transform.h"
 #include "server/scene/geometry.h"
 
 namespace sightline {
@@ -32,5 +34,15 @@ using Shape = std::variant<BoxShape, SphereShape, CapsuleShape, CylinderShape>;
 // Tessellates `shape`, outward facing counter-clockwise. Fails (kInvalidArgument, field = the parameter's
 // name) on a size that is not finite or outside [1e-4, 1e5] m (half_height_m of a capsule may also be 0).
 Result<MeshData> tessellate(const Shape& shape);
+
+// A shape and its place in a body.
+struct PlacedShape {
+  Shape shape;
+  Pose body_from_shape;
+};
+
+// The shapes as one mesh, in the frame of the body. Shapes that overlap keep their inner surfaces. Fails as above for the first wrong shape,
+// field = "[i].radius_m" and so on.
+Result<MeshData> tessellate(std::span<const PlacedShape> shapes);
 
 }  // namespace sightline

@@ -56,7 +56,7 @@ Pose pose_from_client(const Convention& c, const Pose& client_pose);
 // world_from_camera with the client's own camera axes.
 Pose camera_from_client(const Convention& c, const Pose& client_pose);
 Pose camera_to_client(const Convention& c, const Pose& pose);
-// target_from_camera, for the client to put after its own world_from_target: no origin takes part.
+// The camera in the frame of a target, turned with it or not: no origin takes part.
 Pose relative_camera_to_client(const Convention& c, const Pose& target_from_camera);
 // world_from_view of a depth map (columns right, up, back) as the client's pose that looks along its own -Z
 // with +Y up.

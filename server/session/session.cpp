@@ -347,6 +347,7 @@ void Session::describe_relative(SessionAnswer& answer) const {
   answer.relative_target_id = target->instance_id;
   answer.target_from_camera = {inverse_transform_point(world_from_target, camera.position_m),
                                glm::normalize(glm::conjugate(world_from_target.rotation) * camera.rotation)};
+  answer.unrotated_from_camera = {camera.position_m - world_from_target.position_m, camera.rotation};
 }
 
 }  // namespace sightline

@@ -92,7 +92,9 @@ struct SessionAnswer {
   StepResult step;
   Lens lens;  // as used, zoom included
   std::optional<uint64_t> relative_target_id;
-  Pose target_from_camera;  // when relative_target_id is set
+  // When relative_target_id is set: the camera in the frame of that target, and in a frame at the target's origin with the axes of the
+  // world.
+  Pose target_from_camera, unrotated_from_camera;
   bool cut = false;
   uint32_t merged_ticks = 0;
   // Quality level of the step (server/step/quality_level.h), and the settings that it used if the level changed any.

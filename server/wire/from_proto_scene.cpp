@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "server/base/check.h"
 #include "server/wire/from_proto_values.h"
@@ -14,11 +15,18 @@ namespace {
 constexpr double kMinSizeM = 1e-4, kMaxSizeM = 1e5;
 constexpr double kMinScale = 1e-4, kMaxScale = 1e4;
 constexpr double kMinUnitM = 1e-6, kMaxUnitM = 1e6;
+constexpr double kMaxOffsetM = 1e5;
+constexpr int kMaxParts = 64;
 constexpr char kAxisNames[] = "xyz";
 
 Status check_client_id(uint64_t id, const std::string& field) {
   if (id != 0 && id < kAssetIdBit) return {};
-  return invalid(field, "must be in [1, 2^63), got " + std::to_string(id));
+  std::string text = "must be in [1, 2^63), got " + std::to_string(id);
+  // Engines number objects by signed numbers, and a negative one has become this id by the extension of its sign.
+  if (const auto negative = static_cast<int64_t>(id); negative < 0 && negative >= std::numeric_limits<int32_t>::min())
+    text += ", which is " + std::to_string(negative) + " as a signed number; convert a 32-bit id to an unsigned one first: " +
+            std::to_string(static_cast<uint32_t>(id));
+  return invalid(field, std::move(text));
 }
 
 std::string axis_field(const std::string& field, int axis) {
@@ -82,10 +90,68 @@ Result<Shape> read_shape(const v1::Shape& wire, const Convention& c, const std::
       return read_round<CapsuleShape>(wire.capsule(), 0.0, c, field + ".capsule");
     case v1::Shape::kCylinder:
       return read_round<CylinderShape>(wire.cylinder(), kMinSizeM, c, field + ".cylinder");
+    case v1::Shape::kCompound:
+      return invalid(field + ".compound", "a part must be a box, sphere, capsule or cylinder");
     case v1::Shape::SHAPE_NOT_SET:
       break;
   }
-  return invalid(field, "must be a box, sphere, capsule or cylinder");
+  return invalid(field, "must be a box, sphere, capsule, cylinder or compound");
+}
+
+Status read_offset(const v1::Shape& wire, const Convention& c, const std::string& field, glm::dvec3& out_m) {
+  const std::string name = field + ".offset";
+  glm::dvec3 units(0.0);
+  if (Status ok = read_vector(wire.offset(), name, units); !ok) return ok;
+  out_m = vector_from_client(c, units);
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(units[axis]) * c.metres_per_unit > kMaxOffsetM) return invalid(axis_field(name, axis), "must be within 1e5 m");
+  return {};
+}
+
+// A shape that is no compound, turned by `rotation` (client) about its centre and moved by `body_m` beyond its own offset.
+Result<PlacedShape> read_part(const v1::Shape& wire, const glm::dquat& rotation, const glm::dvec3& body_m, const Convention& c,
+                              const std::string& field) {
+  auto shape = read_shape(wire, c, field);
+  if (!shape) return tl::unexpected(std::move(shape.error()));
+  glm::dvec3 offset_m(0.0);
+  if (Status ok = read_offset(wire, c, field, offset_m); !ok) return tl::unexpected(ok.error());
+  return PlacedShape{*shape, {body_m + offset_m, rotation_from_client(c, rotation)}};
+}
+
+// The shapes of a body, in the frame of its instance.
+Result<std::vector<PlacedShape>> read_body(const v1::Shape& wire, const Convention& c, const std::string& field) {
+  std::vector<PlacedShape> body;
+  const auto add = [&](Result<PlacedShape> part) -> Status {
+    if (!part) return tl::unexpected(std::move(part.error()));
+    body.push_back(std::move(*part));
+    return {};
+  };
+  Status ok;
+  if (!wire.has_compound()) {
+    ok = add(read_part(wire, {1, 0, 0, 0}, {0, 0, 0}, c, field));
+  } else {
+    const std::string list = field + ".compound.parts";
+    const int count = wire.compound().parts_size();
+    if (count < 1 || count > kMaxParts) return invalid(list, "must hold 1 to 64 shapes, got " + std::to_string(count));
+    glm::dvec3 body_m(0.0);
+    ok = read_offset(wire, c, field, body_m);
+    for (int i = 0; ok && i < count; ++i) {
+      const v1::Shape::Part& part = wire.compound().parts(i);
+      const std::string name = indexed(list, static_cast<size_t>(i));
+      glm::dquat rotation(1, 0, 0, 0);
+      if (part.has_rotation()) ok = read_rotation(part.rotation(), name + ".rotation", rotation);
+      if (ok) ok = add(read_part(part.shape(), rotation, body_m, c, name + ".shape"));
+    }
+  }
+  if (!ok) return tl::unexpected(std::move(ok.error()));
+  return body;
+}
+
+// A single shape at its instance's origin is the mesh of that shape, to the bit.
+Result<MeshData> tessellate_body(const std::vector<PlacedShape>& body) {
+  const bool is_plain = body.size() == 1 && body[0].body_from_shape.position_m == glm::dvec3(0.0) &&
+                        body[0].body_from_shape.rotation == glm::dquat(1, 0, 0, 0);
+  return is_plain ? tessellate(body[0].shape) : tessellate(std::span<const PlacedShape>(body));
 }
 
 Status read_scale(const v1::Vec3& wire, const std::string& field, glm::dvec3& out) {
@@ -204,9 +270,9 @@ Result<std::shared_ptr<const Geometry>> InstanceReader::read_geometry(const v1::
                                                                       const std::string& field) {
   if (wire.has_mesh()) return read_mesh(wire.mesh(), field + ".mesh");
   if (!wire.has_shape()) return invalid(field + ".geometry", "needs a shape or a mesh");
-  auto shape = read_shape(wire.shape(), convention_, field + ".shape");
-  if (!shape) return tl::unexpected(std::move(shape.error()));
-  auto mesh = tessellate(*shape);
+  auto body = read_body(wire.shape(), convention_, field + ".shape");
+  if (!body) return tl::unexpected(std::move(body.error()));
+  auto mesh = tessellate_body(*body);
   if (!mesh) return fail(mesh.error().code, field + ".shape", mesh.error().message);
   return source_.store.intern(std::move(*mesh));
 }

@@ -25,14 +25,6 @@ Status read_number(double wire, const std::string& field, double& out) {
   return {};
 }
 
-Status read_rotation(const v1::Quat& wire, const std::string& field, glm::dquat& out) {
-  const glm::dquat q(wire.w(), wire.x(), wire.y(), wire.z());
-  if (!is_unit(q))
-    return invalid(field, "must have unit length within 1e-3, got length " + number(glm::length(q)));
-  out = glm::normalize(q);
-  return {};
-}
-
 Status read_axis(v1::CustomConvention::Axis wire, const std::string& field, glm::dvec3& out) {
   if (!v1::CustomConvention::Axis_IsValid(wire)) return unknown_enum(field, wire);
   if (wire == v1::CustomConvention::AXIS_UNSPECIFIED)
@@ -113,6 +105,14 @@ Status read_vector(const v1::Vec3& wire, const std::string& field, glm::dvec3& o
   if (Status ok = read_number(wire.x(), field + ".x", out.x); !ok) return ok;
   if (Status ok = read_number(wire.y(), field + ".y", out.y); !ok) return ok;
   return read_number(wire.z(), field + ".z", out.z);
+}
+
+Status read_rotation(const v1::Quat& wire, const std::string& field, glm::dquat& out) {
+  const glm::dquat q(wire.w(), wire.x(), wire.y(), wire.z());
+  if (!is_unit(q))
+    return invalid(field, "must have unit length within 1e-3, got length " + number(glm::length(q)));
+  out = glm::normalize(q);
+  return {};
 }
 
 Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out) {

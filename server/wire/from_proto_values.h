@@ -12,6 +12,8 @@
 namespace sightline {
 
 Status read_vector(const v1::Vec3& wire, const std::string& field, glm::dvec3& out);  // finite
+// A rotation in the client's frame, not converted. It must have unit length within 1e-3 and is normalised.
+Status read_rotation(const v1::Quat& wire, const std::string& field, glm::dquat& out);
 // A pose in the client's frame, not converted; finite, unit rotation (normalised).
 Status read_pose(const v1::Pose3& wire, const std::string& field, Pose& out);
 // Preset or custom; fields below "<prefix>convention".

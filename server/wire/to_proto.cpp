@@ -166,8 +166,10 @@ void set_camera(const SessionAnswer& answer, const Convention& c, v1::CameraRepl
   set(angular_velocity_to_client(c, camera.angular_velocity_radps), *out.mutable_angular_velocity());
   out.set_field_of_view(fov_to_client(c, answer.lens.vertical_fov_rad, answer.lens.aspect));
   if (!answer.relative_target_id) return;
-  out.mutable_relative_pose()->set_target_id(*answer.relative_target_id);
-  set(relative_camera_to_client(c, answer.target_from_camera), *out.mutable_relative_pose()->mutable_pose());
+  v1::RelativePose& relative = *out.mutable_relative_pose();
+  relative.set_target_id(*answer.relative_target_id);
+  set(relative_camera_to_client(c, answer.target_from_camera), *relative.mutable_pose());
+  set(relative_camera_to_client(c, answer.unrotated_from_camera), *relative.mutable_unrotated_pose());
 }
 
 void set_candidates(const CandidateSet& candidates, int chosen, const Convention& c, v1::Candidates& out) {

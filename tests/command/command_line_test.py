@@ -11,6 +11,7 @@ WRONG_FLAGS = 2
 # The arguments that each sub-command needs. FILE is a file that exists, NEW one that does not.
 COMMANDS = {
     "drive": ("FILE",),
+    "demo": (),
     "evaluate": (),
     "bench": (),
     "scene": ("FILE",),

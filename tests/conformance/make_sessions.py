@@ -54,11 +54,12 @@ def camera_pose(frame, eye, at):
     return pose(frame.point(eye), frame.camera_rotation(*looking(eye, at)))
 
 
-def relative_pose(frame, target, target_rotation, eye, at):
-    """target_from_camera: the camera in the frame of a target."""
-    turned = frame.object_rotation(target_rotation)
-    position = product(transpose(turned), minus(frame.point(eye), frame.point(target)))
-    return pose(position, multiply(transpose(turned), frame.camera_rotation(*looking(eye, at))))
+def relative_pose(frame, id_, target, target_rotation, eye, at):
+    """The camera as seen from a target, with and without the target's rotation."""
+    turned, camera = frame.object_rotation(target_rotation), frame.camera_rotation(*looking(eye, at))
+    offset = minus(frame.point(eye), frame.point(target))
+    return {"targetId": str(id_), "pose": pose(product(transpose(turned), offset), multiply(transpose(turned), camera)),
+            "unrotatedPose": pose(offset, camera)}
 
 
 def convention(frame):
@@ -100,11 +101,11 @@ def convention(frame):
         {"tick": still(1), "expect": {"camera": {
             "sequence": "1", "pose": camera_pose(frame, eye, at), "velocity": named((0, 0, 0)), "reason": "MOVE_REASON_PAUSED", "cut": False,
             "fieldOfView": frame.field_of_view(VERTICAL, ASPECT), "targets": first,
-            "relativePose": {"targetId": "1", "pose": relative_pose(frame, a, tilt, eye, at)}}}},
+            "relativePose": relative_pose(frame, 1, a, tilt, eye, at)}}},
         {"tick": still(2, observedCamera={"pose": there, "cut": True}), "expect": {"camera": {
             **held, "cut": True, "reason": "MOVE_REASON_OBSERVED_CUT",
             "targets": seen(distances(eye2, post), 1, state="TARGET_STATE_VISIBLE", visibleShare=1, inPicture=True),
-            "relativePose": {"targetId": "1", "pose": relative_pose(frame, a, tilt, eye2, at2)}}}},
+            "relativePose": relative_pose(frame, 1, a, tilt, eye2, at2)}}},
         {"tick": still(3, transforms=transforms(frame, {4: (plate_beside, edge_on), 7: (post2, tilt)})), "expect": {"camera": {
             **held, "cut": False, "targets": seen(distances(eye2, post2), 1, visibleShare=1)}}},
         {"tick": still(4, transforms=transforms(frame, {4: (plate_beside, IDENTITY)})), "expect": {"camera": {

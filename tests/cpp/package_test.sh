@@ -18,7 +18,7 @@ cp "$root/client/cpp/example.cpp" "$work/game"
 cat > "$work/game/CMakeLists.txt" <<'CMAKE'
 cmake_minimum_required(VERSION 3.25)
 project(game LANGUAGES C CXX)
-find_package(sightline 0.1 CONFIG REQUIRED)
+find_package(sightline 0.2 CONFIG REQUIRED)
 add_executable(game example.cpp)
 target_link_libraries(game PRIVATE sightline::client)
 CMAKE

@@ -13,7 +13,7 @@ import sys
 
 # Documents whose code is checked. (Their other pages hold formats and results.)
 DOCUMENTS = ("README.md", "client/README.md", "deploy/README.md", "server/README.md", "tests/README.md", "scenes/README.md",
-             "client/python/README.md", "client/node/README.md", "client/go/README.md", "client/rust/README.md",
+             "client/python/README.md", "client/node/README.md", "client/go/README.md", "client/rust/README.md", "client/csharp/README.md", "client/engines/README.md",
              "tests/conformance/README.md", "client/cpp/sightline_client.h")
 
 Block = collections.namedtuple("Block", "path line language text")  # line: of the first line of the text, from 1

@@ -22,6 +22,9 @@ NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
+    (r"^dotnet ", "needs a .NET SDK; CSharpBuild compiles with Mono"),
+    (r"^apt-get |--target packages$", "Packages makes the packages and unpacks them"),
+    (r"^deploy/install-packages\.sh", "installs packages on this machine"),
     (r"^grpcurl ", "needs grpcurl"),
     (r"\bgo mod edit", "edits the module of the reader's program"),
     (r"^client/go/generate.sh", "needs Go; GoGenerated runs it"),
@@ -92,7 +95,7 @@ class Workshop:
         (self.folder / "client/python").mkdir(parents=True)
         self.port = free_port()
         # Scenes are played for a second only.
-        self.wrapper("sightline", 'case "$1" in drive|evaluate) set -- "$@" --duration 1 ;; esac\n'
+        self.wrapper("sightline", 'case "$1" in drive|evaluate|demo) set -- "$@" --duration 1 ;; esac\n'
                      f'case "$*" in *--server*) ;; drive*) set -- "$@" --server 127.0.0.1:{self.port} ;; esac\n'
                      f'exec {BIN}/sightline "$@"')
 

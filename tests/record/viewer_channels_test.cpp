@@ -40,6 +40,42 @@ TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
   EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
 }
 
+// The viewer's frame is ROS's: glTF's (x, y, z) is at (z, x, y).
+TEST(ViewerChannels, ACompoundIsShownPartByPart) {
+  v1::OpenSession open;
+  v1::NewInstance& instance = *open.add_instances();
+  instance.set_id(1);
+  v1::Shape& body = *instance.mutable_shape();
+  body.mutable_offset()->set_y(1.0);
+  v1::Shape::Part &ball = *body.mutable_compound()->add_parts(), &arm = *body.mutable_compound()->add_parts();
+  ball.mutable_shape()->mutable_sphere()->set_radius(0.5);
+  ball.mutable_shape()->mutable_offset()->set_x(2.0);
+  arm.mutable_shape()->mutable_capsule()->set_radius(0.1);
+  arm.mutable_shape()->mutable_capsule()->set_half_height(0.4);
+  // A quarter turn about glTF's z: the capsule's upper end points along -x.
+  arm.mutable_rotation()->set_z(std::sqrt(0.5)), arm.mutable_rotation()->set_w(std::sqrt(0.5));
+  foxglove::SceneEntity shown;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic == RecordTopic::kShapes) shown = dynamic_cast<const foxglove::SceneUpdate&>(made).entities(0);
+  };
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open(open);
+  viewers.take_open(open);
+  viewers.emit_still(1, emit);
+  ASSERT_EQ(shown.spheres_size(), 3);
+  ASSERT_EQ(shown.cylinders_size(), 1);
+  const auto near = [](const auto& p, double x, double y, double z) {
+    EXPECT_NEAR(p.x(), x, 1e-9);
+    EXPECT_NEAR(p.y(), y, 1e-9);
+    EXPECT_NEAR(p.z(), z, 1e-9);
+  };
+  near(shown.spheres(0).pose().position(), 0, 2, 1);
+  near(shown.spheres(1).pose().position(), 0, -0.4, 1);
+  near(shown.spheres(2).pose().position(), 0, 0.4, 1);
+  near(shown.cylinders(0).pose().position(), 0, 0, 1);
+}
+
 TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
   std::vector<size_t> shapes, frames;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {

@@ -1,13 +1,16 @@
 // Compares messages with messages, and recordings with recordings.
 #include <gmock/gmock.h>
+#include <google/protobuf/descriptor.pb.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "client/recordings/reply_fields.h"
 #include "client/replay/compare_command.h"
 #include "client/replay/compare_recordings.h"
 #include "tests/replay/recorded_hall.h"
@@ -47,6 +50,45 @@ TEST(CompareMessages, LooksAtBitsInLists) {
   b.add_positions(-0.0);
   ASSERT_TRUE(first_difference(a, b, {}));
   EXPECT_EQ(first_difference(a, b, {})->path, "positions[0]");
+}
+
+// A file whose schema for replies is this program's, without what `change` takes out of the messages of session.proto.
+McapInfo file_of_an_older_server(const std::function<void(google::protobuf::DescriptorProto&)>& change) {
+  google::protobuf::FileDescriptorSet files;
+  const auto& session = *v1::CameraReply::descriptor()->file();
+  for (int i = 0; i < session.dependency_count(); ++i) session.dependency(i)->CopyTo(files.add_file());
+  session.CopyTo(files.add_file());
+  for (auto& message : *files.mutable_file(files.file_size() - 1)->mutable_message_type()) change(message);
+  mcap::Schema schema;
+  schema.id = 1, schema.name = "sightline.v1.CameraReply", schema.encoding = "protobuf", schema.data = files.SerializeAsString();
+  McapInfo file;
+  file.schemas[1] = schema;
+  return file;
+}
+
+TEST(CompareReplies, FieldsThatAnOlderServerDidNotKnowDoNotCount) {
+  const McapInfo file = file_of_an_older_server([](google::protobuf::DescriptorProto& message) {
+    if (message.name() == "RelativePose") message.mutable_field()->RemoveLast();
+  });
+  const IgnoredFields unknown = reply_fields_unknown_to(file);
+  v1::CameraReply old;
+  old.mutable_relative_pose()->set_target_id(1);
+  old.mutable_relative_pose()->mutable_pose()->mutable_position()->set_x(2);
+  v1::CameraReply now = old;
+  now.mutable_relative_pose()->mutable_unrotated_pose()->mutable_position()->set_x(3);
+  ReplyComparison strict({}), fair({}, unknown);
+  EXPECT_THAT(fair.unknown(), testing::ElementsAre("sightline.v1.RelativePose.unrotated_pose"));
+  EXPECT_FALSE(strict.add(old, now));
+  EXPECT_TRUE(fair.add(old, now));
+  EXPECT_EQ(fair.hash_a(), fair.hash_b());
+  now.mutable_relative_pose()->mutable_pose()->mutable_position()->set_x(4);
+  EXPECT_FALSE(fair.add(old, now));
+  EXPECT_EQ(fair.first()->field.path, "relative_pose.pose.position.x");
+}
+
+TEST(CompareReplies, EveryFieldCountsInAFileOfThisVersionAndInOneWithoutSchemas) {
+  EXPECT_THAT(reply_fields_unknown_to(file_of_an_older_server([](google::protobuf::DescriptorProto&) {})), testing::IsEmpty());
+  EXPECT_THAT(reply_fields_unknown_to({}), testing::IsEmpty());
 }
 
 TEST(CompareMessages, AFieldOfAnotherVersionHasItsNumber) {

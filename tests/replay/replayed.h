@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/recordings/reply_fields.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
 #include "client/replay/result.h"
@@ -68,7 +69,7 @@ inline Replayed replay_on(ReplayBackend& place, const Recording& recording,
   const Status opened = replay.open();
   EXPECT_TRUE(opened.has_value()) << to_string(opened.error());
   if (!opened) return done;
-  ReplayResult tally(replay.convention(), never_equal);
+  ReplayResult tally(replay.convention(), never_equal, reply_fields_unknown_to(recording.container()));
   ReplayedStep step;
   for (uint64_t i = 0;; ++i) {
     if (before_step) before_step(i);

@@ -143,5 +143,21 @@ TEST(Primitives, SizesOutsideTheRangeAreRefusedByName) {
   }
 }
 
+TEST(Primitives, ABodyIsTheShapesAtTheirPlaces) {
+  const glm::dquat quarter = glm::angleAxis(kPi / 2, glm::dvec3(0, 0, 1));
+  const PlacedShape parts[] = {{BoxShape{{1, 2, 3}}, {{10, 0, 0}, {1, 0, 0, 0}}}, {CapsuleShape{0.5f, 1.0f}, {{0, 5, 0}, quarter}}};
+  const MeshData box = tessellate(parts[0].shape).value(), capsule = tessellate(parts[1].shape).value();
+  const MeshData body = tessellate(parts).value();
+  ASSERT_EQ(body.indices.size(), box.indices.size() + capsule.indices.size());
+  for (size_t i = 0; i < body.indices.size(); ++i) {
+    const bool of_box = i < box.indices.size();
+    const PlacedShape& part = parts[of_box ? 0 : 1];
+    const glm::dvec3 own = of_box ? corner(box, i) : corner(capsule, i - box.indices.size());
+    EXPECT_LT(glm::distance(corner(body, i), part.body_from_shape.position_m + part.body_from_shape.rotation * own), 1e-5);
+  }
+  const PlacedShape wrong[] = {parts[0], {SphereShape{-1}, {}}};
+  EXPECT_EQ(tessellate(wrong).error().field, "[1].radius_m");
+}
+
 }  // namespace
 }  // namespace sightline

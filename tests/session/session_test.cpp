@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "tests/session/game.h"
 
@@ -301,6 +302,25 @@ TEST(SessionRelative, IsSeenFromTheFirstRequiredTarget) {
   EXPECT_LT(
       angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation),
       1e-7);
+}
+
+// The camera stands still in the world: a turn of the target moves it in the frame that turns along, and in no other.
+TEST(SessionRelative, WithoutTheRotationATurnOnTheSpotChangesNothing) {
+  Game game;
+  const auto facing = [&](double angle) {
+    TickMaker tick = game.tick();
+    tick.targets = {Game::target(kBob)};
+    tick.dt_s = 0.0;
+    tick.move(kBob, {0, 1, 0}).transforms.poses[0].rotation = glm::angleAxis(angle, glm::dvec3(0, 1, 0));
+    return game.play(tick);
+  };
+  const SessionAnswer before = facing(0.0), after = facing(std::numbers::pi / 2);
+  const glm::dvec3 was = before.target_from_camera.position_m, is = after.target_from_camera.position_m;
+  expect_near(is, {-was.z, was.y, was.x}, 1e-9);
+  EXPECT_GT(glm::distance(was, is), 1.0);
+  expect_near(before.unrotated_from_camera.position_m, after.unrotated_from_camera.position_m, 1e-12);
+  expect_near(glm::dvec3(0, 1, 0) + after.unrotated_from_camera.position_m, place_of(after), 1e-12);
+  EXPECT_EQ(after.unrotated_from_camera.rotation, after.step.camera.pose.rotation);
 }
 
 TEST(SessionRelative, FallsBackToAnOptionalTarget) {

@@ -132,6 +132,52 @@ TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
   }
 }
 
+// In every convention: half a metre to glTF's +X and one up.
+TEST_F(FromProto, AnOffsetMovesTheShapeInItsInstance) {
+  for (const auto preset :
+       {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
+    v1::OpenSession open = make_open();
+    open.mutable_convention()->set_preset(preset);
+    const double unit = preset == v1::Convention::PRESET_UNREAL ? 100 : 1;
+    v1::Shape& shape = *open.mutable_instances(0)->mutable_shape();
+    shape.mutable_sphere()->set_radius(0.25 * unit);
+    switch (preset) {
+      case v1::Convention::PRESET_UNITY:
+        set(shape.mutable_offset(), -0.5, 1, 0);
+        break;
+      case v1::Convention::PRESET_UNREAL:
+        set(shape.mutable_offset(), 50, 0, 100);
+        break;
+      case v1::Convention::PRESET_ROS:
+        set(shape.mutable_offset(), 0, 0.5, 1);
+        break;
+      default:
+        set(shape.mutable_offset(), 0.5, 1, 0);
+    }
+    open.mutable_instances(1)->mutable_shape()->mutable_sphere()->set_radius(unit);
+    const SessionOptions o = must_read(open);
+    expect_near(glm::dvec3(o.instances[0].geometry->bounds.center()), {0.5, 1, 0}, 1e-5);
+    expect_near(glm::dvec3(o.instances[0].geometry->bounds.half_extent()), {0.25, 0.25, 0.25}, 1e-5);
+  }
+}
+
+// A body 1 m above its instance, of a box and a capsule that lies along Unity's x axis.
+TEST_F(FromProto, ACompoundIsOneMeshOfItsParts) {
+  v1::OpenSession open = make_open();
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNITY);
+  v1::Shape& body = *open.mutable_instances(0)->mutable_shape();
+  v1::Shape::Part &trunk = *body.mutable_compound()->add_parts(), &arm = *body.mutable_compound()->add_parts();
+  set(body.mutable_offset(), 0, 1, 0);
+  set(trunk.mutable_shape()->mutable_box()->mutable_half_extent(), 0.2, 0.5, 0.1);
+  arm.mutable_shape()->mutable_capsule()->set_radius(0.1);
+  arm.mutable_shape()->mutable_capsule()->set_half_height(0.4);
+  set(arm.mutable_shape()->mutable_offset(), 0.7, 0.3, 0);
+  arm.mutable_rotation()->set_z(std::sqrt(0.5)), arm.mutable_rotation()->set_w(std::sqrt(0.5));
+  const Aabb bounds = must_read(open).instances[0].geometry->bounds;
+  expect_near(glm::dvec3(bounds.min), {-1.2, 0.5, -0.1}, 1e-5);
+  expect_near(glm::dvec3(bounds.max), {0.2, 1.5, 0.1}, 1e-5);
+}
+
 TEST_F(FromProto, ACustomConventionIsLikeThePresetThatItSpellsOut) {
   v1::OpenSession custom = make_open(), preset = make_open();
   preset.mutable_convention()->set_preset(v1::Convention::PRESET_UNITY);
@@ -381,6 +427,27 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { first(o).clear_geometry(); }},
     {"open.instances[0].shape", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
+    {"open.instances[0].shape.offset.y", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_offset()->set_y(2e5); }},
+    {"open.instances[0].shape.compound.parts", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_compound(); }},
+    {"open.instances[0].shape.compound.parts", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       for (int i = 0; i < 65; ++i)
+         first(o).mutable_shape()->mutable_compound()->add_parts()->mutable_shape()->mutable_sphere()->set_radius(1);
+     }},
+    {"open.instances[0].shape.compound.parts[0].shape", E::kInvalidArgument,
+     [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_compound()->add_parts(); }},
+    {"open.instances[0].shape.compound.parts[0].shape.compound", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       first(o).mutable_shape()->mutable_compound()->add_parts()->mutable_shape()->mutable_compound();
+     }},
+    {"open.instances[0].shape.compound.parts[0].rotation", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       v1::Shape::Part& part = *first(o).mutable_shape()->mutable_compound()->add_parts();
+       part.mutable_shape()->mutable_sphere()->set_radius(1);
+       part.mutable_rotation()->set_w(2);
+     }},
     {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_capsule()->set_radius(0); }},
     {"open.instances[0].shape.capsule.radius", E::kInvalidArgument,
@@ -526,6 +593,16 @@ TEST_P(WrongTicksOnTheWire, AreNamed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, WrongTicksOnTheWire, testing::ValuesIn(kWrongTicks));
+
+TEST_F(FromProto, AnIdThatWasNegativeIsToldWhatItShouldBe) {
+  v1::OpenSession open = make_open();
+  first(open).set_id(static_cast<uint64_t>(int64_t{-10}));
+  EXPECT_EQ(read(open).error().message,
+            "must be in [1, 2^63), got 18446744073709551606, which is -10 as a signed number; convert a 32-bit id to an unsigned one first: "
+            "4294967286");
+  first(open).set_id(kAssetIdBit);
+  EXPECT_EQ(read(open).error().message, "must be in [1, 2^63), got 9223372036854775808");
+}
 
 TEST_F(FromProto, MessagesStateTheRangeAndTheValue) {
   v1::OpenSession open = make_open();

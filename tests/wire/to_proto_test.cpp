@@ -153,6 +153,8 @@ TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
               vec(reply.pose().position()));
   EXPECT_LT(angle_between(turned * quat(reply.relative_pose().pose().rotation()), quat(reply.pose().rotation())),
             1e-7);
+  expect_near(glm::dvec3(1, 1, 0) + vec(reply.relative_pose().unrotated_pose().position()), vec(reply.pose().position()));
+  EXPECT_LT(angle_between(quat(reply.relative_pose().unrotated_pose().rotation()), quat(reply.pose().rotation())), 1e-7);
 }
 
 TEST(ToProto, AHiddenTargetNamesItsOccluder) {

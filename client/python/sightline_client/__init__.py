@@ -3,10 +3,15 @@
 Lengths are in metres, times in seconds. The frame is glTF's unless the opening declares another convention: right-handed, +Y up, a camera
 looks along its own -Z. README.md shows complete programs; proto/sightline/v1 describes every field.
 """
-from sightline_client.aio import AsyncCamera
-from sightline_client.camera import Camera
-from sightline_client.connection import Connection
-from sightline_client.errors import Failed, Refused
-from sightline_client.shapes import Place, box, capsule, opening, pose, sphere, tick
+from pkgutil import extend_path
+
+# A program beside this folder, as example.py, finds the generated messages of the package in a build's folder.
+__path__ = extend_path(__path__, __name__)
+
+from sightline_client.aio import AsyncCamera  # noqa: E402
+from sightline_client.camera import Camera  # noqa: E402
+from sightline_client.connection import Connection  # noqa: E402
+from sightline_client.errors import Failed, Refused  # noqa: E402
+from sightline_client.shapes import Place, box, capsule, opening, pose, sphere, tick  # noqa: E402
 
 __all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "box", "capsule", "opening", "pose", "sphere", "tick"]

@@ -63,7 +63,7 @@ func (*GetServerInfoRequest) Descriptor() ([]byte, []int) {
 // Information about the server. It does not change while the server runs.
 type GetServerInfoResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// Version of the server, for example "0.1.0".
+	// Version of the server, for example "0.2.0".
 	Version string `protobuf:"bytes,1,opt,name=version,proto3" json:"version,omitempty"`
 	// How depth maps are taken: "egl" or "embree".
 	Sampler string `protobuf:"bytes,2,opt,name=sampler,proto3" json:"sampler,omitempty"`

@@ -782,7 +782,8 @@ type CameraReply struct {
 	AngularVelocity *Vec3 `protobuf:"bytes,6,opt,name=angular_velocity,json=angularVelocity,proto3" json:"angular_velocity,omitempty"`
 	// Full angle of view; axis and unit as the convention says.
 	FieldOfView float64 `protobuf:"fixed64,7,opt,name=field_of_view,json=fieldOfView,proto3" json:"field_of_view,omitempty"`
-	// The same pose as seen from a target. Compose it with that target's newest transform at render time to remove the delay.
+	// The same pose as seen from a target, with and without the target's rotation. Compose it with that target's newest transform at
+	// render time to remove the delay. Absent: no target has a weight.
 	RelativePose *RelativePose `protobuf:"bytes,8,opt,name=relative_pose,json=relativePose,proto3" json:"relative_pose,omitempty"`
 	// Visibility of every target, in the order of the target list.
 	Targets []*TargetVisibility `protobuf:"bytes,9,rep,name=targets,proto3" json:"targets,omitempty"`
@@ -1038,13 +1039,19 @@ func (x *CameraReply) GetBlockedBy() uint64 {
 	return 0
 }
 
-// A pose in the frame of a target.
+// The replied pose as seen from a target, in two frames. Both have their origin at the origin of the target's instance, and both are
+// in the client's convention. Composed with the target's newest transform, the camera moves along with what the target did since.
 type RelativePose struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// The first required target with a weight, else the first target with a weight; 0: there is none.
 	TargetId uint64 `protobuf:"fixed64,1,opt,name=target_id,json=targetId,proto3" json:"target_id,omitempty"`
-	// target_from_camera: the camera in the frame of the target's instance, its rotation included.
-	Pose          *Pose3 `protobuf:"bytes,2,opt,name=pose,proto3" json:"pose,omitempty"`
+	// target_from_camera: the camera in the frame of the target's instance, its rotation included. A target that turns on the spot
+	// swings the composed camera around itself. Use it for a camera that rides on a vehicle.
+	Pose *Pose3 `protobuf:"bytes,2,opt,name=pose,proto3" json:"pose,omitempty"`
+	// The camera in a frame with the axes of the world: the target's rotation plays no part. Its position is CameraReply.pose.position
+	// minus the target's position, and its rotation is that of CameraReply.pose. Add the target's newest position to it. Use it for
+	// characters, which turn faster than a camera should. Servers before 0.2 do not send it.
+	UnrotatedPose *Pose3 `protobuf:"bytes,3,opt,name=unrotated_pose,json=unrotatedPose,proto3" json:"unrotated_pose,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1089,6 +1096,13 @@ func (x *RelativePose) GetTargetId() uint64 {
 func (x *RelativePose) GetPose() *Pose3 {
 	if x != nil {
 		return x.Pose
+	}
+	return nil
+}
+
+func (x *RelativePose) GetUnrotatedPose() *Pose3 {
+	if x != nil {
+		return x.UnrotatedPose
 	}
 	return nil
 }
@@ -1243,10 +1257,11 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x06view_s\x18\x19 \x01(\x01H\x00R\x05viewS\x88\x01\x01\x12\x1d\n" +
 	"\n" +
 	"blocked_by\x18\x1a \x01(\x06R\tblockedByB\t\n" +
-	"\a_view_s\"T\n" +
+	"\a_view_s\"\x90\x01\n" +
 	"\fRelativePose\x12\x1b\n" +
 	"\ttarget_id\x18\x01 \x01(\x06R\btargetId\x12'\n" +
-	"\x04pose\x18\x02 \x01(\v2\x13.sightline.v1.Pose3R\x04pose\"\x1f\n" +
+	"\x04pose\x18\x02 \x01(\v2\x13.sightline.v1.Pose3R\x04pose\x12:\n" +
+	"\x0eunrotated_pose\x18\x03 \x01(\v2\x13.sightline.v1.Pose3R\runrotatedPose\"\x1f\n" +
 	"\x05Drain\x12\x16\n" +
 	"\x06reason\x18\x01 \x01(\tR\x06reason*s\n" +
 	"\x11DegradationPolicy\x12\"\n" +
@@ -1350,11 +1365,12 @@ var file_sightline_v1_session_proto_depIdxs = []int32{
 	34, // 39: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
 	35, // 40: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
 	16, // 41: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
-	42, // [42:42] is the sub-list for method output_type
-	42, // [42:42] is the sub-list for method input_type
-	42, // [42:42] is the sub-list for extension type_name
-	42, // [42:42] is the sub-list for extension extendee
-	0,  // [0:42] is the sub-list for field type_name
+	16, // 42: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
+	43, // [43:43] is the sub-list for method output_type
+	43, // [43:43] is the sub-list for method input_type
+	43, // [43:43] is the sub-list for extension type_name
+	43, // [43:43] is the sub-list for extension extendee
+	0,  // [0:43] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_session_proto_init() }

@@ -1,4 +1,4 @@
-#include "client/bench/process.h"
+#include "client/base/process.h"
 
 #include <fcntl.h>
 #include <sys/prctl.h>

@@ -1,0 +1,6 @@
+#pragma once
+
+class UWorld {
+ public:
+  double GetTimeSeconds() const;
+};
