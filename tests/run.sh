@@ -13,4 +13,8 @@ export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/service/tsan.supp}
 deploy/install-packages.sh test
 cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
 cmake --build --preset "$preset" --parallel "$(nproc)"
-ctest --test-dir "build/$preset" --output-on-failure --parallel "$(nproc)" "$@"
+ctest --test-dir "build/$preset" --output-on-failure --parallel "$(nproc)" "$@" && exit
+# What failed runs once more, alone, so that its output stands at the end. The first result counts.
+status=$?
+ctest --test-dir "build/$preset" --rerun-failed --output-on-failure || true
+exit "$status"

@@ -7,7 +7,8 @@ import threading
 import time
 
 import grpc
-from sightline.v1 import camera_control_pb2, camera_control_pb2_grpc, session_pb2
+from service_stub import CameraControlServiceStub
+from sightline.v1 import camera_control_pb2, session_pb2
 from sightline_client import box, capsule
 from sightline.v1.camera_pb2 import Pose3, Vec3
 from sightline.v1.scene_pb2 import NewInstance, Target
@@ -23,7 +24,7 @@ def opening():
 def main(address, seconds):
     channel = grpc.insecure_channel(address)
     requests = queue.SimpleQueue()
-    replies = camera_control_pb2_grpc.CameraControlServiceStub(channel).Control(iter(requests.get, None))
+    replies = CameraControlServiceStub(channel).Control(iter(requests.get, None))
     requests.put(opening())
     next(replies)
     print("opened", flush=True)

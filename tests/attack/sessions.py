@@ -3,7 +3,8 @@ import contextlib
 import queue
 
 import grpc
-from sightline.v1 import camera_control_pb2, camera_control_pb2_grpc, server_pb2, session_pb2
+from service_stub import CameraControlServiceStub
+from sightline.v1 import camera_control_pb2, server_pb2, session_pb2
 from sightline.v1.camera_pb2 import Pose3, Vec3
 from sightline.v1.scene_pb2 import NewInstance, Shape, Target
 
@@ -17,7 +18,7 @@ class Session:
     def __init__(self, address, request):
         self.channel = grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)])
         self.requests, self.sequence = queue.SimpleQueue(), 0
-        self.call = camera_control_pb2_grpc.CameraControlServiceStub(self.channel).Control(iter(self.requests.get, None))
+        self.call = CameraControlServiceStub(self.channel).Control(iter(self.requests.get, None))
         self.requests.put(camera_control_pb2.ControlRequest(open=request))
         try:
             self.opened = next(self.call).opened
@@ -73,7 +74,7 @@ def open_session(address, targets=1, **more):
 @contextlib.contextmanager
 def stub(address):
     with grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)]) as channel:
-        yield camera_control_pb2_grpc.CameraControlServiceStub(channel)
+        yield CameraControlServiceStub(channel)
 
 
 def info(address, timeout=5):

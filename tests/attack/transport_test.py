@@ -14,12 +14,13 @@ import grpc  # noqa: E402
 
 from daemon import (CONTINUATION, CONTROL, DATA, END_HEADERS, END_STREAM, HEADERS, HEALTH, RST_STREAM, Daemon, Healthy,  # noqa: E402
                     RawConnection, connect, flood, frame, is_cut, request_headers)
-from sightline.v1 import camera_control_pb2_grpc, server_pb2  # noqa: E402
+from service_stub import CameraControlServiceStub  # noqa: E402
+from sightline.v1 import server_pb2  # noqa: E402
 
 
 def server_info(address, timeout=5):
     with grpc.insecure_channel(address) as channel:
-        stub = camera_control_pb2_grpc.CameraControlServiceStub(channel)
+        stub = CameraControlServiceStub(channel)
         return stub.GetServerInfo(server_pb2.GetServerInfoRequest(), timeout=timeout)
 
 
