@@ -5,8 +5,8 @@ looks along its own -Z. README.md shows complete programs; proto/sightline/v1 de
 """
 from sightline_client.aio import AsyncCamera
 from sightline_client.camera import Camera
-from sightline_client.connection import Connection
+from sightline_client.connection import Connection, Tls
 from sightline_client.errors import Failed, Refused
 from sightline_client.shapes import Place, box, capsule, opening, pose, sphere, tick
 
-__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "box", "capsule", "opening", "pose", "sphere", "tick"]
+__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "Tls", "box", "capsule", "opening", "pose", "sphere", "tick"]
