@@ -56,7 +56,7 @@ pub(crate) async fn connect(address: &str, options: &Options) -> Result<Client, 
         None => endpoint,
     };
     let channel = endpoint.connect().await.map_err(|error| unavailable(format!("no daemon answers at {address}: {error}")))?;
-    Ok(Client::with_interceptor(channel, bearer).max_decoding_message_size(MAX_REPLY_BYTES))
+    Ok(Client::new(InterceptedService::new(channel, bearer)).max_decoding_message_size(MAX_REPLY_BYTES))
 }
 
 fn wrong(message: &str) -> Failed {
