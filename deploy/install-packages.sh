@@ -4,7 +4,7 @@
 #   deploy/install-packages.sh build   packages to build the programs and the tests (the default)
 #   deploy/install-packages.sh test    the same, and the browser that some tests use
 #   deploy/install-packages.sh run     packages that the built programs need
-#   deploy/install-packages.sh fuzz    packages that tests/record/fuzz.sh needs in addition to "build"
+#   deploy/install-packages.sh fuzz    packages that tests/fuzz.sh needs in addition to "build"
 set -euo pipefail
 
 build_packages=(
