@@ -7,9 +7,10 @@
 # The last line plays a generated scene and leaves the page of the session in ./demo. /scenes holds two scenes, hall.glb and rooms.glb, until a folder
 # is mounted over it.
 #
-# Inside the container the daemon listens on all interfaces, because a published port cannot reach the container's loopback. There is no
-# authentication, so publish the port on the host's loopback only, as above. As a sidecar that shares the network of its
-# pod, give it --listen 127.0.0.1:50151 instead.
+# Inside the container the daemon listens on all interfaces, because a published port cannot reach the container's loopback. Everyone who
+# reaches the port may speak, so publish it on the host's loopback only, as above. As a sidecar that shares the network of its pod, give
+# it --listen 127.0.0.1:50151 instead. To serve other hosts, give it --listen with --tls-cert, --tls-key and --access-file
+# (deploy/SECURITY.md).
 #
 # Without a GPU the daemon uses Embree on the CPU. On a node with a GPU, run the image with the NVIDIA container toolkit
 # (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL next to Mesa's. For AMD and Intel, pass
@@ -36,4 +37,4 @@ COPY --from=build /build/bin/sightlined /build/bin/sightline /usr/local/bin/
 USER 65532:65532
 EXPOSE 50151
 ENTRYPOINT ["sightlined"]
-CMD ["--listen", "0.0.0.0:50151", "--scene-dir", "/scenes", "--log-format", "json"]
+CMD ["--listen", "0.0.0.0:50151", "--allow-insecure-network", "--scene-dir", "/scenes", "--log-format", "json"]

@@ -4,13 +4,13 @@
 #   deploy/install-packages.sh build   packages to build the programs and the tests (the default)
 #   deploy/install-packages.sh test    the same, and the browser and the tools for packages that some tests use
 #   deploy/install-packages.sh run     packages that the built programs need
-#   deploy/install-packages.sh fuzz    packages that tests/record/fuzz.sh needs in addition to "build"
+#   deploy/install-packages.sh fuzz    packages that tests/fuzz.sh needs in addition to "build"
 set -euo pipefail
 
 build_packages=(
   ca-certificates ccache cmake g++ git ninja-build pkg-config
   libgrpc++-dev libgrpc-dev libprotobuf-dev libprotoc-dev protobuf-compiler protobuf-compiler-grpc
-  libc-ares-dev libre2-dev libssl-dev zlib1g-dev libzstd-dev liblz4-dev libabsl-dev
+  libc-ares-dev libre2-dev libssl-dev openssl zlib1g-dev libzstd-dev liblz4-dev libabsl-dev
   libegl-dev libepoxy-dev libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
@@ -23,7 +23,7 @@ command -v npm >/dev/null || build_packages+=(nodejs npm)
 test_packages=(dpkg-dev lintian mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core)
 run_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
-  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 liblz4-1 zlib1g
+  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 liblz4-1 zlib1g libssl3
 )
 fuzz_packages=(
   clang-14 libclang-rt-14-dev

@@ -82,7 +82,7 @@ CLI::Validator number_in(double least, double most) {
 void add_listening(CLI::App& app, RawFlags& raw) {
   app.add_option("--listen", raw.flags.listen,
                  "TCP address to listen at, host:port. Port 0 takes a free port; none turns TCP off. Change it to serve "
-                 "other machines; the connection is not encrypted")
+                 "other machines, which needs --tls-cert with --access-file or --tls-client-ca")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
   app.add_option("--listen-unix", raw.flags.listen_unix,
@@ -97,6 +97,25 @@ void add_listening(CLI::App& app, RawFlags& raw) {
                  "File that appears once clients can connect, with one address a line; removed when the daemon stops. "
                  "Use it in scripts that start the daemon. Default: no file")
       ->type_name("PATH");
+}
+
+void add_trust(CLI::App& app, RawFlags& raw) {
+  app.add_option("--tls-cert", raw.flags.tls_cert,
+                 "File of the server's certificate, in PEM format, followed by those between it and its root. TCP is then "
+                 "encrypted. It is read again when it changes. Default: TCP is not encrypted")
+      ->type_name("FILE");
+  app.add_option("--tls-key", raw.flags.tls_key, "File of the certificate's key, in PEM format, without a password")->type_name("FILE");
+  app.add_option("--tls-client-ca", raw.flags.tls_client_ca,
+                 "File of the certificates, in PEM format, of which one must have signed the certificate of every client that connects "
+                 "over TCP. Default: clients need no certificate")
+      ->type_name("FILE");
+  app.add_option("--access-file", raw.flags.access_file,
+                 "File of those who may speak: tokens, certificates and users of the unix socket, each with a role. It is read again when "
+                 "it changes. Default: everyone who can connect may speak")
+      ->type_name("FILE");
+  app.add_flag("--allow-insecure-network", raw.flags.allow_insecure_network,
+               "Listen at an address that other hosts can reach although clients need not show who they are, or are not encrypted. Use "
+               "it only where something else keeps others out");
 }
 
 void add_sampling(CLI::App& app, RawFlags& raw) {
@@ -274,6 +293,11 @@ void add_configuration(CLI::App& app, RawFlags& raw) {
 void check_together(const Flags& flags) {
   if (flags.listen == "none" && flags.listen_unix.empty())
     throw CLI::ValidationError("--listen", "none needs --listen-unix: there is no address to listen at");
+  if (flags.tls_cert.empty() != flags.tls_key.empty())
+    throw CLI::ValidationError(flags.tls_cert.empty() ? "--tls-key" : "--tls-cert", "--tls-cert and --tls-key are needed together");
+  if (flags.tls_cert.empty() && !flags.tls_client_ca.empty()) throw CLI::ValidationError("--tls-client-ca", "needs --tls-cert");
+  if (flags.tls_cert.empty() && !flags.access_file.empty() && flags.listen != "none")
+    throw CLI::ValidationError("--access-file", "needs --tls-cert, or --listen none: a token that is sent unencrypted is no secret");
 }
 
 Flags finished(const RawFlags& raw) {
@@ -295,6 +319,7 @@ Command parse_command_line(int argc, const char* const* argv) {
       "receive camera poses.",
       "sightlined");
   add_listening(app, raw);
+  add_trust(app, raw);
   add_sampling(app, raw);
   add_limits(app, raw);
   add_logging(app, raw);

@@ -17,6 +17,9 @@ struct Flags {
   std::string listen = "127.0.0.1:50151";  // "none": no TCP
   std::string listen_unix;
   unsigned unix_mode = 0660;
+  std::string tls_cert, tls_key, tls_client_ca;
+  std::string access_file;
+  bool allow_insecure_network = false;
   std::string scene_dir;
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;

@@ -54,8 +54,9 @@ constexpr size_t kDescriptorReserve = 128;
 constexpr rlim_t kDescriptorsWanted = 65'536;
 // What a start takes, with room to load scenes; and what each stepping thread adds, with those of the libraries.
 constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
-// How often, and from which amount on, freed memory is given back to the system.
-constexpr std::chrono::seconds kTrimPeriod{10};
+// How often freed memory is given back to the system, and changed credentials are looked for.
+constexpr std::chrono::seconds kTidyPeriod{10};
+// From which amount on memory is given back.
 constexpr size_t kWorthTrimming = size_t{16} << 20;
 // How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
@@ -124,13 +125,20 @@ GateLimits gate_limits(const Flags& flags) {
   return limits;
 }
 
-ListenOptions listen_options(const Flags& flags, unsigned threads, const Log& log) {
+CredentialFiles credential_files(const Flags& flags) {
+  return {.access = flags.access_file, .tls = {flags.tls_cert, flags.tls_key, flags.tls_client_ca}};
+}
+
+ListenOptions listen_options(const Flags& flags, unsigned threads, const Credentials& credentials, const Log& log) {
   ListenOptions options;
   options.tcp = flags.listen == "none" ? "" : flags.listen;
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
   options.gate = gate_limits(flags);
+  options.tls = credentials.tls();
+  options.callers_are_known = !flags.access_file.empty() || !flags.tls_client_ca.empty();
+  options.allow_insecure_network = flags.allow_insecure_network;
   options.on_refused = [&log](const std::string& client, std::string_view reason) {
     log.warn("connection refused", {{"client", client}, {"reason", std::string(reason)}});
   };
@@ -246,14 +254,27 @@ void give_memory_back() {
   if (::mallinfo2().fordblks >= kWorthTrimming) ::malloc_trim(0);
 }
 
-// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing.
-void wait_for_stop_signal(const Log& log, const std::function<void()>& read_again) {
+// Takes over the credentials that have changed, and ends the sessions of those who may no longer speak.
+void read_credentials_again(Credentials& credentials, StreamRegistry& streams, const Log& log) {
+  for (const Credentials::Change& change : credentials.reload()) {
+    if (change.trouble)
+      log.error("credentials refused", {{"what", change.what}, {"reason", to_string(*change.trouble)}, {"advice", "the former ones stay in use"}});
+    else
+      log.info("credentials taken over", {{"what", change.what}});
+  }
+  const size_t ended = streams.end_unless([&](const std::string& client) { return credentials.access().still_controls(client); },
+                                          {grpc::StatusCode::UNAUTHENTICATED, "this caller may no longer have a session"});
+  if (ended > 0) log.info("sessions ended", {{"sessions", std::to_string(ended)}, {"reason", "their callers are no longer in the access file"}});
+}
+
+// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called every kTidyPeriod.
+void wait_for_stop_signal(const Log& log, const std::function<void()>& tidy_up, const std::function<void()>& read_again) {
   const sigset_t signals = awaited_signals();
-  const timespec pause{std::chrono::seconds(kTrimPeriod).count(), 0};
+  const timespec pause{std::chrono::seconds(kTidyPeriod).count(), 0};
   for (;;) {
     const int signal = sigtimedwait(&signals, nullptr, &pause);
     if (signal < 0) {
-      give_memory_back();
+      tidy_up();
       continue;
     }
     const std::string name = std::string("SIG") + sigabbrev_np(signal);
@@ -302,6 +323,8 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
 int serve(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) {
   if (const Status space = try_address_space(flags); !space)
     return failed_to_start(log, space.error(), "raise `ulimit -v`, or lower --threads");
+  const auto credentials = Credentials::load(credential_files(flags));
+  if (!credentials) return failed_to_start(log, credentials.error(), "deploy/SECURITY.md describes the files");
   const auto chosen = choose_sampler_device(
       flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
   if (!chosen)
@@ -333,9 +356,9 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   StepStats stats;
   CameraControlService service(
       ServiceParts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                   monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory},
+                   monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory, credentials->get()},
       service_limits(flags));
-  const auto listener = Listener::start(listen_options(flags, scheduler.threads(), log), service);
+  const auto listener = Listener::start(listen_options(flags, scheduler.threads(), **credentials, log), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
@@ -344,10 +367,19 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
     log.error("cannot write", {{"file", flags.ready_file}});
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
+                     {"tls", credentials->get()->tls() ? "yes" : "no"},
                      {"sampler", sampler.kind()},
                      {"threads", std::to_string(scheduler.threads())},
                      {"recordings", recording ? flags.record_dir : "none"}});
-  wait_for_stop_signal(log, [&] { read_configuration_again(log, parse_again); });
+  const auto look_at_credentials = [&] { read_credentials_again(**credentials, streams, log); };
+  const auto tidy_up = [&] {
+    give_memory_back();
+    look_at_credentials();
+  };
+  wait_for_stop_signal(log, tidy_up, [&] {
+    read_configuration_again(log, parse_again);
+    look_at_credentials();
+  });
   ready.remove();
   stop_in_order(**listener, streams, flags.drain_s, log);
   log.info("stopped", {{"steps", std::to_string(stats.steps)},

@@ -63,7 +63,7 @@ Status Camera::State::open() {
 }
 
 Status Camera::State::open_session(bool uploads) {
-  auto client = Client::connect(addresses[address], options.connect_timeout);
+  auto client = Client::connect(addresses[address], options.connect_timeout, {}, options.credentials);
   if (!client) return tl::unexpected(client.error());
   if (uploads)
     for (const auto& scene : options.uploads)

@@ -19,6 +19,7 @@
 #include <variant>
 #include <vector>
 
+#include "client/cpp/sightline_client.h"
 #include "server/base/error.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -35,6 +36,7 @@ struct CameraOptions {
   std::chrono::milliseconds connect_timeout{500};
   // The scene files that SceneRef.hash names. A daemon that does not have one gets it.
   std::vector<std::vector<std::byte>> uploads;
+  ClientCredentials credentials;
   // Called by tick() with the reason after the session has gone on in another daemon.
   std::function<void(const std::string&)> on_resync;
 };

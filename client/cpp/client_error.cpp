@@ -18,6 +18,8 @@ ErrorCode code_from_status(grpc::StatusCode code) {
     case grpc::StatusCode::ALREADY_EXISTS:
       return ErrorCode::kAlreadyExists;
     case grpc::StatusCode::FAILED_PRECONDITION:
+    case grpc::StatusCode::UNAUTHENTICATED:
+    case grpc::StatusCode::PERMISSION_DENIED:
       return ErrorCode::kFailedPrecondition;
     case grpc::StatusCode::RESOURCE_EXHAUSTED:
       return ErrorCode::kResourceExhausted;
@@ -64,6 +66,8 @@ void take_first_violation(const google::rpc::BadRequest& bad, Error& error) {
 Error error_from_status(const grpc::Status& status) {
   Error error{code_from_status(status.error_code()), "", status.error_message()};
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) error.field = "deadline";
+  const bool not_trusted = status.error_code() == grpc::StatusCode::UNAUTHENTICATED || status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
+  if (not_trusted) error.field = "credentials";
   google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return error;
   for (const auto& detail : details.details()) {

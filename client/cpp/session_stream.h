@@ -12,10 +12,13 @@
 
 namespace sightline {
 
+// Adds the token of a client to a call; an empty one is none.
+void show_token(grpc::ClientContext& context, const std::string& token);
+
 // The constructor starts the call; the destructor cancels it and waits for its end.
 class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
-  Stream(std::shared_ptr<grpc::Channel> channel, const v1::OpenSession& request, Handler handler);
+  Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, const v1::OpenSession& request, Handler handler);
   ~Stream() override;
 
   // The server's first answer.

@@ -20,11 +20,26 @@ std::chrono::system_clock::time_point deadline_after(std::chrono::nanoseconds ti
          std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
 }
 
+void prepare(grpc::ClientContext& context, std::chrono::system_clock::time_point deadline, const std::string& token) {
+  context.set_deadline(deadline);
+  show_token(context, token);
+}
+
+std::shared_ptr<grpc::ChannelCredentials> channel_credentials(const ClientCredentials& credentials, bool local) {
+  if (!credentials.tls || local) return grpc::InsecureChannelCredentials();
+  grpc::SslCredentialsOptions options;
+  options.pem_root_certs = credentials.roots;
+  options.pem_cert_chain = credentials.certificate;
+  options.pem_private_key = credentials.key;
+  return grpc::SslCredentials(options);
+}
+
 }  // namespace
 
 struct Client::Connection {
   std::shared_ptr<grpc::Channel> channel;
   std::unique_ptr<v1::CameraControlService::Stub> stub;
+  std::string token;
 };
 
 Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(connection)) {}
@@ -33,7 +48,10 @@ Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 
 Result<Client> Client::connect(const std::string& address, std::chrono::nanoseconds timeout,
-                               const KeepAlive& keep_alive) {
+                               const KeepAlive& keep_alive, const ClientCredentials& credentials) {
+  const bool local = address.starts_with("unix:");
+  if (!credentials.token.empty() && !credentials.tls && !local)
+    return invalid("token", "is sent only over TLS or a unix socket");
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxReplyBytes);
   const int time_ms = static_cast<int>(keep_alive.time.count());
@@ -44,19 +62,20 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
   // A shared pool of subchannels would use the channel arguments of the first client in the process.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  auto channel = grpc::CreateCustomChannel(address, channel_credentials(credentials, local), arguments);
   if (!channel->WaitForConnected(deadline_after(timeout)))
     return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);
   auto connection = std::make_shared<Connection>();
   connection->stub = v1::CameraControlService::NewStub(channel);
   connection->channel = std::move(channel);
+  connection->token = credentials.token;
   return Client(std::move(connection));
 }
 
 Result<v1::UploadSceneResponse> Client::upload_scene(std::span<const std::byte> file,
                                                   std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
-  context.set_deadline(deadline_after(timeout));
+  prepare(context, deadline_after(timeout), connection_->token);
   v1::UploadSceneResponse reply;
   const auto writer = connection_->stub->UploadScene(&context, &reply);
   v1::UploadSceneRequest request;
@@ -77,7 +96,7 @@ Result<std::vector<std::string>> Client::list_scenes(std::chrono::nanoseconds ti
   v1::ListScenesRequest page;
   do {
     grpc::ClientContext context;
-    context.set_deadline(deadline);
+    prepare(context, deadline, connection_->token);
     v1::ListScenesResponse response;
     const grpc::Status status = connection_->stub->ListScenes(&context, page, &response);
     if (!status.ok()) return tl::unexpected(error_from_status(status));
@@ -89,7 +108,7 @@ Result<std::vector<std::string>> Client::list_scenes(std::chrono::nanoseconds ti
 
 Result<v1::GetServerInfoResponse> Client::server_info(std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
-  context.set_deadline(deadline_after(timeout));
+  prepare(context, deadline_after(timeout), connection_->token);
   v1::GetServerInfoResponse info;
   const grpc::Status status = connection_->stub->GetServerInfo(&context, {}, &info);
   if (!status.ok()) return tl::unexpected(error_from_status(status));
@@ -98,7 +117,7 @@ Result<v1::GetServerInfoResponse> Client::server_info(std::chrono::nanoseconds t
 
 Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
-  context.set_deadline(deadline_after(timeout));
+  prepare(context, deadline_after(timeout), connection_->token);
   v1::GetServerStatsResponse stats;
   const grpc::Status status = connection_->stub->GetServerStats(&context, {}, &stats);
   if (!status.ok()) return tl::unexpected(error_from_status(status));
@@ -108,7 +127,7 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
                                                             std::chrono::nanoseconds timeout,
                                                             ClientSession::Handler handler) {
-  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, request, std::move(handler));
+  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, request, std::move(handler));
   auto opened = stream->wait_opened(timeout);
   if (!opened) return tl::unexpected(opened.error());
   return std::unique_ptr<ClientSession>(new ClientSession(std::move(stream), std::move(*opened)));

@@ -15,7 +15,8 @@
 //
 // An Error from the server has the code of its gRPC status. `field` is the first field path of its
 // google.rpc.BadRequest ("open.targets[1].weight"), and `message` says what is wrong with that field. When a deadline
-// passes, the error is kUnavailable with the field "deadline". When a server cannot be reached, it is kUnavailable with
+// passes, the error is kUnavailable with the field "deadline". When the server does not accept the client's
+// credentials, it is kFailedPrecondition with the field "credentials". When a server cannot be reached, it is kUnavailable with
 // the field "address".
 #pragma once
 
@@ -103,11 +104,20 @@ struct KeepAlive {
   std::chrono::milliseconds timeout{5'000};
 };
 
+// Who the client is, and how its connection is encrypted. Texts in PEM format.
+struct ClientCredentials {
+  bool tls = false;              // encrypts TCP
+  std::string roots;             // those whose signature makes the server's certificate valid; empty: gRPC's own
+  std::string certificate, key;  // what the client shows of itself, for servers that ask for it
+  std::string token;             // shows the server who calls; needs `tls` or a unix socket
+};
+
 class Client {
  public:
-  // `address`: "host:port" or "unix:/path/to/socket". Waits until the connection is established.
+  // `address`: "host:port" or "unix:/path/to/socket". Waits until the connection is established. Fails with kInvalidArgument, field
+  // "token", rather than send a token unencrypted.
   static Result<Client> connect(const std::string& address, std::chrono::nanoseconds timeout,
-                                const KeepAlive& keep_alive = {});
+                                const KeepAlive& keep_alive = {}, const ClientCredentials& credentials = {});
 
   ~Client();
   Client(Client&&) noexcept;

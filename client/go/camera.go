@@ -6,6 +6,7 @@ package sightline
 
 import (
 	"context"
+	"crypto/tls"
 	"errors"
 	"math/rand/v2"
 	"time"
@@ -24,6 +25,8 @@ type Options struct {
 	OpenTimeout  time.Duration       // the same for the opening, for which the daemon loads the scene. Default: 30 s
 	Uploads      [][]byte            // the scene files that SceneRef.hash names; a daemon that does not have one gets it
 	OnResync     func(reason string) // called by Tick after the session has gone on in another daemon
+	TLS          *tls.Config         // encrypts TCP, and can show the daemon a certificate; nil: TCP is not encrypted
+	Token        string              // shows the daemon who calls; needs TLS or a unix socket
 }
 
 // Camera is a session that keeps targets in view. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick
@@ -175,7 +178,7 @@ func (c *Camera) openStream(ctx context.Context) error {
 func (c *Camera) openSession(ctx context.Context, uploads [][]byte) (*stream, error) {
 	ctx, cancel := context.WithTimeout(ctx, c.options.OpenTimeout*time.Duration(len(uploads)+1))
 	defer cancel()
-	next, err := openStream(c.addresses[c.address])
+	next, err := openStream(c.addresses[c.address], &c.options)
 	if err != nil {
 		return nil, err
 	}

@@ -5,11 +5,15 @@ import (
 	"errors"
 	"fmt"
 	"io"
+	"strings"
 	"sync/atomic"
 	"time"
 
 	"google.golang.org/grpc"
+	"google.golang.org/grpc/codes"
+	"google.golang.org/grpc/credentials"
 	"google.golang.org/grpc/credentials/insecure"
+	"google.golang.org/grpc/status"
 
 	v1 "sightline.dev/go/sightline/v1"
 )
@@ -37,9 +41,36 @@ type stream struct {
 	drained    atomic.Pointer[string] // the reason why the daemon takes no more ticks
 }
 
-func openStream(address string) (*stream, error) {
-	connection, err := grpc.NewClient(address, grpc.WithTransportCredentials(insecure.NewCredentials()),
-		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(maxReplyBytes)))
+// bearer shows the daemon a token. gRPC does not send it over a connection that others can read.
+type bearer struct {
+	token string
+	local bool
+}
+
+func (b bearer) GetRequestMetadata(context.Context, ...string) (map[string]string, error) {
+	return map[string]string{"authorization": "Bearer " + b.token}, nil
+}
+
+func (b bearer) RequireTransportSecurity() bool { return !b.local }
+
+func dialOptions(address string, options *Options) []grpc.DialOption {
+	local := strings.HasPrefix(address, "unix:")
+	transport := insecure.NewCredentials()
+	if options.TLS != nil && !local {
+		transport = credentials.NewTLS(options.TLS)
+	}
+	chosen := []grpc.DialOption{grpc.WithTransportCredentials(transport), grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(maxReplyBytes))}
+	if options.Token != "" {
+		chosen = append(chosen, grpc.WithPerRPCCredentials(bearer{options.Token, local}))
+	}
+	return chosen
+}
+
+func openStream(address string, options *Options) (*stream, error) {
+	if options.Token != "" && options.TLS == nil && !strings.HasPrefix(address, "unix:") {
+		return nil, failedCall(status.Error(codes.InvalidArgument, "Options.Token is sent only over TLS (Options.TLS) or a unix socket"))
+	}
+	connection, err := grpc.NewClient(address, dialOptions(address, options)...)
 	if err != nil {
 		return nil, failedCall(err)
 	}

@@ -20,6 +20,9 @@ class TokenBucket {
     return true;
   }
 
+  // True when the burst would pass: nothing has passed lately.
+  bool full(double now_s) const { return left_ + (now_s - last_s_) * per_s_ >= burst_; }
+
  private:
   const double burst_, per_s_;
   double left_;

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <cstring>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -31,10 +32,28 @@ std::string client_of_socket(int fd) {
     return text;
   }
   if (address.ss_family == AF_INET6) return name_of(reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
+  const auto user = user_of_socket(fd);
+  return user ? "uid " + std::to_string(*user) : "unknown";
+}
+
+std::optional<unsigned> user_of_socket(int fd) {
   ucred user{};
   socklen_t size = sizeof(user);
-  if (::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return "unknown";
-  return "uid " + std::to_string(user.uid);
+  int domain = 0;
+  socklen_t domain_size = sizeof(domain);
+  if (::getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &domain, &domain_size) != 0 || domain != AF_UNIX) return std::nullopt;
+  if (::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return std::nullopt;
+  return user.uid;
+}
+
+std::string Connection::certificate() const {
+  const std::lock_guard lock(mutex_);
+  return certificate_;
+}
+
+void Connection::set_certificate(std::string name) {
+  const std::lock_guard lock(mutex_);
+  certificate_ = std::move(name);
 }
 
 double gate_now_s() {

@@ -35,21 +35,24 @@ std::string name_socket(int fd) {
 
 }  // namespace
 
-Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, HandOver hand_over,
+Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls, HandOver hand_over,
            Notice notice)
     : limits_(limits),
+      tls_(tls),
       hand_over_(std::move(hand_over)),
       notice_(std::move(notice)),
       sockets_(std::move(sockets)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  for (unsigned i = 0; i < std::max(relays, 1u); ++i)
-    relays_.push_back(std::make_unique<Relay>(limits_.frames, [this](const auto& connection, std::string_view reason) {
-      over(connection, reason);
-    }));
+  const auto over_here = [this](const auto& connection, std::string_view reason) { over(connection, reason); };
+  for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here));
+  if (!tls_) return;
+  greeter_ = std::make_unique<Relay>(limits_.frames, over_here);
+  greeter_->pass_on_to([this]() -> Relay& { return *relays_[next_relay_++ % relays_.size()]; });
 }
 
 Gate::~Gate() {
   stop_accepting();
+  greeter_.reset();
   relays_.clear();
 }
 
@@ -67,10 +70,15 @@ void Gate::stop_accepting() {
   sockets_.clear();
 }
 
-std::string Gate::client_of(const std::string& peer) const {
+Peer Gate::peer_of(const std::string& peer) const {
   const std::lock_guard lock(mutex_);
   const auto found = connections_.find(peer);
-  return found == connections_.end() ? peer : found->second->client;
+  if (found == connections_.end()) return {peer, std::nullopt, {}, false};
+  const Connection& connection = *found->second;
+  return {.client = connection.client,
+          .user = connection.user,
+          .certificate = connection.certificate(),
+          .confidential = connection.tls != nullptr || connection.user.has_value()};
 }
 
 GateCounts Gate::counts() const {
@@ -104,7 +112,7 @@ void Gate::run() {
 bool Gate::accept_from(const ListeningSocket& socket) try {
   FileDescriptor fd(::accept4(socket.fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (fd) {
-    admit(std::move(fd));
+    admit(std::move(fd), tls_ && socket.port() != 0);
     return true;
   }
   const bool exhausted = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
@@ -114,16 +122,27 @@ bool Gate::accept_from(const ListeningSocket& socket) try {
   return false;
 }
 
-void Gate::admit(FileDescriptor fd) {
-  std::string client = client_of_socket(fd.get());
-  if (!make_room(client)) {
-    {
-      const std::lock_guard lock(mutex_);
-      ++counts_.refused;
-    }
-    return notice_(client, "no connection is left (--max-connections, --max-connections-per-client)");
+void Gate::refuse(const std::string& client, std::string_view reason) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++counts_.refused;
   }
-  auto connection = connect_to_grpc(std::move(fd), std::move(client));
+  notice_(client, reason);
+}
+
+// A handshake costs the server more than its client. Full buckets are forgotten, so the map stays as small as the number of clients that
+// connected lately.
+bool Gate::may_shake_hands(const std::string& client) {
+  const double now_s = gate_now_s();
+  std::erase_if(handshakes_, [&](const auto& entry) { return entry.second.full(now_s); });
+  return handshakes_.try_emplace(client, limits_.handshakes_burst, limits_.handshakes_per_s).first->second.take(now_s);
+}
+
+void Gate::admit(FileDescriptor fd, bool encrypted) {
+  std::string client = client_of_socket(fd.get());
+  if (encrypted && !may_shake_hands(client)) return refuse(client, "too many TLS handshakes in a short time");
+  if (!make_room(client)) return refuse(client, "no connection is left (--max-connections, --max-connections-per-client)");
+  auto connection = connect_to_grpc(std::move(fd), std::move(client), encrypted);
   if (!connection) return;
   {
     const std::lock_guard lock(mutex_);
@@ -131,11 +150,12 @@ void Gate::admit(FileDescriptor fd) {
     ++of_client_[connection->client];
     connections_.emplace(connection->peer, connection);
   }
-  relays_[next_relay_++ % relays_.size()]->add(std::move(connection));
+  Relay& relay = encrypted ? *greeter_ : *relays_[next_relay_++ % relays_.size()];
+  relay.add(std::move(connection));
 }
 
 // The client's end of the pair belongs to gRPC from now on.
-std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::string client) {
+std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::string client, bool encrypted) {
   int pair[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, pair) != 0) return nullptr;
   auto connection = std::make_shared<Connection>();
@@ -143,7 +163,9 @@ std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::str
   connection->inner = FileDescriptor(pair[0]);
   FileDescriptor for_grpc(pair[1]);
   for (const int fd : pair) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kPairBytes, sizeof(kPairBytes));
+  if (encrypted && !(connection->tls = tls_->accept())) return nullptr;
   connection->client = std::move(client);
+  connection->user = user_of_socket(connection->outer.get());
   connection->peer = name_socket(connection->inner.get());
   if (connection->peer.empty()) return nullptr;
   connection->since_s = gate_now_s();
@@ -204,6 +226,7 @@ void Gate::over(const std::shared_ptr<Connection>& connection, std::string_view 
     const auto own = of_client_.find(connection->client);
     if (--own->second == 0) of_client_.erase(own);
     if (!reason.empty()) ++counts_.cut;
+    if (connection->handshake_failed) ++counts_.failed_handshakes;
   }
   if (!reason.empty()) notice_(connection->client, reason);
 }

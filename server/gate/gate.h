@@ -2,7 +2,8 @@
 //
 // gRPC 1.51 gives up a listening socket for good when file descriptors run out, and limits neither the number of connections nor
 // what a client does on one. The gate accepts at most `max_connections` and `max_per_client`, so descriptors are left for everything
-// else. A connection that never began a call makes way for a new one. The relay (relay.h) cuts connections that flood.
+// else. A connection that never began a call makes way for a new one. The relay (relay.h) cuts connections that flood. With keys,
+// connections over TCP are encrypted; those over a unix socket never are.
 //
 // The price is one more thread on the way of each message.
 #pragma once
@@ -17,10 +18,13 @@
 #include <thread>
 #include <vector>
 
+#include "server/base/token_bucket.h"
+#include "server/gate/access.h"
 #include "server/gate/connection.h"
 #include "server/gate/frame_watch.h"
 #include "server/gate/listening_socket.h"
 #include "server/gate/relay.h"
+#include "server/gate/tls.h"
 
 namespace sightline {
 
@@ -29,6 +33,8 @@ struct GateLimits {
   size_t max_per_client = 192;  // a client is a user on a unix socket, or an address
   double greeting_s = 10.0;     // time in which a client must begin to speak HTTP/2
   double idle_s = 60.0;         // a connection without part of a call for this time may make way for a new one
+  // TLS handshakes of one client at once, and how many more each second.
+  double handshakes_burst = 256.0, handshakes_per_s = 32.0;
   FrameLimits frames;
 };
 
@@ -37,6 +43,7 @@ struct GateCounts {
   uint64_t open = 0, accepted = 0;
   uint64_t refused = 0;  // no place was left
   uint64_t cut = 0;      // for what the client sent, or for silence
+  uint64_t failed_handshakes = 0;  // of those that were cut
 };
 
 // Thread-safe.
@@ -47,8 +54,9 @@ class Gate {
   // A connection was refused or cut. Runs on a thread of the gate and must return at once.
   using Notice = std::function<void(const std::string& client, std::string_view reason)>;
 
-  // `relays` threads move bytes; one is enough for hundreds of sessions.
-  Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, HandOver hand_over, Notice notice);
+  // `relays` threads move bytes; one is enough for hundreds of sessions. `tls` must outlive the gate; null: nothing is encrypted.
+  Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls, HandOver hand_over,
+       Notice notice);
   // Closes everything.
   ~Gate();
   Gate(const Gate&) = delete;
@@ -59,27 +67,31 @@ class Gate {
   // Stops to listen, and removes the socket files. Open connections go on.
   void stop_accepting();
 
-  // The name of a client for budgets and logs, from ServerContext::peer() of one of its calls. If the connection is gone, the result is
-  // the argument.
-  std::string client_of(const std::string& peer) const;
+  // What is known of a client, from ServerContext::peer() of one of its calls. If the connection is gone, its name is the
+  // argument.
+  Peer peer_of(const std::string& peer) const;
   GateCounts counts() const;
 
  private:
   void run();
   bool accept_from(const ListeningSocket& socket);
-  void admit(FileDescriptor fd);
+  void admit(FileDescriptor fd, bool encrypted);
+  bool may_shake_hands(const std::string& client);
+  void refuse(const std::string& client, std::string_view reason);
   bool make_room(const std::string& client);
   void cut_overdue();
   void cut(const std::shared_ptr<Connection>& connection, std::string_view reason);
-  std::shared_ptr<Connection> connect_to_grpc(FileDescriptor outer, std::string client);
+  std::shared_ptr<Connection> connect_to_grpc(FileDescriptor outer, std::string client, bool encrypted);
   void over(const std::shared_ptr<Connection>& connection, std::string_view reason);
 
   const GateLimits limits_;
+  const TlsKeys* const tls_;
   const HandOver hand_over_;
   const Notice notice_;
   std::vector<ListeningSocket> sockets_;  // used by thread_ only, until it has ended
   const FileDescriptor wake_;
-  size_t next_relay_ = 0;  // used by thread_ only
+  std::atomic<size_t> next_relay_{0};
+  std::map<std::string, TokenBucket> handshakes_;  // by client; used by thread_ only
 
   mutable std::mutex mutex_;
   // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.
@@ -89,6 +101,7 @@ class Gate {
   bool stopping_ = false;
 
   std::vector<std::unique_ptr<Relay>> relays_;
+  std::unique_ptr<Relay> greeter_;  // null without TLS
   std::thread thread_;
 };
 

@@ -80,12 +80,23 @@ int open_tcp(const addrinfo& address) {
   return fd.release();
 }
 
-int port_of(int fd) {
+sockaddr_storage address_of(int fd) {
   sockaddr_storage address{};
   socklen_t length = sizeof(address);
-  if (::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length) != 0) return 0;
-  // The port is at the same place in both families.
+  ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length);
+  return address;
+}
+
+// The port is at the same place in both families.
+int port_of(const sockaddr_storage& address) {
   return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
+}
+
+bool is_loopback(const sockaddr_storage& address) {
+  if (address.ss_family == AF_INET) return (ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr) >> 24) == IN_LOOPBACKNET;
+  const in6_addr& six = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
+  if (IN6_IS_ADDR_V4MAPPED(&six)) return six.s6_addr[12] == IN_LOOPBACKNET;
+  return IN6_IS_ADDR_LOOPBACK(&six);
 }
 
 }  // namespace
@@ -114,7 +125,9 @@ Result<ListeningSocket> ListeningSocket::tcp(const std::string& address) {
       error = errno;
       continue;
     }
-    socket.port_ = port_of(socket.fd());
+    const sockaddr_storage bound = address_of(socket.fd());
+    socket.port_ = port_of(bound);
+    socket.stays_on_host_ = is_loopback(bound);
     socket.address_ = address.substr(0, colon + 1) + std::to_string(socket.port_);
     return socket;
   }

@@ -49,6 +49,8 @@ class ListeningSocket {
   // For clients: "127.0.0.1:50151" or "unix:/run/sightline.sock".
   const std::string& address() const { return address_; }
   int port() const { return port_; }  // 0 for a unix socket
+  // Only processes of this host can connect: a unix socket, or a loopback address.
+  bool stays_on_host() const { return stays_on_host_; }
 
  private:
   ListeningSocket() = default;
@@ -58,6 +60,7 @@ class ListeningSocket {
   dev_t device_ = 0;            // identify the file
   ino_t inode_ = 0;
   int port_ = 0;
+  bool stays_on_host_ = true;
 };
 
 }  // namespace sightline

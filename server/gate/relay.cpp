@@ -38,6 +38,10 @@ struct Relay::Line {
   FrameWatch watch;
   Side client, grpc;
   bool over = false;
+  bool passed_on = false;     // to the next relay, after the handshake
+  bool said_goodbye = false;
+  std::vector<std::byte> early = {};  // what gRPC said before the handshake was over
+  std::string tls_trouble;
   std::string_view cut_for;  // why the client must be cut; empty: it need not
 };
 
@@ -61,9 +65,13 @@ Relay::~Relay() {
 }
 
 void Relay::add(std::shared_ptr<Connection> connection) {
+  adopt(std::make_unique<Line>(std::move(connection), limits_));
+}
+
+void Relay::adopt(OwnedLine line) {
   {
     const std::lock_guard lock(mutex_);
-    new_.push_back(std::move(connection));
+    new_.push_back(std::move(line));
   }
   ::eventfd_write(wake_.get(), 1);
 }
@@ -81,6 +89,10 @@ void Relay::run() {
         woken = true;
     }
     ended_.clear();
+    for (OwnedLine& line : std::exchange(leaving_, {})) {
+      line->passed_on = false;
+      next_().adopt(std::move(line));
+    }
     if (!woken) continue;
     take_new();
     const std::lock_guard lock(mutex_);
@@ -93,13 +105,12 @@ void Relay::run() {
 void Relay::take_new() {
   eventfd_t ignored = 0;
   ::eventfd_read(wake_.get(), &ignored);
-  std::vector<std::shared_ptr<Connection>> fresh;
+  std::vector<OwnedLine> fresh;
   {
     const std::lock_guard lock(mutex_);
     fresh.swap(new_);
   }
-  for (auto& connection : fresh) {
-    auto owned = std::make_unique<Line>(std::move(connection), limits_);
+  for (OwnedLine& owned : fresh) {
     Line& line = *owned;
     lines_.emplace(&line, std::move(owned));
     bool added = true;
@@ -107,17 +118,24 @@ void Relay::take_new() {
       epoll_event event{.events = side->interest = EPOLLIN, .data = {.ptr = side}};
       added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
     }
-    if (!added) end(line, {});
+    if (!added) {
+      end(line, {});
+      continue;
+    }
+    // What came with the end of the handshake is not announced again.
+    const bool well = !line.connection->tls || take_from_client(line, {});
+    !well || !line.cut_for.empty() ? end(line, line.cut_for) : settle(line);
   }
 }
 
 void Relay::serve(Side& side, uint32_t events) {
   Line& line = *side.line;
-  if (line.over) return;
+  if (line.over || line.passed_on) return;
   bool well = (events & EPOLLERR) == 0;
   if (well && (events & EPOLLOUT) != 0) well = flush(side);
   if (well && (events & (EPOLLIN | EPOLLHUP)) != 0) well = read_from(side);
   if (!well || !line.cut_for.empty()) return end(line, line.cut_for);
+  if (line.passed_on) return pass_on(line);
   settle(line);
 }
 
@@ -132,17 +150,83 @@ bool Relay::read_from(Side& side) {
       return true;
     }
     const auto bytes = static_cast<size_t>(size);
-    if (&side == &line.client) watch_client(line, bytes);
-    if (!line.cut_for.empty()) return true;
-    if (!write_to(*side.other, buffer_.data(), bytes)) return false;
-    if (bytes < buffer_.size()) return true;
+    const std::span<const std::byte> come(buffer_.data(), bytes);
+    if (!(&side == &line.client ? take_from_client(line, come) : take_from_grpc(line, come))) return false;
+    if (!line.cut_for.empty() || line.passed_on || bytes < buffer_.size()) return true;
   }
   return true;
 }
 
-void Relay::watch_client(Line& line, size_t size) {
+bool Relay::take_from_client(Line& line, std::span<const std::byte> bytes) {
+  plain_.clear();
+  if (line.connection->tls) {
+    const bool well = decrypt(line, bytes) && send_answers(line);
+    if (!well || !line.cut_for.empty() || plain_.empty()) return well;
+    bytes = plain_;
+  }
+  watch_client(line, bytes);
+  return !line.cut_for.empty() || write_to(line.grpc, bytes.data(), bytes.size());
+}
+
+bool Relay::take_from_grpc(Line& line, std::span<const std::byte> bytes) {
+  TlsStream* const tls = line.connection->tls.get();
+  if (!tls) return write_to(line.client, bytes.data(), bytes.size());
+  // gRPC speaks first, but not before the client can hear it.
+  if (!tls->established()) {
+    line.early.insert(line.early.end(), bytes.begin(), bytes.end());
+    return true;
+  }
+  return tls->seal(bytes) && send_answers(line);
+}
+
+// Puts what the client says into plain_.
+bool Relay::decrypt(Line& line, std::span<const std::byte> bytes) {
+  TlsStream& tls = *line.connection->tls;
+  const bool was_established = tls.established();
+  bool well = tls.receive(bytes);
+  if (well && tls.established() && !was_established) {
+    finish_handshake(line);
+    if (line.passed_on) return true;
+  }
+  if (well && tls.established()) well = tls.open(plain_);
+  line.client.ended = line.client.ended || tls.ended();
+  if (well) return true;
+  line.tls_trouble = (tls.established() ? "TLS: " : "no TLS handshake: ") + tls.trouble();
+  line.cut_for = line.tls_trouble;
+  line.connection->handshake_failed = !tls.established();
+  send_answers(line);  // the alert that tells the client why
+  return true;
+}
+
+void Relay::finish_handshake(Line& line) {
+  TlsStream& tls = *line.connection->tls;
+  line.connection->set_certificate(tls.certificate_name());
+  tls.seal(line.early);
+  line.early = {};
+  line.passed_on = next_ != nullptr;
+}
+
+// Sends the client what TLS has for it.
+bool Relay::send_answers(Line& line) {
+  sealed_.clear();
+  line.connection->tls->take_outgoing(sealed_);
+  if (sealed_.empty()) return true;
+  if (line.client.waiting.size() > kMostAnswers) return false;
+  return write_to(line.client, sealed_.data(), sealed_.size());
+}
+
+// Its events of this round may still be in the queue, but they say nothing that the next relay would not see.
+void Relay::pass_on(Line& line) {
+  for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);
+  const auto at = lines_.find(&line);
+  OwnedLine owned = std::move(at->second);
+  lines_.erase(at);
+  leaving_.push_back(std::move(owned));
+}
+
+void Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
   const bool greeted = line.watch.greeted();
-  if (const auto reason = line.watch.read({buffer_.data(), size}, gate_now_s())) line.cut_for = *reason;
+  if (const auto reason = line.watch.read(bytes, gate_now_s())) line.cut_for = *reason;
   Connection& connection = *line.connection;
   connection.calls.store(line.watch.calls(), std::memory_order_relaxed);
   connection.last_call_s.store(line.watch.last_call_s(), std::memory_order_relaxed);
@@ -150,6 +234,10 @@ void Relay::watch_client(Line& line, size_t size) {
 }
 
 bool Relay::write_to(Side& side, const std::byte* bytes, size_t size) {
+  if (!side.waiting.empty()) {
+    side.waiting.insert(side.waiting.end(), bytes, bytes + size);
+    return true;
+  }
   const ssize_t sent = ::send(side.fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL);
   if (sent < 0 && errno != EAGAIN && errno != EINTR) return false;
   const auto taken = static_cast<size_t>(std::max<ssize_t>(sent, 0));
@@ -167,6 +255,11 @@ bool Relay::flush(Side& side) {
 void Relay::settle(Line& line) {
   // gRPC has closed: the client gets what is left, and that was all.
   if (line.grpc.ended) {
+    if (TlsStream* const tls = line.connection->tls.get(); tls && !line.said_goodbye) {
+      line.said_goodbye = true;
+      tls->close();
+      if (!send_answers(line)) return end(line, {});
+    }
     if (line.client.waiting.empty()) return end(line, {});
     if (line.connection->deadline_s == 0.0) line.connection->deadline_s = gate_now_s() + kFarewellS;
   }

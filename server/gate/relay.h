@@ -3,6 +3,9 @@
 // gRPC owns its end of each socket pair. The relay holds at most kMostHeld bytes for each direction of a connection: it reads from
 // one side only when the other side has taken everything. A client that stops reading is therefore stopped by gRPC's flow control
 // as if there were no relay.
+//
+// A connection with TLS is decrypted here, so that its frames can be watched. Its handshake takes up to a millisecond of CPU; a relay of
+// its own, the greeter, does all handshakes, so that a client that connects again and again delays no session.
 #pragma once
 
 #include <array>
@@ -10,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string_view>
 #include <thread>
 #include <unordered_map>
@@ -35,17 +39,29 @@ class Relay {
 
   // Takes a connection over, whose sockets must not block. From any thread.
   void add(std::shared_ptr<Connection> connection);
+  // Chooses the relay that gets a connection after its handshake. Without it, the connection stays. Set before the first `add`.
+  void pass_on_to(std::function<Relay&()> next) { next_ = std::move(next); }
 
  private:
   static constexpr size_t kMostHeld = 64 << 10;
+  // Of what TLS itself has to say to a client that does not read.
+  static constexpr size_t kMostAnswers = 4 * kMostHeld;
   struct Line;
   struct Side;
+  using OwnedLine = std::unique_ptr<Line>;
 
   void run();
+  void adopt(OwnedLine line);
   void take_new();
   void serve(Side& side, uint32_t events);
   bool read_from(Side& side);
-  void watch_client(Line& line, size_t size);
+  bool take_from_client(Line& line, std::span<const std::byte> bytes);
+  bool take_from_grpc(Line& line, std::span<const std::byte> bytes);
+  bool decrypt(Line& line, std::span<const std::byte> bytes);
+  bool send_answers(Line& line);
+  void finish_handshake(Line& line);
+  void pass_on(Line& line);
+  void watch_client(Line& line, std::span<const std::byte> bytes);
   bool write_to(Side& side, const std::byte* bytes, size_t size);
   bool flush(Side& side);
   void adjust(Side& side);
@@ -57,13 +73,16 @@ class Relay {
   const FileDescriptor epoll_, wake_;
 
   // Used by the thread only.
-  std::unordered_map<const Line*, std::unique_ptr<Line>> lines_;
-  std::vector<std::unique_ptr<Line>> ended_;  // kept until the events of this round are served
+  std::function<Relay&()> next_;  // set before the first connection
+  std::unordered_map<const Line*, OwnedLine> lines_;
+  std::vector<OwnedLine> leaving_;  // they go to the next relay after the events of this round
+  std::vector<OwnedLine> ended_;  // kept until the events of this round are served
   std::array<std::byte, kMostHeld> buffer_;
+  std::vector<std::byte> plain_, sealed_;  // reused
 
   std::mutex mutex_;
-  std::vector<std::shared_ptr<Connection>> new_;  // guarded by mutex_
-  bool stopping_ = false;                         // guarded by mutex_
+  std::vector<OwnedLine> new_;  // guarded by mutex_
+  bool stopping_ = false;       // guarded by mutex_
 
   std::thread thread_;
 };

@@ -203,9 +203,9 @@ std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const 
   bool is_new = false;
   {
     const std::lock_guard lock(mutex_);
-    is_new = !by_hash_.contains(geometry->hash);
-    if (is_new) std::erase_if(by_hash_, [](const auto& entry) { return entry.second.geometry.expired(); });
-    Entry& entry = by_hash_[geometry->hash];
+    is_new = !by_key_.contains(geometry->key);
+    if (is_new) std::erase_if(by_key_, [](const auto& entry) { return entry.second.geometry.expired(); });
+    Entry& entry = by_key_[geometry->key];
     if (is_new) entry.table = built.get_future().share();
     entry.geometry = geometry;
     table = entry.table;
@@ -216,14 +216,14 @@ std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const 
 
 bool ExtentCache::has(const Geometry& geometry) const {
   const std::lock_guard lock(mutex_);
-  const auto found = by_hash_.find(geometry.hash);
-  return found != by_hash_.end() &&
+  const auto found = by_key_.find(geometry.key);
+  return found != by_key_.end() &&
          found->second.table.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 size_t ExtentCache::count() const {
   const std::lock_guard lock(mutex_);
-  return by_hash_.size();
+  return by_key_.size();
 }
 
 }  // namespace sightline

@@ -22,10 +22,10 @@
 #include <future>
 #include <glm/glm.hpp>
 #include <limits>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "server/base/hash.h"
@@ -121,7 +121,7 @@ class ExtentCache {
 
   const uint64_t seed_;
   mutable std::mutex mutex_;
-  std::unordered_map<ContentHash, Entry> by_hash_;  // guarded by mutex_
+  std::map<GeometryKey, Entry> by_key_;  // guarded by mutex_
 };
 
 }  // namespace sightline

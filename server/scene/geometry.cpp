@@ -1,7 +1,11 @@
 #include "server/scene/geometry.h"
 
+#include <openssl/evp.h>
+
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <new>
 
 #include "server/scene/tree_builder.h"
 #include "server/scene/weld.h"
@@ -65,7 +69,21 @@ void bound_by_sphere(Geometry& geometry) {
       std::nextafter(static_cast<float>(std::sqrt(squared)), std::numeric_limits<float>::infinity());
 }
 
-std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash) {
+GeometryKey key_of(const MeshData& mesh) {
+  const std::array<uint64_t, 3> sizes = {mesh.positions.size(), mesh.indices.size(),
+                                         std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
+  GeometryKey key{};
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> digest(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  bool well = digest && EVP_DigestInit_ex(digest.get(), EVP_sha256(), nullptr) == 1;
+  const auto add = [&](std::span<const std::byte> bytes) { well = well && EVP_DigestUpdate(digest.get(), bytes.data(), bytes.size()) == 1; };
+  add(std::as_bytes(std::span(sizes)));
+  add(std::as_bytes(std::span(mesh.positions)));
+  add(std::as_bytes(std::span(mesh.indices)));
+  if (!well || EVP_DigestFinal_ex(digest.get(), key.data(), nullptr) != 1) throw std::bad_alloc();
+  return key;
+}
+
+std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash, const GeometryKey& key) {
   weld(mesh.positions, mesh.indices);
   const size_t triangles = mesh.indices.size() / 3;
   const size_t opaque = std::min<size_t>(triangles, mesh.see_through_first_index / 3);
@@ -74,6 +92,7 @@ std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& 
 
   auto geometry = std::make_shared<Geometry>();
   geometry->hash = hash;
+  geometry->key = key;
   geometry->occluding_index_count = static_cast<uint32_t>(3 * occluding.size());
   geometry->occluding = build_tree(occluding, 0);
   geometry->see_through = build_tree(see_through, geometry->occluding_index_count);
@@ -114,37 +133,39 @@ ContentHash hash_mesh(const MeshData& mesh) {
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh) {
   if (const Status ok = check_mesh(mesh); !ok) return tl::unexpected(ok.error());
   const ContentHash hash = hash_mesh(mesh);
-  return build_checked(std::move(mesh), hash);
+  const GeometryKey key = key_of(mesh);
+  return build_checked(std::move(mesh), hash, key);
 }
 
 Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh) {
-  const ContentHash hash = hash_mesh(mesh);
-  if (auto alive = find(hash)) return alive;
+  const GeometryKey key = key_of(mesh);
+  if (auto alive = find(key)) return alive;
   if (const Status ok = check_mesh(mesh); !ok) return tl::unexpected(ok.error());
-  auto built = build_checked(std::move(mesh), hash);
+  const ContentHash hash = hash_mesh(mesh);
+  auto built = build_checked(std::move(mesh), hash, key);
   const std::lock_guard lock(mutex_);
-  if (by_hash_.size() >= forget_at_size_) forget_dead();
-  std::weak_ptr<const Geometry>& kept = by_hash_[hash];
+  if (by_key_.size() >= forget_at_size_) forget_dead();
+  std::weak_ptr<const Geometry>& kept = by_key_[key];
   if (auto alive = kept.lock()) return alive;  // another thread was faster: its copy is the one
   kept = built;
   return built;
 }
 
-std::shared_ptr<const Geometry> GeometryStore::find(const ContentHash& hash) const {
+std::shared_ptr<const Geometry> GeometryStore::find(const GeometryKey& key) const {
   const std::lock_guard lock(mutex_);
-  const auto it = by_hash_.find(hash);
-  return it == by_hash_.end() ? nullptr : it->second.lock();
+  const auto it = by_key_.find(key);
+  return it == by_key_.end() ? nullptr : it->second.lock();
 }
 
 void GeometryStore::forget_dead() {
-  std::erase_if(by_hash_, [](const auto& entry) { return entry.second.expired(); });
-  forget_at_size_ = std::max<size_t>(64, 2 * by_hash_.size());
+  std::erase_if(by_key_, [](const auto& entry) { return entry.second.expired(); });
+  forget_at_size_ = std::max<size_t>(64, 2 * by_key_.size());
 }
 
 GeometryBytes GeometryStore::live_bytes_by_part() const {
   const std::lock_guard lock(mutex_);
   GeometryBytes all;
-  for (const auto& [hash, geometry] : by_hash_) {
+  for (const auto& [key, geometry] : by_key_) {
     const auto alive = geometry.lock();
     if (!alive) continue;
     const GeometryBytes one = alive->bytes_by_part();
@@ -156,7 +177,7 @@ GeometryBytes GeometryStore::live_bytes_by_part() const {
 
 size_t GeometryStore::live_count() const {
   const std::lock_guard lock(mutex_);
-  return static_cast<size_t>(std::count_if(by_hash_.begin(), by_hash_.end(),
+  return static_cast<size_t>(std::count_if(by_key_.begin(), by_key_.end(),
                                            [](const auto& entry) { return !entry.second.expired(); }));
 }
 

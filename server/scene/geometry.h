@@ -9,10 +9,10 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "server/base/error.h"
@@ -66,9 +66,13 @@ struct GeometryBytes {
   size_t total() const { return source + clusters; }
 };
 
+// A SHA-256.
+using GeometryKey = std::array<unsigned char, 32>;
+
 class Geometry {
  public:
   ContentHash hash;                  // of the MeshData as given
+  GeometryKey key{};                 // the same, but it cannot be forged; identifies what clients share
   std::vector<glm::vec3> positions;  // metres, mesh frame; welded (weld.h)
   std::vector<uint32_t> indices;     // in cluster order; occluding triangles first
   uint32_t occluding_index_count = 0;
@@ -95,6 +99,9 @@ Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
 // Keeps one copy of each geometry while it is in use. Thread-safe; building happens outside the lock. The store may be destroyed before
 // the geometries that it returned.
+//
+// Sessions of different clients share geometries, so a copy is found by its key. By a hash that can be forged, one client could put its
+// geometry in the place of another's.
 class GeometryStore {
  public:
   // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does.
@@ -105,12 +112,12 @@ class GeometryStore {
   size_t live_count() const;
 
  private:
-  std::shared_ptr<const Geometry> find(const ContentHash& hash) const;
+  std::shared_ptr<const Geometry> find(const GeometryKey& key) const;
   void forget_dead();  // needs mutex_
 
   mutable std::mutex mutex_;
-  std::unordered_map<ContentHash, std::weak_ptr<const Geometry>> by_hash_;  // guarded by mutex_
-  size_t forget_at_size_ = 64;                                              // guarded by mutex_
+  std::map<GeometryKey, std::weak_ptr<const Geometry>> by_key_;  // guarded by mutex_
+  size_t forget_at_size_ = 64;                           // guarded by mutex_
 };
 
 }  // namespace sightline

@@ -77,7 +77,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::st
   auto asset = read_named(name, sources);
   if (!asset) return asset;
   const std::lock_guard lock(mutex_);
-  Asset shared = remember(std::move(*asset));
+  Asset shared = remember(std::move(*asset), {});
   named_[name] = {std::move(sources), shared};
   return shared;
 }
@@ -129,8 +129,8 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
     *asset = with_bytes(std::move(*asset), kept);
   }
   const std::lock_guard lock(mutex_);
-  Asset shared = remember(*asset);
-  if (kept && shared == *asset) uploaded_bytes_[shared->hash] = kept;
+  Asset shared = remember(*asset, owner);
+  if (kept && shared == *asset) uploaded_bytes_[{owner, shared->hash}] = kept;
   keep(shared, owner);
   return shared;
 }
@@ -161,21 +161,32 @@ bool SceneLibrary::drop_one_upload() {
   return true;
 }
 
-// Two loads of the same bytes share one asset: the one that is still in use.
-SceneLibrary::Asset SceneLibrary::remember(Asset asset) {
+// Two loads of the same bytes by one owner share one asset: the one that is still in use.
+SceneLibrary::Asset SceneLibrary::remember(Asset asset, const std::string& owner) {
   std::erase_if(by_hash_, [](const auto& entry) { return entry.second.expired(); });
   std::erase_if(named_, [](const auto& entry) { return entry.second.asset.expired(); });
   std::erase_if(uploaded_bytes_, [](const auto& entry) { return entry.second.expired(); });
-  std::weak_ptr<const SceneAsset>& known = by_hash_[asset->hash];
+  std::weak_ptr<const SceneAsset>& known = by_hash_[{owner, asset->hash}];
   if (Asset alive = known.lock()) return alive;
   known = asset;
   return asset;
 }
 
-Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& hash) {
+template <typename Value>
+std::shared_ptr<Value> SceneLibrary::find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader) {
+  for (const std::string& owner : {reader.client, std::string()})
+    if (const auto found = assets.find({owner, hash}); found != assets.end())
+      if (auto alive = found->second.lock()) return alive;
+  if (!reader.sees_all) return nullptr;
+  for (const auto& [key, value] : assets)
+    if (key.second == hash)
+      if (auto alive = value.lock()) return alive;
+  return nullptr;
+}
+
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& hash, const SceneReader& reader) {
   const std::lock_guard lock(mutex_);
-  if (const auto entry = by_hash_.find(hash); entry != by_hash_.end())
-    if (Asset asset = entry->second.lock()) return asset;
+  if (Asset asset = find_in(by_hash_, hash, reader)) return asset;
   return fail(ErrorCode::kNotFound, "scene.hash", "no scene with the hash " + to_hex(hash) + " is loaded");
 }
 
@@ -197,11 +208,10 @@ Result<std::vector<SceneFile>> SceneLibrary::files_of(const std::string& name) {
   return files;
 }
 
-Result<std::vector<SceneFile>> SceneLibrary::files_of(const ContentHash& hash) {
+Result<std::vector<SceneFile>> SceneLibrary::files_of(const ContentHash& hash, const SceneReader& reader) {
   {
     const std::lock_guard lock(mutex_);
-    if (const auto upload = uploaded_bytes_.find(hash); upload != uploaded_bytes_.end())
-      if (auto bytes = upload->second.lock()) return std::vector<SceneFile>{{"", std::move(bytes)}};
+    if (auto bytes = find_in(uploaded_bytes_, hash, reader)) return std::vector<SceneFile>{{"", std::move(bytes)}};
   }
   if (const std::string name = name_of(hash); !name.empty()) return files_of(name);
   return fail(ErrorCode::kNotFound, "scene.hash", "the bytes of " + to_hex(hash) + " were not kept");

@@ -22,6 +22,12 @@ struct SceneFile {
   std::shared_ptr<const std::string> bytes;
 };
 
+// Who asks for a scene by its hash.
+struct SceneReader {
+  std::string client;     // the owner of its uploads
+  bool sees_all = false;  // also the uploads of others
+};
+
 // Keeps loaded assets while a session uses them. Thread-safe.
 class SceneLibrary {
  public:
@@ -39,16 +45,17 @@ class SceneLibrary {
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
   // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads or kept_bytes, the
-  // oldest one of the owner who has most of them goes. An owner is the name of a client.
+  // oldest one of the owner who has most of them goes. An owner is the name of a client. Equal files of two owners are two assets, which
+  // share their geometries.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
-  // Finds a loaded asset. kNotFound (field "scene.hash") when there is none.
-  Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash);
+  // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
+  Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});
   // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
   // are read again, which may take seconds; callers share bytes that are still held. A hash finds an upload, or a named scene with that
   // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept. Fails with kFailedPrecondition
   // when a file has changed since it was loaded, and as reading fails.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
-  Result<std::vector<SceneFile>> files_of(const ContentHash& hash);
+  Result<std::vector<SceneFile>> files_of(const ContentHash& hash, const SceneReader& reader = {});
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
   std::vector<std::string> names(const std::string& after, size_t limit) const;
 
@@ -81,7 +88,13 @@ class SceneLibrary {
   std::string name_of(const ContentHash& hash);  // of a loaded named scene; empty when there is none
   Asset find_unchanged(const std::string& name);
   Result<Asset> read_named(const std::string& name, std::vector<Source>& sources) const;
-  Asset remember(Asset asset);  // needs mutex_
+  // By owner, so that a client can neither find another's upload nor put its own in the place of it. Named scenes have no owner.
+  template <typename Value>
+  using ByHash = std::map<std::pair<std::string, ContentHash>, std::weak_ptr<Value>>;
+
+  template <typename Value>
+  static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader);
+  Asset remember(Asset asset, const std::string& owner);  // needs mutex_
   void keep(Asset asset, const std::string& owner);  // needs mutex_
   bool drop_one_upload();                            // needs mutex_
 
@@ -93,9 +106,9 @@ class SceneLibrary {
   const size_t kept_bytes_;
   std::mutex mutex_;
   std::map<std::string, Named> named_;                              // guarded by mutex_
-  std::map<ContentHash, std::weak_ptr<const SceneAsset>> by_hash_;  // guarded by mutex_
+  ByHash<const SceneAsset> by_hash_;                                // guarded by mutex_
   std::vector<KeptUpload> kept_uploads_;                            // oldest first; guarded by mutex_
-  std::map<ContentHash, std::weak_ptr<const std::string>> uploaded_bytes_;  // guarded by mutex_
+  ByHash<const std::string> uploaded_bytes_;                                // guarded by mutex_
   std::map<std::string, KeptFile> kept_files_;                              // by path; guarded by mutex_
 };
 

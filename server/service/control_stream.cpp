@@ -33,11 +33,18 @@ grpc::Status refusal(Admission admission, const StreamRegistry& streams) {
 
 void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
                           std::unique_ptr<Incoming> incoming, const std::string& session_id,
-                          const std::string& client) {
-  const auto stream = std::make_shared<ControlStream>(parts, limits, parsers, loop, std::move(incoming), session_id);
+                          const tl::expected<Caller, grpc::Status>& caller) {
+  const SceneReader reader = caller ? SceneReader{caller->name, caller->sees_all()} : SceneReader{};
+  const auto stream = std::make_shared<ControlStream>(parts, limits, parsers, loop, std::move(incoming), session_id, reader);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
   const std::lock_guard lock(stream->mutex_);
   stream->self_ = stream;
+  if (!caller) {
+    parts.log.warn("session refused", {{"reason", caller.error().error_message()}});
+    stream->finished_ = true;
+    return stream->finish_call(caller.error());
+  }
+  const std::string& client = caller->name;
   if (const Admission admission = parts.streams.add(stream, client); admission != Admission::kAdmitted) {
     parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
     stream->finished_ = true;
@@ -48,13 +55,13 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
 }
 
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
-                             std::unique_ptr<Incoming> incoming, const std::string& session_id)
+                             std::unique_ptr<Incoming> incoming, const std::string& session_id, SceneReader reader)
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
       parsers_(parsers),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
-      driver_(parts, session_id),
+      driver_(parts, session_id, std::move(reader)),
       inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
 // --- reactions

@@ -27,6 +27,7 @@
 
 #include "server/schedule/scheduler.h"
 #include "server/schedule/tick_pace.h"
+#include "server/gate/access.h"
 #include "server/rpc/call.h"
 #include "server/service/inbox.h"
 #include "server/service/incoming_message.h"
@@ -43,13 +44,14 @@ using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse,
 class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the
-  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). `client` is the client's name; `parsers` must outlive the call. Runs on the loop's
-  // thread.
+  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). So it is when there is no `caller`, but a status. `parsers` must
+  // outlive the call. Runs on the loop's thread.
   static void start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
-                    std::unique_ptr<Incoming> incoming, const std::string& session_id, const std::string& client);
+                    std::unique_ptr<Incoming> incoming, const std::string& session_id,
+                    const tl::expected<Caller, grpc::Status>& caller);
 
   ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
-                std::unique_ptr<Incoming> incoming, const std::string& session_id);
+                std::unique_ptr<Incoming> incoming, const std::string& session_id, SceneReader reader);
   ~ControlStream() override = default;
 
   void drain(const std::string& reason) override;

@@ -31,6 +31,15 @@ Result<std::vector<ListeningSocket>> listening_sockets(const ListenOptions& opti
   return sockets;
 }
 
+// Nobody shall open a daemon to a network without noticing.
+Status check_exposure(const ListeningSocket& socket, const ListenOptions& options) {
+  const bool safe = options.tls && options.callers_are_known;
+  if (safe || options.allow_insecure_network || socket.stays_on_host()) return {};
+  return fail(ErrorCode::kFailedPrecondition, "--listen",
+              socket.address() + " can be reached from other hosts, so it needs --tls-cert with --tls-client-ca or --access-file; "
+                                 "--allow-insecure-network opens it to everyone");
+}
+
 void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(options.max_message_bytes));
   // A compressed message is unpacked before its size is checked, so half a megabyte can take half a gigabyte.
@@ -57,6 +66,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
   auto sockets = listening_sockets(options);
   if (!sockets) return tl::unexpected(std::move(sockets.error()));
+  for (const ListeningSocket& socket : *sockets)
+    if (Status ok = check_exposure(socket, options); !ok) return tl::unexpected(std::move(ok.error()));
   std::unique_ptr<Listener> listener(new Listener);
   for (const ListeningSocket& socket : *sockets) {
     listener->addresses_.push_back(socket.address());
@@ -65,7 +76,6 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   grpc::ServerBuilder builder;
   configure(builder, options);
   builder.RegisterService(&service);
-  service.name_clients_by([made = listener.get()](const std::string& peer) { return made->gate_->client_of(peer); });
   builder.RegisterService(&listener->health_);
   builder.RegisterService(&listener->reflection_);
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
@@ -79,18 +89,23 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     return fail(ErrorCode::kInternal, "", "gRPC did not start");
   }
   listener->gate_ = std::make_unique<Gate>(
-      std::move(*sockets), options.gate, options.loops,
+      std::move(*sockets), options.gate, options.loops, options.tls,
       [acceptor](FileDescriptor fd) {
         grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
         connection.fd = fd.release();
         acceptor->HandleNewConnection(&connection);
       },
       options.on_refused);
+  service.callers().come_through(*listener->gate_);
   for (auto& queue : queues) {
     listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
     service.take_calls(*listener->loops_.back());
   }
   listener->health_.take_calls(*listener->loops_.front());
+  listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
+    const auto caller = service.callers().identify(context, Need::kAnyRole);
+    return caller ? grpc::Status::OK : caller.error();
+  });
   listener->reflection_.take_calls(*listener->loops_.front(), {v1::CameraControlService::service_full_name(),
                                                                grpc::health::v1::Health::service_full_name(),
                                                                grpc::reflection::v1alpha::ServerReflection::service_full_name()});

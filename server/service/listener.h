@@ -25,6 +25,11 @@ struct ListenOptions {
   size_t max_message_bytes = size_t{4} << 20;
   unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
   GateLimits gate;     // of connections
+  // Connections over TCP are encrypted with these; null: they are not. Must outlive the listener.
+  const TlsKeys* tls = nullptr;
+  // A TCP address that other hosts can reach needs TLS, and callers that must show who they are. Otherwise it is an error.
+  bool callers_are_known = false;
+  bool allow_insecure_network = false;  // true: it is not
   Gate::Notice on_refused = [](const std::string&, std::string_view) {};  // a connection was refused or cut
   // A connection without traffic for `keepalive_time` is pinged. Its calls end when no answer comes in the timeout.
   std::chrono::milliseconds keepalive_time{10'000};

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/schedule/fair_shares.h"
+#include "server/gate/credentials.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
 #include "server/service/session_budget.h"
@@ -40,6 +41,7 @@ struct ServiceParts {
   RecordingRules recording = {};
   SessionLimits session_limits = {};
   InstanceMemory* instance_memory = nullptr;  // null: no limit for all sessions together
+  const Credentials* credentials = nullptr;   // null: everyone who may connect may speak
 };
 
 struct ServiceLimits {

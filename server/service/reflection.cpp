@@ -94,8 +94,11 @@ class ReflectionService::Call final : public ReflectionCall {
  public:
   Call(EventLoop& loop, std::unique_ptr<Incoming> incoming, ReflectionService& service)
       : ReflectionCall(loop, std::move(incoming)), service_(service) {
+    const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > kMostCalls) {
       finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many reflection calls are open"});
+    } else if (!admitted.ok()) {
+      finish(admitted);
     } else {
       start_read(request_);
       start_alarm(kMostTime);

@@ -7,7 +7,9 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "grpc/reflection/v1alpha/reflection.grpc.pb.h"
@@ -22,6 +24,8 @@ class ReflectionService final : public grpc::reflection::v1alpha::ServerReflecti
   static constexpr size_t kMostCalls = 16;
   static constexpr std::chrono::seconds kMostTime{10};
 
+  // Called once, before take_calls. A call is refused with the status that `admit` gives, unless that is OK.
+  void admit_by(std::function<grpc::Status(const grpc::ServerContext&)> admit) { admit_ = std::move(admit); }
   // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed.
   void take_calls(EventLoop& loop, std::vector<std::string> services);
 
@@ -29,6 +33,7 @@ class ReflectionService final : public grpc::reflection::v1alpha::ServerReflecti
   class Call;
   void take_calls(EventLoop& loop);
 
+  std::function<grpc::Status(const grpc::ServerContext&)> admit_ = [](const grpc::ServerContext&) { return grpc::Status::OK; };
   std::vector<std::string> services_;
   std::atomic<size_t> open_{0};
 };

@@ -26,7 +26,7 @@ void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info)
   info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
 }
 
-void get_server_stats(const ServiceParts& parts, v1::GetServerStatsResponse& stats) {
+void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::GetServerStatsResponse& stats) {
   stats.set_open_sessions(static_cast<uint32_t>(parts.streams.size()));
   stats.set_geometry_count(parts.geometry.live_count());
   stats.set_geometry_bytes(parts.geometry.live_bytes());
@@ -38,6 +38,11 @@ void get_server_stats(const ServiceParts& parts, v1::GetServerStatsResponse& sta
   stats.set_queue_p50_us(parts.stats.queue.quantile_us(0.5));
   stats.set_queue_p99_us(parts.stats.queue.quantile_us(0.99));
   if (parts.recording.writer) set(parts.recording.writer->counts(), *stats.mutable_recording());
+  v1::AccessStats& access = *stats.mutable_access();
+  access.set_refused_calls(callers.credentials().access().refused());
+  access.set_failed_handshakes(callers.connections().failed_handshakes);
+  access.set_files_taken_over(callers.credentials().taken_over());
+  access.set_files_refused(callers.credentials().refused());
 }
 
 }  // namespace sightline

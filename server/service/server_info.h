@@ -1,6 +1,7 @@
 // RPCs GetServerInfo (version and sampler) and GetServerStats (counters of the daemon, and what it holds).
 #pragma once
 
+#include "server/service/callers.h"
 #include "server/service/parts.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -11,6 +12,6 @@ inline constexpr const char* kVersion = SIGHTLINE_VERSION;
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info);
-void get_server_stats(const ServiceParts& parts, v1::GetServerStatsResponse& stats);
+void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::GetServerStatsResponse& stats);
 
 }  // namespace sightline

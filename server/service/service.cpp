@@ -33,9 +33,9 @@ void CameraControlService::take_calls(EventLoop& loop) {
   };
   CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
-    const std::string client = client_of_(incoming->context.peer());
+    const auto caller = callers_.identify(incoming->context, Need::kControl);
     ControlStream::start(parts_, limits_, parsers_, loop, std::move(incoming),
-                         parts_.id_prefix + "-" + std::to_string(++calls_), client);
+                         parts_.id_prefix + "-" + std::to_string(++calls_), caller);
   });
 }
 
@@ -43,27 +43,35 @@ grpc::Status CameraControlService::UploadScene(grpc::ServerContext* context,
                                                grpc::ServerReader<v1::UploadSceneRequest>* reader,
                                                v1::UploadSceneResponse* reply) {
   return guarded(parts_.log, "UploadScene", [&] {
-    return upload_scene(*context, *reader, parts_, limits_, uploads_, client_of_(context->peer()), *reply);
+    const auto caller = callers_.identify(*context, Need::kControl);
+    return caller ? upload_scene(*context, *reader, parts_, limits_, uploads_, caller->name, *reply) : caller.error();
   });
 }
 
-grpc::Status CameraControlService::ListScenes(grpc::ServerContext*, const v1::ListScenesRequest* request,
+grpc::Status CameraControlService::ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest* request,
                                               v1::ListScenesResponse* response) {
-  return guarded(parts_.log, "ListScenes", [&] { return list_scenes(parts_.scenes, *request, *response); });
+  return guarded(parts_.log, "ListScenes", [&] {
+    const auto caller = callers_.identify(*context, Need::kAnyRole);
+    return caller ? list_scenes(parts_.scenes, *request, *response) : caller.error();
+  });
 }
 
-grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest*,
                                                  v1::GetServerInfoResponse* info) {
   return guarded(parts_.log, "GetServerInfo", [&] {
+    const auto caller = callers_.identify(*context, Need::kAnyRole);
+    if (!caller) return caller.error();
     get_server_info(parts_, *info);
     return grpc::Status::OK;
   });
 }
 
-grpc::Status CameraControlService::GetServerStats(grpc::ServerContext*, const v1::GetServerStatsRequest*,
+grpc::Status CameraControlService::GetServerStats(grpc::ServerContext* context, const v1::GetServerStatsRequest*,
                                                   v1::GetServerStatsResponse* stats) {
   return guarded(parts_.log, "GetServerStats", [&] {
-    get_server_stats(parts_, *stats);
+    const auto caller = callers_.identify(*context, Need::kObserve);
+    if (!caller) return caller.error();
+    get_server_stats(parts_, callers_, *stats);
     return grpc::Status::OK;
   });
 }

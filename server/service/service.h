@@ -5,11 +5,11 @@
 #pragma once
 
 #include <atomic>
-#include <functional>
 #include <string>
 #include <utility>
 
 #include "server/rpc/event_loop.h"
+#include "server/service/callers.h"
 #include "server/service/parts.h"
 #include "server/service/upload_places.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
@@ -20,14 +20,11 @@ namespace sightline {
 class CameraControlService final
     : public v1::CameraControlService::WithAsyncMethod_Control<v1::CameraControlService::Service> {
  public:
-  // The name of a call's client, from ServerContext::peer().
-  using ClientNamer = std::function<std::string(const std::string& peer)>;
-
   CameraControlService(ServiceParts parts, const ServiceLimits& limits)
       : parts_(std::move(parts)), limits_(limits), uploads_(limits.max_uploads, 2 * limits.max_upload_bytes) {}
 
-  // Called once, before the server starts.
-  void name_clients_by(ClientNamer namer) { client_of_ = std::move(namer); }
+  // Decides who may call. The listener tells it about the gate.
+  Callers& callers() { return callers_; }
 
   // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
   // has started.
@@ -45,10 +42,11 @@ class CameraControlService final
  private:
   const ServiceParts parts_;
   const ServiceLimits limits_;
+  const Credentials no_credentials_;
+  Callers callers_{parts_.credentials ? *parts_.credentials : no_credentials_};
   WorkerPool parsers_{1};  // of large messages
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
-  ClientNamer client_of_ = [](const std::string& peer) { return peer; };
 };
 
 }  // namespace sightline

@@ -28,10 +28,11 @@ size_t merges_at_end(const std::deque<Inbox::Message>& messages) {
 
 }  // namespace
 
-SessionDriver::SessionDriver(const ServiceParts& parts, std::string session_id)
+SessionDriver::SessionDriver(const ServiceParts& parts, std::string session_id, SceneReader reader)
     : parts_(parts),
       session_id_(std::move(session_id)),
-      recording_(parts.recording, parts.clock, parts.scenes, parts.log),
+      reader_(std::move(reader)),
+      recording_(parts.recording, parts.clock, parts.scenes, reader_, parts.log),
       counters_(parts.stats),
       instances_(parts.session_limits, parts.instance_memory) {}
 
@@ -125,7 +126,7 @@ void SessionDriver::open(Turn& turn) {
 
 Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
   std::vector<std::string> warnings;
-  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry}, warnings);
+  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
   if (Status ok = check_step_cost(options->settings, options->targets.size(), parts_.session_limits, "open.settings"); !ok)
     return ok;
@@ -196,7 +197,7 @@ Status SessionDriver::apply(const Inbox::Message& message) {
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   counters_.tick();
   recording_.tick(message.request.tick(), message.arrival_ns);
-  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry});
+  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_});
   if (!tick) return tl::unexpected(std::move(tick.error()));
   tick->arrival_ns = message.arrival_ns;
   if (Status ok = check_budgets(*tick); !ok) return ok;

@@ -43,8 +43,8 @@ class SessionDriver {
     bool needs_loader = false;        // the oldest message that is left needs a turn that may take long
   };
 
-  // `parts` must outlive it.
-  SessionDriver(const ServiceParts& parts, std::string session_id);
+  // `parts` must outlive it. `reader` is the client, which may open its own uploads.
+  SessionDriver(const ServiceParts& parts, std::string session_id, SceneReader reader = {});
 
   // Begins a turn. The job refers to the session and stays valid until `finish`; it is empty when no step is due.
   // Never throws: a failure ends the session with `turn.end`.
@@ -83,6 +83,7 @@ class SessionDriver {
   // Constant after construction.
   const ServiceParts& parts_;
   const std::string session_id_;
+  const SceneReader reader_;
 
   // The session and what goes with it.
   std::unique_ptr<Session> session_;       // null: not opened yet, or closed

@@ -52,8 +52,8 @@ void for_each_mesh(const google::protobuf::RepeatedPtrField<v1::NewInstance>& in
 }  // namespace
 
 SessionRecording::SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes,
-                         const Log& log)
-    : rules_(rules), clock_(clock), scenes_(scenes), log_(log) {}
+                                   const SceneReader& reader, const Log& log)
+    : rules_(rules), clock_(clock), scenes_(scenes), reader_(reader), log_(log) {}
 
 SessionRecording::~SessionRecording() = default;
 
@@ -150,7 +150,7 @@ std::string SessionRecording::attach(const std::string& scene) {
   if (!tried_scenes_.insert(scene).second) return {};
   ContentHash hash;
   const bool by_hash = from_hex(scene, hash);
-  const auto files = by_hash ? scenes_.files_of(hash) : scenes_.files_of(scene);
+  const auto files = by_hash ? scenes_.files_of(hash, reader_) : scenes_.files_of(scene);
   std::string trouble = files ? "" : to_string(files.error());
   for (size_t i = 0; files && i < files->size(); ++i) {
     const SceneFile& file = (*files)[i];

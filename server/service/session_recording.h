@@ -39,7 +39,7 @@ struct RecordingRules {
 class SessionRecording {
  public:
   // All arguments must outlive it. `clock` is the clock of the arrival times.
-  SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const Log& log);
+  SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const SceneReader& reader, const Log& log);
   ~SessionRecording();
 
   // Begins the recording when the rules and the request ask for one, and says so in `opened`, whose other fields must be
@@ -75,6 +75,7 @@ class SessionRecording {
   const RecordingRules& rules_;
   const StageClock& clock_;
   SceneLibrary& scenes_;
+  const SceneReader& reader_;
   const Log& log_;
 
   std::unique_ptr<SessionRecorder> recorder_;  // null: not recorded

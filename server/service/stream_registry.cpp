@@ -58,6 +58,18 @@ void StreamRegistry::end_all(const grpc::Status& status) {
   for (const auto& stream : alive()) stream->end(status);
 }
 
+size_t StreamRegistry::end_unless(const std::function<bool(const std::string& client)>& may_stay, const grpc::Status& status) {
+  std::vector<std::shared_ptr<Drainable>> ended;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [address, entry] : streams_)
+      if (!may_stay(entry.client))
+        if (std::shared_ptr<Drainable> stream = entry.stream.lock()) ended.push_back(std::move(stream));
+  }
+  for (const auto& stream : ended) stream->end(status);
+  return ended.size();
+}
+
 size_t StreamRegistry::size() const {
   const std::lock_guard lock(mutex_);
   return streams_.size();

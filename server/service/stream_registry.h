@@ -4,6 +4,7 @@
 #include <grpcpp/support/status.h>
 
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -40,6 +41,8 @@ class StreamRegistry {
   // From now on no stream is admitted; every open stream is notified.
   void drain(const std::string& reason);
   void end_all(const grpc::Status& status);
+  // Ends the streams of the clients that `may_stay` refuses; returns their number.
+  size_t end_unless(const std::function<bool(const std::string& client)>& may_stay, const grpc::Status& status);
 
   size_t size() const;
   size_t max_streams() const { return max_streams_; }

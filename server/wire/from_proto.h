@@ -18,6 +18,7 @@ namespace sightline {
 struct SceneSource {
   SceneLibrary& library;
   GeometryStore& store;
+  SceneReader reader = {};  // the client whose message is read
 };
 
 // Fields "open....". Reads the scene file, so it may take seconds. `warnings` receives the warnings of the file's

@@ -174,11 +174,11 @@ Status read_attributes(const v1::Attributes& wire, const std::string& field, Ins
   return check_range(opacity.c_str(), out.opacity, 0.0, 1.0);
 }
 
-Result<std::shared_ptr<const SceneAsset>> find_by_hash(const std::string& hex, SceneLibrary& library,
+Result<std::shared_ptr<const SceneAsset>> find_by_hash(const std::string& hex, const SceneSource& source,
                                                        const std::string& field) {
   ContentHash hash;
   if (!from_hex(hex, hash)) return invalid(field, "must be 32 hexadecimal digits");
-  auto asset = library.find(hash);
+  auto asset = source.library.find(hash, source.reader);
   if (!asset) return fail(asset.error().code, field, asset.error().message);
   return asset;
 }
@@ -297,7 +297,7 @@ Result<InstanceReader::Asset> InstanceReader::find_asset(const v1::MeshRef& wire
   if (!by_hash && !wire.has_scene_name()) return invalid(field + ".source", "needs scene_name or scene_hash");
   const std::string& key = by_hash ? wire.scene_hash() : wire.scene_name();
   if (const auto known = assets_.find(key); known != assets_.end()) return known->second;
-  auto asset = by_hash ? find_by_hash(key, source_.library, field + ".scene_hash")
+  auto asset = by_hash ? find_by_hash(key, source_, field + ".scene_hash")
                        : find_by_name(key, source_.library, field + ".scene_name");
   if (asset) assets_[key] = *asset;
   return asset;
@@ -313,7 +313,7 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
     return tl::unexpected(std::move(ok.error()));
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
-  auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source.library, field + ".hash")
+  auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source, field + ".hash")
                                : find_by_name(wire.name(), source.library, field + ".name");
   if (!asset) return tl::unexpected(std::move(asset.error()));
   auto instances = instantiate(**asset, *bindings, source.store);

@@ -15,8 +15,9 @@ def boxes(count):
 
 
 class Session:
-    def __init__(self, address, request):
-        self.channel = grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)])
+    def __init__(self, address, request, channel=None):
+        self.owned = channel is None
+        self.channel = channel or grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)])
         self.requests, self.sequence = queue.SimpleQueue(), 0
         self.call = CameraControlServiceStub(self.channel).Control(iter(self.requests.get, None))
         self.requests.put(camera_control_pb2.ControlRequest(open=request))
@@ -55,7 +56,8 @@ class Session:
         with contextlib.suppress(grpc.RpcError, AttributeError):
             for _ in self.call:
                 pass
-        self.channel.close()
+        if self.owned:
+            self.channel.close()
 
     def __enter__(self):
         return self

@@ -40,6 +40,8 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"tl/expected\.hpp$", "expected", "expected"),
     (r"xxhash\.h$", "xxHash", "PkgConfig::XXHASH"),
     (r"zstd\.h$", "zstd", "PkgConfig::ZSTD"),
+    (r"openssl/ssl", "OpenSSL", "OpenSSL::SSL"),
+    (r"openssl/", "OpenSSL", "OpenSSL::Crypto"),
     (r"lz4frame\.h$", "lz4", "PkgConfig::LZ4"),
     (r"zlib\.h$", "zlib", "ZLIB::ZLIB"),
     (r"stb/", "stb", "stb"),
@@ -56,7 +58,7 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
 )]
 # The C++ library, and what Linux, glibc and the compiler bring.
 SYSTEM = re.compile(r"[a-z_0-9]+$|(sys|linux|netinet|arpa)/|"
-                    r"(unistd|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|netdb|errno|immintrin)\.h$")
+                    r"(unistd|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|netdb|pwd|strings|errno|immintrin)\.h$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")', re.M)
 
 Include = collections.namedtuple("Include", "path line header")

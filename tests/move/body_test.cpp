@@ -131,6 +131,41 @@ TEST_F(Body, ACameraThatAWallWasPutIntoBacksOut) {
   EXPECT_FALSE(make_safe(camera_, {0, 0, 0}, limits_, {}, field_, 1.0 / 60).overlap);
 }
 
+// 1 mm from touching, where the skin is 10 mm: it goes away as fast as it can still stop at the skin's edge, whatever is wanted.
+TEST_F(Body, ABodyThatIsCloserThanItsSkinMovesAwayFirst) {
+  add_box({0, 0, -5}, {10, 10, 5.0 - limits_.body_radius_m - 0.001});
+  gather();
+  const double missing_m = 0.009, dt = 1.0 / 60, a = limits_.max_acceleration_mps2;
+  const SafeMove move = make_safe(camera_, {0, 0, -0.1}, limits_, {}, field_, dt);
+  EXPECT_FALSE(move.overlap);
+  EXPECT_NEAR(move.velocity_mps.z, std::min(std::sqrt(2 * a * missing_m), a * dt), 1e-3);
+  for (int i = 0; i < 60; ++i) gather(), advance({0, 0, -0.1}, dt);
+  EXPECT_GE(camera_.pose.position_m.z, 0.001) << "and does not come back";
+}
+
+// A box passes the camera at 10 m/s and would be 0.1 m beside its middle 0.24 s from now. The distance to a box is computed plainly.
+TEST_F(Body, EvadesWhatComesTowardsIt) {
+  const glm::dvec3 half(0.2), start(0.3, 0, -2.4), speed(0, 0, 10);
+  add_box(start, half);
+  ASSERT_TRUE(mirror_.apply({}, {{1}, {Pose{start, {1, 0, 0, 0}}}, {speed}}));
+  limits_.max_acceleration_mps2 = limits_.max_speed_mps = 1000;
+  MoversAhead movers;
+  for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, {0, 0, 0}, 5, {}, kEvadeS[look]);
+  const auto least_distance_m = [&](const glm::dvec3& velocity) {
+    double least = INFINITY;
+    for (const double t : kEvadeS)
+      least = std::min(least, glm::length(glm::max(glm::abs(velocity * t - start - speed * t) - half, glm::dvec3(0.0))));
+    return least;
+  };
+  ASSERT_LT(least_distance_m({0, 0, 0}), limits_.body_radius_m);
+  const glm::dvec3 velocity = evade(camera_, {0, 0, 0}, limits_, {}, movers, 1.0 / 60);
+  EXPECT_GE(least_distance_m(velocity), limits_.body_radius_m + 0.09);
+  EXPECT_LT(velocity.x, 0) << "away from it";
+  EXPECT_LT(glm::length(velocity), 3) << "and no faster than is needed";
+  const glm::dvec3 aside(-4, 0, 0);
+  EXPECT_EQ(evade(camera_, aside, limits_, {}, movers, 1.0 / 60), aside) << "what keeps clear already is not changed";
+}
+
 TEST_F(Body, NearPlaneCornersBelongToTheBody) {
   CameraLimits small;
   small.body_radius_m = 0.01;

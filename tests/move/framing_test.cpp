@@ -86,13 +86,36 @@ TEST(Framing, OptionalTargetsGiveWayToRequiredOnes) {
 }
 
 TEST(Framing, InsideTheDeadZoneTheViewDoesNotTurn) {
-  const std::vector<TrackedTarget> targets = {target_at({0.1, 0.05, -10})};
+  const std::vector<TrackedTarget> targets = {target_at({0.4, 0.3, -10})};
+  const ViewAngles present{0.01, -0.01, 0};
+  const Aim centred = aim_at({0, 0, 0}, targets, present, {}, no_dead_zone());
+  ASSERT_GT(std::abs(centred.angles.yaw_rad - present.yaw_rad), 0.03) << "without a dead zone it turns";
+  ASSERT_GT(std::abs(centred.angles.pitch_rad - present.pitch_rad), 0.03);
   FramingSettings settings;
   settings.dead_zone = 0.2;
-  const ViewAngles present{0.01, -0.01, 0};
   const Aim aim = aim_at({0, 0, 0}, targets, present, {}, settings);
   EXPECT_EQ(aim.angles.yaw_rad, present.yaw_rad);
   EXPECT_EQ(aim.angles.pitch_rad, present.pitch_rad);
+}
+
+// One target straight ahead of an angle. The picture is wider than high, so each axis has a dead zone of its own.
+TEST(Framing, BeyondTheDeadZoneTheViewTurnsToItsEdge) {
+  const Lens lens;
+  const double half_y = lens.vertical_fov_rad / 2, half_x = std::atan(std::tan(half_y) * lens.aspect);
+  ASSERT_GT(half_x, 1.3 * half_y);
+  FramingSettings settings;
+  settings.dead_zone = 0.4;
+  for (const double share : {0.35, 0.6, -0.35, -0.6}) {
+    const double beyond = std::max(std::abs(share) - 0.4, 0.0) * (share < 0 ? -1 : 1);
+    const double yaw = share * half_x, pitch = share * half_y;
+    const glm::dvec3 aside(-10 * std::sin(yaw), 0, -10 * std::cos(yaw)), above(0, 10 * std::sin(pitch), -10 * std::cos(pitch));
+    const Aim turned = aim_at({0, 0, 0}, std::vector{target_at(aside)}, {}, lens, settings);
+    EXPECT_NEAR(turned.angles.yaw_rad, beyond * half_x, 1e-6) << share;
+    EXPECT_NEAR(turned.angles.pitch_rad, 0.0, 1e-9);
+    const Aim raised = aim_at({0, 0, 0}, std::vector{target_at(above)}, {}, lens, settings);
+    EXPECT_NEAR(raised.angles.pitch_rad, beyond * half_y, 1e-6) << share;
+    EXPECT_NEAR(raised.angles.yaw_rad, 0.0, 1e-9);
+  }
 }
 
 TEST(Framing, StraightUpAndDownAreDefined) {

@@ -335,6 +335,42 @@ TEST(Predict, AnUnpredictableRotationShortensTheTimeToo) {
   EXPECT_LT(predictor.usable_ahead_s(0.5), 0.3);
 }
 
+TEST(Predict, AnUnpredictableRotationIsDistrustedAsAnUnpredictablePlaceIs) {
+  const auto confidence = [](double turn, double shift) {
+    CounterRandom random(15, 0, RandomPurpose::kTest);
+    MotionPredictor predictor;
+    for (int i = 0; i < 200; ++i)
+      predictor.observe(1 / 60.0, {glm::dvec3(i * 0.05, 0, 0) + noise(random, shift), glm::normalize(glm::dquat(1, noise(random, turn)))});
+    return predictor.confidence(0.4);
+  };
+  EXPECT_GT(confidence(0, 0), 0.99);
+  EXPECT_LT(confidence(0.2, 0), 0.6);
+  EXPECT_LT(confidence(0, 0.2), 0.6);
+}
+
+// The bounds of a prediction come from the steps that are remembered, 32 of them. What a predictor saw before makes no difference.
+TEST(Predict, OlderStepsAreForgotten) {
+  CounterRandom random(16, 0, RandomPurpose::kTest);
+  constexpr int kRemembered = 32;
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<std::pair<double, Pose>> seen;
+    glm::dvec3 at(0.0);
+    for (int i = 0; i < 120; ++i) {
+      // Bursts of speed, so that the maxima leave the memory again and again.
+      const double speed = random.next_below(10) == 0 ? 8.0 : 0.5, dt = random.next_in(0.01, random.next_below(8) == 0 ? 0.1 : 0.02);
+      at += random_vector(random, speed) * dt;
+      seen.emplace_back(dt, Pose{at, glm::dquat(1, 0, 0, 0)});
+    }
+    for (size_t now = kRemembered + 1; now <= seen.size(); ++now) {
+      MotionPredictor whole, recent;
+      for (size_t i = 0; i < now; ++i) whole.observe(seen[i].first, seen[i].second);
+      for (size_t i = now - kRemembered - 1; i < now; ++i) recent.observe(seen[i].first, seen[i].second);
+      for (const double ahead : {0.1, 0.5, 1.2})
+        ASSERT_LT(glm::distance(whole.at(ahead).pose.position_m, recent.at(ahead).pose.position_m), 1e-9) << trial << ' ' << now;
+    }
+  }
+}
+
 TEST(Predict, TheSignOfAQuaternionIsNoMotion) {
   MotionPredictor predictor;
   const glm::dquat q = glm::angleAxis(1.0, glm::dvec3(0, 1, 0));

@@ -1,5 +1,5 @@
-// libFuzzer runs every reader of MCAP on arbitrary bytes. tests/record/fuzz.sh builds and runs this program with clang;
-// the normal build leaves it out.
+// libFuzzer runs every reader of MCAP on arbitrary bytes. tests/fuzz.sh builds and runs this program with clang;
+// the normal build runs it on its kept corpus.
 #include <cstdint>
 #include <cstdlib>
 

@@ -141,6 +141,49 @@ TEST(McapHostile, DamageInOneChunkCostsThatChunkAndSaysHowMuch) {
   EXPECT_FALSE(verify_mcap(source, {}).value().sound());
 }
 
+TEST(McapHostile, ADamagedAttachmentIsNotGivenOut) {
+  const test::SmallFile file = test::make_small_file();
+  const size_t at = file.bytes.find(file.attachment);
+  ASSERT_NE(at, std::string::npos) << "attachments are not compressed";
+  for (const size_t flipped : {at, at + file.attachment.size() - 1}) {
+    std::string bytes = file.bytes;
+    bytes[flipped] = static_cast<char>(bytes[flipped] ^ 1);
+    const MemorySource source(bytes);
+    const McapReader reader = McapReader::open(source, {}).value();
+    const auto read = reader.attachment(reader.info().attachments.at(0));
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().field, "attachment.crc");
+  }
+}
+
+// An index that names the same half of the file again and again would have a short file read without end.
+TEST(McapHostile, AnIndexOfOverlappingChunksIsNotUsed) {
+  const test::SmallFile file = test::make_small_file();
+  std::string bytes = file.bytes;
+  const auto number = [&](size_t at) {
+    uint64_t value = 0;
+    std::copy_n(bytes.data() + at, 8, reinterpret_cast<char*>(&value));
+    return value;
+  };
+  const auto put = [&](size_t at, uint64_t value) { std::copy_n(reinterpret_cast<const char*>(&value), 8, bytes.data() + at); };
+  // As the specification lays a file out: the footer's 20 bytes and the magic are its end, a record is an opcode, a length and its content,
+  // and a chunk index (8) begins with two times, the place and the length of its chunk.
+  const size_t footer = bytes.size() - 8 - 20;
+  size_t changed = 0;
+  for (size_t at = number(footer); at < footer - 9; at += 9 + number(at + 1)) {
+    if (bytes[at] != 8) continue;
+    put(at + 9 + 16, 8);
+    put(at + 9 + 24, bytes.size() / 2);
+    ++changed;
+  }
+  ASSERT_GE(changed, 3u);
+  std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(footer) + 16, 4, '\0');  // no CRC of the summary
+  const MemorySource source(bytes);
+  const McapReader reader = McapReader::open(source, {}).value();
+  EXPECT_FALSE(reader.info().from_summary);
+  EXPECT_EQ(test::read_all(reader), file.messages);
+}
+
 TEST(McapHostile, AfterAWrongLengthTheNextChunkIsFound) {
   const test::SmallFile file = test::make_small_file();
   const MemorySource whole(file.bytes);

@@ -206,6 +206,27 @@ TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
   }
 }
 
+// Static geometry is gathered farther than it is needed. A camera that goes on must not outrun it.
+TEST(Clearance, AFieldThatTravelsFarIsAFreshOneAllTheWay) {
+  Draw draw(4);
+  SceneMirror mirror;
+  const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
+  for (uint64_t id = 1; id <= 300; ++id)
+    add(mirror, placed(id, box, {glm::dvec3(0.1 * static_cast<double>(id), 0, 0) + draw.vec(6), draw.rotation()}));
+  ClearanceField along;
+  for (int step = 0; step < 120; ++step) {
+    const glm::dvec3 at(0.2 * step, 0, 0);
+    ClearanceField fresh;
+    along.gather(mirror, at, 3, {});
+    fresh.gather(mirror, at, 3, {});
+    ASSERT_EQ(along.collider_count(), fresh.collider_count()) << "after " << at.x << " m";
+    for (int k = 0; k < 5; ++k) {
+      const glm::dvec3 p = at + draw.vec(2);
+      ASSERT_EQ(along.clearance_m(p, 1), fresh.clearance_m(p, 1)) << "after " << at.x << " m";
+    }
+  }
+}
+
 TEST(Clearance, FarFromTheOriginItStaysExact) {
   SceneMirror mirror;
   add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(),

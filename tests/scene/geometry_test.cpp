@@ -315,6 +315,23 @@ TEST(Geometry, ManyCopiesOfManyPositionsAreWelded) {
   EXPECT_EQ(triangles_of(*g), triangles_of(mesh));
 }
 
+// Computed with Python's hashlib: three sizes, positions and indices, little-endian.
+TEST(Geometry, ItsKeyIsASha256OfItsData) {
+  MeshData mesh{.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, .indices = {0, 1, 2}};
+  const auto hex = [](const GeometryKey& key) {
+    std::string text;
+    for (const unsigned char byte : key) {
+      text += "0123456789abcdef"[byte >> 4];
+      text += "0123456789abcdef"[byte & 15];
+    }
+    return text;
+  };
+  EXPECT_EQ(hex(build(mesh)->key), "6e6e832043d86cde2bf5083c3be50fe642aeb7c623dc661c94c929b66f74688a");
+  EXPECT_EQ(GeometryStore().intern(mesh).value()->key, build(mesh)->key);
+  mesh.see_through_first_index = 0;
+  EXPECT_NE(build(mesh)->key, build({.positions = mesh.positions, .indices = mesh.indices})->key);
+}
+
 TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   GeometryStore store;
   const auto a = store.intern(random_soup(1, 100)).value(), b = store.intern(random_soup(1, 100)).value();

@@ -181,8 +181,40 @@ TEST_F(SceneFolder, AnOwnerPushesOutItsOwnUploadsBeforeThoseOfOthers) {
   const ContentHash hash = (*other)->hash, first = (*library.add_uploaded(triangle_glb(199), "many"))->hash;
   for (size_t i = 0; i < SceneLibrary::kKeptUploads; ++i)
     ASSERT_TRUE(library.add_uploaded(triangle_glb(200.0f + static_cast<float>(i)), "many"));
-  EXPECT_FALSE(library.find(first));
-  EXPECT_TRUE(library.find(hash));
+  EXPECT_FALSE(library.find(first, {"many"}));
+  EXPECT_TRUE(library.find(hash, {"other"}));
+}
+
+TEST_F(SceneFolder, AnUploadIsFoundByItsOwnerAndByThoseWhoSeeAll) {
+  const auto mine = library.add_uploaded(triangle_glb(100), "me");
+  ASSERT_TRUE(mine);
+  const ContentHash hash = (*mine)->hash;
+  EXPECT_EQ(*library.find(hash, {"me"}), *mine);
+  EXPECT_EQ(*library.find(hash, {.client = "root", .sees_all = true}), *mine);
+  EXPECT_EQ(library.find(hash, {"other"}).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(library.find(hash).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(SceneFolder, EqualUploadsOfTwoOwnersShareTheirGeometryOnly) {
+  const auto mine = library.add_uploaded(triangle_glb(100), "me"), yours = library.add_uploaded(triangle_glb(100), "you");
+  ASSERT_TRUE(mine && yours);
+  EXPECT_NE(*mine, *yours);
+  EXPECT_EQ((*mine)->meshes.at(0), (*yours)->meshes.at(0));
+  EXPECT_EQ(*library.find((*mine)->hash, {"you"}), *yours);
+}
+
+TEST_F(SceneFolder, EveryoneFindsANamedScene) {
+  const auto named = library.load_named("hall.glb");
+  ASSERT_TRUE(named);
+  EXPECT_EQ(*library.find((*named)->hash, {"anyone"}), *named);
+}
+
+TEST_F(SceneFolder, TheBytesOfAnUploadAreItsOwners) {
+  SceneLibrary keeper("", GltfLimits{}, store, true);
+  const auto mine = keeper.add_uploaded(triangle_glb(100), "me");
+  ASSERT_TRUE(mine);
+  EXPECT_TRUE(keeper.files_of((*mine)->hash, {"me"}));
+  EXPECT_EQ(keeper.files_of((*mine)->hash, {"you"}).error().code, ErrorCode::kNotFound);
 }
 
 TEST_F(SceneFolder, KeptUploadsTakeABoundedMemory) {

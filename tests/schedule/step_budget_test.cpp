@@ -72,6 +72,27 @@ TEST(StepBudget, SlowStepsNowAndThenChangeNothing) {
   EXPECT_EQ(session.changes, 0);
 }
 
+// 14 ms on average, above the budget of 13.6 ms, although every other step is below it.
+TEST(StepBudget, CostsThatAlternateCountByTheirMean) {
+  SteppedSession session;
+  session.full_cost_ms = 14.0;
+  bool slow = false;
+  session.run(10 * kSecond, [&] { return (slow = !slow) ? 1.3 : 0.7; });
+  EXPECT_GT(session.budget.level(), 0);
+}
+
+// Above the budget for long, but the session keeps up with its ticks of 16 ms.
+TEST(StepBudget, FallingBehindOnceIsNoOverload) {
+  SteppedSession session;
+  session.full_cost_ms = 15.0;
+  session.run(5 * kSecond);
+  session.step(1.2);
+  session.run(5 * kSecond);
+  EXPECT_EQ(session.changes, 0);
+  for (int i = 0; i < 100; ++i) session.step(1.2);
+  EXPECT_GT(session.budget.level(), 0);
+}
+
 TEST(StepBudget, AShortOverloadChangesNothing) {
   SteppedSession session;
   session.run(5 * kSecond);

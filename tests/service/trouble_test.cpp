@@ -267,6 +267,32 @@ TEST(Trouble, BytesOfTheInboxDoNotKeepSmallTicksOut) {
   EXPECT_EQ(Inbox::bytes_of(large), large.SpaceUsedLong());
 }
 
+// A message counts from its arrival until it is worked through, also when it was put back meanwhile.
+TEST(Trouble, TheInboxCountsTheBytesOfWhatIsInIt) {
+  v1::ControlRequest tick;
+  tick.mutable_tick()->set_sequence(1);
+  Inbox inbox(100, 3 * Inbox::bytes_of(tick));
+  const auto fill = [&] {
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_FALSE(inbox.full()) << i;
+      inbox.push(tick, 0);
+    }
+    EXPECT_TRUE(inbox.full());
+  };
+  fill();
+  for (int i = 0; i < 3; ++i) (void)inbox.take_one();
+  fill();
+  std::deque<Inbox::Message> taken;
+  inbox.take_all(taken);
+  fill();
+  inbox.clear();
+  EXPECT_FALSE(inbox.full());
+  inbox.put_back(taken);
+  EXPECT_TRUE(inbox.full()) << "what was put back counts again";
+  (void)inbox.take_one();
+  EXPECT_FALSE(inbox.full());
+}
+
 TEST(Trouble, WhatIsPutBackIntoTheInboxIsTheOldestAgain) {
   Inbox inbox(100, 100'000);
   for (uint64_t i = 1; i <= 3; ++i) {

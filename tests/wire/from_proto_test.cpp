@@ -268,6 +268,19 @@ TEST_F(FromProto, AnObservedCameraTurnsByTheClientsHandedness) {
   expect_near(angular_velocity_to_client(unity.convention, read), {1, 2, 3});
 }
 
+TEST_F(FromProto, AnObservedVelocityIsInTheClientsUnitAndAxes) {
+  v1::Tick wire = make_tick(1);
+  wire.mutable_observed_camera()->mutable_pose();
+  set(wire.mutable_observed_camera()->mutable_velocity(), 100, 200, 300);
+  v1::OpenSession open = make_open();
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_UNREAL);
+  open.clear_instances(), open.clear_targets();
+  SessionOptions unreal;
+  unreal.convention = must_read(open).convention;
+  // Unreal's z is up.
+  expect_near(must_read(wire, unreal).observed_camera->velocity_mps, {1, 3, 2});
+}
+
 TEST_F(FromProto, AMeshOfAFileIsFoundByNameAndByHash) {
   v1::OpenSession open = make_open();
   open.mutable_instances(0)->mutable_mesh()->set_scene_name("town.glb");

@@ -141,6 +141,46 @@ TEST(ToProto, AUnityClientGetsTheMirroredAnswer) {
   }
 }
 
+// A client whose unit is the centimetre sees and says everything in it. Its axes are glTF's, so only the unit differs.
+TEST(ToProto, LengthsAreInTheClientsUnit) {
+  const auto in_centimetres = [](v1::Vec3* v) { set(v, 100 * v->x(), 100 * v->y(), 100 * v->z()); };
+  v1::OpenSession open = make_open();
+  open.mutable_convention()->set_preset(v1::Convention::PRESET_CUSTOM);
+  v1::CustomConvention& custom = *open.mutable_convention()->mutable_custom();
+  custom.set_x(v1::CustomConvention::AXIS_PLUS_X);
+  custom.set_y(v1::CustomConvention::AXIS_PLUS_Y);
+  custom.set_z(v1::CustomConvention::AXIS_PLUS_Z);
+  custom.set_camera_forward(v1::CustomConvention::AXIS_MINUS_Z);
+  custom.set_camera_up(v1::CustomConvention::AXIS_PLUS_Y);
+  custom.set_metres_per_unit(0.01);
+  in_centimetres(open.mutable_camera()->mutable_position());
+  for (v1::NewInstance& instance : *open.mutable_instances()) {
+    in_centimetres(instance.mutable_pose()->mutable_position());
+    instance.mutable_shape()->mutable_capsule()->set_radius(30);
+    instance.mutable_shape()->mutable_capsule()->set_half_height(60);
+  }
+  Wire metres(make_open()), centimetres(open);
+  for (uint64_t i = 1; i <= 20; ++i) {
+    v1::Tick a = make_tick(i), b = a;
+    for (double& p : *b.mutable_transforms()->mutable_positions()) p *= 100;
+    for (float& v : *b.mutable_transforms()->mutable_velocities()) v *= 100;
+    if (i == 10) {
+      for (v1::Tick* tick : {&a, &b}) {
+        v1::ObservedCamera& observed = *tick->mutable_observed_camera();
+        set(observed.mutable_pose()->mutable_position(), 0.5, 1.7, 6);
+        observed.mutable_pose()->mutable_rotation()->set_w(1);
+        set(observed.mutable_velocity(), 1, 0, 0.5);
+        if (tick == &b) in_centimetres(observed.mutable_pose()->mutable_position()), in_centimetres(observed.mutable_velocity());
+      }
+    }
+    const v1::CameraReply x = metres.play(a), y = centimetres.play(b);
+    expect_near(vec(y.pose().position()), 100.0 * vec(x.pose().position()), 1e-3);
+    expect_near(vec(y.velocity()), 100.0 * vec(x.velocity()), 1e-3);
+    for (int t = 0; t < 2; ++t) EXPECT_NEAR(y.targets(t).distance(), 100 * x.targets(t).distance(), 1e-3);
+    EXPECT_GT(x.targets(0).distance(), 3);
+  }
+}
+
 TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
   Wire wire(unity_open());
   v1::Tick tick = unity_tick(1);

@@ -4,6 +4,8 @@ package main
 import (
 	"bufio"
 	"context"
+	"crypto/tls"
+	"crypto/x509"
 	"encoding/json"
 	"errors"
 	"fmt"
@@ -22,6 +24,7 @@ type command struct {
 	Open, Tick json.RawMessage
 	Address    string
 	Uploads    []string
+	Trust      map[string]string
 }
 
 type object = map[string]any
@@ -34,8 +37,28 @@ func asJSON(message proto.Message) json.RawMessage {
 	return text
 }
 
+func tlsConfig(trust map[string]string) *tls.Config {
+	if trust["roots"] == "" {
+		return nil
+	}
+	roots, err := os.ReadFile(trust["roots"])
+	if err != nil {
+		log.Fatal(err)
+	}
+	config := &tls.Config{RootCAs: x509.NewCertPool()}
+	config.RootCAs.AppendCertsFromPEM(roots)
+	if trust["certificate"] != "" {
+		pair, err := tls.LoadX509KeyPair(trust["certificate"], trust["key"])
+		if err != nil {
+			log.Fatal(err)
+		}
+		config.Certificates = []tls.Certificate{pair}
+	}
+	return config
+}
+
 func open(c command) (*sightline.Camera, error) {
-	request, options := &v1.OpenSession{}, sightline.Options{}
+	request, options := &v1.OpenSession{}, sightline.Options{Token: c.Trust["token"], TLS: tlsConfig(c.Trust)}
 	if err := protojson.Unmarshal(c.Open, request); err != nil {
 		return nil, err
 	}

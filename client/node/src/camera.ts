@@ -6,13 +6,13 @@ import {Failed, Refused} from "./errors.js";
 import type {ControlResponse} from "./gen/sightline/v1/camera_control_pb.js";
 import {OpenSessionSchema, SessionOpenedSchema, TickSchema, type CameraReply, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
 import {Snapshot, wasApplied} from "./snapshot.js";
-import {Stream} from "./stream.js";
+import {Stream, type Trust} from "./stream.js";
 
 const LONGEST_PAUSE_S = 1;
 const LOST = [status.UNAVAILABLE, status.CANCELLED, status.UNKNOWN, status.INTERNAL, status.DEADLINE_EXCEEDED, status.ABORTED];
 
 // How a camera reaches its daemons and what it does when one is lost.
-export interface Options {
+export interface Options extends Trust {
   giveUpAfterS?: number; // how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once. Default: 30
   replyTimeoutS?: number; // a daemon that answers nothing for so long is taken for lost. Default: 5
   openTimeoutS?: number; // the same for the opening, for which the daemon loads the scene. Default: 30
@@ -28,7 +28,7 @@ export class Camera {
   // How many times the session went on in another daemon, or in the same one again.
   resyncs = 0;
 
-  private readonly options: Required<Omit<Options, "onResync">> & Options;
+  private readonly options: Required<Omit<Options, "onResync" | keyof Trust>> & Options;
   private readonly snapshot: Snapshot;
   private stream?: Stream;
   private address = 0;
@@ -119,13 +119,13 @@ export class Camera {
   }
 
   private async openStream(): Promise<void> {
-    this.stream = new Stream(this.addresses[this.address]!);
+    this.stream = new Stream(this.addresses[this.address]!, this.options);
     try {
       await this.openSession();
     } catch (error) {
       if (!lacksScene(error) || !this.options.uploads.length) throw error;
       this.stream.cutOff();
-      this.stream = new Stream(this.addresses[this.address]!);
+      this.stream = new Stream(this.addresses[this.address]!, this.options);
       for (const scene of this.options.uploads) await this.stream.upload(scene, this.options.openTimeoutS);
       await this.openSession();
     }

@@ -3,6 +3,7 @@
 export {Camera, type Options} from "./camera.js";
 export {Failed, Refused, type Violation} from "./errors.js";
 export {box, capsule, instance, sphere, transforms, vector, type Quaternion, type Vector} from "./shapes.js";
+export type {Tls, Trust} from "./stream.js";
 export * from "./gen/sightline/v1/camera_control_pb.js";
 export * from "./gen/sightline/v1/camera_pb.js";
 export * from "./gen/sightline/v1/diagnostics_pb.js";

@@ -1,6 +1,6 @@
 // One call of Control on a connection of its own.
 import {create, fromBinary, toBinary, type DescMessage, type MessageShape} from "@bufbuild/protobuf";
-import {Client, credentials, type ClientDuplexStream, type ServiceError} from "@grpc/grpc-js";
+import {Client, Metadata, credentials, type ChannelCredentials, type ClientDuplexStream, type ServiceError} from "@grpc/grpc-js";
 
 import {
   ControlRequestSchema, ControlResponseSchema, UploadSceneRequestSchema, UploadSceneResponseSchema, type ControlRequest, type ControlResponse,
@@ -18,6 +18,32 @@ function parse<Desc extends DescMessage>(schema: Desc) {
   return (bytes: Buffer) => fromBinary(schema, bytes);
 }
 
+// How a connection is encrypted. All are PEM files.
+export interface Tls {
+  roots?: Buffer; // those whose signature makes the daemon's certificate valid. Default: Node's own
+  certificate?: Buffer; // what the client shows of itself, for daemons that ask for it
+  key?: Buffer;
+}
+
+// Who the client is, and how it reaches a daemon.
+export interface Trust {
+  tls?: Tls; // encrypts TCP. Default: it is not encrypted
+  token?: string; // shows the daemon who calls; needs tls or a unix socket
+}
+
+function channelCredentials(address: string, {tls, token}: Trust): ChannelCredentials {
+  const local = address.startsWith("unix:");
+  if (tls && !local) return credentials.createSsl(tls.roots ?? null, tls.key ?? null, tls.certificate ?? null);
+  if (token !== undefined && !local) throw new TypeError("token: is sent only over TLS (tls) or a unix socket");
+  return credentials.createInsecure();
+}
+
+function metadataOf({token}: Trust): Metadata {
+  const metadata = new Metadata();
+  if (token !== undefined) metadata.set("authorization", `Bearer ${token}`);
+  return metadata;
+}
+
 export class Stream {
   drained?: string; // the reason why the daemon takes no more ticks
   private readonly client: Client;
@@ -26,12 +52,13 @@ export class Stream {
   private end?: Failed | null; // null: the daemon has ended the call in order
   private wake?: () => void;
 
-  constructor(address: string) {
+  constructor(address: string, private readonly trust: Trust) {
     // gRPC would otherwise share one connection, and its own pauses between attempts with it. Replies with depth maps exceed gRPC's default
     // limit of 4 MiB.
-    this.client = new Client(address, credentials.createInsecure(),
+    this.client = new Client(address, channelCredentials(address, trust),
       {"grpc.use_local_subchannel_pool": 1, "grpc.max_receive_message_length": 64 << 20});
-    this.call = this.client.makeBidiStreamRequest(`${SERVICE}Control`, serialize(ControlRequestSchema), parse(ControlResponseSchema));
+    this.call = this.client.makeBidiStreamRequest(`${SERVICE}Control`, serialize(ControlRequestSchema), parse(ControlResponseSchema),
+      metadataOf(trust));
     this.call.on("data", (response: ControlResponse) => this.take(response));
     this.call.on("error", (error: ServiceError) => this.finishReading(failedCall(error)));
     this.call.on("end", () => this.finishReading(null));
@@ -67,7 +94,7 @@ export class Stream {
   async upload(scene: Uint8Array, timeoutS: number): Promise<void> {
     await new Promise<void>((resolve, reject) => {
       const call = this.client.makeClientStreamRequest(`${SERVICE}UploadScene`, serialize(UploadSceneRequestSchema), parse(UploadSceneResponseSchema),
-        {deadline: Date.now() + timeoutS * 1000}, (error) => (error ? reject(failedCall(error)) : resolve()));
+        metadataOf(this.trust), {deadline: Date.now() + timeoutS * 1000}, (error) => (error ? reject(failedCall(error)) : resolve()));
       for (let at = 0; at < scene.length; at += CHUNK_BYTES)
         call.write(create(UploadSceneRequestSchema, {chunk: scene.subarray(at, at + CHUNK_BYTES)}));
       call.end();

@@ -22,12 +22,16 @@ Message = Union[ControlResponse, Failed, None]  # None: the daemon has ended the
 class _Stream:
     """One call of Control, with a task that reads its responses."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, connection: Connection) -> None:
         self.drained: Optional[str] = None  # the reason why the daemon takes no more ticks
         self._responses: "asyncio.Queue[Message]" = asyncio.Queue()
-        self._channel = grpc.aio.insecure_channel(address, options=CHANNEL_OPTIONS)
+        credentials = connection.channel_credentials(address)
+        self._channel = (grpc.aio.insecure_channel(address, options=CHANNEL_OPTIONS) if credentials is None
+                         else grpc.aio.secure_channel(address, credentials, options=CHANNEL_OPTIONS))
+        self._metadata = connection.metadata()
         method, serialize, parse = CONTROL
-        self._call: Any = self._channel.stream_stream(method, request_serializer=serialize, response_deserializer=parse)()
+        self._call: Any = self._channel.stream_stream(method, request_serializer=serialize, response_deserializer=parse)(
+            metadata=self._metadata)
         self._reader = asyncio.create_task(self._read())
 
     async def _read(self) -> None:
@@ -73,7 +77,7 @@ class _Stream:
         method, serialize, parse = UPLOAD
         send: Any = self._channel.stream_unary(method, request_serializer=serialize, response_deserializer=parse)
         try:
-            await send(chunks(scene), timeout=timeout_s)
+            await send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
         except grpc.aio.AioRpcError as error:
             raise from_call(error) from None
 
@@ -171,14 +175,14 @@ class AsyncCamera:
 
     async def _open_stream(self) -> None:
         session, options = self._session, self._session.connection
-        stream = _Stream(session.address)
+        stream = _Stream(session.address, session.connection)
         try:
             session.opened = await self._opened(stream)
         except Failed as error:
             await stream.cut_off()
             if not lacks_scene(error) or not options.uploads:
                 raise
-            stream = _Stream(session.address)
+            stream = _Stream(session.address, session.connection)
             try:
                 for scene in options.uploads:
                     await stream.upload(scene, options.open_timeout_s)

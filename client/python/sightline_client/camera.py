@@ -22,14 +22,18 @@ Message = Union[ControlResponse, Failed, None]  # None: the daemon has ended the
 class _Stream:
     """One call of Control, with a thread that reads its responses."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, connection: Connection) -> None:
         self.drained: Optional[str] = None  # the reason why the daemon takes no more ticks
         self._requests: "queue.SimpleQueue[Optional[ControlRequest]]" = queue.SimpleQueue()
         self._responses: "queue.SimpleQueue[Message]" = queue.SimpleQueue()
-        self._channel = grpc.insecure_channel(address, CHANNEL_OPTIONS)
+        credentials = connection.channel_credentials(address)
+        self._channel = (grpc.insecure_channel(address, CHANNEL_OPTIONS) if credentials is None
+                         else grpc.secure_channel(address, credentials, CHANNEL_OPTIONS))
+        self._metadata = connection.metadata()
         method, serialize, parse = CONTROL
         requests: Iterator[Any] = iter(self._requests.get, None)
-        self._call: Any = self._channel.stream_stream(method, request_serializer=serialize, response_deserializer=parse)(requests)
+        self._call: Any = self._channel.stream_stream(method, request_serializer=serialize, response_deserializer=parse)(
+            requests, metadata=self._metadata)
         threading.Thread(target=self._read, name="sightline", daemon=True).start()
 
     def _read(self) -> None:
@@ -66,7 +70,7 @@ class _Stream:
         method, serialize, parse = UPLOAD
         send: Any = self._channel.stream_unary(method, request_serializer=serialize, response_deserializer=parse)
         try:
-            send(chunks(scene), timeout=timeout_s)
+            send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
         except grpc.RpcError as error:
             raise from_call(error) from None
 
@@ -164,14 +168,14 @@ class Camera:
 
     def _open_stream(self) -> None:
         session, options = self._session, self._session.connection
-        stream = _Stream(session.address)
+        stream = _Stream(session.address, session.connection)
         try:
             session.opened = self._opened(stream)
         except Failed as error:
             stream.cut_off()
             if not lacks_scene(error) or not options.uploads:
                 raise
-            stream = _Stream(session.address)
+            stream = _Stream(session.address, session.connection)
             try:
                 for scene in options.uploads:
                     stream.upload(scene, options.open_timeout_s)

@@ -27,6 +27,18 @@ _LOST = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED, grpc.StatusCode
 
 
 @dataclass(frozen=True)
+class Tls:
+    """How a connection is encrypted. All are PEM files as bytes.
+
+    roots: those whose signature makes the daemon's certificate valid; None: gRPC's own. certificate, key: what the client shows of itself,
+    for daemons that ask for it.
+    """
+    roots: Optional[bytes] = None
+    certificate: Optional[bytes] = None
+    key: Optional[bytes] = None
+
+
+@dataclass(frozen=True)
 class Connection:
     """How a camera reaches its daemons and what it does when one is lost.
 
@@ -34,12 +46,27 @@ class Connection:
     reply_timeout_s: a daemon that answers nothing for so long is taken for lost. open_timeout_s: the same for the opening, for which the
     daemon loads the scene. uploads: the scene files that SceneRef.hash names; a daemon that does not have one gets it.
     on_resync: called with the reason after the session has gone on in another daemon, on the thread that waits for the tick.
+    tls: encrypts TCP; None: it is not encrypted. token: shows the daemon who calls; needs tls or a unix socket.
     """
     give_up_after_s: float = 30.0
     reply_timeout_s: float = 5.0
     open_timeout_s: float = 30.0
     uploads: Sequence[bytes] = ()
     on_resync: Optional[Callable[[str], None]] = None
+    tls: Optional[Tls] = None
+    token: Optional[str] = None
+
+    def channel_credentials(self, address: str) -> Optional[grpc.ChannelCredentials]:
+        """None: the connection is not encrypted. Raises ValueError rather than send the token to everyone."""
+        local = address.startswith("unix:")
+        if self.tls is None or local:
+            if self.token is not None and not local:
+                raise ValueError("Connection.token: is sent only over TLS (Connection.tls) or a unix socket")
+            return None
+        return grpc.ssl_channel_credentials(self.tls.roots, self.tls.key, self.tls.certificate)
+
+    def metadata(self) -> List[Tuple[str, str]]:
+        return [] if self.token is None else [("authorization", "Bearer " + self.token)]
 
 
 def is_lost(error: Failed, opening: bool) -> bool:

@@ -3,7 +3,7 @@
 use base64::{engine::general_purpose::STANDARD, Engine};
 use prost::Message;
 use serde_json::{json, Value};
-use sightline_client::{Camera, Code, Error, Options};
+use sightline_client::{Camera, Certificate, ClientTlsConfig, Code, Error, Identity, Options};
 
 fn decode<M: Message + Default>(text: &Value) -> M {
     M::decode(&*STANDARD.decode(text.as_str().expect("base64")).expect("base64")).expect("a message")
@@ -20,12 +20,25 @@ fn name(code: Code) -> String {
     parts.collect::<String>().to_uppercase()
 }
 
+fn trust(command: &Value) -> (Option<ClientTlsConfig>, Option<String>) {
+    let trust = &command["trust"];
+    let pem = |name: &str| trust[name].as_str().map(|path| std::fs::read(path).expect("a file"));
+    let tls = pem("roots").map(|roots| ClientTlsConfig::new().ca_certificate(Certificate::from_pem(roots)));
+    let tls = match (tls, pem("certificate"), pem("key")) {
+        (Some(tls), Some(certificate), Some(key)) => Some(tls.identity(Identity::from_pem(certificate, key))),
+        (tls, _, _) => tls,
+    };
+    (tls, trust["token"].as_str().map(str::to_owned))
+}
+
 async fn run(camera: &mut Option<Camera>, command: &Value) -> Result<Value, Error> {
     if !command["open"].is_null() {
         let uploads = command["uploads"].as_array().into_iter().flatten();
         let uploads = uploads.map(|path| std::fs::read(path.as_str().expect("a path")).expect("a file")).collect();
         let address = command["address"].as_str().expect("an address");
-        let opened = Camera::open([address], decode(&command["open"]), Options { uploads, ..Options::default() }).await?;
+        let (tls, token) = trust(command);
+        let options = Options { uploads, tls, token, ..Options::default() };
+        let opened = Camera::open([address], decode(&command["open"]), options).await?;
         return Ok(json!({"opened": encode(camera.insert(opened).opened())}));
     }
     let camera = camera.as_mut().expect("an open camera");

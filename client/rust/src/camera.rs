@@ -1,6 +1,8 @@
 //! A camera that keeps its targets in view, tick by tick.
 use std::time::{Duration, Instant};
 
+use tonic::transport::ClientTlsConfig;
+
 use crate::errors::{Error, Failed};
 use crate::snapshot::{was_applied, Snapshot};
 use crate::stream::{connect, upload, Stream};
@@ -19,12 +21,16 @@ pub struct Options {
     pub open_timeout: Duration,
     /// The scene files that SceneRef.hash names; a daemon that does not have one gets it.
     pub uploads: Vec<Vec<u8>>,
+    /// Encrypts TCP, and can show the daemon a certificate; none: TCP is not encrypted.
+    pub tls: Option<ClientTlsConfig>,
+    /// Shows the daemon who calls; needs `tls` or a unix socket.
+    pub token: Option<String>,
 }
 
 impl Default for Options {
     fn default() -> Self {
         let seconds = Duration::from_secs;
-        Options { give_up_after: seconds(30), reply_timeout: seconds(5), open_timeout: seconds(30), uploads: Vec::new() }
+        Options { give_up_after: seconds(30), reply_timeout: seconds(5), open_timeout: seconds(30), uploads: Vec::new(), tls: None, token: None }
     }
 }
 
@@ -160,7 +166,7 @@ impl Camera {
     }
 
     async fn open_session(&mut self, uploads: bool) -> Result<(), Failed> {
-        let mut client = connect(&self.addresses[self.address], self.options.open_timeout).await?;
+        let mut client = connect(&self.addresses[self.address], &self.options).await?;
         for scene in self.options.uploads.iter().filter(|_| uploads) {
             upload(&mut client, scene).await?;
         }

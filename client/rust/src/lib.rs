@@ -11,6 +11,7 @@ mod stream;
 pub use camera::{Camera, Options};
 pub use errors::{Error, Failed};
 pub use shapes::{box_shape, capsule, instance, sphere, transforms, vector};
+pub use tonic::transport::{Certificate, ClientTlsConfig, Identity};
 pub use tonic::Code;
 
 /// The generated messages, in modules that mirror their packages. Some details of errors are not used.

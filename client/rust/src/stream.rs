@@ -5,8 +5,12 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
+use tonic::metadata::AsciiMetadataValue;
+use tonic::service::{interceptor::InterceptedService, Interceptor};
 use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Request, Status};
 
+use crate::camera::Options;
 use crate::errors::{unavailable, Failed};
 use crate::v1::camera_control_service_client::CameraControlServiceClient;
 use crate::v1::{control_request, control_response, ControlRequest, ControlResponse, UploadSceneRequest};
@@ -15,13 +19,48 @@ use crate::v1::{control_request, control_response, ControlRequest, ControlRespon
 const MAX_REPLY_BYTES: usize = 64 << 20;
 const CHUNK_BYTES: usize = 512 << 10;
 
-pub(crate) type Client = CameraControlServiceClient<Channel>;
+/// Adds the token to every call.
+#[derive(Clone)]
+pub(crate) struct Bearer(Option<AsciiMetadataValue>);
 
-pub(crate) async fn connect(address: &str, timeout: Duration) -> Result<Client, Failed> {
-    let uri = if address.contains("://") || address.starts_with("unix:") { address.to_owned() } else { format!("http://{address}") };
-    let endpoint = Endpoint::from_shared(uri).map_err(|error| unavailable(error.to_string()))?.connect_timeout(timeout).tcp_nodelay(true);
+impl Interceptor for Bearer {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(value) = &self.0 {
+            request.metadata_mut().insert("authorization", value.clone());
+        }
+        Ok(request)
+    }
+}
+
+pub(crate) type Client = CameraControlServiceClient<InterceptedService<Channel, Bearer>>;
+
+fn bearer(token: Option<&str>, confidential: bool) -> Result<Bearer, Failed> {
+    let Some(token) = token else { return Ok(Bearer(None)) };
+    if !confidential {
+        return Err(wrong("Options::token is sent only over TLS (Options::tls) or a unix socket"));
+    }
+    let value = format!("Bearer {token}").parse().map_err(|_| wrong("Options::token has characters that no header may have"))?;
+    Ok(Bearer(Some(value)))
+}
+
+pub(crate) async fn connect(address: &str, options: &Options) -> Result<Client, Failed> {
+    let local = address.starts_with("unix:");
+    let tls = options.tls.clone().filter(|_| !local);
+    let bearer = bearer(options.token.as_deref(), local || tls.is_some())?;
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let uri = if local || address.contains("://") { address.to_owned() } else { format!("{scheme}://{address}") };
+    let endpoint = Endpoint::from_shared(uri).map_err(|error| unavailable(error.to_string()))?;
+    let endpoint = endpoint.connect_timeout(options.open_timeout).tcp_nodelay(true);
+    let endpoint = match tls {
+        Some(tls) => endpoint.tls_config(tls).map_err(|error| wrong(&format!("Options::tls: {error}")))?,
+        None => endpoint,
+    };
     let channel = endpoint.connect().await.map_err(|error| unavailable(format!("no daemon answers at {address}: {error}")))?;
-    Ok(Client::new(channel).max_decoding_message_size(MAX_REPLY_BYTES))
+    Ok(Client::new(InterceptedService::new(channel, bearer)).max_decoding_message_size(MAX_REPLY_BYTES))
+}
+
+fn wrong(message: &str) -> Failed {
+    Failed { code: Code::InvalidArgument, ..unavailable(message) }
 }
 
 pub(crate) async fn upload(client: &mut Client, scene: &[u8]) -> Result<(), Failed> {

@@ -47,8 +47,24 @@ std::vector<std::byte> read_file(const std::string& path) {
   return {data, data + bytes.size()};
 }
 
+std::string text_of(const Json& files, const char* name) {
+  if (!files.contains(name)) return {};
+  std::ifstream file(files.at(name).get<std::string>());
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+ClientCredentials credentials_of(const Json& trust) {
+  const auto token = trust.find("token");
+  return {.tls = trust.contains("roots"),
+          .roots = text_of(trust, "roots"),
+          .certificate = text_of(trust, "certificate"),
+          .key = text_of(trust, "key"),
+          .token = token == trust.end() ? std::string() : token->get<std::string>()};
+}
+
 Json open(std::optional<Camera>& camera, const Json& command) {
   CameraOptions options;
+  if (command.contains("trust")) options.credentials = credentials_of(command.at("trust"));
   for (const std::string path : command.at("uploads")) options.uploads.push_back(read_file(path));
   auto opened = Camera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("open")), std::move(options));
   if (!opened) return failed(opened.error());

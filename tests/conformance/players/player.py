@@ -7,11 +7,17 @@ import sys
 from google.protobuf import json_format
 
 from sightline.v1.session_pb2 import OpenSession, Tick
-from sightline_client import AsyncCamera, Camera, Connection, Failed, Refused
+from sightline_client import AsyncCamera, Camera, Connection, Failed, Refused, Tls
 
 
 def as_json(message):
     return json_format.MessageToDict(message)
+
+
+def trust(files):
+    """The options that say who the client is."""
+    pem = {name: pathlib.Path(files[name]).read_bytes() for name in ("roots", "certificate", "key") if name in files}
+    return {"tls": Tls(**pem) if pem else None, "token": files.get("token")}
 
 
 class Player:
@@ -31,12 +37,14 @@ class Player:
             return {"closed": {"resyncs": self.camera.resyncs}}
         except Refused as error:
             return {"refused": as_json(error.error)}
+        except ValueError:  # an option of the connection
+            return {"failed": {"code": "INVALID_ARGUMENT", "violations": []}}
         except Failed as error:
             return {"failed": {"code": error.code.name, "violations": [as_json(violation) for violation in error.violations]}}
 
     async def open(self, command):
         request = json_format.ParseDict(command["open"], OpenSession())
-        options = Connection(uploads=[pathlib.Path(path).read_bytes() for path in command["uploads"]])
+        options = Connection(uploads=[pathlib.Path(path).read_bytes() for path in command["uploads"]], **trust(command.get("trust", {})))
         camera = await AsyncCamera.of(command["address"], request, options).open() if self.is_async else Camera.open(command["address"], request, options)
         self.camera = camera
         return camera.opened

@@ -203,7 +203,9 @@ type GetServerStatsResponse struct {
 	// The 99th percentile of that time, in microseconds, at most 9 % too high.
 	QueueP99Us float64 `protobuf:"fixed64,10,opt,name=queue_p99_us,json=queueP99Us,proto3" json:"queue_p99_us,omitempty"`
 	// Absent: the server does not record (server flag --record-dir).
-	Recording     *RecordingStats `protobuf:"bytes,11,opt,name=recording,proto3" json:"recording,omitempty"`
+	Recording *RecordingStats `protobuf:"bytes,11,opt,name=recording,proto3" json:"recording,omitempty"`
+	// Who was turned away, and what became of the files that decide it.
+	Access        *AccessStats `protobuf:"bytes,15,opt,name=access,proto3" json:"access,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -315,6 +317,86 @@ func (x *GetServerStatsResponse) GetRecording() *RecordingStats {
 	return nil
 }
 
+func (x *GetServerStatsResponse) GetAccess() *AccessStats {
+	if x != nil {
+		return x.Access
+	}
+	return nil
+}
+
+// Counters of credentials since the start of the server.
+type AccessStats struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Calls that were refused because their credentials are missing, unknown, or do not allow the call.
+	RefusedCalls uint64 `protobuf:"varint,1,opt,name=refused_calls,json=refusedCalls,proto3" json:"refused_calls,omitempty"`
+	// Connections on which no TLS connection could be set up, for example because the client has no valid certificate.
+	FailedHandshakes uint64 `protobuf:"varint,2,opt,name=failed_handshakes,json=failedHandshakes,proto3" json:"failed_handshakes,omitempty"`
+	// Times that new contents of the certificate, the key or the access file came into use.
+	FilesTakenOver uint64 `protobuf:"varint,3,opt,name=files_taken_over,json=filesTakenOver,proto3" json:"files_taken_over,omitempty"`
+	// Times that new contents could not be used. The former ones stay in use, and the log says why.
+	FilesRefused  uint64 `protobuf:"varint,4,opt,name=files_refused,json=filesRefused,proto3" json:"files_refused,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *AccessStats) Reset() {
+	*x = AccessStats{}
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *AccessStats) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*AccessStats) ProtoMessage() {}
+
+func (x *AccessStats) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use AccessStats.ProtoReflect.Descriptor instead.
+func (*AccessStats) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *AccessStats) GetRefusedCalls() uint64 {
+	if x != nil {
+		return x.RefusedCalls
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFailedHandshakes() uint64 {
+	if x != nil {
+		return x.FailedHandshakes
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFilesTakenOver() uint64 {
+	if x != nil {
+		return x.FilesTakenOver
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFilesRefused() uint64 {
+	if x != nil {
+		return x.FilesRefused
+	}
+	return 0
+}
+
 // Recording counters since the start of the server, over all sessions.
 type RecordingStats struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -340,7 +422,7 @@ type RecordingStats struct {
 
 func (x *RecordingStats) Reset() {
 	*x = RecordingStats{}
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -352,7 +434,7 @@ func (x *RecordingStats) String() string {
 func (*RecordingStats) ProtoMessage() {}
 
 func (x *RecordingStats) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -365,7 +447,7 @@ func (x *RecordingStats) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RecordingStats.ProtoReflect.Descriptor instead.
 func (*RecordingStats) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *RecordingStats) GetOpenSessions() uint64 {
@@ -436,7 +518,7 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xb1\x03\n" +
+	"\x15GetServerStatsRequest\"\xe4\x03\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -452,7 +534,13 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\fqueue_p99_us\x18\n" +
 	" \x01(\x01R\n" +
 	"queueP99Us\x12:\n" +
-	"\trecording\x18\v \x01(\v2\x1c.sightline.v1.RecordingStatsR\trecording\"\x9f\x02\n" +
+	"\trecording\x18\v \x01(\v2\x1c.sightline.v1.RecordingStatsR\trecording\x121\n" +
+	"\x06access\x18\x0f \x01(\v2\x19.sightline.v1.AccessStatsR\x06access\"\xae\x01\n" +
+	"\vAccessStats\x12#\n" +
+	"\rrefused_calls\x18\x01 \x01(\x04R\frefusedCalls\x12+\n" +
+	"\x11failed_handshakes\x18\x02 \x01(\x04R\x10failedHandshakes\x12(\n" +
+	"\x10files_taken_over\x18\x03 \x01(\x04R\x0efilesTakenOver\x12#\n" +
+	"\rfiles_refused\x18\x04 \x01(\x04R\ffilesRefused\"\x9f\x02\n" +
 	"\x0eRecordingStats\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\x04R\fopenSessions\x12)\n" +
 	"\x10failing_sessions\x18\x02 \x01(\x04R\x0ffailingSessions\x12\x1a\n" +
@@ -476,21 +564,23 @@ func file_sightline_v1_server_proto_rawDescGZIP() []byte {
 	return file_sightline_v1_server_proto_rawDescData
 }
 
-var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 5)
+var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
 var file_sightline_v1_server_proto_goTypes = []any{
 	(*GetServerInfoRequest)(nil),   // 0: sightline.v1.GetServerInfoRequest
 	(*GetServerInfoResponse)(nil),  // 1: sightline.v1.GetServerInfoResponse
 	(*GetServerStatsRequest)(nil),  // 2: sightline.v1.GetServerStatsRequest
 	(*GetServerStatsResponse)(nil), // 3: sightline.v1.GetServerStatsResponse
-	(*RecordingStats)(nil),         // 4: sightline.v1.RecordingStats
+	(*AccessStats)(nil),            // 4: sightline.v1.AccessStats
+	(*RecordingStats)(nil),         // 5: sightline.v1.RecordingStats
 }
 var file_sightline_v1_server_proto_depIdxs = []int32{
-	4, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
-	1, // [1:1] is the sub-list for method output_type
-	1, // [1:1] is the sub-list for method input_type
-	1, // [1:1] is the sub-list for extension type_name
-	1, // [1:1] is the sub-list for extension extendee
-	0, // [0:1] is the sub-list for field type_name
+	5, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
+	4, // 1: sightline.v1.GetServerStatsResponse.access:type_name -> sightline.v1.AccessStats
+	2, // [2:2] is the sub-list for method output_type
+	2, // [2:2] is the sub-list for method input_type
+	2, // [2:2] is the sub-list for extension type_name
+	2, // [2:2] is the sub-list for extension extendee
+	0, // [0:2] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_server_proto_init() }
@@ -504,7 +594,7 @@ func file_sightline_v1_server_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_server_proto_rawDesc), len(file_sightline_v1_server_proto_rawDesc)),
 			NumEnums:      0,
-			NumMessages:   5,
+			NumMessages:   6,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

@@ -1,0 +1,34 @@
+#include "server/gate/credentials.h"
+
+#include <utility>
+
+namespace sightline {
+
+Result<std::unique_ptr<Credentials>> Credentials::load(const CredentialFiles& files) {
+  auto credentials = std::make_unique<Credentials>();
+  if (!files.access.empty()) {
+    auto access = Access::load(files.access);
+    if (!access) return tl::unexpected(std::move(access.error()));
+    credentials->access_ = std::move(*access);
+  }
+  if (!files.tls.certificate.empty()) {
+    auto tls = TlsKeys::load(files.tls);
+    if (!tls) return tl::unexpected(std::move(tls.error()));
+    credentials->tls_ = std::move(*tls);
+  }
+  return credentials;
+}
+
+std::vector<Credentials::Change> Credentials::reload() {
+  std::vector<Change> changes;
+  const auto note = [&](const char* what, const Result<bool>& changed) {
+    if (changed && !*changed) return;
+    changed ? ++taken_over_ : ++refused_;
+    changes.push_back({what, changed ? std::nullopt : std::optional(changed.error())});
+  };
+  note("access file", access_->reload());
+  if (tls_) note("certificate", tls_->reload());
+  return changes;
+}
+
+}  // namespace sightline

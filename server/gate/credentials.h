@@ -1,0 +1,51 @@
+// The files that decide who may speak, together: the certificate, its key, the authority of clients, and the access file.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/base/error.h"
+#include "server/gate/access.h"
+#include "server/gate/tls.h"
+
+namespace sightline {
+
+struct CredentialFiles {
+  std::string access;  // empty: everyone who may connect may speak
+  TlsFiles tls;        // empty: nothing is encrypted
+};
+
+// Thread-safe, except that `reload` must be called by one thread at a time.
+class Credentials {
+ public:
+  // No files.
+  Credentials() : access_(std::make_unique<Access>()) {}
+  // Fails with kInvalidArgument; the field is the flag of the file.
+  static Result<std::unique_ptr<Credentials>> load(const CredentialFiles& files);
+
+  const Access& access() const { return *access_; }
+  const TlsKeys* tls() const { return tls_.get(); }  // null: nothing is encrypted
+
+  // What became of a file that has changed.
+  struct Change {
+    std::string what;             // "certificate", "access file"
+    std::optional<Error> trouble;  // why it cannot be used; the former contents stay in use
+  };
+  // Reads all files again, and takes over those that have changed.
+  std::vector<Change> reload();
+
+  // Since the start: changes that came into use, and those that could not be used.
+  uint64_t taken_over() const { return taken_over_; }
+  uint64_t refused() const { return refused_; }
+
+ private:
+  std::unique_ptr<Access> access_;
+  std::unique_ptr<TlsKeys> tls_;
+  std::atomic<uint64_t> taken_over_{0}, refused_{0};
+};
+
+}  // namespace sightline
