@@ -6,7 +6,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -36,7 +38,14 @@ class Relay {
   // Takes a connection over, whose sockets must not block. From any thread.
   void add(std::shared_ptr<Connection> connection);
 
+  // Bytes that came from clients and went to them, since the start. From any thread.
+  uint64_t received_bytes() const { return received_bytes_.load(std::memory_order_relaxed); }
+  uint64_t sent_bytes() const { return sent_bytes_.load(std::memory_order_relaxed); }
+  // When the thread last went round, which it does at least every kBeatMs: a time of gate_now_s(). From any thread.
+  double last_beat_s() const { return beat_s_.load(std::memory_order_relaxed); }
+
  private:
+  static constexpr int kBeatMs = 1000;
   static constexpr size_t kMostHeld = 64 << 10;
   struct Line;
   struct Side;
@@ -60,6 +69,9 @@ class Relay {
   std::unordered_map<const Line*, std::unique_ptr<Line>> lines_;
   std::vector<std::unique_ptr<Line>> ended_;  // kept until the events of this round are served
   std::array<std::byte, kMostHeld> buffer_;
+
+  std::atomic<uint64_t> received_bytes_{0}, sent_bytes_{0};
+  std::atomic<double> beat_s_{gate_now_s()};
 
   std::mutex mutex_;
   std::vector<std::shared_ptr<Connection>> new_;  // guarded by mutex_

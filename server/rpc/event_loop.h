@@ -11,6 +11,7 @@
 
 #include <grpcpp/completion_queue.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
@@ -62,6 +63,11 @@ class EventLoop {
   void call_begins();
   void call_ends();
 
+  // Time since the thread last went round. It does so at least once a second, unless an event or a task holds it up. From any thread.
+  std::chrono::steady_clock::duration silent() const {
+    return std::chrono::steady_clock::now() - beat_.load(std::memory_order_relaxed);
+  }
+
  private:
   void run();
   bool next(Event*& event, bool& ok);
@@ -73,6 +79,8 @@ class EventLoop {
   std::deque<std::shared_ptr<ShortTask>> deferred_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
   bool after_long_rest_ = false;                    // the current event is the first one after a long rest
+
+  std::atomic<std::chrono::steady_clock::time_point> beat_{std::chrono::steady_clock::now()};
 
   std::mutex mutex_;
   std::condition_variable none_left_;

@@ -1,6 +1,7 @@
 // RPCs GetServerInfo (version and sampler) and GetServerStats (counters of the daemon, and what it holds).
 #pragma once
 
+#include "server/gate/gate.h"
 #include "server/service/parts.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -11,6 +12,7 @@ inline constexpr const char* kVersion = SIGHTLINE_VERSION;
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info);
-void get_server_stats(const ServiceParts& parts, v1::GetServerStatsResponse& stats);
+// Sets everything but `ready`.
+void get_server_stats(const ServiceParts& parts, const GateCounts& connections, v1::GetServerStatsResponse& stats);
 
 }  // namespace sightline

@@ -63,7 +63,8 @@ grpc::Status CameraControlService::GetServerInfo(grpc::ServerContext*, const v1:
 grpc::Status CameraControlService::GetServerStats(grpc::ServerContext*, const v1::GetServerStatsRequest*,
                                                   v1::GetServerStatsResponse* stats) {
   return guarded(parts_.log, "GetServerStats", [&] {
-    get_server_stats(parts_, *stats);
+    get_server_stats(parts_, connections_(), *stats);
+    stats->set_ready(ready_());
     return grpc::Status::OK;
   });
 }

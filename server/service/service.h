@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
 #include "server/service/parts.h"
 #include "server/service/upload_places.h"
@@ -26,8 +27,11 @@ class CameraControlService final
   CameraControlService(ServiceParts parts, const ServiceLimits& limits)
       : parts_(std::move(parts)), limits_(limits), uploads_(limits.max_uploads, 2 * limits.max_upload_bytes) {}
 
-  // Called once, before the server starts.
+  // Each is called at most once, before the server starts.
   void name_clients_by(ClientNamer namer) { client_of_ = std::move(namer); }
+  void count_connections_by(std::function<GateCounts()> counts) { connections_ = std::move(counts); }
+  // Whether the daemon is ready, for its own statistics; until then it is.
+  void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 
   // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
   // has started.
@@ -48,6 +52,8 @@ class CameraControlService final
   WorkerPool parsers_{1};  // of large messages
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
+  std::function<GateCounts()> connections_ = [] { return GateCounts{}; };
+  std::function<bool()> ready_ = [] { return true; };
   ClientNamer client_of_ = [](const std::string& peer) { return peer; };
 };
 
