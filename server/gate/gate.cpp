@@ -2,6 +2,7 @@
 
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -95,6 +96,7 @@ double Gate::silent_s() const {
 }
 
 void Gate::run() {
+  ::prctl(PR_SET_NAME, "gate");  // for ps and debuggers
   std::vector<pollfd> watched{{wake_.get(), POLLIN, 0}};
   for (const ListeningSocket& socket : sockets_) watched.push_back({socket.fd(), POLLIN, 0});
   double checked_s = gate_now_s();

@@ -2,6 +2,7 @@
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -69,6 +70,7 @@ void Relay::add(std::shared_ptr<Connection> connection) {
 }
 
 void Relay::run() {
+  ::prctl(PR_SET_NAME, "relay");  // for ps and debuggers
   std::array<epoll_event, 64> events;
   for (;;) {
     const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), kBeatMs);

@@ -1,5 +1,7 @@
 #include "server/rpc/event_loop.h"
 
+#include <sys/prctl.h>
+
 #include <utility>
 
 namespace sightline {
@@ -88,6 +90,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 }
 
 void EventLoop::run() {
+  ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
   rested_ = std::chrono::steady_clock::now();
   Event* event = nullptr;
   bool ok = false;

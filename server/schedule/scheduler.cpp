@@ -1,5 +1,7 @@
 #include "server/schedule/scheduler.h"
 
+#include <sys/prctl.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -93,6 +95,7 @@ void Scheduler::charge(const Round& round) {
 }
 
 void Scheduler::work() {
+  ::prctl(PR_SET_NAME, "step");  // for ps and debuggers
   Round round;
   for (;;) {
     std::unique_lock lock(mutex_);

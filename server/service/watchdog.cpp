@@ -1,5 +1,7 @@
 #include "server/service/watchdog.h"
 
+#include <sys/prctl.h>
+
 #include <utility>
 
 namespace sightline {
@@ -24,6 +26,7 @@ std::vector<std::string> Watchdog::hanging() const {
 }
 
 void Watchdog::run() {
+  ::prctl(PR_SET_NAME, "watchdog");  // for ps and debuggers
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     lock.unlock();

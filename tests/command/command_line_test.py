@@ -22,6 +22,8 @@ COMMANDS = {
     "replay": ("FILE",),
     "compare": ("FILE", "FILE"),
     "report": ("FILE",),
+    "status": (),
+    "top": (),
 }
 ON_RECORDINGS = ("info", "verify", "recover", "dump", "cut", "replay", "compare", "report")
 
