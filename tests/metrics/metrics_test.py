@@ -9,7 +9,7 @@ import time
 import unittest
 
 SIGHTLINED, SIGHTLINE = sys.argv[1:3]
-sys.path[:0] = [sys.argv[3], str(pathlib.Path(__file__).parents[2] / "client/python"), str(pathlib.Path(__file__).parents[1] / "attack")]
+sys.path[:0] = [sys.argv[3], str(pathlib.Path(__file__).parents[1] / "attack")]
 PROMTOOL = sys.argv[4] if len(sys.argv) > 4 and not sys.argv[4].endswith("NOTFOUND") else None
 
 import grpc  # noqa: E402
