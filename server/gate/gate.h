@@ -66,7 +66,7 @@ class Gate {
   // the argument.
   std::string client_of(const std::string& peer) const;
   GateCounts counts() const;
-  // Time since the slowest of the gate's threads last went round, in seconds. Each does so at least once a second, unless it hangs.
+  // Time since the slowest of the gate's threads last went round, in seconds. Each does so at least four times a second, unless it hangs.
   double silent_s() const;
 
  private:

@@ -45,7 +45,7 @@ class Relay {
   double last_beat_s() const { return beat_s_.load(std::memory_order_relaxed); }
 
  private:
-  static constexpr int kBeatMs = 1000;
+  static constexpr int kBeatMs = 250;
   static constexpr size_t kMostHeld = 64 << 10;
   struct Line;
   struct Side;

@@ -16,7 +16,7 @@ constexpr std::chrono::microseconds kLongestBusy{2000}, kLeastRest{20};
 // After a rest this long the caches are cold, and to see that nothing else is ready takes gRPC about 7 us.
 constexpr std::chrono::microseconds kLongRest{100};
 // A loop without anything to do goes round this often, to show that it can.
-constexpr int64_t kBeatMs = 1000;
+constexpr int64_t kBeatMs = 250;
 
 gpr_timespec next_beat() {
   return gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), gpr_time_from_millis(kBeatMs, GPR_TIMESPAN));

@@ -63,7 +63,7 @@ class EventLoop {
   void call_begins();
   void call_ends();
 
-  // Time since the thread last went round. It does so at least once a second, unless an event or a task holds it up. From any thread.
+  // Time since the thread last went round. It does so at least four times a second, unless an event or a task holds it up. From any thread.
   std::chrono::steady_clock::duration silent() const {
     return std::chrono::steady_clock::now() - beat_.load(std::memory_order_relaxed);
   }

@@ -2,6 +2,7 @@
 import ctypes
 import os
 import pathlib
+import time
 
 SEIZE, INTERRUPT, DETACH = 0x4206, 0x4207, 17
 WAIT_FOR_ALL = 0x40000000  # __WALL
@@ -18,6 +19,8 @@ class HeldThread:
     """Use it in a `with` statement. Raises PermissionError where tracing is not allowed."""
 
     def __init__(self, pid, name):
+        while not threads_named(pid, name):  # a thread names itself when it begins to run
+            time.sleep(0.01)
         self.thread = threads_named(pid, name)[0]
         self._ask(SEIZE)
         self._ask(INTERRUPT)
