@@ -192,7 +192,7 @@ func TestAFieldThatDoesNotExistIsNoticed(t *testing.T) {
 }
 
 func TestPodsKeepToPodSecurityRestricted(t *testing.T) {
-	evaluator, err := policy.NewEvaluator(policy.DefaultChecks(), nil)
+	evaluator, err := policy.NewEvaluator(policy.DefaultChecks())
 	if err != nil {
 		t.Fatal(err)
 	}
