@@ -2,6 +2,7 @@
 """metrics_test.py SIGHTLINED SIGHTLINE PYTHON_FOLDER [PROMTOOL]: what the daemon says of itself, beside what a client has counted."""
 import json
 import pathlib
+import queue
 import subprocess
 import sys
 import tempfile
@@ -45,6 +46,17 @@ def rpc(channel, name, answer, kind):
 
 def control(channel, requests):
     return rpc(channel, "Control", camera_control_pb2.ControlResponse, "stream_stream")(requests)
+
+
+def opening(instances=1):
+    request = camera_control_pb2.ControlRequest()
+    request.open.camera.position.z = 6
+    for i in range(instances):
+        instance = request.open.instances.add(id=i + 1)
+        half = instance.shape.box.half_extent
+        half.x = half.y = half.z = 0.5
+    request.open.targets.add(id=1)
+    return request
 
 
 def healthcheck(*arguments):
@@ -197,30 +209,20 @@ class Limits(unittest.TestCase):
         self.assertEqual(set(self.refused_by(["--max-sessions", "4", "--max-sessions-per-client", "1"], self.open_twice)),
                          {"max-sessions-per-client"})
 
-    def opening(self, instances=1):
-        request = camera_control_pb2.ControlRequest()
-        request.open.camera.position.z = 6
-        for i in range(instances):
-            instance = request.open.instances.add(id=i + 1)
-            half = instance.shape.box.half_extent
-            half.x = half.y = half.z = 0.5
-        request.open.targets.add(id=1)
-        return request
-
     def test_memory_of_a_session(self):
-        hits = self.refused_by(["--session-memory-mib", "1"], lambda daemon: self.control(daemon, self.opening(4000)))
+        hits = self.refused_by(["--session-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
         self.assertEqual(hits, {"session-memory-mib": 1})
 
     def test_memory_of_all_sessions(self):
-        hits = self.refused_by(["--sessions-memory-mib", "1"], lambda daemon: self.control(daemon, self.opening(4000)))
+        hits = self.refused_by(["--sessions-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
         self.assertEqual(hits, {"sessions-memory-mib": 1})
 
     def test_cost_of_a_step(self):
-        hits = self.refused_by(["--max-step-cost-ms", "0.01"], lambda daemon: self.control(daemon, self.opening()))
+        hits = self.refused_by(["--max-step-cost-ms", "0.01"], lambda daemon: self.control(daemon, opening()))
         self.assertEqual(hits, {"max-step-cost-ms": 1})
 
     def test_memory_of_a_message(self):
-        hits = self.refused_by(["--max-message-memory-mib", "8"], lambda daemon: self.control(daemon, self.opening(70_000)))
+        hits = self.refused_by(["--max-message-memory-mib", "8"], lambda daemon: self.control(daemon, opening(70_000)))
         self.assertEqual(hits, {"max-message-memory-mib": 1})
 
     def test_size_of_an_upload(self):
@@ -271,10 +273,13 @@ class Health(unittest.TestCase):
             self.assertIn(folder + "/socket", result.stderr)
 
     def test_a_daemon_that_drains_is_alive_and_not_ready(self):
-        with start("--drain-s", "30") as daemon:
-            one, address = camera(daemon), daemon.address
-            one.__enter__()
-            one.tick(0.1, {})
+        # A client that does not react to `Drain` keeps its session, and the daemon waits for it.
+        messages = queue.Queue()
+        messages.put(opening())
+        with start("--drain-s", "60") as daemon, grpc.insecure_channel(daemon.address) as channel:
+            address = daemon.address
+            replies = control(channel, iter(messages.get, None))
+            self.assertTrue(next(replies).HasField("opened"))
             daemon.process.terminate()
             until(lambda: get(daemon.operators, "/readyz")[0] == 503, "not ready")
             self.assertIn("stopping", get(daemon.operators, "/readyz")[1])
@@ -284,7 +289,7 @@ class Health(unittest.TestCase):
             self.assertEqual(result.returncode, 1)
             self.assertIn("NOT_SERVING", result.stderr)
             self.assertEqual(healthcheck("--address", address, "--live").returncode, 0)
-            one.close()
+            messages.put(None)
             self.assertEqual(daemon.process.wait(30), 0)
 
     def hold(self, thread, name):
