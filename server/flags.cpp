@@ -103,8 +103,8 @@ void add_listening(CLI::App& app, RawFlags& raw) {
 
 void add_health(CLI::App& app, RawFlags& raw) {
   app.add_option("--metrics-listen", raw.flags.metrics_listen,
-                 "TCP address for Prometheus and for probes, host:port: /metrics, /livez and /readyz over HTTP. It is not encrypted and asks "
-                 "nobody who they are, so choose an address that only they can reach, such as 127.0.0.1:50152. none turns it off")
+                 "TCP address for Prometheus and for probes, host:port: /metrics, /livez and /readyz over HTTP. It has neither encryption nor "
+                 "authentication, so choose an address that only they can reach, such as 127.0.0.1:50152. none turns it off")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
   app.add_option("--stall-s", raw.flags.stall_s,

@@ -1,6 +1,6 @@
 // A small HTTP server for pages that are made when they are asked for.
 //
-// It is meant for Prometheus and for probes, on an address that only they can reach: it has no encryption and asks nobody who they are.
+// It is meant for Prometheus and for probes, on an address that only they can reach: it has neither encryption nor authentication.
 // A few threads of its own answer, so a probe gets its answer even when everything else in the daemon hangs.
 #pragma once
 

@@ -26,7 +26,7 @@ double DurationCounts::end_us(size_t index) {
 
 void DurationCounts::add(int64_t duration_ns) {
   counts_[class_of(duration_ns)].fetch_add(1, std::memory_order_relaxed);
-  sum_ns_.fetch_add(std::max<int64_t>(duration_ns, 0), std::memory_order_relaxed);
+  sum_ns_.fetch_add(std::clamp<int64_t>(duration_ns, 0, kLongestNs), std::memory_order_relaxed);
 }
 
 uint64_t DurationCounts::count() const {

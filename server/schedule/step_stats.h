@@ -21,7 +21,7 @@ class DurationCounts {
   // class. 0 while nothing is counted.
   double quantile_us(double quantile) const;
   uint64_t count() const;
-  // Sum of all durations, in seconds.
+  // Sum of all durations, in seconds. What is longer than an hour counts as an hour.
   double sum_s() const { return static_cast<double>(sum_ns_.load(std::memory_order_relaxed)) * 1e-9; }
 
   static constexpr int kOctaves = 32;
@@ -31,6 +31,7 @@ class DurationCounts {
 
  private:
   static constexpr int kClassesPerOctave = 8;
+  static constexpr int64_t kLongestNs = 3'600'000'000'000;
   static size_t class_of(int64_t duration_ns);
   static double end_us(size_t index);
 
