@@ -9,15 +9,16 @@
 // many wait, or when it has not rested for a while, so that it keeps reading.
 #pragma once
 
+#include <grpcpp/alarm.h>
 #include <grpcpp/completion_queue.h>
 
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 namespace sightline {
@@ -63,12 +64,22 @@ class EventLoop {
   void call_begins();
   void call_ends();
 
-  // Time since the thread last went round. It does so at least four times a second, unless an event or a task holds it up. From any thread.
-  std::chrono::steady_clock::duration silent() const {
-    return std::chrono::steady_clock::now() - beat_.load(std::memory_order_relaxed);
-  }
+  // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
+  // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
+  std::chrono::steady_clock::duration silent();
 
  private:
+  // The sign of life.
+  struct Ping final : Event {
+    explicit Ping(EventLoop& of) : loop(of) {}
+    void ready(bool ok) override;
+    EventLoop& loop;
+    std::optional<grpc::Alarm> alarm;
+    std::mutex mutex;
+    bool owed = false;                              // guarded by mutex
+    std::chrono::steady_clock::time_point since{};  // guarded by mutex
+  };
+
   void run();
   bool next(Event*& event, bool& ok);
   bool lags() const;
@@ -80,7 +91,7 @@ class EventLoop {
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
   bool after_long_rest_ = false;                    // the current event is the first one after a long rest
 
-  std::atomic<std::chrono::steady_clock::time_point> beat_{std::chrono::steady_clock::now()};
+  Ping ping_{*this};
 
   std::mutex mutex_;
   std::condition_variable none_left_;
