@@ -4,6 +4,7 @@
 #   deploy/install-packages.sh build   packages to build the programs and the tests (the default)
 #   deploy/install-packages.sh test    the same, and the browser and the tools for packages that some tests use
 #   deploy/install-packages.sh run     packages that the built programs need
+#   deploy/install-packages.sh run-cpu the same without OpenGL, for machines without a GPU
 #   deploy/install-packages.sh fuzz    packages that tests/fuzz.sh needs in addition to "build"
 set -euo pipefail
 
@@ -15,16 +16,18 @@ build_packages=(
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
   libmeshoptimizer-dev libdraco-dev
+  prometheus-cpp-dev libcivetweb-dev libsystemd-dev
   libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
   python3 python3-grpcio python3-protobuf python3-venv
 )
 # An npm from another source is good enough, and would conflict with Debian's.
 command -v npm >/dev/null || build_packages+=(nodejs npm)
-test_packages=(dpkg-dev lintian mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core)
-run_packages=(
-  libgrpc++1.51 libprotobuf32 libepoxy0 libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri libembree3-3 libtinygltf2d
-  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libzstd1 liblz4-1 zlib1g libssl3
+test_packages=(dpkg-dev lintian mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy)
+cpu_packages=(
+  libgrpc++1.51 libprotobuf32 libepoxy0 libembree3-3 libtinygltf2d
+  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libprometheus-cpp-core1.0 libcivetweb1 libsystemd0 libzstd1 liblz4-1 zlib1g libssl3
 )
+run_packages=("${cpu_packages[@]}" libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri)
 fuzz_packages=(
   clang-14 libclang-rt-14-dev
 )
@@ -33,8 +36,9 @@ case "${1:-build}" in
   build) wanted=("${build_packages[@]}") ;;
   test) wanted=("${build_packages[@]}" "${test_packages[@]}") ;;
   run) wanted=("${run_packages[@]}") ;;
+  run-cpu) wanted=("${cpu_packages[@]}") ;;
   fuzz) wanted=("${fuzz_packages[@]}") ;;
-  *) echo "usage: $0 [build|test|run|fuzz]" >&2; exit 2 ;;
+  *) echo "usage: $0 [build|test|run|run-cpu|fuzz]" >&2; exit 2 ;;
 esac
 
 missing=()

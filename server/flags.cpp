@@ -22,6 +22,8 @@ struct RawFlags {
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
+  std::string address;
+  bool alive = false;
   bool print_config = false;
   bool check_config = false;
 };
@@ -116,6 +118,19 @@ void add_trust(CLI::App& app, RawFlags& raw) {
   app.add_flag("--allow-insecure-network", raw.flags.allow_insecure_network,
                "Listen at an address that other hosts can reach although clients need not show who they are, or are not encrypted. Use "
                "it only where something else keeps others out");
+}
+
+void add_health(CLI::App& app, RawFlags& raw) {
+  app.add_option("--metrics-listen", raw.flags.metrics_listen,
+                 "TCP address for Prometheus and for probes, host:port: /metrics, /livez and /readyz over HTTP. It has neither encryption nor "
+                 "authentication, so choose an address that only they can reach, such as 127.0.0.1:50152. none turns it off")
+      ->check(CLI::Validator(check_address, "HOST:PORT|none"))
+      ->capture_default_str();
+  app.add_option("--stall-s", raw.flags.stall_s,
+                 "Time after which a thread that does not answer counts as hanging, in seconds. The daemon is then neither alive nor "
+                 "ready. Raise it on machines that stop for long")
+      ->check(number_in(1.0, 3600.0))
+      ->capture_default_str();
 }
 
 void add_sampling(CLI::App& app, RawFlags& raw) {
@@ -320,6 +335,7 @@ Command parse_command_line(int argc, const char* const* argv) {
       "sightlined");
   add_listening(app, raw);
   add_trust(app, raw);
+  add_health(app, raw);
   add_sampling(app, raw);
   add_limits(app, raw);
   add_logging(app, raw);
@@ -337,6 +353,14 @@ Command parse_command_line(int argc, const char* const* argv) {
                        ->prefix_command()
                        ->configurable(false);
   demo->set_help_flag();
+  CLI::App* const health = app.add_subcommand("healthcheck",
+                                              "Ask the running daemon whether it is ready, at the address that --listen-unix, --listen or "
+                                              "the file of --config name. Exit with 0 when it is, otherwise with 1; for probes that run a "
+                                              "command")
+                               ->fallthrough()
+                               ->configurable(false);
+  health->add_option("--address", raw.address, "Where the daemon listens, instead: host:port, or unix:PATH")->configurable(false);
+  health->add_flag("--live", raw.alive, "Ask whether it is alive instead: whether none of its threads hangs")->configurable(false);
   try {
     app.parse(argc, argv);
     if (demo->parsed()) return BecomeDemo{demo->remaining()};
@@ -357,6 +381,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     return Exit{0};
   }
   if (devices->parsed()) return ReportDevices{finished(raw)};
+  if (health->parsed()) return CheckHealth{finished(raw), raw.address, raw.alive};
   return Serve{finished(raw)};
 }
 

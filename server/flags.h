@@ -46,6 +46,8 @@ struct Flags {
   LogFormat log_format = LogFormat::kText;
   LogLevel log_level = LogLevel::kInfo;
   std::string ready_file;
+  std::string metrics_listen = "none";  // "none": no port for metrics and probes
+  double stall_s = 10.0;
   double drain_s = 5.0;
   std::string record_dir;  // empty: nothing is recorded
   bool record_all = true;  // false: only sessions whose client asks for it
@@ -66,11 +68,17 @@ struct ReportDevices {
 struct BecomeDemo {
   std::vector<std::string> arguments;
 };
+// Ask the running daemon how it is.
+struct CheckHealth {
+  Flags flags;          // for the daemon's address
+  std::string address;  // instead of the daemon's own; empty: none
+  bool alive = false;   // ask for liveness instead of readiness
+};
 // The process ends with this code. Help, version, configuration or error have been printed.
 struct Exit {
   int code = 0;
 };
-using Command = std::variant<Serve, ReportDevices, BecomeDemo, Exit>;
+using Command = std::variant<Serve, ReportDevices, CheckHealth, BecomeDemo, Exit>;
 
 // Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
 // Exit{2}.

@@ -26,10 +26,15 @@
 #include "server/base/cpu_budget.h"
 #include "server/flags.h"
 #include "server/gl/software_renderer.h"
+#include "server/health_check.h"
+#include "server/metrics/operator_pages.h"
 #include "server/service/listener.h"
 #include "server/record/recorder.h"
 #include "server/service/server_info.h"
+#include "server/service/self_test.h"
 #include "server/service/service.h"
+#include "server/service/watchdog.h"
+#include "server/service_manager.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/sampler_choice.h"
 
@@ -303,8 +308,41 @@ bool signalled_again() {
   return stops(sigtimedwait(&signals, nullptr, &wait));
 }
 
-void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
-  listener.set_not_serving();
+// How often the watchdog looks.
+constexpr Watchdog::Seconds kWatchPeriod{1.0};
+
+std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Scheduler& scheduler) {
+  return {{"event loop", [&] { return listener.loops_silent(); }},
+          {"gate", [&] { return listener.gate_silent(); }},
+          {"step", [&] { return std::chrono::nanoseconds(scheduler.longest_running_ns()); }}};
+}
+
+// After each look of the watchdog: the health service, the log and systemd learn what it saw.
+void tell_health(DaemonState& state, Listener& listener, const std::vector<std::string>& hanging, const Log& log) {
+  if (hanging.empty()) notify_alive();
+  if (!state.set_hanging(hanging)) return;
+  listener.set_alive(hanging.empty());
+  listener.set_serving(state.ready());
+  if (hanging.empty())
+    log.info("threads answer again");
+  else
+    log.error("threads hang", {{"threads", joined(hanging, ", ")}});
+}
+
+// The address of a daemon with these flags, for a client on the same host.
+std::string local_address(const Flags& flags) {
+  if (!flags.listen_unix.empty()) return "unix:" + flags.listen_unix;
+  const size_t colon = flags.listen.rfind(':');
+  const std::string host = flags.listen.substr(0, colon), port = flags.listen.substr(colon);
+  if (host == "0.0.0.0") return "127.0.0.1" + port;
+  if (host == "[::]") return "[::1]" + port;
+  return flags.listen;
+}
+
+void drain(DaemonState& state, Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
+  state.enter(DaemonState::Phase::kStopping);
+  notify_stopping();
+  listener.set_serving(false);
   streams.drain("the server is stopping");
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
   while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
@@ -312,7 +350,11 @@ void stop_in_order(Listener& listener, StreamRegistry& streams, double drain_s, 
   if (streams.size() > 0)
     log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
   streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
-  listener.stop(kStopGrace);
+}
+
+// With the port that was taken, should the flag ask for a free one.
+std::string metrics_address(const Flags& flags, const HttpPort& port) {
+  return flags.metrics_listen.substr(0, flags.metrics_listen.rfind(':') + 1) + std::to_string(port.port());
 }
 
 int failed_to_start(const Log& log, const Error& error, const std::string& advice) {
@@ -354,13 +396,28 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const BudgetRules budget = budget_rules(flags);
   FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
-  CameraControlService service(
-      ServiceParts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                   monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory, credentials->get()},
-      service_limits(flags));
+  const ServiceParts parts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
+                           monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory, credentials->get()};
+  if (const Status well = compute_first_step(parts); !well)
+    return failed_to_start(log, well.error(), "no step can be computed on this device; try another --sampler");
+  DaemonState state;
+  CameraControlService service(parts, service_limits(flags));
+  service.tell_ready_by([&state] { return state.ready(); });
   const auto listener = Listener::start(listen_options(flags, scheduler.threads(), **credentials, log), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
+
+  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
+                                   [&](const auto& hanging) { tell_health(state, **listener, hanging, log); });
+  std::unique_ptr<HttpPort> operators;
+  if (flags.metrics_listen != "none") {
+    auto port = HttpPort::start(flags.metrics_listen, "--metrics-listen",
+                                operator_pages({parts, state, [&] { return (*listener)->connections(); }}));
+    if (!port) return failed_to_start(log, port.error(), "choose another address, or stop what uses it");
+    operators = std::move(*port);
+  }
+  state.enter(DaemonState::Phase::kServing);
+  notify_ready();
 
   const ReadyFile ready(flags.ready_file);
   if (!ready.write(joined((*listener)->addresses(), "\n")))
@@ -370,6 +427,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
                      {"tls", credentials->get()->tls() ? "yes" : "no"},
                      {"sampler", sampler.kind()},
                      {"threads", std::to_string(scheduler.threads())},
+                     {"metrics", operators ? metrics_address(flags, *operators) : "none"},
                      {"recordings", recording ? flags.record_dir : "none"}});
   const auto look_at_credentials = [&] { read_credentials_again(**credentials, streams, log); };
   const auto tidy_up = [&] {
@@ -381,7 +439,10 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
     look_at_credentials();
   });
   ready.remove();
-  stop_in_order(**listener, streams, flags.drain_s, log);
+  drain(state, **listener, streams, flags.drain_s, log);
+  operators.reset();
+  watchdog.reset();
+  (*listener)->stop(kStopGrace);
   log.info("stopped", {{"steps", std::to_string(stats.steps)},
                        {"degraded", std::to_string(stats.degraded)},
                        {"late", std::to_string(stats.late)},
@@ -452,6 +513,9 @@ int main(int argc, char** argv) {
   if (const auto* demo = std::get_if<BecomeDemo>(&command)) return become_demo(demo->arguments);
   prepare_process();
   if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags);
+  if (const auto* check = std::get_if<CheckHealth>(&command))
+    return check_health(check->address.empty() ? local_address(check->flags) : check->address, check->alive ? "liveness" : "readiness",
+                        std::cout, std::cerr);
   const Flags& flags = std::get<Serve>(command).flags;
   const Log log(flags.log_format, flags.log_level);
   return serve_or_explain(flags, log, [=] { return parse_command_line(argc, argv); });

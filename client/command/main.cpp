@@ -13,6 +13,7 @@
 #include "client/evaluate/evaluate_command.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
+#include "client/status/command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
 #include "client/base/verb.h"
@@ -126,6 +127,8 @@ int main(int argc, char** argv) {
   verbs.push_back(sightline::add_replay_verb(app));
   verbs.push_back(sightline::add_compare_verb(app));
   verbs.push_back(sightline::add_report_verb(app));
+  verbs.push_back(sightline::add_status_verb(app));
+  verbs.push_back(sightline::add_top_verb(app));
 
   try {
     app.parse(argc, argv);

@@ -2,6 +2,7 @@
 
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -85,15 +86,31 @@ GateCounts Gate::counts() const {
   const std::lock_guard lock(mutex_);
   GateCounts counts = counts_;
   counts.open = connections_.size();
+  for (const auto& relay : relays_) {
+    counts.received_bytes += relay->received_bytes();
+    counts.sent_bytes += relay->sent_bytes();
+  }
   return counts;
 }
 
+double Gate::silent_s() const {
+  double oldest_s = gate_now_s();
+  {
+    const std::lock_guard lock(mutex_);
+    if (!stopping_) oldest_s = beat_s_.load(std::memory_order_relaxed);
+  }
+  for (const auto& relay : relays_) oldest_s = std::min(oldest_s, relay->last_beat_s());
+  return std::max(0.0, gate_now_s() - oldest_s);
+}
+
 void Gate::run() {
+  ::prctl(PR_SET_NAME, "gate");  // for ps and debuggers
   std::vector<pollfd> watched{{wake_.get(), POLLIN, 0}};
   for (const ListeningSocket& socket : sockets_) watched.push_back({socket.fd(), POLLIN, 0});
   double checked_s = gate_now_s();
   for (;;) {
     ::poll(watched.data(), watched.size(), kCheckMs);
+    beat_s_.store(gate_now_s(), std::memory_order_relaxed);
     {
       const std::lock_guard lock(mutex_);
       if (stopping_) break;
@@ -126,6 +143,8 @@ void Gate::refuse(const std::string& client, std::string_view reason) {
   {
     const std::lock_guard lock(mutex_);
     ++counts_.refused;
+    const auto own = of_client_.find(client);
+    counts_.refused_client += own != of_client_.end() && own->second >= limits_.max_per_client;
   }
   notice_(client, reason);
 }

@@ -8,6 +8,7 @@
 // The price is one more thread on the way of each message.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -41,8 +42,10 @@ struct GateLimits {
 // Since the start, except `open`.
 struct GateCounts {
   uint64_t open = 0, accepted = 0;
-  uint64_t refused = 0;  // no place was left
-  uint64_t cut = 0;      // for what the client sent, or for silence
+  uint64_t refused = 0;         // no place was left
+  uint64_t refused_client = 0;  // those of `refused` whose client had all that a client may have
+  uint64_t cut = 0;             // for what the client sent, or for silence
+  uint64_t received_bytes = 0, sent_bytes = 0;
   uint64_t failed_handshakes = 0;  // of those that were cut
 };
 
@@ -71,6 +74,8 @@ class Gate {
   // argument.
   Peer peer_of(const std::string& peer) const;
   GateCounts counts() const;
+  // Time since the slowest of the gate's threads last went round, in seconds. Each does so at least four times a second, unless it hangs.
+  double silent_s() const;
 
  private:
   void run();
@@ -92,6 +97,7 @@ class Gate {
   const FileDescriptor wake_;
   std::atomic<size_t> next_relay_{0};
   std::map<std::string, TokenBucket> handshakes_;  // by client; used by thread_ only
+  std::atomic<double> beat_s_{gate_now_s()};  // when the thread last went round
 
   mutable std::mutex mutex_;
   // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.

@@ -2,6 +2,7 @@
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -77,9 +78,11 @@ void Relay::adopt(OwnedLine line) {
 }
 
 void Relay::run() {
+  ::prctl(PR_SET_NAME, "relay");  // for ps and debuggers
   std::array<epoll_event, 64> events;
   for (;;) {
-    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
+    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), kBeatMs);
+    beat_s_.store(gate_now_s(), std::memory_order_relaxed);
     bool woken = false;
     for (int i = 0; i < count; ++i) {
       const epoll_event& event = events[static_cast<size_t>(i)];
@@ -225,6 +228,7 @@ void Relay::pass_on(Line& line) {
 }
 
 void Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
+  received_bytes_.fetch_add(bytes.size(), std::memory_order_relaxed);
   const bool greeted = line.watch.greeted();
   if (const auto reason = line.watch.read(bytes, gate_now_s())) line.cut_for = *reason;
   Connection& connection = *line.connection;
@@ -241,6 +245,7 @@ bool Relay::write_to(Side& side, const std::byte* bytes, size_t size) {
   const ssize_t sent = ::send(side.fd, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL);
   if (sent < 0 && errno != EAGAIN && errno != EINTR) return false;
   const auto taken = static_cast<size_t>(std::max<ssize_t>(sent, 0));
+  if (&side == &side.line->client) sent_bytes_.fetch_add(taken, std::memory_order_relaxed);
   if (taken < size) side.waiting.insert(side.waiting.end(), bytes + taken, bytes + size);
   return true;
 }

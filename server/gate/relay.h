@@ -9,7 +9,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -42,7 +44,14 @@ class Relay {
   // Chooses the relay that gets a connection after its handshake. Without it, the connection stays. Set before the first `add`.
   void pass_on_to(std::function<Relay&()> next) { next_ = std::move(next); }
 
+  // Bytes that came from clients and went to them, since the start. From any thread.
+  uint64_t received_bytes() const { return received_bytes_.load(std::memory_order_relaxed); }
+  uint64_t sent_bytes() const { return sent_bytes_.load(std::memory_order_relaxed); }
+  // When the thread last went round, which it does at least every kBeatMs: a time of gate_now_s(). From any thread.
+  double last_beat_s() const { return beat_s_.load(std::memory_order_relaxed); }
+
  private:
+  static constexpr int kBeatMs = 250;
   static constexpr size_t kMostHeld = 64 << 10;
   // Of what TLS itself has to say to a client that does not read.
   static constexpr size_t kMostAnswers = 4 * kMostHeld;
@@ -79,6 +88,9 @@ class Relay {
   std::vector<OwnedLine> ended_;  // kept until the events of this round are served
   std::array<std::byte, kMostHeld> buffer_;
   std::vector<std::byte> plain_, sealed_;  // reused
+
+  std::atomic<uint64_t> received_bytes_{0}, sent_bytes_{0};
+  std::atomic<double> beat_s_{gate_now_s()};
 
   std::mutex mutex_;
   std::vector<OwnedLine> new_;  // guarded by mutex_

@@ -1,5 +1,6 @@
 #include "server/gl/egl_context.h"
 
+#include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 
@@ -20,7 +21,15 @@ constexpr EGLint kDrmRenderNodeFile = 0x3377;
 // Lets the vertex shader choose the layer and the viewport. GPUs that have OpenGL 4.5 and lack it are from before 2014.
 constexpr const char* kLayersInVertexShader = "GL_ARB_shader_viewport_layer_array";
 
+// epoxy ends the process when a function of EGL is called and there is no EGL, so every way in asks first.
+bool has_egl() {
+  void* const library = ::dlopen("libEGL.so.1", RTLD_LAZY | RTLD_LOCAL);
+  if (library) ::dlclose(library);
+  return library != nullptr;
+}
+
 std::vector<EGLDeviceEXT> devices() {
+  if (!has_egl()) return {};
   if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_enumeration") &&
       !epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_base"))
     return {};
@@ -96,6 +105,7 @@ std::string egl_drm_node(int index) {
 }
 
 Result<std::unique_ptr<EglContext>> EglContext::create(int index) {
+  if (!has_egl()) return fail(ErrorCode::kUnavailable, "", "libEGL.so.1 is not installed");
   const EGLDisplay display = platform_display(index);
   if (display == EGL_NO_DISPLAY)
     return unavailable(index == kSurfacelessIndex ? "no surfaceless platform"

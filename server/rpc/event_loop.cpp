@@ -1,5 +1,7 @@
 #include "server/rpc/event_loop.h"
 
+#include <sys/prctl.h>
+
 #include <utility>
 
 namespace sightline {
@@ -56,6 +58,27 @@ void EventLoop::call_ends() {
   if (--calls_ == 0) none_left_.notify_all();
 }
 
+// A ping comes through the queue like every other event, so it also shows a loop that hangs inside gRPC.
+std::chrono::steady_clock::duration EventLoop::silent() {
+  const auto now = std::chrono::steady_clock::now();
+  const std::lock_guard lock(ping_.mutex);
+  if (ping_.owed) return now - ping_.since;
+  ping_.owed = true;
+  ping_.since = now;
+  call_begins();
+  ping_.alarm.emplace();
+  ping_.alarm->Set(queue_.get(), gpr_now(GPR_CLOCK_MONOTONIC), &ping_);
+  return std::chrono::steady_clock::duration::zero();
+}
+
+void EventLoop::Ping::ready(bool) {
+  {
+    const std::lock_guard lock(mutex);
+    owed = false;
+  }
+  loop.call_ends();
+}
+
 // Returns false when nothing more will come.
 bool EventLoop::next(Event*& event, bool& ok) {
   using grpc::CompletionQueue;
@@ -81,6 +104,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 }
 
 void EventLoop::run() {
+  ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
   rested_ = std::chrono::steady_clock::now();
   Event* event = nullptr;
   bool ok = false;

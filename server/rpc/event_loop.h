@@ -9,6 +9,7 @@
 // many wait, or when it has not rested for a while, so that it keeps reading.
 #pragma once
 
+#include <grpcpp/alarm.h>
 #include <grpcpp/completion_queue.h>
 
 #include <chrono>
@@ -17,6 +18,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 namespace sightline {
@@ -62,7 +64,22 @@ class EventLoop {
   void call_begins();
   void call_ends();
 
+  // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
+  // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
+  std::chrono::steady_clock::duration silent();
+
  private:
+  // The sign of life.
+  struct Ping final : Event {
+    explicit Ping(EventLoop& of) : loop(of) {}
+    void ready(bool ok) override;
+    EventLoop& loop;
+    std::optional<grpc::Alarm> alarm;
+    std::mutex mutex;
+    bool owed = false;                              // guarded by mutex
+    std::chrono::steady_clock::time_point since{};  // guarded by mutex
+  };
+
   void run();
   bool next(Event*& event, bool& ok);
   bool lags() const;
@@ -73,6 +90,8 @@ class EventLoop {
   std::deque<std::shared_ptr<ShortTask>> deferred_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
   bool after_long_rest_ = false;                    // the current event is the first one after a long rest
+
+  Ping ping_{*this};
 
   std::mutex mutex_;
   std::condition_variable none_left_;

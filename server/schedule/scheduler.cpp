@@ -1,12 +1,14 @@
 #include "server/schedule/scheduler.h"
 
+#include <sys/prctl.h>
+
 #include <algorithm>
 #include <utility>
 
 namespace sightline {
 
 Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
-    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())) {
+    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), running_since_ns_(threads, kNotRunning) {
   threads_.reserve(threads);
   for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }
@@ -44,14 +46,14 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   {
     const std::lock_guard lock(mutex_);
     if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
-    ++running_;
-    // The task passes through the empty queue, so that the round is charged against its own deadline.
-    queue_.push(task, deadline_ns);
-    queue_.pop(clock_());
     if (!spare_rounds_.empty()) {
       round = std::move(spare_rounds_.back());
       spare_rounds_.pop_back();
     }
+    starts(round);
+    // The task passes through the empty queue, so that the round is charged against its own deadline.
+    queue_.push(task, deadline_ns);
+    queue_.pop(clock_());
   }
   round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
   run(round);
@@ -60,12 +62,32 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
     const std::lock_guard lock(mutex_);
     charge(round);
     round.tasks.clear();
+    ends(round);
     spare_rounds_.push_back(std::move(round));
-    --running_;
     wakes = idle_ > 0 && may_run();
   }
   if (wakes) wake_.notify_one();
   return true;
+}
+
+// At most as many rounds run as there are threads, so one of the places is free.
+void Scheduler::starts(Round& round) {
+  ++running_;
+  const auto free = std::find(running_since_ns_.begin(), running_since_ns_.end(), kNotRunning);
+  *free = clock_();
+  round.place = static_cast<size_t>(free - running_since_ns_.begin());
+}
+
+void Scheduler::ends(const Round& round) {
+  --running_;
+  running_since_ns_[round.place] = kNotRunning;
+}
+
+int64_t Scheduler::longest_running_ns() const {
+  const std::lock_guard lock(mutex_);
+  const auto oldest = std::min_element(running_since_ns_.begin(), running_since_ns_.end());
+  if (oldest == running_since_ns_.end() || *oldest == kNotRunning) return 0;
+  return std::max<int64_t>(0, clock_() - *oldest);
 }
 
 void Scheduler::charge(const Round& round) {
@@ -73,12 +95,13 @@ void Scheduler::charge(const Round& round) {
 }
 
 void Scheduler::work() {
+  ::prctl(PR_SET_NAME, "step");  // for ps and debuggers
   Round round;
   for (;;) {
     std::unique_lock lock(mutex_);
     charge(round);
     if (!round.tasks.empty()) {
-      --running_;
+      ends(round);
       // These may be the last references. The tasks are destroyed without the lock, which others wait for.
       lock.unlock();
       round.tasks.clear();
@@ -88,7 +111,7 @@ void Scheduler::work() {
     wake_.wait(lock, [this] { return (stopping_ && queue_.empty()) || may_run(); });
     --idle_;
     if (queue_.empty()) return;
-    ++running_;
+    starts(round);
     choose(round);
     lock.unlock();
     run(round);

@@ -9,6 +9,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -64,6 +65,9 @@ class Scheduler {
   // device that gains from taking several maps together.
   bool try_run_now(Scheduled& task, int64_t deadline_ns);
 
+  // Time since the start of the oldest round that still runs, in nanoseconds; 0 when none runs. From any thread.
+  int64_t longest_running_ns() const;
+
   unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
   int64_t now_ns() const { return clock_(); }
 
@@ -74,7 +78,10 @@ class Scheduler {
     std::vector<TakeJob> jobs, asked;
     std::vector<int64_t> costs_ns;  // by task
     int64_t end_ns = 0;
+    size_t place = 0;  // in running_since_ns_
   };
+  void starts(Round& round);      // needs mutex_
+  void ends(const Round& round);  // needs mutex_
   void work();
   void choose(Round& round);  // needs mutex_
   void run(Round& round);
@@ -86,11 +93,13 @@ class Scheduler {
   const StageClock clock_;
   const size_t best_batch_;
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable wake_;
   DeadlineQueue queue_;               // guarded by mutex_
   unsigned idle_ = 0;                 // waiting threads; guarded by mutex_
   size_t running_ = 0;                // rounds, including those of try_run_now; guarded by mutex_
+  std::vector<int64_t> running_since_ns_;  // one place for each thread; kNotRunning when free; guarded by mutex_
+  static constexpr int64_t kNotRunning = std::numeric_limits<int64_t>::max();
   std::vector<Round> spare_rounds_;   // memory for try_run_now; guarded by mutex_
   bool stopping_ = false;             // guarded by mutex_
   std::vector<std::thread> threads_;  // constant after construction

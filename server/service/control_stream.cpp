@@ -47,6 +47,8 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
   const std::string& client = caller->name;
   if (const Admission admission = parts.streams.add(stream, client); admission != Admission::kAdmitted) {
     parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
+    if (admission == Admission::kFull) parts.stats.limits.hit(Limit::kMaxSessions);
+    if (admission == Admission::kClientFull) parts.stats.limits.hit(Limit::kMaxSessionsPerClient);
     stream->finished_ = true;
     return stream->finish_call(refusal(admission, parts.streams));
   }
@@ -114,6 +116,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
 }
 
 void ControlStream::refuse_message(const Error& error) {
+  if (error.code == ErrorCode::kResourceExhausted) parts_.stats.limits.hit(Limit::kMaxMessageMemory);
   if (!end_status_) end_status_ = status_from_error(error);
 }
 
@@ -149,6 +152,7 @@ void ControlStream::on_alarm(bool ran_out) {
   const std::lock_guard lock(mutex_);
   if (finished_ || end_status_) return;
   if (!heard_) {
+    parts_.stats.limits.hit(Limit::kOpenTimeout);
     end_status_ =
         grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
     return advance();
@@ -157,6 +161,7 @@ void ControlStream::on_alarm(bool ran_out) {
   // A session whose scene is still being read is not silent.
   silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
   if (silent_alarms_ > kAlarmsInSilence) {
+    parts_.stats.limits.hit(Limit::kSessionIdle);
     end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came for too long (--session-idle-s)");
     return advance();
   }

@@ -109,6 +109,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   listener->reflection_.take_calls(*listener->loops_.front(), {v1::CameraControlService::service_full_name(),
                                                                grpc::health::v1::Health::service_full_name(),
                                                                grpc::reflection::v1alpha::ServerReflection::service_full_name()});
+  listener->set_alive(true);
   listener->set_serving(true);
   listener->gate_->start();
   return listener;
@@ -121,10 +122,17 @@ Listener::~Listener() {
 void Listener::set_serving(bool serving) {
   health_.set(v1::CameraControlService::service_full_name(), serving);
   health_.set("", serving);
+  health_.set("readiness", serving);
 }
 
-void Listener::set_not_serving() {
-  set_serving(false);
+void Listener::set_alive(bool alive) {
+  health_.set("liveness", alive);
+}
+
+std::chrono::duration<double> Listener::loops_silent() const {
+  std::chrono::duration<double> longest(0.0);
+  for (const auto& loop : loops_) longest = std::max<std::chrono::duration<double>>(longest, loop->silent());
+  return longest;
 }
 
 void Listener::stop(std::chrono::milliseconds grace) {

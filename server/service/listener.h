@@ -53,14 +53,20 @@ class Listener {
 
   GateCounts connections() const { return gate_->counts(); }
 
-  // From now on the health service says NOT_SERVING; everything else goes on.
-  void set_not_serving();
+  // What the health service answers for the daemon and its services. Everything else goes on. From any thread.
+  void set_serving(bool serving);
+  // What it answers for "liveness". It begins with SERVING.
+  void set_alive(bool alive);
+
+  // How long the slowest event loop has owed a sign of life, and how long ago the slowest thread of the gate last went round. To be called about
+  // once a second, from any thread, until `stop`.
+  std::chrono::duration<double> loops_silent() const;
+  std::chrono::duration<double> gate_silent() const { return std::chrono::duration<double>(gate_->silent_s()); }
   // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks. May be called again.
   void stop(std::chrono::milliseconds grace);
 
  private:
   Listener() = default;
-  void set_serving(bool serving);
 
   // Every connection comes through it, so it exists before the first call.
   std::unique_ptr<Gate> gate_;

@@ -1,5 +1,9 @@
 #include "server/service/server_info.h"
 
+#include <algorithm>
+#include <string_view>
+
+#include "server/base/process_figures.h"
 #include "server/record/recorder.h"
 
 namespace sightline {
@@ -14,6 +18,53 @@ void set(const RecordCounts& counts, v1::RecordingStats& out) {
   out.set_write_failures(counts.write_failures);
   out.set_files(counts.files);
   out.set_removed_files(counts.removed_files);
+}
+
+void set(const DurationCounts& counts, v1::DurationHistogram& out) {
+  const auto octaves = counts.by_octave();
+  size_t used = octaves.size();
+  while (used > 0 && octaves[used - 1] == 0) --used;
+  for (size_t i = 0; i < used; ++i) out.add_counts(octaves[i]);
+  out.set_sum_s(counts.sum_s());
+}
+
+void add_limit(std::string_view name, uint64_t count, v1::GetServerStatsResponse& stats) {
+  if (count == 0) return;
+  v1::LimitCount& limit = *stats.add_limits();
+  limit.set_limit(name.data(), name.size());
+  limit.set_count(count);
+}
+
+void set(const StepStats& counts, v1::GetServerStatsResponse& stats) {
+  stats.set_steps(counts.steps);
+  stats.set_degraded_steps(counts.degraded);
+  stats.set_late_steps(counts.late);
+  stats.set_queue_p50_us(counts.queue.quantile_us(0.5));
+  stats.set_queue_p99_us(counts.queue.quantile_us(0.99));
+  stats.set_ticks(counts.ticks);
+  stats.set_merged_ticks(counts.merged);
+  stats.set_refused_ticks(counts.refused);
+  stats.set_opened_sessions(counts.opened);
+  set(counts.tick_age, *stats.mutable_tick_age());
+  set(counts.queue, *stats.mutable_queue());
+  set(counts.step, *stats.mutable_step());
+  for (size_t i = 0; i < kStageNames.size(); ++i) {
+    v1::StageHistogram& stage = *stats.add_stages();
+    stage.set_stage(kStageNames[i]);
+    set(counts.stages[i], *stage.mutable_durations());
+  }
+  for (const auto& sessions : counts.sessions_at_level)
+    stats.add_sessions_at_level(static_cast<uint64_t>(std::max<int64_t>(0, sessions)));
+  for (size_t i = 0; i < kLimitNames.size(); ++i)
+    add_limit(kLimitNames[i], counts.limits.count(static_cast<Limit>(i)), stats);
+}
+
+void set(const GateCounts& counts, v1::GetServerStatsResponse& stats) {
+  stats.set_open_connections(counts.open);
+  stats.set_received_bytes(counts.received_bytes);
+  stats.set_sent_bytes(counts.sent_bytes);
+  add_limit("max-connections", counts.refused - counts.refused_client, stats);
+  add_limit("max-connections-per-client", counts.refused_client, stats);
 }
 
 }  // namespace
@@ -32,11 +83,13 @@ void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::Get
   stats.set_geometry_bytes(parts.geometry.live_bytes());
   stats.set_cluster_bytes(parts.geometry.live_bytes_by_part().clusters);
   stats.set_sampler_bytes(parts.sampler.geometry_bytes());
-  stats.set_steps(parts.stats.steps);
-  stats.set_degraded_steps(parts.stats.degraded);
-  stats.set_late_steps(parts.stats.late);
-  stats.set_queue_p50_us(parts.stats.queue.quantile_us(0.5));
-  stats.set_queue_p99_us(parts.stats.queue.quantile_us(0.99));
+  set(parts.stats, stats);
+  set(callers.connections(), stats);
+  const ProcessFigures process = process_figures();
+  stats.set_uptime_s(process.uptime_s);
+  stats.set_resident_bytes(process.resident_bytes);
+  stats.set_cpu_s(process.cpu_s);
+  stats.set_step_threads(parts.scheduler.threads());
   if (parts.recording.writer) set(parts.recording.writer->counts(), *stats.mutable_recording());
   v1::AccessStats& access = *stats.mutable_access();
   access.set_refused_calls(callers.credentials().access().refused());

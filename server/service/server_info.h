@@ -12,6 +12,7 @@ inline constexpr const char* kVersion = SIGHTLINE_VERSION;
 inline constexpr const char* kBuild = SIGHTLINE_BUILD;
 
 void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info);
+// Sets everything but `ready`.
 void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::GetServerStatsResponse& stats);
 
 }  // namespace sightline

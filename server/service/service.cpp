@@ -72,6 +72,7 @@ grpc::Status CameraControlService::GetServerStats(grpc::ServerContext* context, 
     const auto caller = callers_.identify(*context, Need::kObserve);
     if (!caller) return caller.error();
     get_server_stats(parts_, callers_, *stats);
+    stats->set_ready(ready_());
     return grpc::Status::OK;
   });
 }

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
 #include "server/service/callers.h"
 #include "server/service/parts.h"
@@ -25,6 +26,8 @@ class CameraControlService final
 
   // Decides who may call. The listener tells it about the gate.
   Callers& callers() { return callers_; }
+  // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
+  void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 
   // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
   // has started.
@@ -47,6 +50,7 @@ class CameraControlService final
   WorkerPool parsers_{1};  // of large messages
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
+  std::function<bool()> ready_ = [] { return true; };
 };
 
 }  // namespace sightline

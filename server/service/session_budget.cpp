@@ -29,13 +29,17 @@ bool InstanceMemory::change(size_t former, size_t now) {
 Status InstanceShare::resize(size_t instances, const char* field) {
   const size_t bytes = instances * kBytesOfInstance;
   const bool grows = instances > instances_;
-  if (grows && limits_.session_bytes > 0 && bytes > limits_.session_bytes)
+  if (grows && limits_.session_bytes > 0 && bytes > limits_.session_bytes) {
+    hit(Limit::kSessionMemory);
     return fail(ErrorCode::kResourceExhausted, field,
                 std::to_string(instances) + " instances take " + mib(bytes) + "; a session may have " +
                     mib(limits_.session_bytes) + " (--session-memory-mib)");
-  if (memory_ && !memory_->change(instances_, instances))
+  }
+  if (memory_ && !memory_->change(instances_, instances)) {
+    hit(Limit::kSessionsMemory);
     return fail(ErrorCode::kResourceExhausted, field,
                 "the sessions together have no memory left for this many instances (--sessions-memory-mib)");
+  }
   instances_ = instances;
   return {};
 }

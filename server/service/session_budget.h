@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "server/base/error.h"
+#include "server/schedule/limit_counts.h"
 #include "server/settings/step_settings.h"
 
 namespace sightline {
@@ -33,8 +34,9 @@ class InstanceMemory {
 // Counts the instances of one session in both limits until it is destroyed.
 class InstanceShare {
  public:
-  // `memory` may be null: then only the session's own limit holds.
-  InstanceShare(const SessionLimits& limits, InstanceMemory* memory) : limits_(limits), memory_(memory) {}
+  // `memory` may be null: then only the session's own limit holds. `counts`, which may be null, counts refusals.
+  InstanceShare(const SessionLimits& limits, InstanceMemory* memory, LimitCounts* counts = nullptr)
+      : limits_(limits), memory_(memory), counts_(counts) {}
   ~InstanceShare() { (void)resize(0, ""); }
   InstanceShare(const InstanceShare&) = delete;
   InstanceShare& operator=(const InstanceShare&) = delete;
@@ -43,8 +45,13 @@ class InstanceShare {
   Status resize(size_t instances, const char* field);
 
  private:
+  void hit(Limit limit) const {
+    if (counts_) counts_->hit(limit);
+  }
+
   const SessionLimits& limits_;
   InstanceMemory* const memory_;
+  LimitCounts* const counts_;
   size_t instances_ = 0;
 };
 

@@ -34,7 +34,7 @@ SessionDriver::SessionDriver(const ServiceParts& parts, std::string session_id, 
       reader_(std::move(reader)),
       recording_(parts.recording, parts.clock, parts.scenes, reader_, parts.log),
       counters_(parts.stats),
-      instances_(parts.session_limits, parts.instance_memory) {}
+      instances_(parts.session_limits, parts.instance_memory, &parts.stats.limits) {}
 
 TakeJob SessionDriver::plan(Turn& turn) {
   turn.replies.clear();
@@ -66,6 +66,7 @@ void SessionDriver::account(QualityControl::StepTimes times) {
   times.behind = times.behind || merged_;
   counters_.deadline(times.late());
   if (const std::optional<int> former = quality_->finish_step(times)) log_level_change(*former);
+  counters_.at_level(quality_->level());
 }
 
 grpc::Status SessionDriver::status_after_last_message() const {
@@ -73,6 +74,7 @@ grpc::Status SessionDriver::status_after_last_message() const {
 }
 
 void SessionDriver::close(const grpc::Status& status) {
+  if (session_) counters_.closed(status.error_code());
   session_.reset();
   (void)instances_.resize(0, "");
   recording_.close();
@@ -119,6 +121,7 @@ void SessionDriver::open(Turn& turn) {
   if (opened) {
     turn.replies.push_back(std::move(reply));
   } else {
+    counters_.open_refused();
     parts_.log.warn("open refused", {{"session", session_id_}, {"reason", to_string(opened.error())}});
     turn.end = status_from_error(opened.error());
   }
@@ -128,8 +131,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
-  if (Status ok = check_step_cost(options->settings, options->targets.size(), parts_.session_limits, "open.settings"); !ok)
-    return ok;
+  if (Status ok = check_cost(options->settings, options->targets.size(), "open.settings"); !ok) return ok;
   if (Status ok = instances_.resize(options->instances.size(), "open.instances"); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
@@ -138,6 +140,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   BudgetRules rules = parts_.budget;
   rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
   quality_.emplace(rules, parts_.shares);
+  counters_.opened();
   opened_to_proto(*session_, opened);
   opened.set_session_id(session_id_);
   opened.set_sampler(parts_.sampler.kind());
@@ -176,6 +179,7 @@ std::optional<uint64_t> SessionDriver::apply_ticks(Turn& turn) {
     if (turn.needs_loader) break;
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
+      newest_arrival_ns_ = message.arrival_ns;
       note_step_control(tick.step_control());
       recording_.attach_scenes(tick);
     } else {
@@ -211,11 +215,16 @@ Status SessionDriver::check_budgets(const TickInput& tick) {
   if (tick.settings || tick.targets) {
     const StepSettings& settings = tick.settings ? *tick.settings : session_->settings();
     const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
-    if (Status ok = check_step_cost(settings, targets, parts_.session_limits, tick.settings ? "tick.settings" : "tick.targets"); !ok)
-      return ok;
+    if (Status ok = check_cost(settings, targets, tick.settings ? "tick.settings" : "tick.targets"); !ok) return ok;
   }
   const size_t now = session_->mirror().size(), added = tick.delta.add.size();
   return added == 0 ? Status{} : instances_.resize(now + added, "tick.delta.added_instances");
+}
+
+Status SessionDriver::check_cost(const StepSettings& settings, size_t targets, const char* field) {
+  Status ok = check_step_cost(settings, targets, parts_.session_limits, field);
+  if (!ok) counters_.hit(Limit::kMaxStepCost);
+  return ok;
 }
 
 // --- replies
@@ -228,10 +237,18 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
     Error error = answer.error();
     error.message.insert(0, "the tick was applied, but its step failed: ");
     recording_.fault(sequence, "sample", to_string(answer.error()));
+    if (error.code == ErrorCode::kResourceExhausted) counters_.hit(Limit::kMaxMaps);
     return reject(turn, error, sequence);
   }
   merged_ = answer->merged_ticks > std::exchange(merges_asked_, 0);
-  counters_.step(answer->degraded.has_value(), answer->queue_ns);
+  counters_.step({.degraded = answer->degraded.has_value(),
+                  .quality_level = answer->quality_level,
+                  .merged_ticks = answer->merged_ticks,
+                  .arrival_ns = newest_arrival_ns_,
+                  .reply_ns = parts_.clock(),
+                  .queue_ns = answer->queue_ns,
+                  .scene_ns = answer->scene_ns,
+                  .stage_ns = answer->step.stage_ns});
   v1::CameraReply& reply = *turn.replies.emplace_back(std::move(turn.spare)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);

@@ -75,6 +75,7 @@ class SessionDriver {
   std::optional<uint64_t> apply_ticks(Turn& turn);
   Status apply(const Inbox::Message& message);
   Status check_budgets(const TickInput& tick);
+  Status check_cost(const StepSettings& settings, size_t targets, const char* field);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
   void reject(Turn& turn, const Error& error, uint64_t sequence);
@@ -99,6 +100,7 @@ class SessionDriver {
 
   // The step that is under way, or was the last one.
   std::optional<uint64_t> stepping_;  // sequence of its tick, between `plan` and `finish`
+  int64_t newest_arrival_ns_ = 0;     // of its tick
   int64_t tick_interval_ns_ = 1;
   bool merged_ = false;  // its reply also covers ticks that did not ask to be merged
 };

@@ -17,13 +17,14 @@ namespace {
 
 constexpr std::chrono::seconds kRetryDelay{2};
 
-grpc::Status too_large(const std::string& what, size_t limit_bytes) {
+grpc::Status too_large(LimitCounts& counts, const std::string& what, size_t limit_bytes) {
+  counts.hit(Limit::kMaxUpload);
   return status_from_error({ErrorCode::kResourceExhausted, "chunk",
                             what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
 }
 
-grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, ReadTimeout& timeout,
-                     UploadPlaces::Place& place, std::vector<std::byte>& bytes) {
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, LimitCounts& counts,
+                     ReadTimeout& timeout, UploadPlaces::Place& place, std::vector<std::byte>& bytes) {
   v1::UploadSceneRequest request;
   const auto next = [&] {
     timeout.begin();
@@ -33,10 +34,12 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
   };
   while (next()) {
     const auto chunk = std::as_bytes(std::span(request.chunk()));
-    if (chunk.size() > limits.max_chunk_bytes) return too_large("a chunk", limits.max_chunk_bytes);
-    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large("the file", limits.max_upload_bytes);
-    if (!place.add(chunk.size()))
+    if (chunk.size() > limits.max_chunk_bytes) return too_large(counts, "a chunk", limits.max_chunk_bytes);
+    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large(counts, "the file", limits.max_upload_bytes);
+    if (!place.add(chunk.size())) {
+      counts.hit(Limit::kMaxUpload);
       return exhausted_status("the uploads in progress hold too much memory (twice --max-upload-mib)", kRetryDelay);
+    }
     bytes.insert(bytes.end(), chunk.begin(), chunk.end());
   }
   return grpc::Status::OK;
@@ -68,14 +71,21 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
                           const std::string& client, v1::UploadSceneResponse& reply) {
   std::optional<UploadPlaces::Place> place;
   places.take(place, [&context] { context.TryCancel(); });
-  if (!place) return exhausted_status("too many uploads are in progress (--max-uploads)", kRetryDelay);
+  LimitCounts& counts = parts.stats.limits;
+  if (!place) {
+    counts.hit(Limit::kMaxUploads);
+    return exhausted_status("too many uploads are in progress (--max-uploads)", kRetryDelay);
+  }
   std::vector<std::byte> bytes;
   ReadTimeout timeout(context, limits.upload_timeout);
-  if (grpc::Status status = collect(reader, limits, timeout, *place, bytes); !status.ok()) return status;
-  if (timeout.ran_out())
+  if (grpc::Status status = collect(reader, limits, counts, timeout, *place, bytes); !status.ok()) return status;
+  if (timeout.ran_out()) {
+    counts.hit(Limit::kUploadTimeout);
     parts.log.info("upload ended", {{"reason", "the client sent nothing for --upload-timeout-s"},
                                     {"bytes", std::to_string(bytes.size())}});
+  }
   if (!place->complete()) {
+    counts.hit(Limit::kMaxUploads);
     parts.log.info("upload ended", {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
     return grpc::Status::CANCELLED;
   }

@@ -23,6 +23,8 @@ COMMANDS = {
     "replay": ("FILE",),
     "compare": ("FILE", "FILE"),
     "report": ("FILE",),
+    "status": (),
+    "top": (),
 }
 ON_RECORDINGS = ("info", "verify", "recover", "dump", "cut", "replay", "compare", "report")
 

@@ -35,6 +35,8 @@ NOT_RUN = (
     (r"npm ci", "NodeBuild installs, generates and compiles"),
     (r"make_sessions\.py", "would write into the repository; Conformance compares what it writes"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
+    (r"^kubectl ", "needs a cluster; Manifests checks what it applies"),
+    (r"^curl |^sightlined --metrics-listen|^sightlined healthcheck|^sightline (status|top)", "Metrics runs these on free ports"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
     (r"^sightline bench", "measures for a minute, or needs a daemon's process id"),
@@ -158,7 +160,7 @@ class Documents(unittest.TestCase):
         return [block for block in self.blocks if block.language == language]
 
     def test_every_block_says_its_language(self):
-        known = {"cpp", "python", "sh", "json", "text", "cmake"}
+        known = {"cpp", "python", "sh", "json", "text", "cmake", "yaml"}
         self.assertEqual([], [f"{b.path}:{b.line}: {b.language or 'none'}" for b in self.blocks if b.language not in known])
 
     def test_no_code_is_indented_instead(self):
@@ -249,10 +251,12 @@ class Documents(unittest.TestCase):
                         self.check_flags(words)
 
     def check_flags(self, words):
-        verb = words[1:2] if words[0] == "sightline" else []
+        verb = words[1:2] if words[0] == "sightline" or words[1:2] == ["healthcheck"] else []
         program = words[0] if "/" in words[0] else BIN / words[0]
         done = subprocess.run([program, *verb, "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 0, done.stderr)
+        if words[0] == "sightlined" and verb:  # it takes the daemon's flags too
+            done.stdout += subprocess.run([program, "--help"], capture_output=True, text=True, timeout=60).stdout
         for flag in (word.split("=")[0] for word in words if word.startswith("--")):
             self.assertRegex(done.stdout, rf"(^|[\s,\[(]){re.escape(flag)}\b", f"{flag} in {' '.join(words)}")
 

@@ -21,9 +21,9 @@ import unittest
 # Folders that are checked.
 ROOMS = ("server", "client", "scenes", "tests")
 # The rooms of the server that may use gRPC, protobuf and the generated messages. All others must not even link them.
-KNOW_THE_NETWORK = ("rpc", "wire", "record", "service")
+KNOW_THE_NETWORK = ("rpc", "wire", "record", "service", "metrics")
 # Rooms of the server that clients must not include.
-CLOSED_TO_CLIENTS = ("service", "schedule")
+CLOSED_TO_CLIENTS = ("service", "metrics", "schedule")
 # Libraries whose headers only these targets may include, directly or through other headers. (Tests may.)
 CONFINED = {
     "OpenGL": ("sightline_gl", "sightline_sample_egl"),
@@ -55,10 +55,13 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"gmock/", "GoogleTest", "GTest::gmock"),
     (r"benchmark/", "Google Benchmark", "benchmark::benchmark"),
     (r"btBullet", "Bullet", "PkgConfig::BULLET"),
+    (r"prometheus/", "prometheus-cpp", "PkgConfig::PROMETHEUS"),
+    (r"civetweb\.h$", "civetweb", "civetweb::civetweb"),
+    (r"systemd/", "systemd", "PkgConfig::SYSTEMD"),
 )]
 # The C++ library, and what Linux, glibc and the compiler bring.
 SYSTEM = re.compile(r"[a-z_0-9]+$|(sys|linux|netinet|arpa)/|"
-                    r"(unistd|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|netdb|pwd|strings|errno|immintrin)\.h$")
+                    r"(unistd|dlfcn|fcntl|spawn|sched|malloc|time|stdlib|signal|poll|netdb|pwd|strings|errno|immintrin)\.h$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")', re.M)
 
 Include = collections.namedtuple("Include", "path line header")

@@ -285,5 +285,45 @@ TEST(Scheduler, RunsATaskOnTheCallersThreadToo) {
   EXPECT_EQ(events.after(0), (Entries{"here planned", "here ok"}));
 }
 
+TEST(Scheduler, SaysHowLongTheOldestRoundHasBeenRunning) {
+  CountingDevice device(1);
+  EventLog events;
+  std::atomic<int64_t> now_ns{1'000};
+  Scheduler scheduler(2, device, [&] { return now_ns.load(); });
+  EXPECT_EQ(scheduler.longest_running_ns(), 0);
+  class Waiting final : public Task {
+   public:
+    Waiting(EventLog& log, const char* name, std::atomic<bool>& go_on) : Task(log, name, 0), go_on_(go_on) {}
+    void finish(const TakenMaps& taken) override {
+      go_on_.wait(false);
+      Task::finish(taken);
+    }
+
+   private:
+    std::atomic<bool>& go_on_;
+  };
+  std::atomic<bool> first_goes{false}, second_goes{false};
+  const auto release = [](std::atomic<bool>& goes) {
+    goes = true;
+    goes.notify_all();
+  };
+  const auto until = [&](int64_t expected_ns) {
+    for (int i = 0; i < 30'000 && scheduler.longest_running_ns() != expected_ns; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_EQ(scheduler.longest_running_ns(), expected_ns);
+  };
+  scheduler.post(std::make_shared<Waiting>(events, "first", first_goes), 1);
+  events.after(1);
+  now_ns += 500;
+  scheduler.post(std::make_shared<Waiting>(events, "second", second_goes), 1);
+  events.after(2);
+  now_ns += 40;
+  EXPECT_EQ(scheduler.longest_running_ns(), 540);
+  release(first_goes);
+  until(40);
+  release(second_goes);
+  until(0);
+}
+
 }  // namespace
 }  // namespace sightline

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <vector>
 
 #include "server/base/random.h"
@@ -216,6 +217,56 @@ TEST(TickPace, AReplyIsDueOneIntervalAfterItsTick) {
   EXPECT_EQ(pace.deadline_ns(), 17 * kMs);
 }
 
+TEST(DurationCounts, AnOctaveHoldsWhatIsAtMostItsEnd) {
+  DurationCounts counts;
+  // On each end of an octave, and just beyond it.
+  for (int octave = 0; octave < 31; ++octave) {
+    counts.add(int64_t{1000} << octave);
+    counts.add((int64_t{1000} << octave) + (int64_t{1} << octave));
+  }
+  const auto octaves = counts.by_octave();
+  EXPECT_EQ(octaves[0], 1u);
+  for (size_t k = 1; k < 31; ++k) EXPECT_EQ(octaves[k], 2u) << k;
+  EXPECT_EQ(octaves[31], 1u);
+  EXPECT_EQ(std::accumulate(octaves.begin(), octaves.end(), uint64_t{0}), counts.count());
+}
+
+TEST(SessionCounters, ASessionIsAtOneLevelUntilItEnds) {
+  StepStats stats;
+  const auto at = [&](size_t level) { return stats.sessions_at_level[level].load(); };
+  {
+    SessionCounters one(stats), other(stats), never_opened(stats);
+    one.opened();
+    other.opened();
+    EXPECT_EQ(at(0), 2);
+    one.at_level(3);
+    EXPECT_EQ(at(0), 1);
+    EXPECT_EQ(at(3), 1);
+    one.closed(4);
+    EXPECT_EQ(at(3), 0);
+    EXPECT_EQ(stats.closed[4], 1u);
+    EXPECT_EQ(stats.opened, 2u);
+  }
+  EXPECT_EQ(at(0), 0);
+}
+
+TEST(SessionCounters, AStepIsTheSumOfItsStages) {
+  StepStats stats;
+  SessionCounters session(stats);
+  session.step({.quality_level = 2, .merged_ticks = 3, .arrival_ns = 1'000, .reply_ns = 5'001'000, .queue_ns = 7'000,
+                .scene_ns = 1'000'000, .stage_ns = {2'000'000, 3'000'000, 4'000'000, 5'000'000}});
+  EXPECT_NEAR(stats.step.sum_s(), 15e-3, 1e-9);
+  EXPECT_NEAR(stats.tick_age.sum_s(), 5e-3, 1e-9);
+  EXPECT_NEAR(stats.stages[0].sum_s(), 1e-3, 1e-9);
+  EXPECT_NEAR(stats.stages[4].sum_s(), 5e-3, 1e-9);
+  EXPECT_EQ(stats.steps_at_level[2], 1u);
+  EXPECT_EQ(stats.merged, 3u);
+  // A tick whose arrival is not known has no age.
+  session.step({.reply_ns = 9});
+  EXPECT_EQ(stats.tick_age.count(), 1u);
+  EXPECT_EQ(stats.step.count(), 2u);
+}
+
 TEST(DurationCounts, QuantilesAreThoseOfASortedList) {
   CounterRandom random(8, 0, RandomPurpose::kTest);
   DurationCounts counts;
@@ -233,7 +284,11 @@ TEST(DurationCounts, QuantilesAreThoseOfASortedList) {
     EXPECT_GE(counts.quantile_us(q), exact * 0.999) << q;
     EXPECT_LE(counts.quantile_us(q), exact * 1.092) << q;
   }
+  double sum_us = 0.0;
+  for (const double us : sorted_us) sum_us += us;
+  EXPECT_NEAR(counts.sum_s(), sum_us * 1e-6, 5000 * 1e-9);
   counts.add(0), counts.add(-5), counts.add(INT64_MAX);  // no size is out of range
+  EXPECT_NEAR(counts.sum_s(), sum_us * 1e-6 + 3600.0, 1e-3);
   EXPECT_EQ(counts.count(), sorted_us.size() + 3);
 }
 

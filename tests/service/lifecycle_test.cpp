@@ -20,7 +20,7 @@ TEST(Lifecycle, HealthServesFromTheStartAndNotWhileDraining) {
   const ServiceWorld world;
   for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 1) << service;
   EXPECT_EQ(health_of(world.channel(), "no.such.Service"), -1);
-  world.listener->set_not_serving();
+  world.listener->set_serving(false);
   for (const char* service : {"", kService}) EXPECT_EQ(health_of(world.channel(), service), 2) << service;
 }
 
@@ -59,7 +59,7 @@ TEST(Lifecycle, HealthIsSentToItsWatchers) {
   gone.cancel();
   EXPECT_EQ(gone.next(), -1);
 
-  world.listener->set_not_serving();
+  world.listener->set_serving(false);
   EXPECT_EQ(server.next(), 2);
   EXPECT_EQ(service.next(), 2);
 

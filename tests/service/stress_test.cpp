@@ -101,7 +101,7 @@ void make_trouble(ServiceWorld& world, CounterRandom& random) {
 }
 
 void drain_and_stop(ServiceWorld& world, CounterRandom& random) {
-  world.listener->set_not_serving();
+  world.listener->set_serving(false);
   world.streams.drain("the server stops");
   std::this_thread::sleep_for(std::chrono::milliseconds(random.next_below(40)));
   if (random.next_below(2) == 0) world.streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});

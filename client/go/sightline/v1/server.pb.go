@@ -204,8 +204,42 @@ type GetServerStatsResponse struct {
 	QueueP99Us float64 `protobuf:"fixed64,10,opt,name=queue_p99_us,json=queueP99Us,proto3" json:"queue_p99_us,omitempty"`
 	// Absent: the server does not record (server flag --record-dir).
 	Recording *RecordingStats `protobuf:"bytes,11,opt,name=recording,proto3" json:"recording,omitempty"`
-	// Who was turned away, and what became of the files that decide it.
-	Access        *AccessStats `protobuf:"bytes,15,opt,name=access,proto3" json:"access,omitempty"`
+	// Time since the start of the server, in seconds.
+	UptimeS float64 `protobuf:"fixed64,12,opt,name=uptime_s,json=uptimeS,proto3" json:"uptime_s,omitempty"`
+	// False while the server drains, and while one of its threads has not answered for --stall-s.
+	Ready bool `protobuf:"varint,13,opt,name=ready,proto3" json:"ready,omitempty"`
+	// Ticks that the sessions worked through. Each one is answered by a step, merged into the step of a later tick, or refused.
+	Ticks uint64 `protobuf:"varint,14,opt,name=ticks,proto3" json:"ticks,omitempty"`
+	// Ticks that the step of a later tick answered.
+	MergedTicks uint64 `protobuf:"varint,15,opt,name=merged_ticks,json=mergedTicks,proto3" json:"merged_ticks,omitempty"`
+	// Ticks that were refused, or whose step failed.
+	RefusedTicks uint64 `protobuf:"varint,16,opt,name=refused_ticks,json=refusedTicks,proto3" json:"refused_ticks,omitempty"`
+	// Sessions opened.
+	OpenedSessions uint64 `protobuf:"varint,17,opt,name=opened_sessions,json=openedSessions,proto3" json:"opened_sessions,omitempty"`
+	// Time from the arrival of the newest tick of a step to the moment when its reply is ready.
+	TickAge *DurationHistogram `protobuf:"bytes,18,opt,name=tick_age,json=tickAge,proto3" json:"tick_age,omitempty"`
+	// Time that a tick waits from its arrival to the start of its step.
+	Queue *DurationHistogram `protobuf:"bytes,19,opt,name=queue,proto3" json:"queue,omitempty"`
+	// Time to compute a step: the sum of its stages.
+	Step *DurationHistogram `protobuf:"bytes,20,opt,name=step,proto3" json:"step,omitempty"`
+	// The stages of the steps in their order: "scene", "bound", "sample", "aggregate", "move".
+	Stages []*StageHistogram `protobuf:"bytes,21,rep,name=stages,proto3" json:"stages,omitempty"`
+	// Open sessions by the quality level of their next step; the index is the level.
+	SessionsAtLevel []uint64 `protobuf:"varint,22,rep,packed,name=sessions_at_level,json=sessionsAtLevel,proto3" json:"sessions_at_level,omitempty"`
+	// Limits that refused or ended something, those with a count above 0.
+	Limits []*LimitCount `protobuf:"bytes,23,rep,name=limits,proto3" json:"limits,omitempty"`
+	// Connections that are open now.
+	OpenConnections uint64 `protobuf:"varint,24,opt,name=open_connections,json=openConnections,proto3" json:"open_connections,omitempty"`
+	// Bytes that came from clients, with the framing of HTTP/2 and without that of TCP.
+	ReceivedBytes uint64 `protobuf:"varint,25,opt,name=received_bytes,json=receivedBytes,proto3" json:"received_bytes,omitempty"`
+	// Bytes that went to clients, counted in the same way.
+	SentBytes uint64 `protobuf:"varint,26,opt,name=sent_bytes,json=sentBytes,proto3" json:"sent_bytes,omitempty"`
+	// Memory that the process holds, in bytes (resident set).
+	ResidentBytes uint64 `protobuf:"varint,27,opt,name=resident_bytes,json=residentBytes,proto3" json:"resident_bytes,omitempty"`
+	// Processor time that the process has used, in seconds.
+	CpuS float64 `protobuf:"fixed64,28,opt,name=cpu_s,json=cpuS,proto3" json:"cpu_s,omitempty"`
+	// Threads that compute steps (server flag --threads).
+	StepThreads   uint32 `protobuf:"varint,29,opt,name=step_threads,json=stepThreads,proto3" json:"step_threads,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -317,42 +351,158 @@ func (x *GetServerStatsResponse) GetRecording() *RecordingStats {
 	return nil
 }
 
-func (x *GetServerStatsResponse) GetAccess() *AccessStats {
+func (x *GetServerStatsResponse) GetUptimeS() float64 {
 	if x != nil {
-		return x.Access
+		return x.UptimeS
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetReady() bool {
+	if x != nil {
+		return x.Ready
+	}
+	return false
+}
+
+func (x *GetServerStatsResponse) GetTicks() uint64 {
+	if x != nil {
+		return x.Ticks
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetMergedTicks() uint64 {
+	if x != nil {
+		return x.MergedTicks
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetRefusedTicks() uint64 {
+	if x != nil {
+		return x.RefusedTicks
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetOpenedSessions() uint64 {
+	if x != nil {
+		return x.OpenedSessions
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetTickAge() *DurationHistogram {
+	if x != nil {
+		return x.TickAge
 	}
 	return nil
 }
 
-// Counters of credentials since the start of the server.
-type AccessStats struct {
+func (x *GetServerStatsResponse) GetQueue() *DurationHistogram {
+	if x != nil {
+		return x.Queue
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetStep() *DurationHistogram {
+	if x != nil {
+		return x.Step
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetStages() []*StageHistogram {
+	if x != nil {
+		return x.Stages
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetSessionsAtLevel() []uint64 {
+	if x != nil {
+		return x.SessionsAtLevel
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetLimits() []*LimitCount {
+	if x != nil {
+		return x.Limits
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetOpenConnections() uint64 {
+	if x != nil {
+		return x.OpenConnections
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetReceivedBytes() uint64 {
+	if x != nil {
+		return x.ReceivedBytes
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetSentBytes() uint64 {
+	if x != nil {
+		return x.SentBytes
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetResidentBytes() uint64 {
+	if x != nil {
+		return x.ResidentBytes
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetCpuS() float64 {
+	if x != nil {
+		return x.CpuS
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetStepThreads() uint32 {
+	if x != nil {
+		return x.StepThreads
+	}
+	return 0
+}
+
+// How long something took, since the start of the server.
+type DurationHistogram struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// Calls that were refused because their credentials are missing, unknown, or do not allow the call.
-	RefusedCalls uint64 `protobuf:"varint,1,opt,name=refused_calls,json=refusedCalls,proto3" json:"refused_calls,omitempty"`
-	// Connections on which no TLS connection could be set up, for example because the client has no valid certificate.
-	FailedHandshakes uint64 `protobuf:"varint,2,opt,name=failed_handshakes,json=failedHandshakes,proto3" json:"failed_handshakes,omitempty"`
-	// Times that new contents of the certificate, the key or the access file came into use.
-	FilesTakenOver uint64 `protobuf:"varint,3,opt,name=files_taken_over,json=filesTakenOver,proto3" json:"files_taken_over,omitempty"`
-	// Times that new contents could not be used. The former ones stay in use, and the log says why.
-	FilesRefused  uint64 `protobuf:"varint,4,opt,name=files_refused,json=filesRefused,proto3" json:"files_refused,omitempty"`
+	// Element k counts durations of at most 2^k microseconds that are longer than 2^(k - 1) microseconds; element 0 counts all up to 1
+	// microsecond. Elements at the end that are 0 are left out.
+	Counts []uint64 `protobuf:"varint,1,rep,packed,name=counts,proto3" json:"counts,omitempty"`
+	// Sum of all durations, in seconds.
+	SumS          float64 `protobuf:"fixed64,2,opt,name=sum_s,json=sumS,proto3" json:"sum_s,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
 
-func (x *AccessStats) Reset() {
-	*x = AccessStats{}
+func (x *DurationHistogram) Reset() {
+	*x = DurationHistogram{}
 	mi := &file_sightline_v1_server_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
 
-func (x *AccessStats) String() string {
+func (x *DurationHistogram) String() string {
 	return protoimpl.X.MessageStringOf(x)
 }
 
-func (*AccessStats) ProtoMessage() {}
+func (*DurationHistogram) ProtoMessage() {}
 
-func (x *AccessStats) ProtoReflect() protoreflect.Message {
+func (x *DurationHistogram) ProtoReflect() protoreflect.Message {
 	mi := &file_sightline_v1_server_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
@@ -364,35 +514,131 @@ func (x *AccessStats) ProtoReflect() protoreflect.Message {
 	return mi.MessageOf(x)
 }
 
-// Deprecated: Use AccessStats.ProtoReflect.Descriptor instead.
-func (*AccessStats) Descriptor() ([]byte, []int) {
+// Deprecated: Use DurationHistogram.ProtoReflect.Descriptor instead.
+func (*DurationHistogram) Descriptor() ([]byte, []int) {
 	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
 }
 
-func (x *AccessStats) GetRefusedCalls() uint64 {
+func (x *DurationHistogram) GetCounts() []uint64 {
 	if x != nil {
-		return x.RefusedCalls
+		return x.Counts
+	}
+	return nil
+}
+
+func (x *DurationHistogram) GetSumS() float64 {
+	if x != nil {
+		return x.SumS
 	}
 	return 0
 }
 
-func (x *AccessStats) GetFailedHandshakes() uint64 {
-	if x != nil {
-		return x.FailedHandshakes
-	}
-	return 0
+// How long one stage of the steps took.
+type StageHistogram struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Name of the stage.
+	Stage string `protobuf:"bytes,1,opt,name=stage,proto3" json:"stage,omitempty"`
+	// Its durations.
+	Durations     *DurationHistogram `protobuf:"bytes,2,opt,name=durations,proto3" json:"durations,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
-func (x *AccessStats) GetFilesTakenOver() uint64 {
-	if x != nil {
-		return x.FilesTakenOver
-	}
-	return 0
+func (x *StageHistogram) Reset() {
+	*x = StageHistogram{}
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
 }
 
-func (x *AccessStats) GetFilesRefused() uint64 {
+func (x *StageHistogram) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*StageHistogram) ProtoMessage() {}
+
+func (x *StageHistogram) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
 	if x != nil {
-		return x.FilesRefused
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use StageHistogram.ProtoReflect.Descriptor instead.
+func (*StageHistogram) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
+}
+
+func (x *StageHistogram) GetStage() string {
+	if x != nil {
+		return x.Stage
+	}
+	return ""
+}
+
+func (x *StageHistogram) GetDurations() *DurationHistogram {
+	if x != nil {
+		return x.Durations
+	}
+	return nil
+}
+
+// How often one limit refused or ended something.
+type LimitCount struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// The server flag that sets the limit, without dashes: "max-sessions".
+	Limit string `protobuf:"bytes,1,opt,name=limit,proto3" json:"limit,omitempty"`
+	// How often, since the start of the server.
+	Count         uint64 `protobuf:"varint,2,opt,name=count,proto3" json:"count,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *LimitCount) Reset() {
+	*x = LimitCount{}
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *LimitCount) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*LimitCount) ProtoMessage() {}
+
+func (x *LimitCount) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use LimitCount.ProtoReflect.Descriptor instead.
+func (*LimitCount) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{6}
+}
+
+func (x *LimitCount) GetLimit() string {
+	if x != nil {
+		return x.Limit
+	}
+	return ""
+}
+
+func (x *LimitCount) GetCount() uint64 {
+	if x != nil {
+		return x.Count
 	}
 	return 0
 }
@@ -422,7 +668,7 @@ type RecordingStats struct {
 
 func (x *RecordingStats) Reset() {
 	*x = RecordingStats{}
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -434,7 +680,7 @@ func (x *RecordingStats) String() string {
 func (*RecordingStats) ProtoMessage() {}
 
 func (x *RecordingStats) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -447,7 +693,7 @@ func (x *RecordingStats) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RecordingStats.ProtoReflect.Descriptor instead.
 func (*RecordingStats) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *RecordingStats) GetOpenSessions() uint64 {
@@ -518,7 +764,7 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xe4\x03\n" +
+	"\x15GetServerStatsRequest\"\xf5\b\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -534,13 +780,36 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\fqueue_p99_us\x18\n" +
 	" \x01(\x01R\n" +
 	"queueP99Us\x12:\n" +
-	"\trecording\x18\v \x01(\v2\x1c.sightline.v1.RecordingStatsR\trecording\x121\n" +
-	"\x06access\x18\x0f \x01(\v2\x19.sightline.v1.AccessStatsR\x06access\"\xae\x01\n" +
-	"\vAccessStats\x12#\n" +
-	"\rrefused_calls\x18\x01 \x01(\x04R\frefusedCalls\x12+\n" +
-	"\x11failed_handshakes\x18\x02 \x01(\x04R\x10failedHandshakes\x12(\n" +
-	"\x10files_taken_over\x18\x03 \x01(\x04R\x0efilesTakenOver\x12#\n" +
-	"\rfiles_refused\x18\x04 \x01(\x04R\ffilesRefused\"\x9f\x02\n" +
+	"\trecording\x18\v \x01(\v2\x1c.sightline.v1.RecordingStatsR\trecording\x12\x19\n" +
+	"\buptime_s\x18\f \x01(\x01R\auptimeS\x12\x14\n" +
+	"\x05ready\x18\r \x01(\bR\x05ready\x12\x14\n" +
+	"\x05ticks\x18\x0e \x01(\x04R\x05ticks\x12!\n" +
+	"\fmerged_ticks\x18\x0f \x01(\x04R\vmergedTicks\x12#\n" +
+	"\rrefused_ticks\x18\x10 \x01(\x04R\frefusedTicks\x12'\n" +
+	"\x0fopened_sessions\x18\x11 \x01(\x04R\x0eopenedSessions\x12:\n" +
+	"\btick_age\x18\x12 \x01(\v2\x1f.sightline.v1.DurationHistogramR\atickAge\x125\n" +
+	"\x05queue\x18\x13 \x01(\v2\x1f.sightline.v1.DurationHistogramR\x05queue\x123\n" +
+	"\x04step\x18\x14 \x01(\v2\x1f.sightline.v1.DurationHistogramR\x04step\x124\n" +
+	"\x06stages\x18\x15 \x03(\v2\x1c.sightline.v1.StageHistogramR\x06stages\x12*\n" +
+	"\x11sessions_at_level\x18\x16 \x03(\x04R\x0fsessionsAtLevel\x120\n" +
+	"\x06limits\x18\x17 \x03(\v2\x18.sightline.v1.LimitCountR\x06limits\x12)\n" +
+	"\x10open_connections\x18\x18 \x01(\x04R\x0fopenConnections\x12%\n" +
+	"\x0ereceived_bytes\x18\x19 \x01(\x04R\rreceivedBytes\x12\x1d\n" +
+	"\n" +
+	"sent_bytes\x18\x1a \x01(\x04R\tsentBytes\x12%\n" +
+	"\x0eresident_bytes\x18\x1b \x01(\x04R\rresidentBytes\x12\x13\n" +
+	"\x05cpu_s\x18\x1c \x01(\x01R\x04cpuS\x12!\n" +
+	"\fstep_threads\x18\x1d \x01(\rR\vstepThreads\"@\n" +
+	"\x11DurationHistogram\x12\x16\n" +
+	"\x06counts\x18\x01 \x03(\x04R\x06counts\x12\x13\n" +
+	"\x05sum_s\x18\x02 \x01(\x01R\x04sumS\"e\n" +
+	"\x0eStageHistogram\x12\x14\n" +
+	"\x05stage\x18\x01 \x01(\tR\x05stage\x12=\n" +
+	"\tdurations\x18\x02 \x01(\v2\x1f.sightline.v1.DurationHistogramR\tdurations\"8\n" +
+	"\n" +
+	"LimitCount\x12\x14\n" +
+	"\x05limit\x18\x01 \x01(\tR\x05limit\x12\x14\n" +
+	"\x05count\x18\x02 \x01(\x04R\x05count\"\x9f\x02\n" +
 	"\x0eRecordingStats\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\x04R\fopenSessions\x12)\n" +
 	"\x10failing_sessions\x18\x02 \x01(\x04R\x0ffailingSessions\x12\x1a\n" +
@@ -564,23 +833,30 @@ func file_sightline_v1_server_proto_rawDescGZIP() []byte {
 	return file_sightline_v1_server_proto_rawDescData
 }
 
-var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
+var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 8)
 var file_sightline_v1_server_proto_goTypes = []any{
 	(*GetServerInfoRequest)(nil),   // 0: sightline.v1.GetServerInfoRequest
 	(*GetServerInfoResponse)(nil),  // 1: sightline.v1.GetServerInfoResponse
 	(*GetServerStatsRequest)(nil),  // 2: sightline.v1.GetServerStatsRequest
 	(*GetServerStatsResponse)(nil), // 3: sightline.v1.GetServerStatsResponse
-	(*AccessStats)(nil),            // 4: sightline.v1.AccessStats
-	(*RecordingStats)(nil),         // 5: sightline.v1.RecordingStats
+	(*DurationHistogram)(nil),      // 4: sightline.v1.DurationHistogram
+	(*StageHistogram)(nil),         // 5: sightline.v1.StageHistogram
+	(*LimitCount)(nil),             // 6: sightline.v1.LimitCount
+	(*RecordingStats)(nil),         // 7: sightline.v1.RecordingStats
 }
 var file_sightline_v1_server_proto_depIdxs = []int32{
-	5, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
-	4, // 1: sightline.v1.GetServerStatsResponse.access:type_name -> sightline.v1.AccessStats
-	2, // [2:2] is the sub-list for method output_type
-	2, // [2:2] is the sub-list for method input_type
-	2, // [2:2] is the sub-list for extension type_name
-	2, // [2:2] is the sub-list for extension extendee
-	0, // [0:2] is the sub-list for field type_name
+	7, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
+	4, // 1: sightline.v1.GetServerStatsResponse.tick_age:type_name -> sightline.v1.DurationHistogram
+	4, // 2: sightline.v1.GetServerStatsResponse.queue:type_name -> sightline.v1.DurationHistogram
+	4, // 3: sightline.v1.GetServerStatsResponse.step:type_name -> sightline.v1.DurationHistogram
+	5, // 4: sightline.v1.GetServerStatsResponse.stages:type_name -> sightline.v1.StageHistogram
+	6, // 5: sightline.v1.GetServerStatsResponse.limits:type_name -> sightline.v1.LimitCount
+	4, // 6: sightline.v1.StageHistogram.durations:type_name -> sightline.v1.DurationHistogram
+	7, // [7:7] is the sub-list for method output_type
+	7, // [7:7] is the sub-list for method input_type
+	7, // [7:7] is the sub-list for extension type_name
+	7, // [7:7] is the sub-list for extension extendee
+	0, // [0:7] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_server_proto_init() }
@@ -594,7 +870,7 @@ func file_sightline_v1_server_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_server_proto_rawDesc), len(file_sightline_v1_server_proto_rawDesc)),
 			NumEnums:      0,
-			NumMessages:   6,
+			NumMessages:   8,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

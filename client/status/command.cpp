@@ -1,0 +1,107 @@
+#include "client/status/command.h"
+
+#include <google/protobuf/util/json_util.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <iostream>
+#include <memory>
+#include <thread>
+
+#include "client/base/text_table.h"
+#include "client/cpp/sightline_client.h"
+#include "client/status/status_text.h"
+
+namespace sightline {
+namespace {
+
+constexpr std::chrono::seconds kPatience{5};
+constexpr const char* kClearScreen = "\x1b[H\x1b[J";
+
+struct Reading {
+  v1::GetServerInfoResponse info;
+  v1::GetServerStatsResponse stats;
+};
+
+Result<Reading> read_from(const std::string& address) {
+  auto client = Client::connect(address, kPatience);
+  if (!client) return tl::unexpected(std::move(client.error()));
+  auto info = client->server_info(kPatience);
+  if (!info) return tl::unexpected(std::move(info.error()));
+  auto stats = client->server_stats(kPatience);
+  if (!stats) return tl::unexpected(std::move(stats.error()));
+  return Reading{std::move(*info), std::move(*stats)};
+}
+
+std::string json_of(const google::protobuf::Message& message) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  options.always_print_primitive_fields = true;
+  std::string text;
+  (void)google::protobuf::util::MessageToJsonString(message, &text, options);
+  return text;
+}
+
+int cannot_ask(const std::string& address, const Error& error, std::ostream& err) {
+  err << address << ": " << to_string(error) << '\n';
+  return 1;
+}
+
+}  // namespace
+
+int run_status_command(const StatusOptions& options, std::ostream& out, std::ostream& err) {
+  const auto reading = read_from(options.address);
+  if (!reading) return cannot_ask(options.address, reading.error(), err);
+  if (options.json) {
+    out << "{\"info\":" << json_of(reading->info) << ",\"stats\":" << json_of(reading->stats) << "}\n";
+  } else {
+    print_state(out, options.address, reading->info, reading->stats);
+    print_window(out << "\nSince the start\n", window_between({}, reading->stats));
+  }
+  return reading->stats.ready() ? 0 : 1;
+}
+
+int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& err) {
+  v1::GetServerStatsResponse before;
+  for (uint64_t shown = 0;; ++shown) {
+    const auto reading = read_from(options.address);
+    if (!reading) return cannot_ask(options.address, reading.error(), err);
+    // A daemon that has started again counts from 0.
+    if (reading->stats.uptime_s() < before.uptime_s()) before.Clear();
+    if (shown > 0) {
+      out << (options.terminal ? kClearScreen : "");
+      print_state(out, options.address, reading->info, reading->stats);
+      print_window(out << formatted("\nIn the last %.1f s\n", reading->stats.uptime_s() - before.uptime_s()),
+                   window_between(before, reading->stats));
+      out << (options.terminal ? "" : "\n") << std::flush;
+    }
+    if (options.count > 0 && shown == options.count) return 0;
+    before = reading->stats;
+    std::this_thread::sleep_for(std::chrono::duration<double>(options.interval_s));
+  }
+}
+
+Verb add_status_verb(CLI::App& app) {
+  const auto options = std::make_shared<StatusOptions>();
+  options->address = kDefaultAddress;
+  CLI::App* command = app.add_subcommand("status", "Print how a running daemon is: sessions, quality, limits, times of its steps");
+  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  command->add_flag("--json", options->json, "One JSON object: `info` and `stats`, as GetServerInfo and GetServerStats answer");
+  return {command, [options] { return run_status_command(*options, std::cout, std::cerr); }};
+}
+
+Verb add_top_verb(CLI::App& app) {
+  const auto options = std::make_shared<TopOptions>();
+  options->address = kDefaultAddress;
+  options->terminal = isatty(STDOUT_FILENO) != 0;
+  CLI::App* command = app.add_subcommand("top", "Show how a running daemon is, again and again, with what it did in each interval");
+  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  command->add_option("--interval", options->interval_s, "Time between two readings, in seconds")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  command->add_option("--count", options->count, "Number of intervals to show; 0 means until it is stopped")->capture_default_str();
+  return {command, [options] { return run_top_command(*options, std::cout, std::cerr); }};
+}
+
+}  // namespace sightline

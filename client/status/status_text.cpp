@@ -1,0 +1,73 @@
+#include "client/status/status_text.h"
+
+#include "client/base/text_table.h"
+
+namespace sightline {
+namespace {
+
+std::string levels_text(const v1::GetServerStatsResponse& stats) {
+  std::string text;
+  for (int level = 0; level < stats.sessions_at_level_size(); ++level)
+    if (stats.sessions_at_level(level) > 0)
+      text += formatted("%s%d: %s", text.empty() ? "" : ", ", level, grouped(stats.sessions_at_level(level)).c_str());
+  return text.empty() ? "none" : text;
+}
+
+std::string limits_text(const v1::GetServerStatsResponse& stats) {
+  std::string text;
+  for (const v1::LimitCount& limit : stats.limits())
+    text += (text.empty() ? "--" : ", --") + printable(limit.limit()) + " " + grouped(limit.count());
+  return text.empty() ? "none" : text;
+}
+
+std::string recording_text(const v1::GetServerStatsResponse& stats) {
+  if (!stats.has_recording()) return "off";
+  const v1::RecordingStats& recording = stats.recording();
+  std::string text = grouped(recording.open_sessions()) + " sessions, " + bytes_text(recording.bytes()) + " written";
+  if (recording.failing_sessions() > 0) text += ", " + grouped(recording.failing_sessions()) + " sessions have no file";
+  if (recording.dropped_messages() > 0) text += ", " + grouped(recording.dropped_messages()) + " messages lost";
+  return text;
+}
+
+std::string time_text(double us) {
+  return us < 1000.0 ? formatted("%.0f us", us) : formatted("%.2f ms", us * 1e-3);
+}
+
+}  // namespace
+
+std::string duration_text(double seconds) {
+  const auto s = static_cast<long>(seconds);
+  if (s >= 86'400) return formatted("%ld d %ld h", s / 86'400, s % 86'400 / 3600);
+  if (s >= 3600) return formatted("%ld h %ld min", s / 3600, s % 3600 / 60);
+  if (s >= 60) return formatted("%ld min %ld s", s / 60, s % 60);
+  return formatted("%ld s", s);
+}
+
+void print_state(std::ostream& out, const std::string& address, const v1::GetServerInfoResponse& info,
+                 const v1::GetServerStatsResponse& stats) {
+  out << "sightlined " << printable(info.version()) << " at " << address << ": " << (stats.ready() ? "ready" : "not ready") << ", up "
+      << duration_text(stats.uptime_s()) << '\n'
+      << "device        " << printable(info.sampler()) << ": " << printable(info.renderer(), 80) << '\n'
+      << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
+      << grouped(stats.opened_sessions()) << " opened since the start\n"
+      << "quality       sessions by level: " << levels_text(stats) << '\n'
+      << "connections   " << grouped(stats.open_connections()) << '\n'
+      << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry " << bytes_text(stats.geometry_bytes()) << '\n'
+      << "limits hit    " << limits_text(stats) << '\n'
+      << "recording     " << recording_text(stats) << '\n';
+}
+
+void print_window(std::ostream& out, const Window& window) {
+  out << formatted("ticks/s       %.1f: %.1f answered, %.1f merged, %.1f refused\n", window.ticks_per_s, window.steps_per_s,
+                   window.merged_per_s, window.refused_per_s)
+      << formatted("steps         %.1f %% late, %.1f %% degraded\n", 100.0 * window.late_share, 100.0 * window.degraded_share)
+      << "bytes/s       " << bytes_text(static_cast<uint64_t>(window.received_bytes_per_s)) << " received, "
+      << bytes_text(static_cast<uint64_t>(window.sent_bytes_per_s)) << " sent\n"
+      << formatted("CPUs          %.2f busy\n\n", window.cpus);
+  Table table({{"time of"}, {"count", true}, {"mean", true}, {"p50", true}, {"p99", true}});
+  for (const DurationRow& row : window.durations)
+    table.row({row.name, grouped(row.count), time_text(row.mean_us), time_text(row.p50_us), time_text(row.p99_us)});
+  table.print(out);
+}
+
+}  // namespace sightline

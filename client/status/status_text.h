@@ -1,0 +1,22 @@
+// A daemon's figures as text for a person.
+#pragma once
+
+#include <ostream>
+#include <string>
+
+#include "client/status/window.h"
+#include "sightline/v1/camera_control.pb.h"
+
+namespace sightline {
+
+// "2 d 3 h", "4 min 10 s", "12 s"
+std::string duration_text(double seconds);
+
+// The state of the daemon now: sessions, memory, limits that were hit, recording.
+void print_state(std::ostream& out, const std::string& address, const v1::GetServerInfoResponse& info,
+                 const v1::GetServerStatsResponse& stats);
+
+// What it did within `window`: rates, and a table of durations.
+void print_window(std::ostream& out, const Window& window);
+
+}  // namespace sightline

@@ -1,0 +1,203 @@
+#include "server/metrics/metric_families.h"
+
+#include <prometheus/metric_family.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "server/base/process_figures.h"
+#include "server/record/recorder.h"
+#include "server/service/server_info.h"
+
+namespace sightline {
+namespace {
+
+using prometheus::ClientMetric;
+using prometheus::MetricFamily;
+using prometheus::MetricType;
+using Families = std::vector<MetricFamily>;
+using Labels = std::vector<ClientMetric::Label>;
+
+// The names of gRPC's status codes, by code.
+constexpr std::array<const char*, 17> kStatusNames{
+    "OK",        "CANCELLED",           "UNKNOWN",          "INVALID_ARGUMENT", "DEADLINE_EXCEEDED", "NOT_FOUND",
+    "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION", "ABORTED",   "OUT_OF_RANGE",
+    "UNIMPLEMENTED", "INTERNAL",         "UNAVAILABLE",      "DATA_LOSS",        "UNAUTHENTICATED"};
+
+// Histograms have a bucket for each octave from 2^4 us (16 us) to 2^21 us (2.1 s), which a step or a tick can take.
+constexpr size_t kFirstOctave = 4, kLastOctave = 21;
+
+MetricFamily& family(Families& families, std::string name, std::string help, MetricType type) {
+  return families.emplace_back(MetricFamily{std::move(name), std::move(help), type, {}});
+}
+
+void gauge(MetricFamily& family, double value, Labels labels = {}) {
+  ClientMetric& metric = family.metric.emplace_back();
+  metric.label = std::move(labels);
+  metric.gauge.value = value;
+}
+
+void counter(MetricFamily& family, double value, Labels labels = {}) {
+  ClientMetric& metric = family.metric.emplace_back();
+  metric.label = std::move(labels);
+  metric.counter.value = value;
+}
+
+void histogram(MetricFamily& family, const DurationCounts& counts, Labels labels = {}) {
+  ClientMetric& metric = family.metric.emplace_back();
+  metric.label = std::move(labels);
+  const auto octaves = counts.by_octave();
+  uint64_t below = 0;
+  for (size_t i = 0; i < octaves.size(); ++i) {
+    below += octaves[i];
+    if (i >= kFirstOctave && i <= kLastOctave)
+      metric.histogram.bucket.push_back({below, std::ldexp(1e-6, static_cast<int>(i))});
+  }
+  metric.histogram.bucket.push_back({below, INFINITY});
+  metric.histogram.sample_count = below;
+  metric.histogram.sample_sum = counts.sum_s();
+}
+
+template <typename Number>
+void add_gauge(Families& families, std::string name, std::string help, Number value) {
+  gauge(family(families, std::move(name), std::move(help), MetricType::Gauge), static_cast<double>(value));
+}
+
+template <typename Number>
+void add_counter(Families& families, std::string name, std::string help, Number value) {
+  counter(family(families, std::move(name), std::move(help), MetricType::Counter), static_cast<double>(value));
+}
+
+void add_histogram(Families& families, std::string name, std::string help, const DurationCounts& counts) {
+  histogram(family(families, std::move(name), std::move(help), MetricType::Histogram), counts);
+}
+
+// --- the families, by theme
+// ---------------------------------------------------------------------------------------
+
+void add_daemon(const MetricSource& source, Families& families) {
+  gauge(family(families, "sightline_build_info", "Version and build of the daemon; always 1.", MetricType::Gauge), 1.0,
+        {{"version", kVersion}, {"build", kBuild}});
+  gauge(family(families, "sightline_device_info", "What takes the depth maps; always 1.", MetricType::Gauge), 1.0,
+        {{"sampler", source.parts.sampler.kind()}, {"renderer", source.parts.sampler.renderer()}});
+  add_gauge(families, "sightline_ready", "1 while the daemon is ready for sessions, otherwise 0.", source.state.ready());
+  add_gauge(families, "sightline_hanging_threads", "Kinds of threads that have not answered for --stall-s.",
+            source.state.hanging().size());
+  add_gauge(families, "sightline_step_threads", "Threads that compute steps.", source.parts.scheduler.threads());
+}
+
+void add_sessions(const MetricSource& source, Families& families) {
+  const StepStats& stats = source.parts.stats;
+  add_gauge(families, "sightline_sessions_open", "Control calls that are open now, opened sessions or not.", source.parts.streams.size());
+  add_gauge(families, "sightline_sessions_max", "Control calls that may be open at the same time.", source.parts.streams.max_streams());
+  add_counter(families, "sightline_sessions_opened_total", "Sessions opened.", stats.opened.load());
+  add_counter(families, "sightline_session_opens_refused_total", "Sessions that could not be opened because the request was refused.",
+              stats.open_refused.load());
+  MetricFamily& closed = family(families, "sightline_sessions_closed_total", "Sessions that ended, by gRPC status.", MetricType::Counter);
+  for (size_t code = 0; code < kStatusNames.size(); ++code)
+    counter(closed, static_cast<double>(stats.closed[code]), {{"code", kStatusNames[code]}});
+  MetricFamily& levels = family(families, "sightline_sessions_at_quality_level",
+                                "Open sessions by the quality level of their next step; 0 leaves nothing out.", MetricType::Gauge);
+  for (size_t level = 0; level < kQualityLevels; ++level)
+    gauge(levels, static_cast<double>(stats.sessions_at_level[level]), {{"level", std::to_string(level)}});
+}
+
+void add_ticks(const MetricSource& source, Families& families) {
+  const StepStats& stats = source.parts.stats;
+  add_counter(families, "sightline_ticks_received_total", "Ticks that the sessions worked through.", stats.ticks.load());
+  MetricFamily& ticks = family(families, "sightline_ticks_total",
+                               "Ticks by outcome: answered by their own step, merged into a later one, or refused.", MetricType::Counter);
+  counter(ticks, static_cast<double>(stats.steps), {{"outcome", "answered"}});
+  counter(ticks, static_cast<double>(stats.merged), {{"outcome", "merged"}});
+  counter(ticks, static_cast<double>(stats.refused), {{"outcome", "refused"}});
+  add_histogram(families, "sightline_tick_age_seconds", "Time from the arrival of the newest tick of a step to its reply.", stats.tick_age);
+  add_histogram(families, "sightline_tick_queue_seconds", "Time that a tick waits for the start of its step.", stats.queue);
+}
+
+void add_steps(const MetricSource& source, Families& families) {
+  const StepStats& stats = source.parts.stats;
+  MetricFamily& steps = family(families, "sightline_steps_total", "Steps computed, by quality level.", MetricType::Counter);
+  for (size_t level = 0; level < kQualityLevels; ++level)
+    counter(steps, static_cast<double>(stats.steps_at_level[level]), {{"level", std::to_string(level)}});
+  add_counter(families, "sightline_steps_degraded_total", "Steps that left something out for want of time.", stats.degraded.load());
+  add_counter(families, "sightline_steps_late_total", "Steps that ended later than one tick interval after their tick.", stats.late.load());
+  add_histogram(families, "sightline_step_seconds", "Time to compute a step: the sum of its stages.", stats.step);
+  MetricFamily& stages = family(families, "sightline_step_stage_seconds", "Time of each stage of a step.", MetricType::Histogram);
+  for (size_t i = 0; i < kStageNames.size(); ++i) histogram(stages, stats.stages[i], {{"stage", kStageNames[i]}});
+}
+
+void add_limits(const MetricSource& source, const GateCounts& gate, Families& families) {
+  MetricFamily& limits = family(families, "sightline_limit_hits_total",
+                                "How often a limit refused or ended something, by the flag that sets it.", MetricType::Counter);
+  for (size_t i = 0; i < kLimitNames.size(); ++i)
+    counter(limits, static_cast<double>(source.parts.stats.limits.count(static_cast<Limit>(i))), {{"limit", kLimitNames[i]}});
+  counter(limits, static_cast<double>(gate.refused - gate.refused_client), {{"limit", "max-connections"}});
+  counter(limits, static_cast<double>(gate.refused_client), {{"limit", "max-connections-per-client"}});
+}
+
+void add_connections(const GateCounts& gate, Families& families) {
+  add_gauge(families, "sightline_connections_open", "Connections that are open now.", gate.open);
+  add_counter(families, "sightline_connections_accepted_total", "Connections accepted.", gate.accepted);
+  add_counter(families, "sightline_connections_refused_total", "Connections refused because no place was left.", gate.refused);
+  add_counter(families, "sightline_connections_cut_total", "Connections cut for what the client sent, or for silence.", gate.cut);
+  add_counter(families, "sightline_received_bytes_total", "Bytes from clients, with the framing of HTTP/2.", gate.received_bytes);
+  add_counter(families, "sightline_sent_bytes_total", "Bytes to clients, with the framing of HTTP/2.", gate.sent_bytes);
+}
+
+void add_memory(const MetricSource& source, Families& families) {
+  const ServiceParts& parts = source.parts;
+  add_gauge(families, "sightline_geometries", "Distinct geometries in memory; sessions share them.", parts.geometry.live_count());
+  add_gauge(families, "sightline_geometry_bytes", "Memory of these geometries.", parts.geometry.live_bytes());
+  add_gauge(families, "sightline_sampler_geometry_bytes", "Memory that the sampler keeps of them on its device.",
+            parts.sampler.geometry_bytes());
+}
+
+void add_recording(const MetricSource& source, Families& families) {
+  const RecordWriter* const writer = source.parts.recording.writer;
+  const RecordCounts counts = writer ? writer->counts() : RecordCounts{};
+  add_gauge(families, "sightline_recording_enabled", "1 when the daemon records sessions (--record-dir), otherwise 0.", writer != nullptr);
+  add_gauge(families, "sightline_recording_folder_usable", "1 when recordings can be written now, otherwise 0.",
+            writer && !writer->folder_trouble());
+  add_gauge(families, "sightline_recording_sessions", "Open sessions that are being recorded.", counts.open_sessions);
+  add_gauge(families, "sightline_recording_sessions_failing", "Recorded sessions that have no file now.", counts.failing_sessions);
+  add_counter(families, "sightline_recording_messages_total", "Messages written to recordings.", counts.messages);
+  add_counter(families, "sightline_recording_bytes_total", "Bytes written to recordings.", counts.bytes);
+  add_counter(families, "sightline_recording_dropped_messages_total", "Messages that are missing in recordings.", counts.dropped_messages);
+  add_counter(families, "sightline_recording_write_failures_total", "Writes to recordings that failed.", counts.write_failures);
+  add_counter(families, "sightline_recording_files_total", "Files begun.", counts.files);
+  add_counter(families, "sightline_recording_removed_files_total", "Files removed by the limits of the folder.", counts.removed_files);
+}
+
+// The names that Prometheus's own clients use.
+void add_process(Families& families) {
+  const ProcessFigures process = process_figures();
+  add_counter(families, "process_cpu_seconds_total", "Processor time of the process.", process.cpu_s);
+  add_gauge(families, "process_resident_memory_bytes", "Memory that the process holds.", process.resident_bytes);
+  add_gauge(families, "process_virtual_memory_bytes", "Address space of the process.", process.virtual_bytes);
+  add_gauge(families, "process_open_fds", "Open file descriptors.", process.open_descriptors);
+  add_gauge(families, "process_max_fds", "File descriptors that may be open.", process.max_descriptors);
+  add_gauge(families, "process_threads", "Threads of the process.", process.threads);
+  add_gauge(families, "process_start_time_seconds", "Start of the process, in seconds since 1970.", process.start_s);
+}
+
+}  // namespace
+
+std::vector<prometheus::MetricFamily> metric_families(const MetricSource& source) {
+  const GateCounts gate = source.connections();
+  Families families;
+  add_daemon(source, families);
+  add_sessions(source, families);
+  add_ticks(source, families);
+  add_steps(source, families);
+  add_limits(source, gate, families);
+  add_connections(gate, families);
+  add_memory(source, families);
+  add_recording(source, families);
+  add_process(families);
+  return families;
+}
+
+}  // namespace sightline

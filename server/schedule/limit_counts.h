@@ -1,0 +1,44 @@
+// How often each limit refused or ended something. Counting takes no locks.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+namespace sightline {
+
+// The limits that have no counter elsewhere. Those of connections are counted by the gate (GateCounts).
+enum class Limit : size_t {
+  kMaxSessions,
+  kMaxSessionsPerClient,
+  kMaxMessageMemory,
+  kSessionMemory,
+  kSessionsMemory,
+  kMaxStepCost,
+  kMaxMaps,
+  kMaxUpload,   // one file, or all uploads in progress together
+  kMaxUploads,
+  kOpenTimeout,
+  kSessionIdle,
+  kUploadTimeout,
+  kCount
+};
+
+// The flags that set them, without dashes, in the order of the enum.
+inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLimitNames{
+    "max-sessions",     "max-sessions-per-client", "max-message-memory-mib", "session-memory-mib",
+    "sessions-memory-mib", "max-step-cost-ms",     "max-maps-ms",            "max-upload-mib",
+    "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s"};
+
+// Thread-safe.
+class LimitCounts {
+ public:
+  void hit(Limit limit) { counts_[static_cast<size_t>(limit)].fetch_add(1, std::memory_order_relaxed); }
+  uint64_t count(Limit limit) const { return counts_[static_cast<size_t>(limit)].load(std::memory_order_relaxed); }
+
+ private:
+  std::array<std::atomic<uint64_t>, kLimitNames.size()> counts_{};
+};
+
+}  // namespace sightline

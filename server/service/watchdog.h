@@ -1,0 +1,49 @@
+// Watches the threads of the daemon, and says when one of them hangs.
+//
+// A thread hangs when it has not gone round for the limit: an event loop or a thread of the gate that does not come back to wait for
+// the next event, or a stepping thread that is still at the same round of steps. A hung daemon fails its liveness, so that what runs it can
+// restart it.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace sightline {
+
+class Watchdog {
+ public:
+  using Seconds = std::chrono::duration<double>;
+  struct Watched {
+    std::string name;                  // "event loop"
+    std::function<Seconds()> silence;  // since it last went round; called from any thread, must not wait
+  };
+  // Runs on the watchdog's thread after each look, with the names of what hangs; usually none.
+  using Look = std::function<void(const std::vector<std::string>& hanging)>;
+
+  // Looks every `period`. What `watched` and `look` refer to must outlive it.
+  Watchdog(std::vector<Watched> watched, Seconds limit, Seconds period, Look look);
+  ~Watchdog();
+  Watchdog(const Watchdog&) = delete;
+  Watchdog& operator=(const Watchdog&) = delete;
+
+  // The names of what hangs now. From any thread.
+  std::vector<std::string> hanging() const;
+
+ private:
+  void run();
+
+  const std::vector<Watched> watched_;
+  const Seconds limit_, period_;
+  const Look look_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopping_ = false;  // guarded by mutex_
+  std::thread thread_;
+};
+
+}  // namespace sightline

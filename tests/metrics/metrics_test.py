@@ -1,0 +1,366 @@
+#!/usr/bin/env python3
+"""metrics_test.py SIGHTLINED SIGHTLINE PYTHON_FOLDER [PROMTOOL]: what the daemon says of itself, beside what a client has counted."""
+import json
+import pathlib
+import queue
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+SIGHTLINED, SIGHTLINE = sys.argv[1:3]
+sys.path[:0] = [sys.argv[3], str(pathlib.Path(__file__).parents[1] / "attack")]
+PROMTOOL = sys.argv[4] if len(sys.argv) > 4 and not sys.argv[4].endswith("NOTFOUND") else None
+
+import grpc  # noqa: E402
+from daemon import Daemon  # noqa: E402
+from exposition import get, parse, scrape, value  # noqa: E402
+from held_thread import HeldThread  # noqa: E402
+from sightline.v1 import camera_control_pb2  # noqa: E402
+from sightline_client import Camera, box, capsule  # noqa: E402
+
+Daemon.path = SIGHTLINED
+STAGES = ("scene", "bound", "sample", "aggregate", "move")
+
+
+def start(*arguments):
+    """A daemon with a metrics port. Its address is `operators`."""
+    daemon = Daemon("--metrics-listen", "127.0.0.1:0", *arguments)
+    deadline = time.monotonic() + 20
+    while "metrics=" not in daemon.log() and time.monotonic() < deadline:
+        time.sleep(0.01)  # the log has a thread of its own
+    daemon.operators = daemon.log().split("metrics=")[1].split()[0]
+    return daemon
+
+
+def camera(daemon):
+    return Camera(daemon.address, position=(0, 1.6, 6), targets={1: capsule(radius=0.3, height=1.8), 2: capsule(radius=0.3, height=1.8)},
+                  occluders={3: box(1, 4, 1)}, at={1: (-1, 0.9, 0), 2: (1, 0.9, 0), 3: (0, 2, 2)})
+
+
+def rpc(channel, name, answer, kind):
+    return getattr(channel, kind)("/sightline.v1.CameraControlService/" + name, request_serializer=lambda request: request.SerializeToString(),
+                                  response_deserializer=answer.FromString)
+
+
+def control(channel, requests):
+    return rpc(channel, "Control", camera_control_pb2.ControlResponse, "stream_stream")(requests)
+
+
+def opening(instances=1):
+    request = camera_control_pb2.ControlRequest()
+    request.open.camera.position.z = 6
+    for i in range(instances):
+        instance = request.open.instances.add(id=i + 1)
+        half = instance.shape.box.half_extent
+        half.x = half.y = half.z = 0.5
+    request.open.targets.add(id=1)
+    return request
+
+
+def healthcheck(*arguments):
+    return subprocess.run([SIGHTLINED, "healthcheck", *arguments], capture_output=True, text=True, timeout=30)
+
+
+def until(condition, what, seconds=30):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            raise AssertionError("never: " + what)
+        time.sleep(0.05)
+
+
+class Exposition(unittest.TestCase):
+    def test_prometheus_own_linter_has_no_complaint(self):
+        if not PROMTOOL:
+            self.skipTest("promtool is not installed")
+        with start() as daemon:
+            _, text = get(daemon.operators, "/metrics")
+        result = subprocess.run([PROMTOOL, "check", "metrics"], input=text, capture_output=True, text=True)
+        self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+
+    def test_every_family_has_a_type_and_a_help_text_and_is_there_from_the_start(self):
+        with start() as daemon:
+            before = scrape(daemon.operators)
+            with camera(daemon) as one:
+                one.tick(0.1, {})
+            after = scrape(daemon.operators)
+        for name, family in before.items():
+            self.assertIn(family.kind, ("counter", "gauge", "histogram"), name)
+            self.assertTrue(family.help.endswith("."), name)
+            self.assertTrue(family.samples, name)
+        self.assertEqual({key for family in before.values() for key in family.samples},
+                         {key for family in after.values() for key in family.samples})
+
+    def test_only_known_pages_are_answered_and_only_read(self):
+        with start() as daemon:
+            self.assertEqual(get(daemon.operators, "/metrics/more")[0], 404)
+            self.assertEqual(get(daemon.operators, "/../etc/passwd")[0], 404)
+            self.assertEqual(get(daemon.operators, "/metrics", "DELETE")[0], 405)
+            self.assertEqual(get(daemon.operators, "/metrics", "HEAD"), (200, ""))
+
+    def test_a_port_in_use_is_an_error_that_names_the_flag(self):
+        with start() as daemon:
+            result = subprocess.run([SIGHTLINED, "--listen", "127.0.0.1:0", "--sampler", "embree", "--metrics-listen", daemon.operators],
+                                    capture_output=True, text=True, timeout=60)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn("--metrics-listen", result.stderr)
+            self.assertEqual(get(daemon.operators, "/livez")[0], 200)
+
+
+class Figures(unittest.TestCase):
+    def test_they_agree_with_what_a_client_counted(self):
+        with start() as daemon, camera(daemon) as one:
+            for i in range(1, 51):
+                one.tick(i / 60, {1: (-1 + i / 100, 0.9, 0)})
+            until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == 50, "50 steps")
+            with self.assertRaises(Exception):
+                one.tick(0.0, {})  # game time goes back
+            families = scrape(daemon.operators)
+            get_value = lambda name, **labels: value(families, name, **labels)  # noqa: E731
+            self.assertEqual(get_value("sightline_ticks_received_total"), 51)
+            self.assertEqual([get_value("sightline_ticks_total", outcome=outcome) for outcome in ("answered", "merged", "refused")], [50, 0, 1])
+            self.assertEqual((get_value("sightline_sessions_open"), get_value("sightline_sessions_opened_total")), (1, 1))
+            self.assertEqual(get_value("sightline_sessions_at_quality_level", level="0"), 1)
+            for name in ("sightline_tick_age_seconds", "sightline_tick_queue_seconds", "sightline_step_seconds"):
+                self.assertEqual(get_value(name + "_count"), 50, name)
+            stages = sum(get_value("sightline_step_stage_seconds_sum", stage=stage) for stage in STAGES)
+            self.assertAlmostEqual(stages, get_value("sightline_step_seconds_sum"), places=6)
+            self.assertLess(get_value("sightline_step_seconds_sum"), get_value("sightline_tick_age_seconds_sum"))
+            self.assertGreater(get_value("sightline_received_bytes_total"), 51 * 40)
+            self.assertGreater(get_value("sightline_sent_bytes_total"), 50 * 100)
+            self.assertEqual(get_value("sightline_connections_open"), 1)
+            self.assertGreater(get_value("process_resident_memory_bytes"), 5e6)
+            self.assertAlmostEqual(get_value("process_start_time_seconds"), time.time(), delta=120)
+
+    def test_buckets_are_cumulative_and_end_with_the_count(self):
+        with start() as daemon:
+            with camera(daemon) as one:
+                for i in range(1, 21):
+                    one.tick(i / 60, {})
+            families = scrape(daemon.operators)
+        for name, family in families.items():
+            if family.kind != "histogram":
+                continue
+            series = {}
+            for (sample, labels), number in family.samples.items():
+                if sample == name + "_bucket":
+                    rest = tuple(label for label in labels if label[0] != "le")
+                    series.setdefault(rest, []).append((float(dict(labels)["le"]), number))
+            for labels, buckets in series.items():
+                counts = [number for _, number in sorted(buckets)]
+                self.assertEqual(counts, sorted(counts), name)
+                self.assertEqual(counts[-1], value(families, name + "_count", **dict(labels)), name)
+                self.assertEqual(counts[-1], 20, name)
+
+    def test_a_session_that_ends_is_counted_by_its_status(self):
+        with start() as daemon:
+            with camera(daemon) as one:
+                one.tick(0.1, {})
+            until(lambda: value(scrape(daemon.operators), "sightline_sessions_closed_total", code="OK") == 1, "closed")
+            families = scrape(daemon.operators)
+            self.assertEqual(value(families, "sightline_sessions_at_quality_level", level="0"), 0)
+            self.assertEqual(value(families, "sightline_sessions_open"), 0)
+
+    def test_a_recording_daemon_says_what_it_has_written(self):
+        with tempfile.TemporaryDirectory() as folder, start("--record-dir", folder, "--record-reserve-mib", "0") as daemon:
+            with camera(daemon) as one:
+                one.tick(0.1, {})
+            until(lambda: list(pathlib.Path(folder).glob("*.mcap")) and value(scrape(daemon.operators), "sightline_recording_sessions") == 0,
+                  "the file is complete")
+            families = scrape(daemon.operators)
+            self.assertEqual(value(families, "sightline_recording_enabled"), 1)
+            self.assertEqual(value(families, "sightline_recording_folder_usable"), 1)
+            size = sum(path.stat().st_size for path in pathlib.Path(folder).glob("*.mcap"))
+            self.assertEqual(value(families, "sightline_recording_bytes_total"), size)
+
+
+class Limits(unittest.TestCase):
+    """Each refusal raises the counter of its flag, and no other."""
+
+    def refused_by(self, flags, provoke):
+        with start(*flags) as daemon:
+            provoke(daemon)
+            families = scrape(daemon.operators)
+        return {dict(labels)["limit"]: number for (_, labels), number in families["sightline_limit_hits_total"].samples.items() if number}
+
+    def open_twice(self, daemon):
+        with camera(daemon):
+            with self.assertRaises(Exception):
+                camera(daemon).__enter__()
+
+    def control(self, daemon, *messages):
+        with grpc.insecure_channel(daemon.address) as channel:
+            with self.assertRaises(grpc.RpcError) as refused:
+                list(control(channel, iter(messages)))
+        self.assertEqual(refused.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED, refused.exception)
+
+    def upload(self, daemon, chunks):
+        with grpc.insecure_channel(daemon.address) as channel:
+            send = rpc(channel, "UploadScene", camera_control_pb2.UploadSceneResponse, "stream_unary")
+            with self.assertRaises(grpc.RpcError):
+                send(camera_control_pb2.UploadSceneRequest(chunk=chunk) for chunk in chunks)
+
+    def test_sessions(self):
+        self.assertEqual(set(self.refused_by(["--max-sessions", "1", "--max-sessions-per-client", "1"], self.open_twice)), {"max-sessions"})
+
+    def test_sessions_of_a_client(self):
+        self.assertEqual(set(self.refused_by(["--max-sessions", "4", "--max-sessions-per-client", "1"], self.open_twice)),
+                         {"max-sessions-per-client"})
+
+    def test_memory_of_a_session(self):
+        hits = self.refused_by(["--session-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
+        self.assertEqual(hits, {"session-memory-mib": 1})
+
+    def test_memory_of_all_sessions(self):
+        hits = self.refused_by(["--sessions-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
+        self.assertEqual(hits, {"sessions-memory-mib": 1})
+
+    def test_cost_of_a_step(self):
+        hits = self.refused_by(["--max-step-cost-ms", "0.01"], lambda daemon: self.control(daemon, opening()))
+        self.assertEqual(hits, {"max-step-cost-ms": 1})
+
+    def test_memory_of_a_message(self):
+        hits = self.refused_by(["--max-message-memory-mib", "8"], lambda daemon: self.control(daemon, opening(70_000)))
+        self.assertEqual(hits, {"max-message-memory-mib": 1})
+
+    def test_size_of_an_upload(self):
+        hits = self.refused_by(["--max-upload-mib", "1"], lambda daemon: self.upload(daemon, [bytes(1 << 19)] * 3))
+        self.assertEqual(hits, {"max-upload-mib": 1})
+
+    def test_a_call_that_is_never_opened(self):
+        def wait(daemon):
+            with grpc.insecure_channel(daemon.address) as channel:
+                call = control(channel, iter(lambda: time.sleep(30), None))
+                with self.assertRaises(grpc.RpcError):
+                    next(call)
+        self.assertEqual(self.refused_by(["--open-timeout-s", "0.2"], wait), {"open-timeout-s": 1})
+
+    def test_connections_of_a_client(self):
+        import socket
+
+        def connect(daemon):
+            with camera(daemon) as one:
+                one.tick(0.1, {})
+                host, port = daemon.address.split(":")
+                with socket.create_connection((host, int(port)), timeout=10) as second:
+                    self.assertEqual(second.recv(1), b"")  # it is refused at once
+        self.assertEqual(set(self.refused_by(["--max-connections-per-client", "1"], connect)), {"max-connections-per-client"})
+
+
+class Health(unittest.TestCase):
+    def test_a_daemon_that_serves_is_alive_and_ready(self):
+        with start() as daemon:
+            self.assertEqual(get(daemon.operators, "/livez"), (200, "ok\n"))
+            self.assertEqual(get(daemon.operators, "/readyz"), (200, "ok\n"))
+            for flags in ((), ("--live",)):
+                result = healthcheck("--address", daemon.address, *flags)
+                self.assertEqual((result.returncode, result.stderr), (0, ""))
+                self.assertIn("SERVING", result.stdout)
+
+    def test_healthcheck_finds_the_daemon_by_the_daemon_s_own_flags(self):
+        with tempfile.TemporaryDirectory() as folder:
+            flags = ("--listen", "none", "--listen-unix", folder + "/socket")
+            with Daemon(listen=flags) as daemon:
+                self.assertEqual(healthcheck(*flags).returncode, 0)
+                config = pathlib.Path(folder, "sightline.conf")
+                config.write_text(subprocess.run([SIGHTLINED, *flags, "--print-config"], capture_output=True, text=True).stdout)
+                self.assertEqual(healthcheck("--config", str(config)).returncode, 0)
+                daemon.stop()
+            result = healthcheck(*flags)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn(folder + "/socket", result.stderr)
+
+    def test_a_daemon_that_drains_is_alive_and_not_ready(self):
+        # A client that does not react to `Drain` keeps its session, and the daemon waits for it.
+        messages = queue.Queue()
+        messages.put(opening())
+        with start("--drain-s", "60") as daemon, grpc.insecure_channel(daemon.address) as channel:
+            address = daemon.address
+            replies = control(channel, iter(messages.get, None))
+            self.assertTrue(next(replies).HasField("opened"))
+            daemon.process.terminate()
+            until(lambda: get(daemon.operators, "/readyz")[0] == 503, "not ready")
+            self.assertIn("stopping", get(daemon.operators, "/readyz")[1])
+            self.assertEqual(get(daemon.operators, "/livez")[0], 200)
+            self.assertEqual(value(scrape(daemon.operators), "sightline_ready"), 0)
+            result = healthcheck("--address", address)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn("NOT_SERVING", result.stderr)
+            self.assertEqual(healthcheck("--address", address, "--live").returncode, 0)
+            messages.put(None)
+            self.assertEqual(daemon.process.wait(30), 0)
+
+    def hold(self, thread, name):
+        with start("--stall-s", "1") as daemon:
+            try:
+                held = HeldThread(daemon.pid, thread)
+            except PermissionError:
+                self.skipTest("this process may not trace another one")
+            with held:
+                until(lambda: get(daemon.operators, "/livez")[0] == 503, "not alive")
+                self.assertEqual(get(daemon.operators, "/livez")[1], f"does not answer: {name}\n")
+                self.assertEqual(get(daemon.operators, "/readyz")[0], 503)
+                self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 1)
+                self.assertEqual(healthcheck("--address", daemon.address, "--live").returncode, 1)
+                self.assertIn("threads hang", daemon.log())
+            until(lambda: get(daemon.operators, "/livez")[0] == 200, "alive again")
+            until(lambda: healthcheck("--address", daemon.address).returncode == 0, "ready again")
+
+    def test_an_event_loop_that_hangs_fails_liveness(self):
+        self.hold("event-loop", "event loop")
+
+    def test_a_gate_that_hangs_fails_liveness(self):
+        self.hold("relay", "gate")
+
+    def test_an_idle_daemon_does_not_count_as_hanging(self):
+        with start("--stall-s", "1") as daemon:
+            end = time.monotonic() + 4
+            while time.monotonic() < end:
+                self.assertEqual(get(daemon.operators, "/livez"), (200, "ok\n"))
+                time.sleep(0.1)
+
+
+class Commands(unittest.TestCase):
+    def run_command(self, *arguments):
+        return subprocess.run([SIGHTLINE, *arguments], capture_output=True, text=True, timeout=60)
+
+    def test_status_prints_what_the_metrics_say(self):
+        with start() as daemon, camera(daemon) as one:
+            for i in range(1, 31):
+                one.tick(i / 60, {})
+            until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == 30, "30 steps")
+            text = self.run_command("status", "--address", daemon.address)
+            self.assertEqual((text.returncode, text.stderr), (0, ""))
+            self.assertRegex(text.stdout, r"ready, up \d+ s")
+            self.assertRegex(text.stdout, r"sessions +1 open of 256")
+            self.assertRegex(text.stdout, r"tick age +30 ")
+            answer = self.run_command("status", "--address", daemon.address, "--json")
+            stats, families = json.loads(answer.stdout)["stats"], scrape(daemon.operators)
+            self.assertEqual(int(stats["ticks"]), value(families, "sightline_ticks_received_total"))
+            self.assertEqual(sum(map(int, stats["tick_age"]["counts"])), value(families, "sightline_tick_age_seconds_count"))
+            self.assertAlmostEqual(stats["step"]["sum_s"], value(families, "sightline_step_seconds_sum"), places=9)
+            # The same histogram twice: the protobuf has an element for each octave, Prometheus has cumulative buckets.
+            for k in range(4, len(stats["step"]["counts"])):
+                buckets = {float(dict(labels)["le"]): number for (name, labels), number in
+                           families["sightline_step_seconds"].samples.items() if name.endswith("_bucket")}
+                at = min(buckets, key=lambda le: abs(le - 2.0**k * 1e-6))
+                self.assertEqual(sum(map(int, stats["step"]["counts"][:k + 1])), buckets[at])
+
+    def test_top_shows_as_many_windows_as_it_is_asked_for(self):
+        with start() as daemon:
+            result = self.run_command("top", "--address", daemon.address, "--interval", "0.2", "--count", "2")
+            self.assertEqual((result.returncode, result.stderr), (0, ""))
+            self.assertEqual(result.stdout.count("In the last"), 2)
+
+    def test_a_daemon_that_is_away_is_an_error(self):
+        for verb in ("status", "top"):
+            result = self.run_command(verb, "--address", "unix:/nowhere/socket")
+            self.assertEqual(result.returncode, 1)
+            self.assertIn("/nowhere/socket", result.stderr)
+
+
+if __name__ == "__main__":
+    sys.argv[1:] = sys.argv[5:]
+    unittest.main(verbosity=2)
