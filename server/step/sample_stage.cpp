@@ -304,10 +304,10 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   else
     plan_maps(in, jitter, resolution, plan.now, plan);
   plan_sights(in.step, plan);
-  // The shares of a slice are averaged over steps, with other jitter in each, so few texels are enough. The forecast is uncertain anyway.
-  const int coarse = std::max(kLeastResolution, (resolution + 1) / 2);
-  plan_maps(in, jitter, weighs_hidden(in.step.input) ? coarse : resolution, plan.ahead, plan);
+  plan_maps(in, jitter, resolution, plan.ahead, plan);
   SlicePicker(in, scratch, plan).pick();
+  // The shares of a slice are averaged over steps, with other jitter in each, so few texels are enough.
+  const int coarse = std::max(kLeastResolution, (resolution + 1) / 2);
   for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, coarse, slice.sampled, plan);
   plan.look = plan_look(in, plan.views);
   request_all(in, plan);

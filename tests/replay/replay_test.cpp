@@ -252,7 +252,7 @@ TEST_F(ReplayHere, APartWhoseSnapshotWasTooLargeIsNotTakenForTheSession) {
   ASSERT_TRUE(summary.has_value());
   EXPECT_THAT(summary->missing, testing::ElementsAre(testing::Key("TOO_LARGE")));
   MemorySink cut;
-  const auto done = cut_recording(part, {.start_s = 0.004}, cut);
+  const auto done = cut_recording(part, {.start_s = 0.001}, cut);
   ASSERT_TRUE(done) << to_string(done.error());
   EXPECT_EQ(check_session(open_recording(cut.bytes())).gap_messages, check_session(part).gap_messages);
   const Replayed replayed = replay_here(last);

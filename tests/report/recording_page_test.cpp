@@ -428,7 +428,7 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
   };
   EXPECT_EQ(json_of("Settings in effect at the start")["move_response_s"], 0.15);
   EXPECT_EQ(json_of("Settings in effect at the end")["move_response_s"], 0.3);
-  EXPECT_EQ(json_of("Tuning in effect at the start")["aggregate"]["candidates"], 1000);
+  EXPECT_EQ(json_of("Tuning in effect at the start")["aggregate"]["candidates"], 700);
   EXPECT_EQ(json_of("Limits in effect at the start")["max_speed_mps"], 10.0);
   EXPECT_EQ(json_of("Limits in effect at the end")["max_speed_mps"], 4.0);
   EXPECT_TRUE(json_of("Lens: radians, vertical at the end").is_null());  // the lens did not change

@@ -226,7 +226,9 @@ TEST(LiveChange, SurfacePointsComeAndGo) {
   for (const int points : {0, 8, 0, 3}) {
     settings.sample.points = points;
     walk.play(settings);
-    EXPECT_EQ(walk.game.session->dump().plan.now.points_of_target[0].count, std::max(points, 1)) << points;
+    const SamplePlan& plan = walk.game.session->dump().plan;
+    EXPECT_EQ(plan.now.sights_of_target[0].count, std::max(points, 1)) << points;
+    EXPECT_EQ(plan.now.points_of_target[0].count, std::max((points + 1) / 2, 1)) << "every second point costs a map";
   }
 }
 

@@ -162,11 +162,11 @@ TEST_F(QualityOfSteps, ALevelHoldsForOneStepAndSettingsStayAsTold) {
   Game game = make_game();
   game.apply(walk(game, 0));
   ASSERT_TRUE(game.session->step(kLowestQualityLevel));
-  EXPECT_EQ(game.session->dump().plan.now.points_m.size(), 2u);
+  EXPECT_EQ(game.session->dump().plan.now.sights_m.size(), 2u);
   EXPECT_EQ(game.session->settings().sample.points, 8);
   game.apply(walk(game, 1));
   EXPECT_FALSE(game.answer().degraded);
-  EXPECT_EQ(game.session->dump().plan.now.points_m.size(), 2u * 8u);
+  EXPECT_EQ(game.session->dump().plan.now.sights_m.size(), 2u * 8u);
 }
 
 TEST_F(QualityOfSteps, ALevelThatLeavesNothingOutSaysNothing) {

@@ -65,8 +65,8 @@ class Connection:
             return None
         return grpc.ssl_channel_credentials(self.tls.roots, self.tls.key, self.tls.certificate)
 
-    def metadata(self) -> List[Tuple[str, str]]:
-        return [] if self.token is None else [("authorization", "Bearer " + self.token)]
+    def metadata(self) -> Tuple[Tuple[str, str], ...]:
+        return () if self.token is None else (("authorization", "Bearer " + self.token),)
 
 
 def is_lost(error: Failed, opening: bool) -> bool:

@@ -439,10 +439,11 @@ func (x *Occluder) GetShare() float64 {
 // The expected visibility of a target soon, if the camera and the targets go on as now.
 type SightForecast struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// How far ahead the forecast looks, in seconds: at most Settings.prediction_s, and less while the motion of a target is erratic.
+	// How far ahead the forecast looks, in seconds: at most Settings.prediction_s, with the strategy MIN_COST at most 0.5 s as well, and
+	// less while the motion of a target is erratic.
 	AheadS float64 `protobuf:"fixed64,1,opt,name=ahead_s,json=aheadS,proto3" json:"ahead_s,omitempty"`
-	// Expected share of the target that no occluder hides from the camera at that time, [0, 1]. It is the mean over the predicted
-	// futures, in which the target goes on or turns.
+	// Expected share of the target that no occluder hides from the camera at that time, [0, 1], if the target and the occluders go on as
+	// predicted and the camera moves as planned.
 	Share float64 `protobuf:"fixed64,2,opt,name=share,proto3" json:"share,omitempty"`
 	// How far the prediction of this target's motion can be trusted, [0, 1]; 1: it has been exact.
 	Confidence float64 `protobuf:"fixed64,3,opt,name=confidence,proto3" json:"confidence,omitempty"`

@@ -239,7 +239,9 @@ type GetServerStatsResponse struct {
 	// Processor time that the process has used, in seconds.
 	CpuS float64 `protobuf:"fixed64,28,opt,name=cpu_s,json=cpuS,proto3" json:"cpu_s,omitempty"`
 	// Threads that compute steps (server flag --threads).
-	StepThreads   uint32 `protobuf:"varint,29,opt,name=step_threads,json=stepThreads,proto3" json:"step_threads,omitempty"`
+	StepThreads uint32 `protobuf:"varint,29,opt,name=step_threads,json=stepThreads,proto3" json:"step_threads,omitempty"`
+	// Who was turned away, and what became of the files that decide it.
+	Access        *AccessStats `protobuf:"bytes,30,opt,name=access,proto3" json:"access,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -477,6 +479,86 @@ func (x *GetServerStatsResponse) GetStepThreads() uint32 {
 	return 0
 }
 
+func (x *GetServerStatsResponse) GetAccess() *AccessStats {
+	if x != nil {
+		return x.Access
+	}
+	return nil
+}
+
+// Counters of credentials since the start of the server.
+type AccessStats struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Calls that were refused because their credentials are missing, unknown, or do not allow the call.
+	RefusedCalls uint64 `protobuf:"varint,1,opt,name=refused_calls,json=refusedCalls,proto3" json:"refused_calls,omitempty"`
+	// Connections on which no TLS connection could be set up, for example because the client has no valid certificate.
+	FailedHandshakes uint64 `protobuf:"varint,2,opt,name=failed_handshakes,json=failedHandshakes,proto3" json:"failed_handshakes,omitempty"`
+	// Times that new contents of the certificate, the key or the access file came into use.
+	FilesTakenOver uint64 `protobuf:"varint,3,opt,name=files_taken_over,json=filesTakenOver,proto3" json:"files_taken_over,omitempty"`
+	// Times that new contents could not be used. The former ones stay in use, and the log says why.
+	FilesRefused  uint64 `protobuf:"varint,4,opt,name=files_refused,json=filesRefused,proto3" json:"files_refused,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *AccessStats) Reset() {
+	*x = AccessStats{}
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *AccessStats) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*AccessStats) ProtoMessage() {}
+
+func (x *AccessStats) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use AccessStats.ProtoReflect.Descriptor instead.
+func (*AccessStats) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *AccessStats) GetRefusedCalls() uint64 {
+	if x != nil {
+		return x.RefusedCalls
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFailedHandshakes() uint64 {
+	if x != nil {
+		return x.FailedHandshakes
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFilesTakenOver() uint64 {
+	if x != nil {
+		return x.FilesTakenOver
+	}
+	return 0
+}
+
+func (x *AccessStats) GetFilesRefused() uint64 {
+	if x != nil {
+		return x.FilesRefused
+	}
+	return 0
+}
+
 // How long something took, since the start of the server.
 type DurationHistogram struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -491,7 +573,7 @@ type DurationHistogram struct {
 
 func (x *DurationHistogram) Reset() {
 	*x = DurationHistogram{}
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -503,7 +585,7 @@ func (x *DurationHistogram) String() string {
 func (*DurationHistogram) ProtoMessage() {}
 
 func (x *DurationHistogram) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -516,7 +598,7 @@ func (x *DurationHistogram) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DurationHistogram.ProtoReflect.Descriptor instead.
 func (*DurationHistogram) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *DurationHistogram) GetCounts() []uint64 {
@@ -546,7 +628,7 @@ type StageHistogram struct {
 
 func (x *StageHistogram) Reset() {
 	*x = StageHistogram{}
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -558,7 +640,7 @@ func (x *StageHistogram) String() string {
 func (*StageHistogram) ProtoMessage() {}
 
 func (x *StageHistogram) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -571,7 +653,7 @@ func (x *StageHistogram) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use StageHistogram.ProtoReflect.Descriptor instead.
 func (*StageHistogram) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *StageHistogram) GetStage() string {
@@ -601,7 +683,7 @@ type LimitCount struct {
 
 func (x *LimitCount) Reset() {
 	*x = LimitCount{}
-	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -613,7 +695,7 @@ func (x *LimitCount) String() string {
 func (*LimitCount) ProtoMessage() {}
 
 func (x *LimitCount) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -626,7 +708,7 @@ func (x *LimitCount) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LimitCount.ProtoReflect.Descriptor instead.
 func (*LimitCount) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{6}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *LimitCount) GetLimit() string {
@@ -668,7 +750,7 @@ type RecordingStats struct {
 
 func (x *RecordingStats) Reset() {
 	*x = RecordingStats{}
-	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	mi := &file_sightline_v1_server_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -680,7 +762,7 @@ func (x *RecordingStats) String() string {
 func (*RecordingStats) ProtoMessage() {}
 
 func (x *RecordingStats) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	mi := &file_sightline_v1_server_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -693,7 +775,7 @@ func (x *RecordingStats) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RecordingStats.ProtoReflect.Descriptor instead.
 func (*RecordingStats) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{7}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *RecordingStats) GetOpenSessions() uint64 {
@@ -764,7 +846,7 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xf5\b\n" +
+	"\x15GetServerStatsRequest\"\xa8\t\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -799,7 +881,13 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"sent_bytes\x18\x1a \x01(\x04R\tsentBytes\x12%\n" +
 	"\x0eresident_bytes\x18\x1b \x01(\x04R\rresidentBytes\x12\x13\n" +
 	"\x05cpu_s\x18\x1c \x01(\x01R\x04cpuS\x12!\n" +
-	"\fstep_threads\x18\x1d \x01(\rR\vstepThreads\"@\n" +
+	"\fstep_threads\x18\x1d \x01(\rR\vstepThreads\x121\n" +
+	"\x06access\x18\x1e \x01(\v2\x19.sightline.v1.AccessStatsR\x06access\"\xae\x01\n" +
+	"\vAccessStats\x12#\n" +
+	"\rrefused_calls\x18\x01 \x01(\x04R\frefusedCalls\x12+\n" +
+	"\x11failed_handshakes\x18\x02 \x01(\x04R\x10failedHandshakes\x12(\n" +
+	"\x10files_taken_over\x18\x03 \x01(\x04R\x0efilesTakenOver\x12#\n" +
+	"\rfiles_refused\x18\x04 \x01(\x04R\ffilesRefused\"@\n" +
 	"\x11DurationHistogram\x12\x16\n" +
 	"\x06counts\x18\x01 \x03(\x04R\x06counts\x12\x13\n" +
 	"\x05sum_s\x18\x02 \x01(\x01R\x04sumS\"e\n" +
@@ -833,30 +921,32 @@ func file_sightline_v1_server_proto_rawDescGZIP() []byte {
 	return file_sightline_v1_server_proto_rawDescData
 }
 
-var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 8)
+var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 9)
 var file_sightline_v1_server_proto_goTypes = []any{
 	(*GetServerInfoRequest)(nil),   // 0: sightline.v1.GetServerInfoRequest
 	(*GetServerInfoResponse)(nil),  // 1: sightline.v1.GetServerInfoResponse
 	(*GetServerStatsRequest)(nil),  // 2: sightline.v1.GetServerStatsRequest
 	(*GetServerStatsResponse)(nil), // 3: sightline.v1.GetServerStatsResponse
-	(*DurationHistogram)(nil),      // 4: sightline.v1.DurationHistogram
-	(*StageHistogram)(nil),         // 5: sightline.v1.StageHistogram
-	(*LimitCount)(nil),             // 6: sightline.v1.LimitCount
-	(*RecordingStats)(nil),         // 7: sightline.v1.RecordingStats
+	(*AccessStats)(nil),            // 4: sightline.v1.AccessStats
+	(*DurationHistogram)(nil),      // 5: sightline.v1.DurationHistogram
+	(*StageHistogram)(nil),         // 6: sightline.v1.StageHistogram
+	(*LimitCount)(nil),             // 7: sightline.v1.LimitCount
+	(*RecordingStats)(nil),         // 8: sightline.v1.RecordingStats
 }
 var file_sightline_v1_server_proto_depIdxs = []int32{
-	7, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
-	4, // 1: sightline.v1.GetServerStatsResponse.tick_age:type_name -> sightline.v1.DurationHistogram
-	4, // 2: sightline.v1.GetServerStatsResponse.queue:type_name -> sightline.v1.DurationHistogram
-	4, // 3: sightline.v1.GetServerStatsResponse.step:type_name -> sightline.v1.DurationHistogram
-	5, // 4: sightline.v1.GetServerStatsResponse.stages:type_name -> sightline.v1.StageHistogram
-	6, // 5: sightline.v1.GetServerStatsResponse.limits:type_name -> sightline.v1.LimitCount
-	4, // 6: sightline.v1.StageHistogram.durations:type_name -> sightline.v1.DurationHistogram
-	7, // [7:7] is the sub-list for method output_type
-	7, // [7:7] is the sub-list for method input_type
-	7, // [7:7] is the sub-list for extension type_name
-	7, // [7:7] is the sub-list for extension extendee
-	0, // [0:7] is the sub-list for field type_name
+	8, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
+	5, // 1: sightline.v1.GetServerStatsResponse.tick_age:type_name -> sightline.v1.DurationHistogram
+	5, // 2: sightline.v1.GetServerStatsResponse.queue:type_name -> sightline.v1.DurationHistogram
+	5, // 3: sightline.v1.GetServerStatsResponse.step:type_name -> sightline.v1.DurationHistogram
+	6, // 4: sightline.v1.GetServerStatsResponse.stages:type_name -> sightline.v1.StageHistogram
+	7, // 5: sightline.v1.GetServerStatsResponse.limits:type_name -> sightline.v1.LimitCount
+	4, // 6: sightline.v1.GetServerStatsResponse.access:type_name -> sightline.v1.AccessStats
+	5, // 7: sightline.v1.StageHistogram.durations:type_name -> sightline.v1.DurationHistogram
+	8, // [8:8] is the sub-list for method output_type
+	8, // [8:8] is the sub-list for method input_type
+	8, // [8:8] is the sub-list for extension type_name
+	8, // [8:8] is the sub-list for extension extendee
+	0, // [0:8] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_server_proto_init() }
@@ -870,7 +960,7 @@ func file_sightline_v1_server_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_server_proto_rawDesc), len(file_sightline_v1_server_proto_rawDesc)),
 			NumEnums:      0,
-			NumMessages:   8,
+			NumMessages:   9,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

@@ -413,7 +413,8 @@ type SampleSettings struct {
 	// they are used when a target is inside the ball or near it.
 	Resolution *uint32 `protobuf:"varint,1,opt,name=resolution,proto3,oneof" json:"resolution,omitempty"`
 	// Number of points on the surface of each target that a step samples. Successive steps cover its whole shape. 0: its aim
-	// point alone. 1: the method as printed. More points see partial occlusion at once; each costs a depth map.
+	// point alone. 1: the method as printed. More points see partial occlusion at once. Each costs a ray to the camera and a depth map; with
+	// the strategy MIN_COST every second one costs a map.
 	Points *uint32 `protobuf:"varint,2,opt,name=points,proto3,oneof" json:"points,omitempty"`
 	// Moves the sample within its texel from step to step, so that thin occluders are found.
 	Jitter        *bool `protobuf:"varint,3,opt,name=jitter,proto3,oneof" json:"jitter,omitempty"`
@@ -940,8 +941,8 @@ type CoherenceSettings struct {
 	// The weight of visibility compared with keeping the shot. 0: the camera keeps its shot although a wall hides the targets. 1:
 	// it always takes the shot that sees most.
 	Responsiveness *float64 `protobuf:"fixed64,6,opt,name=responsiveness,proto3,oneof" json:"responsiveness,omitempty"`
-	// The weight of predicted visibility compared with present visibility, for every strategy. 0: every corner surprises the
-	// camera. 1: it leaves a full view of a target for a view that it only predicts.
+	// The weight of predicted visibility compared with present visibility, when a shot is chosen and for the strategies of the paper. 0:
+	// every corner surprises the camera. 1: it leaves a full view of a target for a view that it only predicts.
 	PredictivePower *float64 `protobuf:"fixed64,7,opt,name=predictive_power,json=predictivePower,proto3,oneof" json:"predictive_power,omitempty"`
 	unknownFields   protoimpl.UnknownFields
 	sizeCache       protoimpl.SizeCache
@@ -1062,12 +1063,12 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x06jitter\x18\x03 \x01(\bB\x11\xca\xf3\x18\r\x12\x04true\x1a\x05falseH\x02R\x06jitter\x88\x01\x01B\r\n" +
 	"\v_resolutionB\t\n" +
 	"\a_pointsB\t\n" +
-	"\a_jitter\"\xc6\x03\n" +
+	"\a_jitter\"\xc5\x03\n" +
 	"\x11AggregateSettings\x12N\n" +
-	"\x06volume\x18\x01 \x01(\x0e2!.sightline.tuning.v1alpha1.VolumeB\x13\xca\xf3\x18\x0f\x12\aLATTICE\x1a\x04PAIRR\x06volume\x12I\n" +
+	"\x06volume\x18\x01 \x01(\x0e2!.sightline.tuning.v1alpha1.VolumeB\x13\xca\xf3\x18\x0f\x12\aLATTICE\x1a\x04PAIRR\x06volume\x12H\n" +
 	"\n" +
-	"candidates\x18\x02 \x01(\rB$\xca\xf3\x18 \n" +
-	"\v[27, 32768]\x12\x041000\x1a\x03343\"\x06pointsH\x00R\n" +
+	"candidates\x18\x02 \x01(\rB#\xca\xf3\x18\x1f\n" +
+	"\v[27, 32768]\x12\x03700\x1a\x03343\"\x06pointsH\x00R\n" +
 	"candidates\x88\x01\x01\x12Q\n" +
 	"\x14visibility_threshold\x18\x03 \x01(\x01B\x19\xca\xf3\x18\x15\n" +
 	"\x06[0, 1]\x12\x040.75\"\x05shareH\x01R\x13visibilityThreshold\x88\x01\x01\x12A\n" +
