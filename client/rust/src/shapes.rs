@@ -9,16 +9,16 @@ pub fn vector([x, y, z]: [f64; 3]) -> Vec3 {
 /// instance.
 pub fn box_shape(width: f64, height: f64, depth: f64) -> Shape {
     let half_extent = Some(vector([width / 2.0, height / 2.0, depth / 2.0]));
-    Shape { shape: Some(shape::Shape::Box(shape::Box { half_extent })) }
+    Shape { shape: Some(shape::Shape::Box(shape::Box { half_extent })), ..Default::default() }
 }
 
 pub fn sphere(radius: f64) -> Shape {
-    Shape { shape: Some(shape::Shape::Sphere(shape::Sphere { radius })) }
+    Shape { shape: Some(shape::Shape::Sphere(shape::Sphere { radius })), ..Default::default() }
 }
 
 /// An upright capsule; `height` is from end to end.
 pub fn capsule(radius: f64, height: f64) -> Shape {
-    Shape { shape: Some(shape::Shape::Capsule(shape::Capsule { radius, half_height: height / 2.0 - radius })) }
+    Shape { shape: Some(shape::Shape::Capsule(shape::Capsule { radius, half_height: height / 2.0 - radius })), ..Default::default() }
 }
 
 /// An instance for the opening.
