@@ -225,15 +225,16 @@ double memory_by_count(const v1::ControlRequest& tick) {
 
 // Fills `part` of a small tick with each of its message fields, one after another; repeated fields get one more element
 // each time. Does the same within those messages. Returns the largest ratio of a tick's memory to the size that the
-// inbox counts for it.
-double most_memory_by_count(v1::ControlRequest& tick, google::protobuf::Message& part) {
+// inbox counts for it. Compound shapes may hold compound shapes on the wire, so it goes `depth` messages deep.
+double most_memory_by_count(v1::ControlRequest& tick, google::protobuf::Message& part, int depth = 14) {
   double most = memory_by_count(tick);
+  if (depth == 0) return most;
   const google::protobuf::Reflection& reflection = *part.GetReflection();
   for (int i = 0; i < part.GetDescriptor()->field_count(); ++i) {
     const google::protobuf::FieldDescriptor* field = part.GetDescriptor()->field(i);
     if (field->message_type() == nullptr) continue;
     auto* inner = field->is_repeated() ? reflection.AddMessage(&part, field) : reflection.MutableMessage(&part, field);
-    most = std::max(most, most_memory_by_count(tick, *inner));
+    most = std::max(most, most_memory_by_count(tick, *inner, depth - 1));
     while (field->is_repeated() && tick.ByteSizeLong() <= Inbox::kSmallTick) {
       most = std::max(most, memory_by_count(tick));
       reflection.AddMessage(&part, field);
