@@ -221,12 +221,10 @@ void plan_chain_maps(const glm::dvec2& jitter, SamplePlan& plan) {
   now.sights_m.resize(now.points_m.size());
 }
 
-void plan_maps(const SampleInput& in, const glm::dvec2& jitter, int resolution, Sampled& sampled, SamplePlan& plan) {
-  SampleSettings settings = in.step.input.settings.sample;
-  settings.resolution = resolution;
+void plan_maps(const SampleInput& in, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan) {
   for (const glm::dvec3& point_m : sampled.points_m) {
     const auto first = static_cast<uint32_t>(plan.views.size());
-    const int count = plan_views(point_m, in.bound, settings, jitter, plan.views);
+    const int count = plan_views(point_m, in.bound, in.step.input.settings.sample, jitter, plan.views);
     sampled.maps_of_point.push_back({first, static_cast<uint32_t>(count)});
     plan.used_cube_map |= count > 1;
   }
@@ -297,18 +295,15 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   PointPicker picker(in, scratch.picked, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
   const glm::dvec2 jitter = texel_jitter(in.step.input);
-  const int resolution = in.step.input.settings.sample.resolution;
   chain_pairs(in, plan);
   if (plan.pair.used)
     plan_chain_maps(jitter, plan);
   else
-    plan_maps(in, jitter, resolution, plan.now, plan);
+    plan_maps(in, jitter, plan.now, plan);
   plan_sights(in.step, plan);
-  plan_maps(in, jitter, resolution, plan.ahead, plan);
+  plan_maps(in, jitter, plan.ahead, plan);
   SlicePicker(in, scratch, plan).pick();
-  // The shares of a slice are averaged over steps, with other jitter in each, so few texels are enough.
-  const int coarse = std::max(kLeastResolution, (resolution + 1) / 2);
-  for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, coarse, slice.sampled, plan);
+  for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, slice.sampled, plan);
   plan.look = plan_look(in, plan.views);
   request_all(in, plan);
 }
