@@ -88,6 +88,7 @@ struct Composer::Tile {
 void Composer::compose(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
                        std::vector<uint32_t>* visible, HiddenShares* hidden) {
   look_up_.begin_maps(relative_bias, hidden ? weights.passes : std::span<const uint8_t>{});
+  look_up_.expect_maps(sampled.maps);
   ask(sampled, weights, visible != nullptr, hidden != nullptr);
   if (visible) visible->assign(look_up_.size(), 0);
   if (asked_.empty()) return;

@@ -42,6 +42,14 @@ void LookUp::begin_maps(double relative_bias, std::span<const uint8_t> passes) {
   exact_count_ = 0;
 }
 
+void LookUp::expect_maps(std::span<const DepthMap> maps) {
+  constexpr size_t kLeastLimits = 16;  // see prepare_map
+  size_t limits = 0;
+  for (const DepthMap& map : maps) limits += std::max(map.distance_m.size(), kLeastLimits);
+  maps_.reserve(maps.size());
+  limits_m2_.reserve(limits);
+}
+
 size_t LookUp::add_maps(std::span<const DepthMap> maps) {
   const size_t first = maps_.size();
   for (const DepthMap& map : maps) maps_.push_back(prepare_map(map, extent_, relative_bias_, passes_, limits_m2_));

@@ -52,6 +52,8 @@ class LookUp {
   // Begins a new list of maps; relative_bias in [0, 0.1]. `passes` has an entry for each mirror slot: 1 for occluders that move and may
   // soon be gone; empty: none. It must outlive the calls of `look`.
   void begin_maps(double relative_bias, std::span<const uint8_t> passes = {});
+  // Makes room for all of these maps, so that adding some of them allocates only where these are more than ever before.
+  void expect_maps(std::span<const DepthMap> maps);
   // Adds all maps of one point, which must outlive the calls of `look`. Returns the index of the first.
   size_t add_maps(std::span<const DepthMap> maps);
 
