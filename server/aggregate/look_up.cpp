@@ -43,7 +43,7 @@ void LookUp::begin_maps(double relative_bias, std::span<const uint8_t> passes) {
 }
 
 void LookUp::expect_maps(std::span<const DepthMap> maps) {
-  constexpr size_t kLeastLimits = 16;  // see prepare_map
+  constexpr size_t kLeastLimits = kSmallMap * kSmallMap;  // see prepare_map
   size_t limits = 0;
   for (const DepthMap& map : maps) limits += std::max(map.distance_m.size(), kLeastLimits);
   maps_.reserve(maps.size());
