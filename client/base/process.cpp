@@ -55,7 +55,7 @@ Result<ProcessUsage> usage_of(pid_t pid) {
 }
 
 ScratchFolder::ScratchFolder() {
-  std::string path = (std::filesystem::temp_directory_path() / "sightline-bench-XXXXXX").string();
+  std::string path = (std::filesystem::temp_directory_path() / "sightline-daemon-XXXXXX").string();
   if (mkdtemp(path.data())) path_ = path;
 }
 
