@@ -19,10 +19,15 @@ constexpr float kOutsideLimits = 100.0f;
 constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
 constexpr double kAnswerS = 0.15;
-// The camera heads for where the plan wants it after this time.
+// The camera heads for where it is to be after this time. That is its goal, however the goal was found, so that the goal only moves when the
+// camera changes its mind.
 constexpr double kLookS = 0.35;
 // The time constant with which that point moves, so that it does not jump between two plans that are equally good.
 constexpr double kCalmS = 0.05;
+// A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
+// not fall behind.
+constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
+constexpr Pace kHurried{};
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
@@ -130,13 +135,18 @@ class GoalSearch {
     if (!sees_any(plan)) return go_to_view(plan, body_radius_m);
     const double follow = follow_cost(), stay = stay_cost();
     const double steadiness = in_.carried.follows ? in_.step.input.settings.move.cost.steadiness : 0.0;
-    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired();
+    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired(kUnhurried);
     if (stay <= plan.cost) return stay_here();
     return fly(plan);
   }
 
  private:
   const glm::dvec3& eye_m() const { return in_.step.camera.pose.position_m; }
+  // The point at most this far on the straight way to a position.
+  glm::dvec3 part_of_way_m(const glm::dvec3& to_m, double at_most_m) const {
+    const double length_m = glm::distance(eye_m(), to_m);
+    return length_m > at_most_m ? glm::mix(eye_m(), to_m, at_most_m / length_m) : to_m;
+  }
   const HiddenAhead& ahead() const { return in_.carried.candidates.ahead; }
 
   FlightStart start() {
@@ -159,23 +169,23 @@ class GoalSearch {
   glm::dvec3 behind_m() const { return in_.sights.position_m[desired_candidate()] - eye_m(); }
   double follow_cost() {
     if (!ways_.is_free(in_.sights.position_m[desired_candidate()])) return INFINITY;
-    const glm::dvec3 behind_m = this->behind_m();
-    const double way_m = glm::length(behind_m);
-    const glm::dvec3 along = way_m > 1e-9 ? behind_m / way_m : glm::dvec3(0.0);
-    const glm::dvec3 group_mps = group_velocity_mps(in_.step);
-    return cost_of_path(planner_, ahead(), settings_, [&](double time_s) {
-      return nearest_in_bound_m(in_.bound, eye_m() + group_mps * time_s + along * std::min(way_m, settings_.speed_mps * time_s));
-    });
+    return cost_of_path(planner_, ahead(), settings_, [&](double time_s) { return nearest_in_bound_m(in_.bound, following_m(time_s)); });
   }
-  Goal follow_desired() {
-    Goal goal = goal_at(desired_candidate(), in_.sights.position_m[desired_candidate()]);
+  // Where a camera that follows is after a time.
+  glm::dvec3 following_m(double time_s) const {
+    const glm::dvec3 target_m = in_.sights.position_m[desired_candidate()];
+    return part_of_way_m(target_m, settings_.speed_mps * time_s) + group_velocity_mps(in_.step) * time_s;
+  }
+  Goal follow_desired(const Pace& pace) {
+    Goal goal = goal_at(desired_candidate(), following_m(kLookS));
     goal.follows = true;
     const bool is_far = glm::length(behind_m()) > in_.carried.candidates.lattice.spacing_m();
     for (size_t k = 1; is_far && k < kSlices; ++k)  // the cells on the way
       if (const auto candidate = planner_.candidate_at(eye_m() + behind_m() * (static_cast<double>(k) / kSlices)))
         scratch_.way.push_back(*candidate);
     scratch_.way.push_back(static_cast<uint32_t>(desired_candidate()));
-    goal.velocity_mps = velocity_along(in_.step, {goal.position_m, glm::length(behind_m())}, group_velocity_mps(in_.step));
+    const Leg leg{in_.sights.position_m[desired_candidate()], glm::length(behind_m())};
+    goal.velocity_mps = velocity_along(in_.step, leg, group_velocity_mps(in_.step), pace);
     return goal;
   }
 
@@ -196,7 +206,7 @@ class GoalSearch {
     const double response_s = in_.step.input.settings.move.move_response_s;
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kLookS);
-    if (in_.carried.goal_m && !in_.carried.follows) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
+    if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
     Goal goal = goal_at(plan.candidates.back(), to_m);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
     glm::dvec3 wanted_mps = (to_m - eye_m()) / kLookS;
@@ -223,9 +233,10 @@ class GoalSearch {
     while (const auto candidate = scratch_.routes.settle_next())
       if (in_.sights.hidden[*candidate] < kAllHidden) {
         scratch_.way = scratch_.routes.to(*candidate);
-        Goal goal = goal_at(*candidate, position_m[*candidate]);
+        const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
+        Goal goal = goal_at(*candidate, part_of_way_m(leg.to_m, settings_.speed_mps * kLookS));
         goal.searches = true;
-        goal.velocity_mps = velocity_along(in_.step, first_leg(in_, scratch_.way, body_m(in_)), glm::dvec3(0.0));
+        goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
         return goal;
       }
     return escape(plan);
@@ -239,12 +250,12 @@ class GoalSearch {
   Goal follow_trail(const Leg& leg) {
     scratch_.way.clear();
     return {.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1},
-            .position_m = leg.to_m,
+            .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kLookS),
             .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0))};
   }
   // Without a trail the camera goes at least nearer to the desired position.
   Goal approach(const FlightPlan& plan) {
-    if (ways_.is_free(in_.sights.position_m[desired_candidate()])) return follow_desired();
+    if (ways_.is_free(in_.sights.position_m[desired_candidate()])) return follow_desired(kHurried);
     return plan.candidates.empty() ? stay_here() : fly(plan);
   }
 

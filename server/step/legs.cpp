@@ -41,16 +41,18 @@ std::optional<Leg> leg_to_trail(const MoveInput& in, double body_radius_m, Clear
   return Leg{*to_m, glm::distance(from_m, *to_m)};
 }
 
-glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps) {
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace) {
   const double response_s = step.input.settings.move.move_response_s;
+  CameraLimits braking = step.input.limits;
+  braking.max_acceleration_mps2 *= pace.braking;
   const glm::dvec3 way_m = leg.to_m - step.camera.pose.position_m;
   const double distance_m = glm::length(way_m);
   glm::dvec3 wanted_mps = with_mps;
   if (distance_m > 1e-9) {
-    const double arrival_mps = arrival_speed_mps(leg.length_m, step.input.limits, step.move_s);
-    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(response_s, 2 * step.move_s)) / distance_m);
+    const double arrival_mps = arrival_speed_mps(leg.length_m, braking, step.move_s);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(pace.closing * response_s, 2 * step.move_s)) / distance_m);
   }
-  return steer_velocity(step.camera, wanted_mps, step.input.limits, response_s, step.move_s);
+  return steer_velocity(step.camera, wanted_mps, step.input.limits, pace.response * response_s, step.move_s);
 }
 
 }  // namespace sightline

@@ -201,9 +201,14 @@ double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<
 Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
 // The newest reachable position of the targets' trail; empty if none is reachable.
 std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
-// `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way. The
-// velocity changes with the time constant response_s.
-glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps);
+// How the camera hurries along a leg. By default it is as quick as MoveSettings and the limits allow.
+struct Pace {
+  double response = 1;  // time constant of its velocity, in units of move_response_s
+  double closing = 1;   // time constant in which it closes the last of its distance, in the same units
+  double braking = 1;   // what it brakes with before the end, as a share of the greatest acceleration
+};
+// `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way.
+glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace = {});
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
 

@@ -2,7 +2,7 @@
 import collections
 import operator
 
-from figures import (distinct, find, greatest, mean, number, over_seeds, percent, select, total, weighted_mean)
+from figures import distinct, find, greatest, mean, number, of_shared_seeds, over_seeds, percent, select, total, weighted_mean
 
 # `holds` is None where the tables lack a figure that the claim needs.
 Claim = collections.namedtuple("Claim", "text holds figure")
@@ -109,7 +109,7 @@ def _longer_is_worse(table2, model):
 
 # ---- all scenes ----
 
-def scene_claims(runs):
+def scene_claims(runs, ceilings=()):
     claims = []
     for rival in RIVALS:
         claims.append(_against(runs, rival, "joint_visible_share", "a higher joint visible share",
@@ -119,7 +119,7 @@ def scene_claims(runs):
     for name, text in (("body_collisions", "no frame in which the body touches a collider"),
                        ("limit_violations", "no frame that breaks a motion limit")):
         claims.append(_none_of(runs, name, text))
-    return claims + _calm_claims(runs) + [_report_claim(runs)]
+    return claims + _calm_claims(runs) + [_report_claim(runs)] + (_ceiling_claims(runs, ceilings) if ceilings else [])
 
 
 def _calm_claims(runs):
@@ -133,6 +133,26 @@ def _calm_claims(runs):
                  percent),
         _at_most(runs, "rms_jerk_mps3", "RMS jerk under 150 m/s³", operator.lt, 150.0, mean, lambda n: number(n, 0) + " m/s³"),
         _at_most(runs, "goal_jumps_per_s", "fewer than 2 jumps of the goal a second", operator.lt, 2.0, mean, rate),
+    ]
+
+
+def rarely_blind_claim(runs):
+    return _at_most(runs, "r_n", "nobody in sight in under 0.5 % of the pictures", operator.lt, 0.005, mean, percent)
+
+
+def _ceiling_claims(runs, ceilings):
+    shares = {}
+    for scene in distinct(ceilings, "scene"):
+        both = of_shared_seeds(select(_own(runs), scene=scene), select(ceilings, scene=scene))
+        own, reached = (mean(rows, "joint_visible_share") for rows in both)
+        if own is not None and reached:
+            shares[scene] = own / reached
+    whole = sum(shares.values()) / len(shares) if shares else None
+    return [
+        _in_scenes("Every scene: at least 85 % of the ceiling's joint share", list(shares),
+                   [f"{scene} ({percent(share, 1)})" for scene, share in shares.items() if share < 0.85]),
+        claim_if("Mean of the scenes: at least 90 % of the ceiling's joint share", [whole], lambda share: share >= 0.9,
+                 lambda share: f"{percent(share, 1)} over {len(shares)} scenes"),
     ]
 
 

@@ -45,6 +45,12 @@ def weighted_mean(rows, name, weight):
     return sum(value * count for value, count in pairs) / total if total else None
 
 
+def of_shared_seeds(some_rows, other_rows):
+    """Both lists without the rows whose seed the other lacks."""
+    seeds = {row["seed"] for row in some_rows} & {row["seed"] for row in other_rows}
+    return tuple([row for row in rows if row["seed"] in seeds] for rows in (some_rows, other_rows))
+
+
 def greatest(rows, name):
     """The greatest value of the rows that have the figure; None when no row has it."""
     return max((row[name] for row in rows if row.get(name) is not None), default=None)
@@ -85,6 +91,10 @@ def markdown(head, rows):
     rule = ["---" if name.startswith("<") else "--:" for name in head]
     lines = [names, rule] + [[str(cell) for cell in row] for row in rows]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def image(name, words):
+    return f"![{words}](plots/{name})\n"
 
 
 def _value(cell):

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# Makes the results page. Builds, plays the paper's tables and all scenes, and writes README.md, CSV files and plots
+# Makes the results pages. Builds, plays the paper's tables and all scenes, and writes README.md, levels.md, CSV files and plots
 # into this folder.
-#   tests/results/make.sh            # five seeds; about an hour on two cores that have nothing else to do, most of it for the ceiling
+#   tests/results/make.sh            # eight seeds; some hours on two cores that have nothing else to do, most of it for the ceiling
 #   tests/results/make.sh --seeds 3  # fewer or more seeds
 #   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
 #   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
+#   SIGHTLINE_TILES=path/to/tiles tests/results/make.sh   # also the levels composed of the tiles in this folder; left out without it
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-page=tests/results seeds=5 ceiling_seeds=2 frames=2000 rate=60 paper_every=4 scenes_every=10
+page=tests/results seeds=8 ceiling_seeds=2 frames=2000 rate=60 paper_every=4 scenes_every=10
 case "${1:-}" in
   "") ;;
   --seeds) seeds=$2 ;;
@@ -51,10 +52,13 @@ paper_settings 'stability'
 evaluate fence --scene fence --scene fence-board --truth-every "$paper_every" --policy sightline
 settings=() shown=""
 evaluate scenes --truth-every "$scenes_every"
+level_groups=(--group levels --group situations)
+[ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles --tiles "$SIGHTLINE_TILES")
+evaluate levels --truth-every "$scenes_every" "${level_groups[@]}"
 # The ceiling needs several seconds for each second of a scene.
 seeds=$ceiling_seeds evaluate ceiling --truth-every "$scenes_every" --policy ceiling
 minutes=$(((SECONDS + 59) / 60))
 
-python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds" \
+python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds" --how "level_seeds=$seeds" \
   --how "paper_every=$paper_every" --how "scenes_every=$scenes_every" --how "minutes=$minutes" --how "cores=$(nproc)"
-echo "The page is $page/README.md"
+echo "The pages are $page/README.md and $page/levels.md"

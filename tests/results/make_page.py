@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes the results page, README.md, from the tables that lie beside it.
+"""Writes the results pages, README.md and levels.md, from the tables that lie beside them.
 
     make_page.py [FOLDER]                                   # FOLDER of the page; default: the folder of this script
     make_page.py [FOLDER] --raw DIR --how KEY=VALUE ...
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
-DIR/hall, DIR/fence and DIR/scenes by `sightline evaluate`. HOW says how it was measured.
+DIR/hall, DIR/fence, DIR/scenes, DIR/levels and DIR/ceiling by `sightline evaluate`. The last two may be missing. HOW says how it was measured.
 """
 import argparse
 import json
@@ -13,9 +13,10 @@ import math
 import pathlib
 
 from claims import model_claims, model_name, scene_claims, stability_claims, verdict
-from figures import (between, distinct, find, greatest, markdown, mean, number, over_seeds, percent, read_table, select, total,
-                     weighted_mean, write_table)
+from figures import distinct, find, image, markdown, mean, number, over_seeds, percent, read_table, select, total, weighted_mean, write_table
+from levels_page import levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
+from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
@@ -28,7 +29,10 @@ RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_
                "filtered_false_occluded", "filtered_share_error")
 # The ceiling's runs are fewer, and have a table of their own.
 CEILING_COLUMNS = ("scene", "seed", "joint_visible_share", "most_joint", "body_collisions", "limit_violations")
-HOW_KEYS = ("commands", "rate_hz", "seeds", "paper_every", "scenes_every", "minutes", "cores")
+LEVEL_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "all_seen", "r_n", "episodes", "longest_blind_s", "longest_blind_with_way_s",
+                 "acceleration_limit_share", "speed_limit_share", "rms_jerk_mps3", "goal_jumps_per_s", "body_collisions", "limit_violations",
+                 "tracking_while_lost", "reported_pairs", "filtered_share_error")
+HOW_KEYS = ("commands", "rate_hz", "seeds", "level_seeds", "paper_every", "scenes_every", "minutes", "cores")
 
 
 def take_over(folder, raw, how):
@@ -40,6 +44,8 @@ def take_over(folder, raw, how):
     write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
     if (raw / "ceiling").exists():
         write_table(folder / "ceiling.csv", CEILING_COLUMNS, select(read_table(raw / "ceiling" / "runs.csv"), policy="ceiling"))
+    if (raw / "levels").exists():
+        write_table(folder / "levels.csv", LEVEL_COLUMNS, read_table(raw / "levels" / "runs.csv"))
     plots = {"table2-r_n.svg": models_plot(read_runs(raw / "hall")), "table3-offset.svg": offsets_plot(read_table(raw / "fence" / "pictures.csv")),
              "bars-joint_visible_share.svg": joint_plot(runs), "hall-s1-share.svg": shares_plot(read_table(raw / "scenes" / "pictures.csv"))}
     for name, plot in plots.items():
@@ -86,9 +92,14 @@ def make_page(folder):
     how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
-    parts = [introduction(how, times), claims_part(models, stabilities, runs), notes_part(folder), table1_part(times),
-             table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(folder, runs), reports_part(runs)]
+    ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
+    parts = [introduction(how, times), claims_part(models, stabilities, scene_claims(runs, ceilings)), notes_part(folder), table1_part(times),
+             table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
+
+
+def measured_ceilings(folder):
+    return read_table(folder / "ceiling.csv") if (folder / "ceiling.csv").exists() else []
 
 
 def notes_part(folder):
@@ -120,10 +131,10 @@ default; *paper* is the method as printed, with RobustMove, a prediction of 300 
 
 # ---- claims ----
 
-def claims_part(models, stabilities, runs):
+def claims_part(models, stabilities, of_scenes):
     text = "## Claims\n\nComputed from the tables in this folder.\n"
     for title, claims in (("Table 3: stability", stability_claims(stabilities)), ("Table 2: occlusion", model_claims(models)),
-                          ("All scenes", scene_claims(runs))):
+                          ("All scenes", of_scenes)):
         rows = [[claim.text, verdict(claim), claim.figure] for claim in claims]
         text += f"\n### {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], rows)
     return text
@@ -198,88 +209,6 @@ def paper_ratio(stabilities, row, name):
     return number(reference / row[name], 1) if row[name] else ""
 
 
-# ---- all scenes ----
-
-def scenes_part(runs):
-    groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene")
-              for policy in distinct(runs, "policy")]
-    groups = [group for group in groups if group[2]]
-    return """## All scenes
-
-Figures are means over seeds unless said. Follow and the spring arm keep no motion limits and touch or cross geometry, which is one reason for what
-they see.
-
-### What the camera saw
-
-*Joint*: share of pictures in which every target is visible to 95 %, with the least and greatest value over seeds. *All seen*: every target has a
-visible pixel. *Episodes*: how often in a run a target is lost from sight. *Blind*: the longest stretch of any seed without a visible pixel of any
-target. *With a way*: the longest part of one during which a place that sees a target could be reached within 2 s, by an independent search.
-*Reaction*: mean over all sustained occlusions, with their number in brackets. *Turn*: from a turn of the targets to half of the camera's answer to
-it, mean over all turns, with their number in brackets.
-
-""" + markdown(["<scene", "<policy", "joint", "all seen", "episodes", "r_N", "r_P", "blind s", "with a way s", "reaction s", "turn s"],
-               [sight_row(*group) for group in groups]) + "\n" + image(
-                   "bars-joint_visible_share.svg", "Joint visible share by scene and policy") + image(
-                       "hall-s1-share.svg", "The hall: visible share of the target that is seen least") + """
-### How the camera moved
-
-Collisions and violations of the motion limits are frames, summed over seeds. *At a_max* and *at v_max*: share of the frames at the acceleration
-limit and at the speed limit. *Reversals*: how often a second the path turns back by more than 90 degrees within 0.5 s. *Goal jumps*: how often a
-second the position that the camera heads for moves by more than 0.5 m in one tick.
-
-""" + markdown(["<scene", "<policy", "collisions", "violations", "d_c m", "at a_max", "at v_max", "RMS jerk m/s³", "p99 jerk m/s³",
-                "reversals /s", "goal jumps /s"], [motion_row(*group) for group in groups]) + "\n"
-
-
-def sight_row(scene, policy, runs):
-    joint = [run["joint_visible_share"] for run in runs]
-    return [scene, policy, percent(mean(runs, "joint_visible_share"), 1) + between(min(joint), max(joint), 1, 100),
-            percent(mean(runs, "all_seen"), 1), number(mean(runs, "episodes"), 1), percent(mean(runs, "r_n")),
-            percent(mean(runs, "r_p")), number(greatest(runs, "longest_blind_s"), 1),
-            number(greatest(runs, "longest_blind_with_way_s"), 1), delay(runs, "mean_reaction_s", "sustained_occlusions"),
-            delay(runs, "mean_turn_answer_s", "turns")]
-
-
-def delay(runs, name, count):
-    """A mean delay over all that was counted, with the count; "" where nothing was."""
-    seconds = weighted_mean(runs, name, count)
-    return "" if seconds is None else f"{number(seconds, 2)} ({int(total(runs, count))})"
-
-
-def motion_row(scene, policy, runs):
-    counts = [int(total(runs, name)) for name in ("body_collisions", "limit_violations")]
-    return [scene, policy] + counts + [
-        number(mean(runs, "d_c_m"), 1), percent(mean(runs, "acceleration_limit_share"), 1), percent(mean(runs, "speed_limit_share"), 1),
-        number(mean(runs, "rms_jerk_mps3"), 0), number(mean(runs, "p99_jerk_mps3"), 0), number(mean(runs, "reversals_per_s"), 2),
-        number(mean(runs, "goal_jumps_per_s"), 2)]
-
-
-# ---- the ceiling ----
-
-def ceiling_part(folder, runs):
-    """One part, or none where the ceiling was not measured."""
-    if not (folder / "ceiling.csv").exists():
-        return []
-    ceilings = read_table(folder / "ceiling.csv")
-    rows = [ceiling_row(scene, select(ceilings, scene=scene), select(runs, scene=scene, policy="sightline"))
-            for scene in distinct(ceilings, "scene")]
-    return ["""## What is possible
-
-The ceiling is a camera that knows the whole scenario in advance. It keeps the same motion limits, body, distances and elevations as the default. Its
-joint share was reached, so the true ceiling is no lower. *At most* is an upper estimate on a grid, for a camera that accelerates at once. *Of the
-ceiling* is the default's joint share as a share of the one that the ceiling reached, over the same seeds.
-
-""" + markdown(["<scene", "seeds", "default", "ceiling", "at most", "of the ceiling"], rows)]
-
-
-def ceiling_row(scene, ceilings, own_runs):
-    seeds = {row["seed"] for row in ceilings}
-    own = mean([run for run in own_runs if run["seed"] in seeds], "joint_visible_share")
-    reached = mean(ceilings, "joint_visible_share")
-    share = own / reached if own is not None and reached else None
-    return [scene, len(seeds), percent(own, 1), percent(reached, 1), percent(mean(ceilings, "most_joint"), 1), percent(share, 1)]
-
-
 # ---- what the service reports ----
 
 def reports_part(runs):
@@ -311,10 +240,6 @@ def report_row(scene, runs):
                     percent(mean(runs, "tracking_while_half_hidden"))]
 
 
-def image(name, words):
-    return f"![{words}](plots/{name})\n"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent)
@@ -327,6 +252,8 @@ def main():
             parser.error("--how must give " + ", ".join(HOW_KEYS))
         take_over(options.folder, options.raw, how)
     (options.folder / "README.md").write_text(make_page(options.folder), encoding="utf-8")
+    if (options.folder / "levels.csv").exists():
+        (options.folder / "levels.md").write_text(levels_page(options.folder, measured_ceilings(options.folder)), encoding="utf-8")
 
 
 if __name__ == "__main__":

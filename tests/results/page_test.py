@@ -10,8 +10,10 @@ sys.path.insert(0, str(HERE))
 
 import claims  # noqa: E402
 import figures  # noqa: E402
+import levels_page  # noqa: E402
 import make_page  # noqa: E402
 import paper_tables  # noqa: E402
+import scene_tables  # noqa: E402
 
 
 def spread(name, value):
@@ -274,25 +276,69 @@ class SceneClaims(unittest.TestCase):
 # ---- the page ----
 
 class Ceiling(unittest.TestCase):
-    def ceiling_part(self, ceilings):
-        with tempfile.TemporaryDirectory() as folder:
-            figures.write_table(pathlib.Path(folder) / "ceiling.csv", make_page.CEILING_COLUMNS, ceilings)
-            runs = [run("hall", "sightline", seed, joint, 1.0) for seed, joint in ((1.0, 0.4), (2.0, 0.5), (3.0, 0.9))]
-            return make_page.ceiling_part(pathlib.Path(folder), runs)
+    RUNS = [run("hall", "sightline", seed, joint, 1.0) for seed, joint in ((1.0, 0.4), (2.0, 0.5), (3.0, 0.9))]
+
+    def ceiling(self, seed, joint):
+        return {"scene": "hall", "seed": seed, "joint_visible_share": joint, "most_joint": 0.9, "body_collisions": 0.0, "limit_violations": 0.0}
 
     def test_the_share_is_over_the_seeds_that_both_played(self):
-        ceiling = {"scene": "hall", "most_joint": 0.9, "body_collisions": 0, "limit_violations": 0}
-        (part,) = self.ceiling_part([ceiling | {"seed": 1, "joint_visible_share": 0.8}, ceiling | {"seed": 2, "joint_visible_share": 0.7}])
+        (part,) = scene_tables.ceiling_part([self.ceiling(1.0, 0.8), self.ceiling(2.0, 0.7)], self.RUNS)
         self.assertIn("| hall | 2 | 45.0 % | 75.0 % | 90.0 % | 60.0 % |", part)
 
+    def test_a_seed_that_only_the_ceiling_played_does_not_count(self):
+        (part,) = scene_tables.ceiling_part([self.ceiling(1.0, 0.8), self.ceiling(9.0, 0.2)], self.RUNS)
+        self.assertIn("| hall | 1 | 40.0 % | 80.0 % |", part)
+
     def test_a_ceiling_that_sees_nothing_has_no_share(self):
-        (part,) = self.ceiling_part([{"scene": "hall", "seed": 1, "joint_visible_share": 0.0, "most_joint": 0.0,
-                                      "body_collisions": 0, "limit_violations": 0}])
-        self.assertIn("| 0.0 % | 0.0 % |  |", part)
+        (part,) = scene_tables.ceiling_part([self.ceiling(1.0, 0.0)], self.RUNS)
+        self.assertIn("| 0.0 % | 90.0 % |  |", part)
 
     def test_without_measurements_there_is_no_part(self):
-        with tempfile.TemporaryDirectory() as folder:
-            self.assertEqual(make_page.ceiling_part(pathlib.Path(folder), []), [])
+        self.assertEqual(scene_tables.ceiling_part([], self.RUNS), [])
+
+    def test_its_claims_name_the_scenes_below_their_share(self):
+        runs = self.RUNS + [run("forest", "sightline", 1.0, 0.85, 1.0)]
+        ceilings = [self.ceiling(1.0, 0.5), {**self.ceiling(1.0, 1.0), "scene": "forest"}]
+        each, together = claims.scene_claims(runs, ceilings)[-2:]
+        self.assertEqual((each.holds, each.figure), (False, "in 1 of 2 scenes; not in hall (80.0 %)"))
+        self.assertEqual((together.holds, together.figure), (False, "82.5 % over 2 scenes"))
+        ceilings[0]["joint_visible_share"] = 0.4
+        each, together = claims.scene_claims(runs, ceilings)[-2:]
+        self.assertEqual((each.holds, together.holds), (True, True))
+
+
+class Levels(unittest.TestCase):
+    def page(self, runs, ceilings=(), **tables):
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "how.json").write_text('{"rate_hz": 60, "level_seeds": 8, "scenes_every": 10}', encoding="utf-8")
+            figures.write_table(folder / "levels.csv", list(runs[0]), runs)
+            for table, rows in tables.items():
+                figures.write_table(folder / (table.replace("_", "-") + ".csv"), list(rows[0]), rows)
+            return levels_page.levels_page(folder, list(ceilings))
+
+    def test_each_group_has_its_own_claims_and_table(self):
+        runs = [run(scene, policy, 1.0, joint, 1.0, r_n=r_n) for scene, r_n in (("level-one", 0.004), ("tile-one", 0.005), ("lift", 0.3))
+                for policy, joint in (("follow", 0.25), ("sightline", 0.75))]
+        page = self.page(runs)
+        self.assertEqual([line for line in page.splitlines() if line.startswith("## ")],
+                         ["## Levels of boxes", "## Levels composed of tiles", "## Situations"])
+        self.assertIn("| level-one | 25.0 % |  |  |  | 75.0 % | 0.40 % |", page)
+        blind = [line for line in page.splitlines() if line.startswith("| Every scene: nobody in sight")]
+        self.assertEqual(["**holds**" in line for line in blind], [True, False, False])
+        self.assertIn("in 0 of 1 scenes; not in lift (30.00 %)", blind[2])
+
+    def test_a_group_that_was_not_played_is_left_out(self):
+        page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0)])
+        self.assertNotIn("tiles", page.split("## ", 1)[1])
+
+    def test_a_use_shows_the_build_before_and_now_or_its_test(self):
+        uses = [{"use": "a lift", "expected": "waits", "before": "crushed", "where": "lift"},
+                {"use": "an echo", "expected": "the same", "before": "slow", "where": "Echo.IsTheSame"}]
+        former = [run("lift", "sightline", 1.0, 0.1, 1.0, r_n=0.9, longest_blind_s=20.0)]
+        page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0, r_n=0.25, longest_blind_s=2.0)], uses=uses, levels_before_plan=former)
+        self.assertIn("| a lift | waits | crushed | `lift` | joint 10.0 %, nobody 90.0 %, blind 20.0 s | joint 50.0 %, nobody 25.0 %, blind 2.0 s |", page)
+        self.assertIn("| an echo | the same | slow | `Echo.IsTheSame` |  | tested |", page)
 
 
 class Page(unittest.TestCase):
@@ -359,6 +405,8 @@ class Page(unittest.TestCase):
     @unittest.skipUnless((HERE / "how.json").is_file(), "no results are kept here")
     def test_the_page_that_is_kept_says_what_the_tables_beside_it_say(self):
         self.assertEqual(make_page.make_page(HERE), (HERE / "README.md").read_text(encoding="utf-8"))
+        if (HERE / "levels.csv").exists():
+            self.assertEqual(levels_page.levels_page(HERE, make_page.measured_ceilings(HERE)), (HERE / "levels.md").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,90 @@
+"""The page about levels and situations, levels.md: what the default does where nothing was tuned."""
+import json
+
+from claims import RIVALS, rarely_blind_claim, scene_claims, verdict
+from figures import distinct, greatest, markdown, mean, number, percent, read_table, select, total
+from scene_tables import ceiling_part
+
+GROUPS = (("level-", "Levels of boxes"), ("tile-", "Levels composed of tiles"), ("", "Situations"))
+
+
+def levels_page(folder, ceilings):
+    """The page's text, from levels.csv and uses.csv in the folder, and how.json."""
+    runs = read_table(folder / "levels.csv")
+    how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
+    parts = [introduction(how)]
+    for prefix, title in GROUPS:
+        parts += group_parts(title, of_group(runs, prefix), of_group(ceilings, prefix))
+    uses = folder / "uses.csv"
+    if uses.exists():
+        parts.append(uses_part(read_table(uses), runs, former_runs(folder)))
+    return "\n".join(parts)
+
+
+def of_group(rows, prefix):
+    """The rows of the scenes with this prefix; without one, those that have none of the others."""
+    others = tuple(other for other, _ in GROUPS if other)
+    return [row for row in rows if (row["scene"].startswith(prefix) if prefix else not row["scene"].startswith(others))]
+
+
+def former_runs(folder):
+    former = folder / "levels-before-plan.csv"
+    return read_table(former) if former.exists() else []
+
+
+def introduction(how):
+    return f"""# Levels and situations
+
+The scenes of the groups `levels`, `tiles` and `situations` were made to judge with, and no setting was tuned on the seeds played here. They are played at
+{how['rate_hz']} Hz with {how['level_seeds']} seeds, and every {how['scenes_every']}th picture is judged. [scenes/README.md](../../scenes/README.md) says what each scene is, and
+[the results page](README.md) what the figures mean. `tests/results/make.sh` makes both pages; `levels.csv` has one row a run.
+"""
+
+
+def group_parts(title, runs, ceilings):
+    """The parts about one group of scenes; none if it was not played."""
+    if not runs:
+        return []
+    ceilings = [row for row in ceilings if row["scene"] in distinct(runs, "scene")]
+    claims = [[claim.text, verdict(claim), claim.figure] for claim in [rarely_blind_claim(runs), *scene_claims(runs, ceilings)]]
+    text = f"## {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], claims) + """
+*Joint*: share of the pictures in which every target is visible to 95 %, by policy. The other columns are about the default.
+
+""" + markdown(["<scene", *RIVALS, "sightline", "r_N", "blind s", "with a way s", "at a_max", "RMS jerk m/s³", "goal jumps /s", "collisions"],
+               [scene_row(scene, select(runs, scene=scene)) for scene in distinct(runs, "scene")])
+    return [text] + [part.replace("## What is possible", "### What is possible") for part in ceiling_part(ceilings, runs)]
+
+
+def scene_row(scene, runs):
+    own = select(runs, policy="sightline")
+    joints = [percent(mean(select(runs, policy=policy), "joint_visible_share"), 1) for policy in (*RIVALS, "sightline")]
+    return [scene, *joints, percent(mean(own, "r_n")), number(greatest(own, "longest_blind_s"), 1),
+            number(greatest(own, "longest_blind_with_way_s"), 1), percent(mean(own, "acceleration_limit_share"), 1),
+            number(mean(own, "rms_jerk_mps3"), 0), number(mean(own, "goal_jumps_per_s"), 2), int(total(own, "body_collisions"))]
+
+
+# ---- one use each ----
+
+def uses_part(uses, runs, former):
+    rows = [use_row(use, runs, former) for use in uses]
+    return """## Uses that went wrong once
+
+Each row was a complaint about an early build. It is now a scene of its own, played here, or a test. *Before*: what that build did. *Before the plan*: the
+scene, played by the last build without the flight plan. Figures are means over seeds; *blind* is the longest stretch of any seed without a visible pixel.
+
+""" + markdown(["<use", "<expected", "<before", "<scene or test", "<before the plan", "<now"], rows)
+
+
+def use_row(use, runs, former):
+    scene = use["where"]
+    own = select(runs, scene=scene, policy="sightline")
+    if not own:
+        return [use["use"], use["expected"], use["before"], f"`{scene}`", "", "tested"]
+    return [use["use"], use["expected"], use["before"], f"`{scene}`", sights(select(former, scene=scene, policy="sightline")), sights(own)]
+
+
+def sights(runs):
+    if not runs:
+        return ""
+    return (f"joint {percent(mean(runs, 'joint_visible_share'), 1)}, nobody {percent(mean(runs, 'r_n'), 1)}, "
+            f"blind {number(greatest(runs, 'longest_blind_s'), 1)} s")
