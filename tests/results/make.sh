@@ -53,7 +53,7 @@ evaluate fence --scene fence --scene fence-board --truth-every "$paper_every" --
 settings=() shown=""
 evaluate scenes --truth-every "$scenes_every"
 level_groups=(--group levels --group situations)
-[ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles --tiles "$SIGHTLINE_TILES")
+[ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles)
 evaluate levels --truth-every "$scenes_every" "${level_groups[@]}"
 # The ceiling needs several seconds for each second of a scene.
 seeds=$ceiling_seeds evaluate ceiling --truth-every "$scenes_every" --policy ceiling
