@@ -181,6 +181,11 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "for longer")
       ->check(number_in(0.0, 86'400.0))
       ->capture_default_str();
+  app.add_option("--resume-grace-s", raw.flags.resume_grace_s,
+                 "Time for which a session is kept after its stream broke, in seconds, if its client asked for it. In this time the client "
+                 "can go on with it over another connection. It counts as an open session until then. 0 means that no session is kept")
+      ->check(number_in(0.0, 3600.0))
+      ->capture_default_str();
   app.add_option("--max-connections", raw.flags.max_connections,
                  "Largest number of open connections. An unused one makes way for a new one. It is lowered when the process may "
                  "not open three file descriptors for each")

@@ -156,6 +156,7 @@ ServiceLimits service_limits(const Flags& flags) {
   limits.max_message_memory = flags.max_message_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;
   limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
+  limits.resume_grace = milliseconds(std::lround(flags.resume_grace_s * 1e3));
   limits.max_upload_bytes = flags.max_upload_mib << 20;
   limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
   limits.upload_timeout = milliseconds(std::lround(flags.upload_timeout_s * 1e3));

@@ -18,7 +18,7 @@ void show_token(grpc::ClientContext& context, const std::string& token);
 // The constructor starts the call; the destructor cancels it and waits for its end.
 class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
-  Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, const v1::OpenSession& request, Handler handler);
+  Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, v1::ControlRequest first, Handler handler);
   ~Stream() override;
 
   // The server's first answer.

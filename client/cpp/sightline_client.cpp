@@ -127,7 +127,21 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
                                                             std::chrono::nanoseconds timeout,
                                                             ClientSession::Handler handler) {
-  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, request, std::move(handler));
+  v1::ControlRequest first;
+  *first.mutable_open() = request;
+  return start_session(std::move(first), timeout, std::move(handler));
+}
+
+Result<std::unique_ptr<ClientSession>> Client::resume_session(const v1::ResumeSession& request, std::chrono::nanoseconds timeout,
+                                                              ClientSession::Handler handler) {
+  v1::ControlRequest first;
+  *first.mutable_resume() = request;
+  return start_session(std::move(first), timeout, std::move(handler));
+}
+
+Result<std::unique_ptr<ClientSession>> Client::start_session(v1::ControlRequest first, std::chrono::nanoseconds timeout,
+                                                             ClientSession::Handler handler) {
+  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, std::move(first), std::move(handler));
   auto opened = stream->wait_opened(timeout);
   if (!opened) return tl::unexpected(opened.error());
   return std::unique_ptr<ClientSession>(new ClientSession(std::move(stream), std::move(*opened)));

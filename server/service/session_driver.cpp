@@ -14,8 +14,9 @@ namespace sightline {
 namespace {
 
 const Error kNotOpened{ErrorCode::kInvalidArgument, "open",
-                       "the first message of a Control call must be `open`"};
+                       "the first message of a Control call must be `open` or `resume`"};
 const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is already open"};
+const Error kResumedLate{ErrorCode::kFailedPrecondition, "resume", "`resume` must be the first message of a Control call"};
 const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
 
 // Number of ticks at the end of the queue that ask to be merged into the next one.
@@ -154,6 +155,14 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   return {};
 }
 
+void SessionDriver::describe(v1::SessionOpened& opened) const {
+  opened_to_proto(*session_, opened);
+  opened.set_session_id(session_id_);
+  opened.set_sampler(parts_.sampler.kind());
+  opened.set_recording_file(recording_.name());
+  opened.set_newest_sequence(newest_sequence_);
+}
+
 // --- ticks
 // ------------------------------------------------------------------------------------------------------
 
@@ -177,6 +186,7 @@ std::optional<uint64_t> SessionDriver::apply_ticks(Turn& turn) {
     turn.needs_loader = !turn.may_take_long &&
                         (takes_long(tick, *session_, parts_.scenes) || recording_.lacks_scenes(tick));
     if (turn.needs_loader) break;
+    if (message.request.has_tick()) newest_sequence_ = tick.sequence();
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
       newest_arrival_ns_ = message.arrival_ns;
@@ -198,6 +208,7 @@ void SessionDriver::note_step_control(const v1::StepControl& step) {
 
 Status SessionDriver::apply(const Inbox::Message& message) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
+  if (message.request.has_resume()) return tl::unexpected(kResumedLate);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   counters_.tick();
   recording_.tick(message.request.tick(), message.arrival_ns);
