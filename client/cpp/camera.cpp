@@ -188,11 +188,9 @@ Result<Camera::Answer> Camera::State::ask_until_answered(v1::Tick& tick) {
       return answer;
     }
     if (!reason) reason = answer.error().message;
-    const bool was_open = !opening;
     leave();
     if (!is_lost(answer.error(), opening) || steady_clock::now() >= give_up) return answer;
-    // The first attempt to resume is made at once.
-    if (!(was_open && !token.empty())) pause(longest);
+    pause(longest);
   }
 }
 
