@@ -22,6 +22,7 @@ struct RawFlags {
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
+  std::string fault;
   std::string address;
   bool alive = false;
   bool print_config = false;
@@ -297,6 +298,18 @@ void add_recording(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
 }
 
+// Not in --help: nobody needs them to run a daemon.
+void add_drills(CLI::App& app, RawFlags& raw) {
+  const auto check = [](const std::string& text) {
+    const auto plan = parse_fault_plan(text);
+    return plan ? std::string() : plan.error().message;
+  };
+  app.add_option("--inject-fault", raw.fault, "Let each N-th call for depth maps meet a fault")
+      ->check(CLI::Validator(check, "KIND:N"))
+      ->configurable(false)
+      ->group("");
+}
+
 void add_configuration(CLI::App& app, RawFlags& raw) {
   app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins")
       ->configurable(false);
@@ -327,6 +340,7 @@ Flags finished(const RawFlags& raw) {
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   flags.record_all = kRecorded.at(raw.record);
+  if (!raw.fault.empty()) flags.fault = parse_fault_plan(raw.fault).value_or(FaultPlan{});
   return flags;
 }
 
@@ -345,6 +359,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_limits(app, raw);
   add_logging(app, raw);
   add_recording(app, raw);
+  add_drills(app, raw);
   add_configuration(app, raw);
   app.allow_config_extras(false);
   const auto config = std::make_shared<ConfigFile>(app);

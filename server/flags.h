@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "server/faulty_device.h"
 #include "server/service/log.h"
 #include "server/sample/sampler_choice.h"
 
@@ -57,6 +58,7 @@ struct Flags {
   uint64_t record_file_mib = 256;
   uint64_t record_age_h = 0;  // 0: never deleted for their age
   uint64_t record_reserve_mib = 1024;
+  FaultPlan fault;
 };
 
 struct Serve {

@@ -83,6 +83,7 @@ void add_daemon(const MetricSource& source, Families& families) {
         {{"version", kVersion}, {"build", kBuild}});
   gauge(family(families, "sightline_device_info", "What takes the depth maps; always 1.", MetricType::Gauge), 1.0,
         {{"sampler", source.parts.sampler.kind()}, {"renderer", source.parts.sampler.renderer()}});
+  add_counter(families, "sightline_context_losses_total", "Times that the graphics context was lost and built again.", source.context_losses());
   add_gauge(families, "sightline_ready", "1 while the daemon is ready for sessions, otherwise 0.", source.state.ready());
   add_gauge(families, "sightline_hanging_threads", "Kinds of threads that have not answered for --stall-s.",
             source.state.hanging().size());
