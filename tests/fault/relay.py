@@ -36,8 +36,7 @@ class _Connection:
     def _hurt(self, data):
         how, self.hurt = self.hurt, None
         if how == "corrupt":
-            middle = len(data) // 2
-            return data[:middle] + bytes([data[middle] ^ 0x5A]) + data[middle + 1:]
+            return bytes([data[0] ^ 0x5A]) + data[1:]
         self.deaf_to_daemon = True
         self.deaf_to_client = how == "lose request"
         asyncio.get_running_loop().call_later(TIME_TO_ACT_S if how == "lose reply" else 0.0, self.cut)
@@ -98,7 +97,7 @@ class Relay:
 
     def hurt_next(self, how):
         """lose request: the next bytes of each client are lost, and the connection breaks. lose reply: they arrive, but the daemon's answer is lost.
-        corrupt: a bit of them is wrong."""
+        corrupt: the frame that they begin with has a wrong length."""
         self._call(lambda: [setattr(connection, "hurt", how) for connection in list(self.connections)])
 
     def forget(self):
