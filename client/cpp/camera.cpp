@@ -53,7 +53,7 @@ struct Camera::State {
   Status open_session(bool uploads);
   void leave();
   void look_for_drain();
-  Result<bool> resume(uint64_t sequence);
+  Result<bool> resume(uint64_t wanted);
   void tell_past(v1::Tick& next);
   Result<Answer> ask(const v1::Tick& tick);
   Result<Answer> wait_for_answer(const v1::Tick& tick);
@@ -87,7 +87,7 @@ Status Camera::State::open_session(bool uploads) {
 
 // Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. False: it
 // has not. Without a session afterwards, and without an error, a new one must be opened.
-Result<bool> Camera::State::resume(uint64_t sequence) {
+Result<bool> Camera::State::resume(uint64_t wanted) {
   v1::ResumeSession request;
   request.set_token(token);
   request.set_answered_sequence(answered);
@@ -95,9 +95,9 @@ Result<bool> Camera::State::resume(uint64_t sequence) {
   auto next = client ? client->resume_session(request, std::min(options.reply_timeout, kResumeTimeout)) : tl::unexpected(client.error());
   if (next) {
     const uint64_t newest = (*next)->opened().newest_sequence();
-    if (newest == sequence || newest == answered) {
+    if (newest == wanted || newest == answered) {
       session = std::move(*next);
-      return newest == sequence;
+      return newest == wanted;
     }
     // It lacks ticks that a former stream lost.
     (void)(*next)->close(options.reply_timeout);
