@@ -206,7 +206,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{8}, size_t{4096}))
       ->capture_default_str();
   app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
-                 "Largest memory of the instances of one session, in MiB; each takes about 400 bytes. Raise it for very large scenes")
+                 "Largest memory of the instances of one session and of their distinct shapes, in MiB. An instance takes about 400 bytes, a distinct sphere or capsule 20 KB. Raise it for very large scenes")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--sessions-memory-mib", raw.flags.sessions_memory_mib,

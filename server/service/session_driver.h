@@ -22,6 +22,7 @@
 #include "server/service/inbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_recording.h"
+#include "server/service/shape_memory.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -80,6 +81,8 @@ class SessionDriver {
   std::optional<uint64_t> apply_ticks(Turn& turn);
   Status apply(const Inbox::Message& message);
   Status check_budgets(const TickInput& tick);
+  Status check_memory(const v1::SceneDelta& delta);
+  void account_memory(const v1::SceneDelta& delta);
   Status check_cost(const StepSettings& settings, size_t targets, const char* field);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
@@ -97,6 +100,7 @@ class SessionDriver {
   SessionRecording recording_;
   SessionCounters counters_;
   InstanceShare instances_;
+  ShapeMemory shapes_;
 
   // Requests of the ticks since the last step.
   uint32_t merges_asked_ = 0;        // number of ticks that asked to be merged
