@@ -93,7 +93,7 @@ public sealed class SightlineCamera : IDisposable {
             }
             bool wasOpen = stream != null, taken = false;
             try {
-                if (stream == null && !token.IsEmpty) taken = await ResumeAsync(numbered.Sequence);
+                if (stream == null && token.Length > 0) taken = await ResumeAsync(numbered.Sequence);
                 if (stream == null) {
                     await OpenStreamAsync();
                     reopened = wasOpen = true;
@@ -225,7 +225,7 @@ public sealed class SightlineCamera : IDisposable {
     void Leave() {
         if (stream != null && stream.Drained != null) token = ByteString.Empty;
         Dispose();
-        if (token.IsEmpty) NextAddress();
+        if (token.Length == 0) NextAddress();
     }
 
     void NextAddress() { address = (address + 1) % addresses.Count; }
