@@ -70,6 +70,11 @@ class Relay:
         self.address = "127.0.0.1:%d" % self._server.sockets[0].getsockname()[1]
         started.set()
         self._loop.run_forever()
+        left = asyncio.all_tasks(self._loop)
+        for task in left:
+            task.cancel()
+        self._loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+        self._loop.close()
 
     async def _accept(self, reader, writer):
         self.accepted += 1
