@@ -298,7 +298,7 @@ void add_recording(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
 }
 
-// Not in --help: nobody needs them to run a daemon.
+// These flags are for tests, so --help leaves them out.
 void add_drills(CLI::App& app, RawFlags& raw) {
   const auto check = [](const std::string& text) {
     const auto plan = parse_fault_plan(text);

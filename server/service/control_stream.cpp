@@ -205,7 +205,7 @@ void ControlStream::give_session_up() {
   const std::lock_guard lock(mutex_);
   if (finished_) return;  // it is on its way already
   gives_up_ = true;
-  // Nobody may be there to take what is being written.
+  // The client may be gone, and the present write would then never end.
   if (writing_) cancel_call();
   advance();
 }
@@ -316,7 +316,7 @@ void ControlStream::close(const grpc::Status& status) {
   finish_call(status);
 }
 
-// False: the session cannot be kept. What has come and was not applied is forgotten: its client sends it again.
+// False: the session cannot be kept. Messages that have come and were not applied are forgotten: the client sends them again.
 bool ControlStream::detach() {
   auto session = std::make_unique<DetachedSession>();
   session->token = token_;
@@ -402,7 +402,7 @@ void ControlStream::finish(const TakenMaps& taken) {
   if (stepped && !finished_) driver_->account(times);
 }
 
-// The session was just opened, and its first reply tells the client. The recording has that reply without the token, which is a secret.
+// Puts the token into the reply to the opening. The recording has that reply without the token, which is a secret.
 void ControlStream::issue_token() {
   token_ = kept_.issue(client_, self_);
   outbox_.keep_written();

@@ -17,8 +17,8 @@
 //
 // A resumable session outlives its stream (kept_sessions.h). A stream that begins with `resume` has no session of its own until it gets
 // one. A stream that breaks, or that another one replaces, gives its session up: `detach`. A client that closes its side ends the session
-// in order. gRPC reports the end of the messages first, and only later whether the call was cancelled, which is what happens when the connection
-// broke. A resumable session is therefore freed at the very end of the call.
+// in order. gRPC reports the end of the messages first. Only later it reports whether the call was cancelled, as it is when the
+// connection broke. A resumable session is therefore freed at the very end of the call.
 //
 // Order of gRPC operations. At most one read and one write are under way. `finish_call` is called once, when no turn
 // and no write is under way; nothing is started after it.
@@ -47,7 +47,7 @@ namespace sightline {
 // Messages arrive as bytes (incoming_message.h says why).
 using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse, grpc::ByteBuffer>>;
 
-// What all streams share beside the parts. It must outlive the streams.
+// All streams use these beside the parts. They must outlive the streams.
 struct StreamHelpers {
   WorkerPool& parsers;  // of large messages; they also claim sessions to resume
   KeptSessions& kept;

@@ -43,8 +43,6 @@ class KeptSessions::Place final : public Drainable {
   void drain(const std::string& reason) override { kept_.end(number_, {grpc::StatusCode::UNAVAILABLE, reason}); }
   void end(const grpc::Status& status) override { kept_.end(number_, status); }
 
-  uint64_t number() const { return number_; }
-
  private:
   KeptSessions& kept_;
   const uint64_t number_;
@@ -127,7 +125,7 @@ bool KeptSessions::pass_on(uint64_t number, std::unique_ptr<DetachedSession>& se
 bool KeptSessions::put_away(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder,
                             std::shared_ptr<Place> place, Time expires) {
   std::unique_lock lock(mutex_);
-  // A stream may have come for it since nobody waited.
+  // A stream may have come for it since `pass_on` returned.
   while (!entries_.at(number).claimant.expired()) {
     lock.unlock();
     if (pass_on(number, session, holder)) return true;

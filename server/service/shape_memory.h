@@ -16,8 +16,8 @@ namespace sightline {
 // About what the distinct shapes among these instances take, if nothing has them so far. It is asked before they are built.
 size_t bytes_of_shapes(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances);
 
-// Counts each distinct shape once, while an instance has it. Meshes of scene files do not count: their memory is that of the file, which has
-// limits of its own. Not thread-safe.
+// Counts each distinct shape once, while an instance has it. Meshes of scene files do not count, because scene files have
+// limits of their own. Not thread-safe.
 class ShapeMemory {
  public:
   // Takes note of what was added. Instances that the mirror lacks are left out.

@@ -36,8 +36,8 @@ class StreamRegistry {
 
   // Counts the stream until it is removed. Streams are identified by their address.
   Admission add(const std::shared_ptr<Drainable>& stream, const std::string& client = {});
-  // For a stream that `add` refused because a limit was reached: it may be about to resume a session that counts already, so it may wait for
-  // a place (`move_place`). A client may have as many such streams as it has places. False: it is refused.
+  // Lets a stream wait for a place (`move_place`) which `add` refused because of a limit. It may be about to resume a session, which has a place
+  // already. A client may have as many waiting streams as places. False: the stream is refused.
   bool add_waiting(const std::shared_ptr<Drainable>& stream, const std::string& client);
   void remove(const Drainable* stream);
   // `to` takes the place of `from`, and gives up one of its own if it has one. False: the server drains, or `from` has none.

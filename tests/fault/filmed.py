@@ -9,7 +9,7 @@ from sightline_client import Camera, Connection, Failed, box, capsule
 RATE_HZ = 60.0
 SPEED_LIMIT_MPS = 6.0
 ANNA, BEN, PILLAR = 1, 2, 3
-# What a position in a message may be off by.
+# Positions may be off by this.
 ROUNDING_M = 1e-6
 
 

@@ -35,7 +35,7 @@ v1::ResumeSession resume_of(const v1::SessionOpened& opened, uint64_t answered) 
   return request;
 }
 
-// What a stream of this session gets first.
+// Returns the first answer of a stream that resumes the session.
 v1::SessionOpened resume(Stream& stream, const v1::SessionOpened& opened, uint64_t answered) {
   EXPECT_TRUE(stream.send(resume_of(opened, answered)));
   const auto reply = stream.read();
