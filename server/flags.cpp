@@ -302,7 +302,7 @@ void add_recording(CLI::App& app, RawFlags& raw) {
 void add_drills(CLI::App& app, RawFlags& raw) {
   const auto check = [](const std::string& text) {
     const auto plan = parse_fault_plan(text);
-    return plan ? std::string() : plan.error().message;
+    return plan ? std::string() : to_string(plan.error());  // CLI11 does not name a hidden flag
   };
   app.add_option("--inject-fault", raw.fault, "Let each N-th call for depth maps meet a fault")
       ->check(CLI::Validator(check, "KIND:N"))

@@ -165,7 +165,7 @@ class Scenes(unittest.TestCase):
         def balls(first, count):
             return [NewInstance(id=1000 + n, shape=Shape(sphere=Shape.Sphere(radius=1 + n / 1e5))) for n in range(first, first + count)]
 
-        with Daemon("--session-memory-mib", "8") as daemon, open_session(daemon.address) as session:
+        with Daemon("--session-memory-mib", "8", "--max-maps-ms", "0") as daemon, open_session(daemon.address) as session:
             session.sends(delta=SceneDelta(added_instances=balls(0, 20_000)))  # 400 MB of triangles
             refused = session.reads().tick_error
             self.assertEqual(refused.field_violations[0].field, "tick.delta.added_instances")

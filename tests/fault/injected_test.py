@@ -40,7 +40,7 @@ def tick(one, n):
 
 def has_egl():
     devices = subprocess.run([SIGHTLINED, "devices"], capture_output=True, text=True, timeout=60).stdout
-    return any(line.split()[:1] == ["egl"] or line.split()[1:2] == ["egl"] for line in devices.splitlines() if "OpenGL" in line)
+    return any("egl" in line.split()[:2] and "Core Profile" in line for line in devices.splitlines())
 
 
 class Injected(unittest.TestCase):
