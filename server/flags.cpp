@@ -22,6 +22,7 @@ struct RawFlags {
   std::string log_format = "text";
   std::string log_level = "info";
   std::string record = "all";
+  std::string fault;
   std::string address;
   bool alive = false;
   bool print_config = false;
@@ -181,6 +182,11 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "for longer")
       ->check(number_in(0.0, 86'400.0))
       ->capture_default_str();
+  app.add_option("--resume-grace-s", raw.flags.resume_grace_s,
+                 "Time for which a session is kept after its stream broke, in seconds, if its client asked for it. In this time the client "
+                 "can go on with it over another connection. It counts as an open session until then. 0 means that no session is kept")
+      ->check(number_in(0.0, 3600.0))
+      ->capture_default_str();
   app.add_option("--max-connections", raw.flags.max_connections,
                  "Largest number of open connections. An unused one makes way for a new one. It is lowered when the process may "
                  "not open three file descriptors for each")
@@ -200,7 +206,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{8}, size_t{4096}))
       ->capture_default_str();
   app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
-                 "Largest memory of the instances of one session, in MiB; each takes about 400 bytes. Raise it for very large scenes")
+                 "Largest memory of the instances of one session and of their distinct shapes, in MiB. An instance takes about 400 bytes, a distinct sphere or capsule 20 KB. Raise it for very large scenes")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--sessions-memory-mib", raw.flags.sessions_memory_mib,
@@ -292,6 +298,18 @@ void add_recording(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
 }
 
+// These flags are for tests, so --help leaves them out.
+void add_drills(CLI::App& app, RawFlags& raw) {
+  const auto check = [](const std::string& text) {
+    const auto plan = parse_fault_plan(text);
+    return plan ? std::string() : to_string(plan.error());  // CLI11 does not name a hidden flag
+  };
+  app.add_option("--inject-fault", raw.fault, "Let each N-th call for depth maps meet a fault")
+      ->check(CLI::Validator(check, "KIND:N"))
+      ->configurable(false)
+      ->group("");
+}
+
 void add_configuration(CLI::App& app, RawFlags& raw) {
   app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins")
       ->configurable(false);
@@ -322,6 +340,7 @@ Flags finished(const RawFlags& raw) {
   flags.log_format = kFormats.at(raw.log_format);
   flags.log_level = kLevels.at(raw.log_level);
   flags.record_all = kRecorded.at(raw.record);
+  if (!raw.fault.empty()) flags.fault = parse_fault_plan(raw.fault).value_or(FaultPlan{});
   return flags;
 }
 
@@ -340,6 +359,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   add_limits(app, raw);
   add_logging(app, raw);
   add_recording(app, raw);
+  add_drills(app, raw);
   add_configuration(app, raw);
   app.allow_config_extras(false);
   const auto config = std::make_shared<ConfigFile>(app);

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "server/faulty_device.h"
 #include "server/service/log.h"
 #include "server/sample/sampler_choice.h"
 
@@ -32,6 +33,7 @@ struct Flags {
   size_t max_connections = 256;
   size_t max_connections_per_client = 0;  // 0: three quarters of max_connections
   double session_idle_s = 300.0;          // 0: never
+  double resume_grace_s = 10.0;           // 0: no session is kept
   size_t max_uploads = 4;
   size_t kept_uploads_mib = 64;
   size_t max_message_memory_mib = 32;
@@ -56,6 +58,7 @@ struct Flags {
   uint64_t record_file_mib = 256;
   uint64_t record_age_h = 0;  // 0: never deleted for their age
   uint64_t record_reserve_mib = 1024;
+  FaultPlan fault;
 };
 
 struct Serve {

@@ -156,6 +156,7 @@ ServiceLimits service_limits(const Flags& flags) {
   limits.max_message_memory = flags.max_message_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;
   limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
+  limits.resume_grace = milliseconds(std::lround(flags.resume_grace_s * 1e3));
   limits.max_upload_bytes = flags.max_upload_mib << 20;
   limits.open_timeout = milliseconds(std::lround(flags.open_timeout_s * 1e3));
   limits.upload_timeout = milliseconds(std::lround(flags.upload_timeout_s * 1e3));
@@ -371,9 +372,18 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
       flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
   if (!chosen)
     return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
-  SamplerDevice& sampler = *chosen->device;
+  std::unique_ptr<SamplerDevice> faulty;
+  if (flags.fault.kind != FaultKind::kNone) {
+    auto made = make_faulty_device(*chosen->device, flags.fault);
+    if (!made) return failed_to_start(log, made.error(), "this flag is for tests and drills only");
+    faulty = std::move(*made);
+    log.warn("faults are injected", {{"flag", "--inject-fault"}});
+  }
+  SamplerDevice& sampler = faulty ? *faulty : *chosen->device;
   log.info("sampler",
            {{"kind", sampler.kind()}, {"renderer", sampler.renderer()}, {"reason", chosen->reason}});
+  const auto* const egl = dynamic_cast<const EglSamplerDevice*>(chosen->device.get());
+  const auto context_losses = [egl] { return egl ? egl->context_rebuilds() : uint64_t{0}; };
 
   std::optional<Recording> recording;
   if (!flags.record_dir.empty()) recording.emplace(flags, log);
@@ -412,7 +422,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   std::unique_ptr<HttpPort> operators;
   if (flags.metrics_listen != "none") {
     auto port = HttpPort::start(flags.metrics_listen, "--metrics-listen",
-                                operator_pages({parts, state, [&] { return (*listener)->connections(); }}));
+                                operator_pages({parts, state, [&] { return (*listener)->connections(); }, context_losses}));
     if (!port) return failed_to_start(log, port.error(), "choose another address, or stop what uses it");
     operators = std::move(*port);
   }
@@ -430,9 +440,12 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
                      {"metrics", operators ? metrics_address(flags, *operators) : "none"},
                      {"recordings", recording ? flags.record_dir : "none"}});
   const auto look_at_credentials = [&] { read_credentials_again(**credentials, streams, log); };
+  uint64_t losses_told = 0;
   const auto tidy_up = [&] {
     give_memory_back();
     look_at_credentials();
+    if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))
+      log.warn("graphics context lost and built again", {{"since_the_start", std::to_string(losses)}});
   };
   wait_for_stop_signal(log, tidy_up, [&] {
     read_configuration_again(log, parse_again);

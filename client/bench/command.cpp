@@ -71,6 +71,7 @@ void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
   CLI::Option* address = bench.add_option(
       "--address", options.address,
       "host:port or unix:/path of a running daemon (default: start one and stop it at the end)");
+  add_connection_flags(bench, options.connection);
   bench
       .add_option("--daemon-pid", options.daemon_pid,
                   "Process of the daemon at --address, to watch its CPU time and memory")

@@ -7,6 +7,7 @@
 #include <ostream>
 #include <string>
 
+#include "client/base/connection_flags.h"
 #include "client/bench/result.h"
 #include "client/bench/world.h"
 #include "server/base/error.h"
@@ -27,6 +28,7 @@ struct BenchOptions {
 
   // The daemon.
   std::string address;       // host:port or unix:/path of a running daemon; empty: one is started
+  ConnectionFlags connection = {};  // to the daemon at `address`
   pid_t daemon_pid = 0;      // the process at `address`, to watch its CPU time and memory; 0: not watched
   std::string daemon;        // program to start; empty: sightlined beside `program`
   std::string daemon_flags;  // for it, separated by blanks

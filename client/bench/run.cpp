@@ -13,6 +13,7 @@
 #include "client/base/process.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
+#include "client/cpp/session_stream.h"
 #include "client/cpp/sightline_client.h"
 #include "scenes/catalog.h"
 #include "server/scene/confined_folder.h"
@@ -107,7 +108,10 @@ class Bench {
     daemon_pid_ = options_.daemon_pid;
     if (options_.address.empty())
       if (const Status started = start_daemon(); !started) return started;
-    auto client = Client::connect(address_, 5s);
+    auto credentials = read_credentials(options_.connection);
+    if (!credentials) return tl::unexpected(credentials.error());
+    credentials_ = std::move(*credentials);
+    auto client = Client::connect(address_, 5s, {}, credentials_);
     if (!client) return tl::unexpected(client.error());
     client_.emplace(std::move(*client));
     start_bytes_ = resident_bytes();
@@ -148,23 +152,24 @@ class Bench {
   // ---- sessions
 
   // Adds a stream. Every so many streams share a connection of their own, as the sessions of one game server would.
-  BenchStream& add_stream(const std::string& address, BenchProtocol protocol, Streams& streams,
+  BenchStream& add_stream(const std::string& address, const ClientCredentials& credentials, BenchProtocol protocol, Streams& streams,
                           std::shared_ptr<grpc::Channel>& channel) {
     if (streams.size() % options_.sessions_per_channel == 0) {
       grpc::ChannelArguments arguments;
       arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
       arguments.SetMaxReceiveMessageSize(-1);
-      channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+      // They were good for the client's own connection.
+      channel = grpc::CreateCustomChannel(address, *channel_credentials(credentials, address), arguments);
     }
     const int64_t late_ns = to_ns(schedule_.interval_s());
-    return *streams.emplace_back(std::make_unique<BenchStream>(loop_, channel, std::move(protocol), late_ns));
+    return *streams.emplace_back(std::make_unique<BenchStream>(loop_, channel, std::move(protocol), late_ns, credentials.token));
   }
 
   Status open_sessions(size_t first, size_t until) {
     for (size_t i = first; i < until; ++i) {
       v1::OpenSession open = world_->open(i, scene_hash_);
       open.MergeFrom(settings_);
-      add_stream(address_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
+      add_stream(address_, credentials_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
     }
     for (size_t i = first; i < until; ++i) {
       bar_.show("open", i, options_.world.sessions);
@@ -196,7 +201,7 @@ class Bench {
     if (const Status opened = open_sessions(1, options_.world.sessions); !opened) return opened;
     std::shared_ptr<grpc::Channel> channel;
     for (size_t i = 0; has_echo() && i < sessions_.size(); ++i)
-      add_stream(options_.echo, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_,
+      add_stream(options_.echo, {}, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_,
                  channel);
     return {};
   }
@@ -398,6 +403,7 @@ class Bench {
   v1::OpenSession settings_;  // nothing but settings and tuning
   std::unique_ptr<ChildProcess> daemon_;
   pid_t daemon_pid_ = 0;
+  ClientCredentials credentials_;
   std::string address_;  // of the daemon
   std::optional<Client> client_;
   std::string scene_hash_;

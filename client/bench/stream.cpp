@@ -1,12 +1,19 @@
 #include "client/bench/stream.h"
 
 #include "client/cpp/client_error.h"
+#include "client/cpp/session_stream.h"
 
 namespace sightline {
 namespace {
 
 double us_between(int64_t from_ns, int64_t to_ns) {
   return 1e-3 * static_cast<double>(to_ns - from_ns);
+}
+
+// The metadata must be there before the call is made.
+grpc::ClientContext* with_token(grpc::ClientContext& context, const std::string& token) {
+  show_token(context, token);
+  return &context;
 }
 
 }  // namespace
@@ -16,12 +23,12 @@ int64_t BenchStream::monotonic_ns() {
 }
 
 BenchStream::BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
-                         int64_t late_ns)
+                         int64_t late_ns, const std::string& token)
     : protocol_(std::move(protocol)),
       late_ns_(late_ns),
       channel_(std::move(channel)),
       stub_(channel_),
-      call_(stub_.PrepareCall(&context_, protocol_.method, &loop.queue())) {
+      call_(stub_.PrepareCall(with_token(context_, token), protocol_.method, &loop.queue())) {
   const std::lock_guard lock(mutex_);
   if (protocol_.opening)
     unsent_.push_back(*protocol_.opening);

@@ -27,9 +27,9 @@ namespace sightline {
 class BenchStream {
  public:
   // Starts the call and sends the opening. `loop` moves the messages and must outlive the stream. Round trips of more than
-  // `late_ns` count as late.
+  // `late_ns` count as late. `token` shows the server who calls; empty: nothing does.
   BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
-              int64_t late_ns);
+              int64_t late_ns, const std::string& token);
   ~BenchStream();  // cancels the call if it is still open, and waits for its end
   BenchStream(const BenchStream&) = delete;
   BenchStream& operator=(const BenchStream&) = delete;

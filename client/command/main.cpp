@@ -31,6 +31,7 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
       ->check(CLI::ExistingFile);
   drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")
       ->capture_default_str();
+  sightline::add_connection_flags(*drive, options.connection);
   drive->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();

@@ -15,6 +15,8 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 constexpr milliseconds kShortestPause{50}, kLongestPause{1'000};
+// A daemon resumes a session at once, or not at all.
+constexpr milliseconds kResumeTimeout{2'000};
 
 // True if another attempt, or another daemon, may help.
 bool is_lost(const Error& error, bool opening) {
@@ -42,16 +44,20 @@ struct Camera::State {
   std::optional<std::string> drained;      // the reason why the daemon takes no more ticks
   v1::SessionOpened opened;
   uint64_t sequence = 0;
-  size_t resyncs = 0;
+  size_t resyncs = 0, resumes = 0;
+  std::string token;      // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+  uint64_t answered = 0;  // the newest tick of this session that was answered
   std::minstd_rand random{std::random_device{}()};
 
   Status open();
   Status open_session(bool uploads);
   void leave();
   void look_for_drain();
-  void resume(v1::Tick& next);
+  Result<bool> resume(uint64_t wanted);
+  void tell_past(v1::Tick& next);
   Result<Answer> ask(const v1::Tick& tick);
-  Result<Answer> try_to_ask(v1::Tick& tick, bool& opening);
+  Result<Answer> wait_for_answer(const v1::Tick& tick);
+  Result<Answer> try_to_ask(v1::Tick& tick, bool& opening, bool& reopened);
   Result<Answer> ask_until_answered(v1::Tick& tick);
   void pause(milliseconds longest);
 };
@@ -68,18 +74,48 @@ Status Camera::State::open_session(bool uploads) {
   if (uploads)
     for (const auto& scene : options.uploads)
       if (auto sent = client->upload_scene(scene, options.open_timeout); !sent) return tl::unexpected(sent.error());
-  auto next = client->open_session(snapshot.opening(), options.open_timeout);
+  v1::OpenSession opening = snapshot.opening();
+  opening.set_resumable(true);
+  auto next = client->open_session(opening, options.open_timeout);
   if (!next) return tl::unexpected(next.error());
   session = std::move(*next);
   opened = session->opened();
+  token = opened.resume_token();
+  answered = 0;
   return {};
 }
 
-// Gives the stream up; the next one goes to the next address.
+// Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. False: it
+// has not. Without a session afterwards, and without an error, a new one must be opened.
+Result<bool> Camera::State::resume(uint64_t wanted) {
+  v1::ResumeSession request;
+  request.set_token(token);
+  request.set_answered_sequence(answered);
+  auto client = Client::connect(addresses[address], options.connect_timeout, {}, options.credentials);
+  auto next = client ? client->resume_session(request, std::min(options.reply_timeout, kResumeTimeout)) : tl::unexpected(client.error());
+  if (next) {
+    const uint64_t newest = (*next)->opened().newest_sequence();
+    if (newest == wanted || newest == answered) {
+      session = std::move(*next);
+      return newest == wanted;
+    }
+    // It lacks ticks that a former stream lost.
+    (void)(*next)->close(options.reply_timeout);
+  } else if (is_lost(next.error(), true) && addresses.size() == 1) {
+    return tl::unexpected(next.error());
+  } else if (is_lost(next.error(), true)) {
+    address = (address + 1) % addresses.size();
+  }
+  token.clear();
+  return false;
+}
+
+// Gives the stream up. The next one goes to the next address, unless the session can be resumed.
 void Camera::State::leave() {
   session.reset();
+  if (drained) token.clear();
   drained.reset();
-  address = (address + 1) % addresses.size();
+  if (token.empty()) address = (address + 1) % addresses.size();
 }
 
 void Camera::State::look_for_drain() {
@@ -91,7 +127,7 @@ void Camera::State::look_for_drain() {
 }
 
 // Tells a new session what happened before the tick.
-void Camera::State::resume(v1::Tick& next) {
+void Camera::State::tell_past(v1::Tick& next) {
   uint64_t revision = opened.mirror_revision();
   for (const v1::Tick& tick : snapshot.ticks(next.sequence())) {
     if (tick.has_delta()) ++revision;
@@ -102,6 +138,10 @@ void Camera::State::resume(v1::Tick& next) {
 
 Result<Camera::Answer> Camera::State::ask(const v1::Tick& tick) {
   if (auto sent = session->send(tick); !sent) return tl::unexpected(sent.error());
+  return wait_for_answer(tick);
+}
+
+Result<Camera::Answer> Camera::State::wait_for_answer(const v1::Tick& tick) {
   while (true) {
     auto event = session->receive(options.reply_timeout);
     if (!event && drained) return fail(ErrorCode::kUnavailable, "session", *drained);
@@ -114,27 +154,37 @@ Result<Camera::Answer> Camera::State::ask(const v1::Tick& tick) {
   }
 }
 
-Result<Camera::Answer> Camera::State::try_to_ask(v1::Tick& tick, bool& opening) {
+Result<Camera::Answer> Camera::State::try_to_ask(v1::Tick& tick, bool& opening, bool& reopened) {
   opening = session == nullptr;
-  if (opening) {
-    if (Status opened_now = open(); !opened_now) return tl::unexpected(opened_now.error());
-    opening = false;
-    resume(tick);
+  bool taken = false;
+  if (opening && !token.empty()) {
+    const auto resumed = resume(tick.sequence());
+    if (!resumed) return tl::unexpected(resumed.error());
+    taken = *resumed;
+    resumes += session ? 1 : 0;
   }
-  return ask(tick);
+  if (!session) {
+    if (Status opened_now = open(); !opened_now) return tl::unexpected(opened_now.error());
+    reopened = true;
+    tell_past(tick);
+  }
+  opening = false;
+  return taken ? wait_for_answer(tick) : ask(tick);
 }
 
 Result<Camera::Answer> Camera::State::ask_until_answered(v1::Tick& tick) {
   const auto give_up = steady_clock::now() + options.give_up_after;
   std::optional<std::string> reason;
+  bool reopened = false;
   if (session) look_for_drain();
   if (drained) reason = *drained, leave();
   for (milliseconds longest = kShortestPause;; longest = std::min(2 * longest, kLongestPause)) {
     bool opening = false;
-    auto answer = try_to_ask(tick, opening);
+    auto answer = try_to_ask(tick, opening, reopened);
     if (answer) {
-      if (reason) ++resyncs;
-      if (reason && options.on_resync) options.on_resync(*reason);
+      answered = tick.sequence();
+      if (reopened) ++resyncs;
+      if (reopened && options.on_resync) options.on_resync(reason.value_or("the former tick lost the session"));
       return answer;
     }
     if (!reason) reason = answer.error().message;
@@ -187,6 +237,10 @@ const v1::SessionOpened& Camera::opened() const {
 
 size_t Camera::resyncs() const {
   return state_->resyncs;
+}
+
+size_t Camera::resumes() const {
+  return state_->resumes;
 }
 
 Status Camera::close() {

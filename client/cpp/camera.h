@@ -4,9 +4,10 @@
 //   auto camera = sightline::Camera::open({"127.0.0.1:50151"}, open);
 //   auto answer = camera->tick(tick);      // a CameraReply, a TickError, or the Error of a session that is lost for good
 //
-// When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the session again, in the daemon that answers
-// then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were. Several
-// addresses are tried in turn.
+// When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its flag --resume-grace-s), and
+// the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next tick opens the session again, in
+// the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they
+// were. Several addresses are tried in turn.
 //
 // A camera must be used by one thread at a time. Nothing throws.
 #pragma once
@@ -37,7 +38,7 @@ struct CameraOptions {
   // The scene files that SceneRef.hash names. A daemon that does not have one gets it.
   std::vector<std::vector<std::byte>> uploads;
   ClientCredentials credentials;
-  // Called by tick() with the reason after the session has gone on in another daemon.
+  // Called by tick() with the reason after the session was opened again.
   std::function<void(const std::string&)> on_resync;
 };
 
@@ -59,8 +60,10 @@ class Camera {
 
   // What the daemon said when it opened the session, the last time that one did.
   const v1::SessionOpened& opened() const;
-  // How many times the session went on in another daemon, or in the same one again.
+  // How many times the session was opened again, in another daemon or in the same one.
   size_t resyncs() const;
+  // How many times it went on in another stream without that.
+  size_t resumes() const;
 
   // Ends the session in order.
   Status close();

@@ -8,7 +8,7 @@ void show_token(grpc::ClientContext& context, const std::string& token) {
   if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
 }
 
-ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, const v1::OpenSession& request,
+ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, v1::ControlRequest first,
                               Handler handler)
     : channel_(std::move(channel)),
       stub_(v1::CameraControlService::NewStub(channel_)),
@@ -18,7 +18,7 @@ ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const std:
   // send() starts writes outside of gRPC's callbacks, so the stream is held open until the last write.
   AddHold();
   const std::lock_guard lock(mutex_);
-  *unsent_.emplace_back().mutable_open() = request;
+  unsent_.push_back(std::move(first));
   start_next_write();
   StartRead(&reply_);
   StartCall();

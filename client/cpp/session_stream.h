@@ -14,11 +14,13 @@ namespace sightline {
 
 // Adds the token of a client to a call; an empty one is none.
 void show_token(grpc::ClientContext& context, const std::string& token);
+// What a channel to the address needs, or kInvalidArgument (field "token") rather than send a token unencrypted.
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials, const std::string& address);
 
 // The constructor starts the call; the destructor cancels it and waits for its end.
 class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {
  public:
-  Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, const v1::OpenSession& request, Handler handler);
+  Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, v1::ControlRequest first, Handler handler);
   ~Stream() override;
 
   // The server's first answer.

@@ -25,7 +25,11 @@ void prepare(grpc::ClientContext& context, std::chrono::system_clock::time_point
   show_token(context, token);
 }
 
-std::shared_ptr<grpc::ChannelCredentials> channel_credentials(const ClientCredentials& credentials, bool local) {
+}  // namespace
+
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials, const std::string& address) {
+  const bool local = address.starts_with("unix:");
+  if (!credentials.token.empty() && !credentials.tls && !local) return invalid("token", "is sent only over TLS or a unix socket");
   if (!credentials.tls || local) return grpc::InsecureChannelCredentials();
   grpc::SslCredentialsOptions options;
   options.pem_root_certs = credentials.roots;
@@ -33,8 +37,6 @@ std::shared_ptr<grpc::ChannelCredentials> channel_credentials(const ClientCreden
   options.pem_private_key = credentials.key;
   return grpc::SslCredentials(options);
 }
-
-}  // namespace
 
 struct Client::Connection {
   std::shared_ptr<grpc::Channel> channel;
@@ -49,9 +51,8 @@ Client& Client::operator=(Client&&) noexcept = default;
 
 Result<Client> Client::connect(const std::string& address, std::chrono::nanoseconds timeout,
                                const KeepAlive& keep_alive, const ClientCredentials& credentials) {
-  const bool local = address.starts_with("unix:");
-  if (!credentials.token.empty() && !credentials.tls && !local)
-    return invalid("token", "is sent only over TLS or a unix socket");
+  auto encryption = channel_credentials(credentials, address);
+  if (!encryption) return tl::unexpected(std::move(encryption.error()));
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxReplyBytes);
   const int time_ms = static_cast<int>(keep_alive.time.count());
@@ -62,7 +63,7 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
   // A shared pool of subchannels would use the channel arguments of the first client in the process.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  auto channel = grpc::CreateCustomChannel(address, channel_credentials(credentials, local), arguments);
+  auto channel = grpc::CreateCustomChannel(address, *encryption, arguments);
   if (!channel->WaitForConnected(deadline_after(timeout)))
     return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);
   auto connection = std::make_shared<Connection>();
@@ -127,7 +128,21 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
                                                             std::chrono::nanoseconds timeout,
                                                             ClientSession::Handler handler) {
-  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, request, std::move(handler));
+  v1::ControlRequest first;
+  *first.mutable_open() = request;
+  return start_session(std::move(first), timeout, std::move(handler));
+}
+
+Result<std::unique_ptr<ClientSession>> Client::resume_session(const v1::ResumeSession& request, std::chrono::nanoseconds timeout,
+                                                              ClientSession::Handler handler) {
+  v1::ControlRequest first;
+  *first.mutable_resume() = request;
+  return start_session(std::move(first), timeout, std::move(handler));
+}
+
+Result<std::unique_ptr<ClientSession>> Client::start_session(v1::ControlRequest first, std::chrono::nanoseconds timeout,
+                                                             ClientSession::Handler handler) {
+  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, std::move(first), std::move(handler));
   auto opened = stream->wait_opened(timeout);
   if (!opened) return tl::unexpected(opened.error());
   return std::unique_ptr<ClientSession>(new ClientSession(std::move(stream), std::move(*opened)));

@@ -136,9 +136,16 @@ class Client {
   Result<std::unique_ptr<ClientSession>> open_session(const v1::OpenSession& request,
                                                       std::chrono::nanoseconds timeout,
                                                       ClientSession::Handler handler = nullptr);
+  // Goes on with a session that was opened with OpenSession.resumable, and whose stream broke; its `opened()` says what the server has
+  // applied. kNotFound with the field "resume.token": the server does not keep it, so a new session must be opened. Camera (camera.h)
+  // does all this by itself.
+  Result<std::unique_ptr<ClientSession>> resume_session(const v1::ResumeSession& request, std::chrono::nanoseconds timeout,
+                                                        ClientSession::Handler handler = nullptr);
 
  private:
   struct Connection;
+  Result<std::unique_ptr<ClientSession>> start_session(v1::ControlRequest first, std::chrono::nanoseconds timeout,
+                                                       ClientSession::Handler handler);
   explicit Client(std::shared_ptr<Connection> connection);
   std::shared_ptr<Connection> connection_;
 };

@@ -2,6 +2,7 @@ using System;
 using System.Collections.Generic;
 using System.Diagnostics;
 using System.Threading.Tasks;
+using Google.Protobuf;
 using Grpc.Core;
 using Grpc.Net.Client;
 using Sightline.V1;
@@ -18,7 +19,7 @@ public sealed class CameraOptions {
     public TimeSpan OpenTimeout { get; set; } = TimeSpan.FromSeconds(30);
     /// <summary>The scene files that SceneRef.Hash names; a daemon that does not have one gets it.</summary>
     public IReadOnlyList<byte[]> Uploads { get; set; } = new byte[0][];
-    /// <summary>Called with the reason after the session has gone on in another daemon.</summary>
+    /// <summary>Called with the reason after the session was opened again.</summary>
     public Action<string> OnResync { get; set; }
     /// <summary>Makes the channel to an address. Unity needs a handler of its own: see README.md. Default: GrpcChannel.ForAddress.</summary>
     public Func<string, ChannelBase> Connect { get; set; } =
@@ -26,22 +27,30 @@ public sealed class CameraOptions {
 }
 
 /// <summary>A session that keeps targets in view, tick by tick. One call at a time.
-/// When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the session again, in the daemon that answers then, and
-/// returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were. Several addresses are tried in
-/// turn.</summary>
+/// When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its flag --resume-grace-s), and the
+/// replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next tick opens the session again, in the
+/// daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were. Several
+/// addresses are tried in turn.</summary>
 public sealed class SightlineCamera : IDisposable {
     readonly IReadOnlyList<string> addresses;
     readonly CameraOptions options;
     readonly Snapshot snapshot;
     readonly Random random = new Random();
     ControlStream stream;
+    // A daemon resumes a session at once, or not at all.
+    static readonly TimeSpan LongestResume = TimeSpan.FromSeconds(2);
+
     ulong sequence;
     int address;
+    ByteString token = ByteString.Empty;  // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+    ulong answered;                       // the newest tick of this session that was answered
 
     /// <summary>What the daemon said when it opened the session, the last time that one did.</summary>
     public SessionOpened Opened { get; private set; }
-    /// <summary>How many times the session went on in another daemon, or in the same one again.</summary>
+    /// <summary>How many times the session was opened again, in another daemon or in the same one.</summary>
     public int Resyncs { get; private set; }
+    /// <summary>How many times it went on in another stream without that.</summary>
+    public int Resumes { get; private set; }
 
     SightlineCamera(IReadOnlyList<string> addresses, OpenSession opening, CameraOptions options) {
         this.addresses = addresses;
@@ -74,6 +83,7 @@ public sealed class SightlineCamera : IDisposable {
         sequence = Math.Max(sequence, numbered.Sequence);
         var waited = Stopwatch.StartNew();
         string reason = null;
+        bool reopened = false;
         ControlResponse response = null;
         for (var pause = TimeSpan.Zero; response == null; pause = Longer(pause)) {
             await Task.Delay(Shaken(pause));
@@ -81,23 +91,26 @@ public sealed class SightlineCamera : IDisposable {
                 reason = stream.Drained;
                 Leave();
             }
-            bool wasOpen = stream != null;
+            bool wasOpen = stream != null, taken = false;
             try {
-                if (!wasOpen) {
+                if (stream == null && token.Length > 0) taken = await ResumeAsync(numbered.Sequence);
+                if (stream == null) {
                     await OpenStreamAsync();
-                    wasOpen = true;
-                    await ResumeAsync(numbered);
+                    reopened = wasOpen = true;
+                    await TellPastAsync(numbered);
                 }
-                response = await AskAsync(numbered);
+                wasOpen = true;
+                response = await AskAsync(numbered, taken);
             } catch (FailedException error) {
                 Leave();
                 if (!error.IsLost(opening: !wasOpen) || waited.Elapsed >= options.GiveUpAfter) throw;
                 reason = reason ?? error.Message;
             }
         }
-        if (reason != null) {
+        answered = numbered.Sequence;
+        if (reopened) {
             ++Resyncs;
-            options.OnResync?.Invoke(reason);
+            options.OnResync?.Invoke(reason ?? "the former tick lost the session");
         }
         return Take(numbered, response);
     }
@@ -127,11 +140,21 @@ public sealed class SightlineCamera : IDisposable {
     }
 
     async Task<SessionOpened> TryOpenAsync() {
+        var first = new ControlRequest { Open = snapshot.Opening() };
+        first.Open.Resumable = true;
+        var opened = await StartAsync(first, options.OpenTimeout);
+        token = opened.ResumeToken;
+        answered = 0;
+        return opened;
+    }
+
+    // A new stream, and the answer to its first message.
+    async Task<SessionOpened> StartAsync(ControlRequest first, TimeSpan timeout) {
         var opening = new ControlStream(options.Connect(addresses[address]));
         try {
-            await opening.SendAsync(new ControlRequest { Open = snapshot.Opening() }, options.OpenTimeout);
+            await opening.SendAsync(first, timeout);
             ControlResponse response;
-            do response = await opening.ReceiveAsync(options.OpenTimeout);
+            do response = await opening.ReceiveAsync(timeout);
             while (response.MessageCase != ControlResponse.MessageOneofCase.Opened);
             stream = opening;
             return response.Opened;
@@ -141,6 +164,25 @@ public sealed class SightlineCamera : IDisposable {
         }
     }
 
+    // Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. Without a stream
+    // afterwards, a new session must be opened.
+    async Task<bool> ResumeAsync(ulong next) {
+        var first = new ControlRequest { Resume = new ResumeSession { Token = token, AnsweredSequence = answered } };
+        try {
+            var timeout = options.ReplyTimeout < LongestResume ? options.ReplyTimeout : LongestResume;
+            ulong newest = (await StartAsync(first, timeout)).NewestSequence;
+            if (newest == next || newest == answered) {
+                ++Resumes;
+                return newest == next;
+            }
+            await CloseAsync();  // the session lacks ticks that a former stream lost
+        } catch (FailedException error) when (!error.IsLost(opening: true) || addresses.Count > 1) {
+            if (error.IsLost(opening: true)) NextAddress();
+        }
+        token = ByteString.Empty;
+        return false;
+    }
+
     static bool LacksScene(FailedException error) {
         if (error.Code != StatusCode.NotFound) return false;
         foreach (var violation in error.Violations)
@@ -148,8 +190,8 @@ public sealed class SightlineCamera : IDisposable {
         return false;
     }
 
-    // What a new stream begins with after its opening, so that `next` can follow.
-    async Task ResumeAsync(Tick next) {
+    // What a new session begins with after its opening, so that `next` can follow.
+    async Task TellPastAsync(Tick next) {
         var ticks = snapshot.Ticks(next.Sequence);
         if (next.Delta != null && next.Delta.HasBaseRevision) {
             next.Delta.BaseRevision = Opened.MirrorRevision;
@@ -159,8 +201,8 @@ public sealed class SightlineCamera : IDisposable {
         foreach (var tick in ticks) await stream.SendAsync(new ControlRequest { Tick = tick }, options.ReplyTimeout);
     }
 
-    async Task<ControlResponse> AskAsync(Tick tick) {
-        await stream.SendAsync(new ControlRequest { Tick = tick }, options.ReplyTimeout);
+    async Task<ControlResponse> AskAsync(Tick tick, bool taken) {
+        if (!taken) await stream.SendAsync(new ControlRequest { Tick = tick }, options.ReplyTimeout);
         while (true) {
             var response = await stream.ReceiveAsync(options.ReplyTimeout);
             bool isReply = response.MessageCase == ControlResponse.MessageOneofCase.Camera && response.Camera.Sequence == tick.Sequence;
@@ -179,10 +221,11 @@ public sealed class SightlineCamera : IDisposable {
         return response.Camera;
     }
 
-    // Gives the stream up; the next one goes to the next address.
+    // Gives the stream up. The next one goes to the next address, unless the session can be resumed.
     void Leave() {
+        if (stream != null && stream.Drained != null) token = ByteString.Empty;
         Dispose();
-        NextAddress();
+        if (token.Length == 0) NextAddress();
     }
 
     void NextAddress() { address = (address + 1) % addresses.Count; }

@@ -74,7 +74,9 @@ class Drive {
   }
 
   Status steer() {
-    auto client = Client::connect(options_.server, 5s);
+    const auto credentials = read_credentials(options_.connection);
+    if (!credentials) return tl::unexpected(credentials.error());
+    auto client = Client::connect(options_.server, 5s, {}, *credentials);
     if (!client) return tl::unexpected(client.error());
     auto file = read_whole_file(options_.scenario, SIZE_MAX);
     if (!file) return tl::unexpected(file.error());

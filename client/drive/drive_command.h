@@ -4,6 +4,7 @@
 #include <ostream>
 #include <string>
 
+#include "client/base/connection_flags.h"
 #include "server/base/camera.h"
 #include "server/base/error.h"
 
@@ -12,6 +13,7 @@ namespace sightline {
 struct DriveOptions {
   std::string scenario;     // path
   std::string server;       // address
+  ConnectionFlags connection = {};
   double rate_hz = 60.0;    // (0, 1000]
   double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;

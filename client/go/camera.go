@@ -16,7 +16,10 @@ import (
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-const longestPause = time.Second
+const (
+	longestPause  = time.Second
+	longestResume = 2 * time.Second // a daemon resumes a session at once, or not at all
+)
 
 // Options say how a camera reaches its daemons and what it does when one is lost. A zero time is the default.
 type Options struct {
@@ -24,14 +27,15 @@ type Options struct {
 	ReplyTimeout time.Duration       // a daemon that answers nothing for so long is taken for lost. Default: 5 s
 	OpenTimeout  time.Duration       // the same for the opening, for which the daemon loads the scene. Default: 30 s
 	Uploads      [][]byte            // the scene files that SceneRef.hash names; a daemon that does not have one gets it
-	OnResync     func(reason string) // called by Tick after the session has gone on in another daemon
+	OnResync     func(reason string) // called by Tick after the session was opened again
 	TLS          *tls.Config         // encrypts TCP, and can show the daemon a certificate; nil: TCP is not encrypted
 	Token        string              // shows the daemon who calls; needs TLS or a unix socket
 }
 
-// Camera is a session that keeps targets in view. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick
-// opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets,
-// settings, limits and lens as they were. It must not be used by several goroutines at once.
+// Camera is a session that keeps targets in view. When the stream breaks, the next tick goes on with the session in a new stream: the daemon
+// keeps it for a while (its flag --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes
+// away, or says Drain, the next tick opens the session again, in the daemon that answers then, and returns its reply: at the camera's last
+// pose, with the scene, targets, settings, limits and lens as they were. It must not be used by several goroutines at once.
 type Camera struct {
 	addresses []string
 	address   int
@@ -41,6 +45,10 @@ type Camera struct {
 	opened    *v1.SessionOpened
 	sequence  uint64
 	resyncs   int
+	resumes   int
+	reopened  bool   // while the present tick waited for its answer
+	token     []byte // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+	answered  uint64 // the newest tick of this session that was answered
 }
 
 // Open opens a session with the first of the addresses ("host:port" or "unix:/path") that answers. The error is a *Failed, or that of ctx.
@@ -71,8 +79,11 @@ func setDefault(value *time.Duration, standard time.Duration) {
 // Opened is what the daemon said when it opened the session, the last time that one did.
 func (c *Camera) Opened() *v1.SessionOpened { return c.opened }
 
-// Resyncs counts how many times the session went on in another daemon, or in the same one again.
+// Resyncs counts how many times the session was opened again, in another daemon or in the same one.
 func (c *Camera) Resyncs() int { return c.resyncs }
+
+// Resumes counts how many times it went on in another stream without that.
+func (c *Camera) Resumes() int { return c.resumes }
 
 // Tick sends what has changed, and returns where the camera goes. The camera numbers ticks whose Sequence is 0. A tick that
 // StepControl merges into the next one gets no reply and is an error. The error is a *Refused, a *Failed, or that of ctx; after the last one,
@@ -114,6 +125,7 @@ func (c *Camera) Close(ctx context.Context) error {
 func (c *Camera) askUntilAnswered(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, error) {
 	giveUp := time.Now().Add(c.options.GiveUpAfter)
 	reason := ""
+	c.reopened = false
 	for pause := time.Duration(0); ; pause = longer(pause) {
 		if err := sleep(ctx, pause); err != nil {
 			return nil, err
@@ -123,6 +135,7 @@ func (c *Camera) askUntilAnswered(ctx context.Context, tick *v1.Tick) (*v1.Contr
 			reason = why
 		}
 		if err == nil {
+			c.answered = tick.Sequence
 			c.count(reason)
 			return answer, nil
 		}
@@ -138,8 +151,11 @@ func (c *Camera) askUntilAnswered(ctx context.Context, tick *v1.Tick) (*v1.Contr
 }
 
 func (c *Camera) count(reason string) {
-	if reason == "" {
+	if !c.reopened {
 		return
+	}
+	if reason == "" {
+		reason = "the former tick lost the session"
 	}
 	c.resyncs++
 	if c.options.OnResync != nil {
@@ -155,14 +171,60 @@ func (c *Camera) tryToAsk(ctx context.Context, tick *v1.Tick) (answer *v1.Contro
 			c.leave()
 		}
 	}
+	taken := false
+	if c.stream == nil && len(c.token) > 0 {
+		if taken, err = c.resume(ctx, tick.Sequence); err != nil {
+			return nil, reason, err
+		}
+	}
 	if c.stream == nil {
 		if err = c.openStream(ctx); err != nil {
 			return nil, reason, err
 		}
-		c.resume(tick)
+		c.reopened = true
+		c.tellPast(tick)
 	}
-	answer, err = c.ask(ctx, tick)
+	if !taken {
+		c.stream.send(&v1.ControlRequest{Message: &v1.ControlRequest_Tick{Tick: tick}})
+	}
+	answer, err = c.waitForAnswer(ctx, tick)
 	return answer, reason, err
+}
+
+// resume goes on with the lost session, if the daemon keeps it. taken: the daemon has the tick already, and its answer follows. Without a
+// stream afterwards, and without an error, a new session must be opened.
+func (c *Camera) resume(ctx context.Context, sequence uint64) (taken bool, err error) {
+	next, opened, err := c.tryToResume(ctx)
+	if ctx.Err() != nil {
+		return false, ctx.Err()
+	}
+	if err == nil {
+		newest := opened.GetNewestSequence()
+		if newest == sequence || newest == c.answered {
+			c.stream = next
+			c.resumes++
+			return newest == sequence, nil
+		}
+		_ = next.finish(ctx, c.options.ReplyTimeout) // the session lacks ticks that a former stream lost
+	} else if isLost(err, true) {
+		if len(c.addresses) == 1 {
+			return false, err
+		}
+		c.nextAddress()
+	}
+	c.token = nil
+	return false, nil
+}
+
+func (c *Camera) tryToResume(ctx context.Context) (*stream, *v1.SessionOpened, error) {
+	next, err := openStream(c.addresses[c.address], &c.options)
+	if err != nil {
+		return nil, nil, err
+	}
+	request := &v1.ResumeSession{Token: c.token, AnsweredSequence: c.answered}
+	next.send(&v1.ControlRequest{Message: &v1.ControlRequest_Resume{Resume: request}})
+	opened, err := next.opened(ctx, min(c.options.ReplyTimeout, longestResume))
+	return next, opened, err
 }
 
 // openStream leaves no stream behind when it fails.
@@ -188,22 +250,19 @@ func (c *Camera) openSession(ctx context.Context, uploads [][]byte) (*stream, er
 			return nil, err
 		}
 	}
-	next.send(&v1.ControlRequest{Message: &v1.ControlRequest_Open{Open: c.snapshot.opening()}})
-	for {
-		message, err := next.receive(ctx, c.options.OpenTimeout)
-		if err != nil {
-			next.cutOff()
-			return nil, err
-		}
-		if opened := message.GetOpened(); opened != nil {
-			c.opened = opened
-			return next, nil
-		}
+	opening := c.snapshot.opening()
+	opening.Resumable = true
+	next.send(&v1.ControlRequest{Message: &v1.ControlRequest_Open{Open: opening}})
+	opened, err := next.opened(ctx, c.options.OpenTimeout)
+	if err != nil {
+		return nil, err
 	}
+	c.opened, c.token, c.answered = opened, opened.GetResumeToken(), 0
+	return next, nil
 }
 
-// resume tells a new stream what happened before the tick.
-func (c *Camera) resume(tick *v1.Tick) {
+// tellPast tells a new session what happened before the tick.
+func (c *Camera) tellPast(tick *v1.Tick) {
 	ticks := c.snapshot.ticks(tick.Sequence)
 	revision := c.opened.GetMirrorRevision()
 	for _, summary := range ticks {
@@ -217,8 +276,7 @@ func (c *Camera) resume(tick *v1.Tick) {
 	}
 }
 
-func (c *Camera) ask(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, error) {
-	c.stream.send(&v1.ControlRequest{Message: &v1.ControlRequest_Tick{Tick: tick}})
+func (c *Camera) waitForAnswer(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, error) {
 	for {
 		answer, err := c.stream.receive(ctx, c.options.ReplyTimeout)
 		if err != nil {
@@ -230,14 +288,21 @@ func (c *Camera) ask(ctx context.Context, tick *v1.Tick) (*v1.ControlResponse, e
 	}
 }
 
-// leave gives the stream up; the next one goes to the next address.
+// leave gives the stream up. The next one goes to the next address, unless the session can be resumed.
 func (c *Camera) leave() {
 	if c.stream != nil {
+		if c.stream.drained.Load() != nil {
+			c.token = nil
+		}
 		c.stream.cutOff()
 		c.stream = nil
 	}
-	c.address = (c.address + 1) % len(c.addresses)
+	if len(c.token) == 0 {
+		c.nextAddress()
+	}
 }
+
+func (c *Camera) nextAddress() { c.address = (c.address + 1) % len(c.addresses) }
 
 // longer is the time to wait before the next attempt.
 func longer(pause time.Duration) time.Duration {

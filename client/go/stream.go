@@ -142,6 +142,20 @@ func (s *stream) receive(ctx context.Context, timeout time.Duration) (*v1.Contro
 	return nil, unavailable("the daemon has ended the session")
 }
 
+// opened is the answer to the first message. After an error the stream is cut off.
+func (s *stream) opened(ctx context.Context, timeout time.Duration) (*v1.SessionOpened, error) {
+	for {
+		message, err := s.receive(ctx, timeout)
+		if err != nil {
+			s.cutOff()
+			return nil, err
+		}
+		if opened := message.GetOpened(); opened != nil {
+			return opened, nil
+		}
+	}
+}
+
 func (s *stream) upload(ctx context.Context, scene []byte) error {
 	call, err := s.client.UploadScene(ctx)
 	if err != nil {

@@ -73,8 +73,8 @@ constexpr auto kRetryPause = 100ms;
 
 class ServerBackend final : public ReplayBackend {
  public:
-  ServerBackend(std::string address, std::chrono::nanoseconds timeout, Client client)
-      : address_(std::move(address)), timeout_(timeout), client_(std::move(client)) {}
+  ServerBackend(std::string address, std::chrono::nanoseconds timeout, ClientCredentials credentials, Client client)
+      : address_(std::move(address)), timeout_(timeout), credentials_(std::move(credentials)), client_(std::move(client)) {}
 
   Result<std::string> bring(std::span<const std::byte> file) override {
     auto reply = client_.upload_scene(file, kUploadTimeout);
@@ -111,7 +111,7 @@ class ServerBackend final : public ReplayBackend {
   bool wait_until_back() override {
     session_.reset();
     for (const auto deadline = Clock::now() + timeout_; Clock::now() < deadline;) {
-      if (auto client = Client::connect(address_, 1s)) {
+      if (auto client = Client::connect(address_, 1s, {}, credentials_)) {
         client_ = std::move(*client);
         return true;
       }
@@ -155,6 +155,7 @@ class ServerBackend final : public ReplayBackend {
 
   const std::string address_;
   const std::chrono::nanoseconds timeout_;
+  const ClientCredentials credentials_;
   Client client_;
   std::unique_ptr<ClientSession> session_;
   size_t unanswered_ = 0;  // ticks
@@ -176,10 +177,11 @@ std::unique_ptr<ReplayBackend> make_mirror_backend() {
 }
 
 Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
-                                                   std::chrono::nanoseconds timeout) {
-  auto client = Client::connect(address, timeout);
+                                                   std::chrono::nanoseconds timeout,
+                                                   const ClientCredentials& credentials) {
+  auto client = Client::connect(address, timeout, {}, credentials);
   if (!client) return tl::unexpected(std::move(client.error()));
-  return std::make_unique<ServerBackend>(address, timeout, std::move(*client));
+  return std::make_unique<ServerBackend>(address, timeout, credentials, std::move(*client));
 }
 
 }  // namespace sightline

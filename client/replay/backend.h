@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/recordings/local_session.h"
+#include "client/cpp/sightline_client.h"
 #include "server/base/error.h"
 #include "server/sample/sampler_choice.h"
 #include "sightline/v1/camera_control.pb.h"
@@ -67,6 +68,7 @@ std::unique_ptr<ReplayBackend> make_mirror_backend();
 // degradation (Tick.step). The next ticks are sent when the answer has come. Fails with kUnavailable (field "address") when
 // no daemon answers within `timeout`. The same timeout holds for a daemon that went away.
 Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
-                                                   std::chrono::nanoseconds timeout);
+                                                   std::chrono::nanoseconds timeout,
+                                                   const ClientCredentials& credentials = {});
 
 }  // namespace sightline

@@ -137,7 +137,9 @@ class Command {
   Status make_backend() {
     if (!is_local()) {
       const std::chrono::duration<double> wait(options_.wait_s);
-      auto backend = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait));
+      const auto credentials = read_credentials(options_.connection);
+      if (!credentials) return tl::unexpected(credentials.error());
+      auto backend = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait), *credentials);
       if (!backend) return tl::unexpected(std::move(backend.error()));
       backend_ = std::move(*backend);
       return {};
@@ -378,6 +380,7 @@ Verb add_replay_verb(CLI::App& app) {
   command->add_option("file", options->file, "A recording (.mcap)")->required()->check(CLI::ExistingFile);
   CLI::Option* server = command->add_option("--server", options->server,
                                             "host:port or unix:/path of a daemon (default: in this process)");
+  add_connection_flags(*command, options->connection);
   command
       ->add_option("--wait", options->wait_s, "Seconds to wait for a daemon that is not there, or went away")
       ->check(CLI::Range(0.0, 86400.0))

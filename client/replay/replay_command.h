@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/base/connection_flags.h"
 #include "client/base/verb.h"
 
 namespace sightline {
@@ -16,6 +17,7 @@ namespace sightline {
 struct ReplayCommandOptions {
   std::string file = {};
   std::string server = {};          // host:port or unix:/path; empty: in this process
+  ConnectionFlags connection = {};  // to the server
   double wait_s = 30.0;             // for a server that is not there or went away
   std::optional<double> rate = {};  // times real time; none: as fast as possible
   bool by_hand = false;             // one step at a time, on commands from the input

@@ -24,8 +24,10 @@ struct Reading {
   v1::GetServerStatsResponse stats;
 };
 
-Result<Reading> read_from(const std::string& address) {
-  auto client = Client::connect(address, kPatience);
+Result<Reading> read_from(const std::string& address, const ConnectionFlags& connection) {
+  const auto credentials = read_credentials(connection);
+  if (!credentials) return tl::unexpected(credentials.error());
+  auto client = Client::connect(address, kPatience, {}, *credentials);
   if (!client) return tl::unexpected(std::move(client.error()));
   auto info = client->server_info(kPatience);
   if (!info) return tl::unexpected(std::move(info.error()));
@@ -51,7 +53,7 @@ int cannot_ask(const std::string& address, const Error& error, std::ostream& err
 }  // namespace
 
 int run_status_command(const StatusOptions& options, std::ostream& out, std::ostream& err) {
-  const auto reading = read_from(options.address);
+  const auto reading = read_from(options.address, options.connection);
   if (!reading) return cannot_ask(options.address, reading.error(), err);
   if (options.json) {
     out << "{\"info\":" << json_of(reading->info) << ",\"stats\":" << json_of(reading->stats) << "}\n";
@@ -65,7 +67,7 @@ int run_status_command(const StatusOptions& options, std::ostream& out, std::ost
 int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& err) {
   v1::GetServerStatsResponse before;
   for (uint64_t shown = 0;; ++shown) {
-    const auto reading = read_from(options.address);
+    const auto reading = read_from(options.address, options.connection);
     if (!reading) return cannot_ask(options.address, reading.error(), err);
     // A daemon that has started again counts from 0.
     if (reading->stats.uptime_s() < before.uptime_s()) before.Clear();
@@ -87,6 +89,7 @@ Verb add_status_verb(CLI::App& app) {
   options->address = kDefaultAddress;
   CLI::App* command = app.add_subcommand("status", "Print how a running daemon is: sessions, quality, limits, times of its steps");
   command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  add_connection_flags(*command, options->connection);
   command->add_flag("--json", options->json, "One JSON object: `info` and `stats`, as GetServerInfo and GetServerStats answer");
   return {command, [options] { return run_status_command(*options, std::cout, std::cerr); }};
 }
@@ -97,6 +100,7 @@ Verb add_top_verb(CLI::App& app) {
   options->terminal = isatty(STDOUT_FILENO) != 0;
   CLI::App* command = app.add_subcommand("top", "Show how a running daemon is, again and again, with what it did in each interval");
   command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  add_connection_flags(*command, options->connection);
   command->add_option("--interval", options->interval_s, "Time between two readings, in seconds")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();

@@ -5,12 +5,14 @@
 #include <ostream>
 #include <string>
 
+#include "client/base/connection_flags.h"
 #include "client/base/verb.h"
 
 namespace sightline {
 
 struct StatusOptions {
   std::string address;
+  ConnectionFlags connection = {};
   bool json = false;
 };
 // Prints the state of the daemon, and what it did since its start. Returns 0; 1 when it is not ready, or cannot be asked, with the reason on `err`.
@@ -18,6 +20,7 @@ int run_status_command(const StatusOptions& options, std::ostream& out, std::ost
 
 struct TopOptions {
   std::string address;
+  ConnectionFlags connection = {};
   double interval_s = 2.0;
   uint64_t count = 0;     // of windows to show; 0: until a signal ends the process
   bool terminal = false;  // each window replaces the one before

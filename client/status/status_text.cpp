@@ -20,6 +20,11 @@ std::string limits_text(const v1::GetServerStatsResponse& stats) {
   return text.empty() ? "none" : text;
 }
 
+std::string kept_text(const v1::GetServerStatsResponse& stats) {
+  return grouped(stats.kept_sessions()) + " wait for their client; since the start " + grouped(stats.resumed_sessions()) + " resumed, " +
+         grouped(stats.expired_sessions()) + " not in time, " + grouped(stats.refused_resumes()) + " refused";
+}
+
 std::string recording_text(const v1::GetServerStatsResponse& stats) {
   if (!stats.has_recording()) return "off";
   const v1::RecordingStats& recording = stats.recording();
@@ -50,6 +55,7 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "device        " << printable(info.sampler()) << ": " << printable(info.renderer(), 80) << '\n'
       << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
       << grouped(stats.opened_sessions()) << " opened since the start\n"
+      << "streams lost  " << kept_text(stats) << '\n'
       << "quality       sessions by level: " << levels_text(stats) << '\n'
       << "connections   " << grouped(stats.open_connections()) << '\n'
       << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry " << bytes_text(stats.geometry_bytes()) << '\n'

@@ -83,6 +83,7 @@ void add_daemon(const MetricSource& source, Families& families) {
         {{"version", kVersion}, {"build", kBuild}});
   gauge(family(families, "sightline_device_info", "What takes the depth maps; always 1.", MetricType::Gauge), 1.0,
         {{"sampler", source.parts.sampler.kind()}, {"renderer", source.parts.sampler.renderer()}});
+  add_counter(families, "sightline_context_losses_total", "Times that the graphics context was lost and built again.", source.context_losses());
   add_gauge(families, "sightline_ready", "1 while the daemon is ready for sessions, otherwise 0.", source.state.ready());
   add_gauge(families, "sightline_hanging_threads", "Kinds of threads that have not answered for --stall-s.",
             source.state.hanging().size());
@@ -96,6 +97,11 @@ void add_sessions(const MetricSource& source, Families& families) {
   add_counter(families, "sightline_sessions_opened_total", "Sessions opened.", stats.opened.load());
   add_counter(families, "sightline_session_opens_refused_total", "Sessions that could not be opened because the request was refused.",
               stats.open_refused.load());
+  add_gauge(families, "sightline_sessions_kept", "Sessions whose stream broke, and which wait for another one.", stats.kept.load());
+  add_counter(families, "sightline_sessions_resumed_total", "Times that a session went on in another stream.", stats.resumed.load());
+  add_counter(families, "sightline_sessions_expired_total", "Kept sessions that no stream resumed in time.", stats.resume_expired.load());
+  add_counter(families, "sightline_session_resumes_refused_total", "Times that a session to resume was not kept, or belonged to another client.",
+              stats.resume_refused.load());
   MetricFamily& closed = family(families, "sightline_sessions_closed_total", "Sessions that ended, by gRPC status.", MetricType::Counter);
   for (size_t code = 0; code < kStatusNames.size(); ++code)
     counter(closed, static_cast<double>(stats.closed[code]), {{"code", kStatusNames[code]}});

@@ -1,6 +1,7 @@
 // The figures of the daemon as Prometheus families. deploy/METRICS.md lists them for operators; a test compares both.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct MetricSource {
   const ServiceParts& parts;
   const DaemonState& state;
   std::function<GateCounts()> connections;
+  std::function<uint64_t()> context_losses;
 };
 
 // All families as they are now, sorted by theme. Every family is there from the start, with the value 0 where nothing has been counted, so

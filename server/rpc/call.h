@@ -122,6 +122,8 @@ class AsyncCall {
     if (alarm_) alarm_->Cancel();
   }
   void finish_call(const grpc::Status& status) { incoming_->responder.Finish(status, &finished_); }
+  // Ends the call at once, and with it a write that its client does not take. `on_cancel` follows.
+  void cancel_call() { incoming_->context.TryCancel(); }
   // For RPCs that are answered by a single message.
   template <typename Message>
   void finish_call(const Message& message, const grpc::Status& status) {

@@ -59,6 +59,10 @@ struct StepStats {
   std::atomic<uint64_t> open_refused{0};
   std::array<std::atomic<uint64_t>, 17> closed{};  // sessions, by the code of their status in gRPC
   std::array<std::atomic<int64_t>, kQualityLevels> sessions_at_level{};  // now
+  std::atomic<uint64_t> kept{0};  // sessions now that have no stream and wait for another one
+  // Kept sessions that went on in another stream, and those that ended because none came in time. Streams that wanted a session which was not
+  // kept, or not their client's.
+  std::atomic<uint64_t> resumed{0}, resume_expired{0}, resume_refused{0};
   LimitCounts limits;
 };
 

@@ -19,6 +19,9 @@ constexpr int64_t kLeastNoticeNs = 2'000'000;
 // A session is asked for a sign of life this often within the time that it may be silent.
 constexpr int kAlarmsInSilence = 4;
 
+const Error kNotKept{ErrorCode::kNotFound, "resume.token", "no session of this client is kept under this token"};
+const grpc::Status kResumedElsewhere{grpc::StatusCode::ABORTED, "the session goes on in another call"};
+
 grpc::Status refusal(Admission admission, const StreamRegistry& streams) {
   if (admission == Admission::kClientFull)
     return exhausted_status("all " + std::to_string(streams.max_per_client()) +
@@ -29,13 +32,24 @@ grpc::Status refusal(Admission admission, const StreamRegistry& streams) {
                           kRetryDelay);
 }
 
+void note_refusal(Admission admission, const std::string& client, const ServiceParts& parts) {
+  parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
+  if (admission == Admission::kFull) parts.stats.limits.hit(Limit::kMaxSessions);
+  if (admission == Admission::kClientFull) parts.stats.limits.hit(Limit::kMaxSessionsPerClient);
+}
+
+// The tick that a reply answers; 0: it answers none.
+uint64_t answered_by(const v1::ControlResponse& reply) {
+  return reply.has_camera() ? reply.camera().sequence() : reply.tick_error().sequence();
+}
+
 }  // namespace
 
-void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
                           std::unique_ptr<Incoming> incoming, const std::string& session_id,
                           const tl::expected<Caller, grpc::Status>& caller) {
   const SceneReader reader = caller ? SceneReader{caller->name, caller->sees_all()} : SceneReader{};
-  const auto stream = std::make_shared<ControlStream>(parts, limits, parsers, loop, std::move(incoming), session_id, reader);
+  const auto stream = std::make_shared<ControlStream>(parts, limits, helpers, loop, std::move(incoming), session_id, reader);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
   const std::lock_guard lock(stream->mutex_);
   stream->self_ = stream;
@@ -46,24 +60,27 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
   }
   const std::string& client = caller->name;
   if (const Admission admission = parts.streams.add(stream, client); admission != Admission::kAdmitted) {
-    parts.log.warn("session refused", {{"reason", to_string(admission)}, {"client", client}});
-    if (admission == Admission::kFull) parts.stats.limits.hit(Limit::kMaxSessions);
-    if (admission == Admission::kClientFull) parts.stats.limits.hit(Limit::kMaxSessionsPerClient);
-    stream->finished_ = true;
-    return stream->finish_call(refusal(admission, parts.streams));
+    if (!helpers.kept.enabled() || !parts.streams.add_waiting(stream, client)) {
+      note_refusal(admission, client, parts);
+      stream->finished_ = true;
+      return stream->finish_call(refusal(admission, parts.streams));
+    }
+    stream->only_resumes_ = admission;
   }
   stream->read_if_room();
   stream->start_alarm(limits.open_timeout);
 }
 
-ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
                              std::unique_ptr<Incoming> incoming, const std::string& session_id, SceneReader reader)
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
-      parsers_(parsers),
+      parsers_(helpers.parsers),
+      kept_(helpers.kept),
+      client_(reader.client),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
-      driver_(parts, session_id, std::move(reader)),
+      driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
       inbox_(limits.inbox_messages, limits.inbox_bytes) {}
 
 // --- reactions
@@ -122,7 +139,11 @@ void ControlStream::refuse_message(const Error& error) {
 
 void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
   // The alarm for the opening becomes the one for silence.
-  if (!std::exchange(heard_, true)) cancel_alarm();
+  if (!std::exchange(heard_, true)) {
+    cancel_alarm();
+    begin(request);
+    if (request.has_resume()) return;
+  }
   silent_alarms_ = 0;
   if (request.has_tick()) {
     const v1::Tick& tick = request.tick();
@@ -132,6 +153,61 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
                    .wants_reply = !tick.step_control().merge_into_next()});
   }
   inbox_.push(std::move(request), arrival_ns);
+}
+
+// The first message.
+void ControlStream::begin(const v1::ControlRequest& request) {
+  resumable_ = kept_.enabled() && request.open().resumable();
+  if (request.has_resume()) return claim(request.resume());
+  if (!only_resumes_) return;
+  note_refusal(*only_resumes_, client_, parts_);
+  end_status_ = refusal(*only_resumes_, parts_.streams);
+}
+
+// On another thread, since the answer may come at once, and takes the lock.
+void ControlStream::claim(const v1::ResumeSession& request) {
+  reading_ = Reading::kResuming;
+  answered_ = request.answered_sequence();
+  parsers_.post([self = self_, token = request.token()] { self->kept_.claim(token, self->client_, self); });
+}
+
+bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) {
+  const std::lock_guard lock(mutex_);
+  if (finished_ || cancelled_ || end_status_ || reading_ != Reading::kResuming) return false;
+  if (!session) {
+    end_status_ = status_from_error(kNotKept);
+    advance();
+    return true;
+  }
+  if (!parts_.streams.move_place(holder, self_)) return false;
+  token_ = std::move(session->token);
+  driver_ = std::move(session->driver);
+  pace_ = session->pace;
+  needs_loader_ = false;
+  v1::ControlResponse reply;
+  v1::SessionOpened& opened = *reply.mutable_opened();
+  driver_->describe(opened);
+  opened.set_resumed(true);
+  opened.set_resume_token(token_);
+  opened.set_resume_grace_s(std::chrono::duration<double>(kept_.grace()).count());
+  outbox_.keep_written();
+  outbox_.push(std::move(reply));
+  for (v1::ControlResponse& answer : session->answers)
+    if (answered_by(answer) > answered_) outbox_.push(std::move(answer));
+  session.reset();
+  reading_ = Reading::kPaused;
+  read_if_room();
+  advance();
+  return true;
+}
+
+void ControlStream::give_session_up() {
+  const std::lock_guard lock(mutex_);
+  if (finished_) return;  // it is on its way already
+  gives_up_ = true;
+  // The client may be gone, and the present write would then never end.
+  if (writing_) cancel_call();
+  advance();
 }
 
 void ControlStream::on_write(bool ok) {
@@ -145,6 +221,7 @@ void ControlStream::on_write(bool ok) {
 void ControlStream::on_cancel() {
   const std::lock_guard lock(mutex_);
   cancelled_ = true;
+  if (freed_at_the_end_ && detach()) freed_at_the_end_ = false;
   advance();
 }
 
@@ -173,6 +250,7 @@ void ControlStream::on_done() {
   // must not happen while the lock is held.
   std::shared_ptr<ControlStream> last;
   const std::lock_guard lock(mutex_);
+  if (freed_at_the_end_) free_session(grpc::Status::OK);
   last = std::move(self_);
 }
 
@@ -210,6 +288,7 @@ void ControlStream::begin_turn(TurnState where) {
 void ControlStream::advance() {
   if (finished_ || turn_state_ != TurnState::kNone || writing_) return;
   if (cancelled_) return close(grpc::Status::CANCELLED);
+  if (gives_up_) return close(kResumedElsewhere);
   if (!outbox_.empty()) {
     writing_ = true;
     return start_write(outbox_.front());
@@ -220,18 +299,41 @@ void ControlStream::advance() {
     if (!needs_loader_) return parts_.scheduler.post(self_, due_ns_);
     return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); });
   }
-  if (reading_ == Reading::kEnded) close(driver_.status_after_last_message());
+  if (reading_ == Reading::kEnded) close(driver_->status_after_last_message());
 }
 
-// The session is freed before the call ends, then its entry in the registry. A client that has seen the end finds both free.
+// The session is freed before the call ends, then its entry in the registry. A client that has seen the end finds both free. A resumable
+// session is freed only after the call, once it is certain that its stream did not break.
 void ControlStream::close(const grpc::Status& status) {
   finished_ = true;
-  driver_.close(status);
+  const bool may_be_kept = !token_.empty() && driver_->opened() && !end_status_;
+  if (may_be_kept && !cancelled_ && !gives_up_)
+    freed_at_the_end_ = true;
+  else if (!may_be_kept || !detach())
+    free_session(status);
   inbox_.clear();
-  outbox_.clear();
-  parts_.streams.remove(this);
   cancel_alarm();
   finish_call(status);
+}
+
+// False: the session cannot be kept. Messages that have come and were not applied are forgotten: the client sends them again.
+bool ControlStream::detach() {
+  auto session = std::make_unique<DetachedSession>();
+  session->token = token_;
+  session->driver = std::move(driver_);
+  session->pace = pace_;
+  session->answers = outbox_.take_all();
+  if (kept_.keep(this, session)) return true;
+  driver_ = std::move(session->driver);
+  return false;
+}
+
+void ControlStream::free_session(const grpc::Status& status) {
+  freed_at_the_end_ = false;
+  driver_->close(status);
+  outbox_.clear();
+  parts_.streams.remove(this);
+  if (!token_.empty()) kept_.forget(token_);
 }
 
 // --- a turn
@@ -241,7 +343,7 @@ void ControlStream::close(const grpc::Status& status) {
 bool ControlStream::may_run_on_loop() const {
   if (finished_ || turn_state_ != TurnState::kNone || writing_ || cancelled_ || end_status_) return false;
   if (needs_loader_ || !outbox_.empty() || inbox_.empty()) return false;
-  return driver_.last_cost_ns() > 0 && driver_.last_cost_ns() <= kShortStepNs;
+  return driver_->last_cost_ns() > 0 && driver_->last_cost_ns() <= kShortStepNs;
 }
 
 // The next read starts only after the step. Starting it makes gRPC send a window update at once, which delays the reply,
@@ -261,7 +363,7 @@ void ControlStream::hand_over() {
 
 TakeJob ControlStream::plan() {
   fill_turn();
-  return driver_.plan(turn_);
+  return driver_->plan(turn_);
 }
 
 // Opening takes one message, so that the ticks behind it are worked through by the scheduler's threads. A call that has
@@ -273,7 +375,7 @@ void ControlStream::fill_turn() {
   turn_.tick_interval_ns = pace_.interval_ns();
   turn_.may_take_long = needs_loader_;
   if (cancelled_ || end_status_) return;
-  if (driver_.opened())
+  if (driver_->opened())
     inbox_.take_all(turn_.messages);
   else if (!inbox_.empty())
     turn_.messages.push_back(inbox_.take_one());
@@ -282,7 +384,7 @@ void ControlStream::fill_turn() {
 
 void ControlStream::finish(const TakenMaps& taken) {
   const int64_t start_ns = parts_.scheduler.now_ns();
-  const bool stepped = driver_.finish(turn_, taken);
+  const bool stepped = driver_->finish(turn_, taken);
   const std::lock_guard lock(mutex_);
   const int64_t end_ns = parts_.scheduler.now_ns();
   const QualityControl::StepTimes times{.end_ns = end_ns,
@@ -290,13 +392,23 @@ void ControlStream::finish(const TakenMaps& taken) {
                                         .cost_ns = taken.cost_ns + (end_ns - start_ns),
                                         .behind = !inbox_.empty()};
   turn_state_ = TurnState::kNone;
-  needs_loader_ = !driver_.opened() || turn_.needs_loader;
+  needs_loader_ = !driver_->opened() || turn_.needs_loader;
   inbox_.put_back(turn_.messages);
+  if (resumable_ && token_.empty() && driver_->opened()) issue_token();
   for (v1::ControlResponse& reply : turn_.replies) outbox_.push(std::move(reply));
   if (turn_.end && !end_status_) end_status_ = std::move(turn_.end);
   advance();
   // This runs after the reply was sent, which it would otherwise delay.
-  if (stepped && !finished_) driver_.account(times);
+  if (stepped && !finished_) driver_->account(times);
+}
+
+// Puts the token into the reply to the opening. The recording has that reply without the token, which is a secret.
+void ControlStream::issue_token() {
+  token_ = kept_.issue(client_, self_);
+  outbox_.keep_written();
+  v1::SessionOpened& opened = *turn_.replies.front().mutable_opened();
+  opened.set_resume_token(token_);
+  opened.set_resume_grace_s(std::chrono::duration<double>(kept_.grace()).count());
 }
 
 }  // namespace sightline

@@ -15,6 +15,11 @@
 // `drain` and `end` come from the thread that stops the server. All of them meet in `advance`, which decides what comes
 // next.
 //
+// A resumable session outlives its stream (kept_sessions.h). A stream that begins with `resume` has no session of its own until it gets
+// one. A stream that breaks, or that another one replaces, gives its session up: `detach`. A client that closes its side ends the session
+// in order. gRPC reports the end of the messages first. Only later it reports whether the call was cancelled, as it is when the
+// connection broke. A resumable session is therefore freed at the very end of the call.
+//
 // Order of gRPC operations. At most one read and one write are under way. `finish_call` is called once, when no turn
 // and no write is under way; nothing is started after it.
 #pragma once
@@ -31,6 +36,7 @@
 #include "server/rpc/call.h"
 #include "server/service/inbox.h"
 #include "server/service/incoming_message.h"
+#include "server/service/kept_sessions.h"
 #include "server/service/outbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_driver.h"
@@ -41,25 +47,33 @@ namespace sightline {
 // Messages arrive as bytes (incoming_message.h says why).
 using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse, grpc::ByteBuffer>>;
 
-class ControlStream final : public ControlCall, public Drainable, public Scheduled, public ShortTask {
+// All streams use these beside the parts. They must outlive the streams.
+struct StreamHelpers {
+  WorkerPool& parsers;  // of large messages; they also claim sessions to resume
+  KeptSessions& kept;
+};
+
+class ControlStream final : public ControlCall, public ResumableStream, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the
-  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). So it is when there is no `caller`, but a status. `parsers` must
-  // outlive the call. Runs on the loop's thread.
-  static void start(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). So it is when there is no `caller`, but a status. Runs on the loop's
+  // thread.
+  static void start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
                     std::unique_ptr<Incoming> incoming, const std::string& session_id,
                     const tl::expected<Caller, grpc::Status>& caller);
 
-  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, WorkerPool& parsers, EventLoop& loop,
+  ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
                 std::unique_ptr<Incoming> incoming, const std::string& session_id, SceneReader reader);
   ~ControlStream() override = default;
 
   void drain(const std::string& reason) override;
   void end(const grpc::Status& status) override;
+  void give_session_up() override;
+  bool take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) override;
 
  private:
-  // Parsing: a large message is on another thread. Ended: the client has closed its side, or is gone.
-  enum class Reading { kPaused, kUnderWay, kParsing, kEnded };
+  // Parsing: a large message is on another thread. Resuming: it waits for the session. Ended: the client has closed its side, or is gone.
+  enum class Reading { kPaused, kUnderWay, kParsing, kResuming, kEnded };
   enum class TurnState { kNone, kOnWorker, kOnLoop };     // waiting for its thread, or running on it
 
   // Reactions.
@@ -80,6 +94,9 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
 
   // These need mutex_.
   void take_in(v1::ControlRequest request, int64_t arrival_ns);
+  void begin(const v1::ControlRequest& request);
+  void claim(const v1::ResumeSession& request);
+  void issue_token();
   void parse(int64_t arrival_ns);
   void parse_elsewhere(int64_t arrival_ns);
   void refuse_message(const Error& error);
@@ -88,15 +105,19 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   void begin_turn(TurnState where);
   bool may_run_on_loop() const;
   void close(const grpc::Status& status);
+  bool detach();
+  void free_session(const grpc::Status& status);
 
   // Constant after construction.
   const ServiceParts& parts_;
   WorkerPool& parsers_;
+  KeptSessions& kept_;
+  const std::string client_;
   const size_t max_message_memory_;
   const std::chrono::milliseconds idle_limit_;  // 0: none
 
   // Used by the turn while there is one, otherwise guarded by mutex_.
-  SessionDriver driver_;
+  std::unique_ptr<SessionDriver> driver_;  // null: another stream has the session, or may have it
   SessionDriver::Turn turn_;
 
   // Used by gRPC while a read is under way, by a parser while that works, otherwise guarded by mutex_.
@@ -114,10 +135,17 @@ class ControlStream final : public ControlCall, public Drainable, public Schedul
   int silent_alarms_ = 0;     // alarms since the last message
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
   int64_t due_ns_ = 0;        // deadline of the turn
+  // Resuming.
+  std::optional<Admission> only_resumes_;  // why the stream has no place for a session of its own
+  bool resumable_ = false;                 // the client asked for it
+  std::string token_;                      // of the session; empty: it ends with the stream
+  uint64_t answered_ = 0;                  // of the session to resume: its client has the answer to this tick
+  bool gives_up_ = false;                  // another stream resumes the session
   // How the call ends.
   bool cancelled_ = false;                  // at once
   std::optional<grpc::Status> end_status_;  // with this status, once outbox_ is written
   bool finished_ = false;                   // `finish_call` was called
+  bool freed_at_the_end_ = false;           // the call is finished and the session is not freed so far
   std::shared_ptr<ControlStream> self_;     // from the start until on_done
 };
 

@@ -1,7 +1,10 @@
-// Replies of one stream that wait to be written, and the memory of the last one that was.
+// Replies of one stream that wait to be written, and those of the newest turn that were.
 //
 // A camera reply allocates many small objects. The memory of a written reply is therefore kept and filled again
 // for the next one (`take_spare`), unless diagnostics made it large.
+//
+// If the stream breaks, its client may not have received what was written. The replies of a resumable session are therefore kept until
+// its next turn (`keep_written`). A client that sends its next tick has received them as a rule.
 #pragma once
 
 #include <deque>
@@ -19,14 +22,29 @@ class Outbox {
   // The next reply to write. The reference stays valid until `pop`. The outbox must not be empty.
   const v1::ControlResponse& front() const { return replies_.front(); }
 
+  // From now on written replies are kept.
+  void keep_written() { keeps_ = true; }
+
   // The first reply is written.
   void pop() {
-    if (is_small(replies_.front())) spare_ = std::move(replies_.front());
+    if (keeps_ || is_small(replies_.front())) written_.push_back(std::move(replies_.front()));
     replies_.pop_front();
+    if (!keeps_ && written_.size() > 1) written_.pop_front();
   }
-  // A written reply to fill again, or an empty one. Its old contents are still in it.
-  v1::ControlResponse take_spare() { return std::move(spare_); }
+  // A new turn begins. Returns a written reply to fill again, or an empty one. Its old contents are still in it.
+  v1::ControlResponse take_spare() {
+    v1::ControlResponse spare;
+    if (!written_.empty() && is_small(written_.back())) spare = std::move(written_.back());
+    written_.clear();
+    return spare;
+  }
 
+  // Empties it. Returns the replies since the newest turn began, written or not.
+  std::deque<v1::ControlResponse> take_all() {
+    for (v1::ControlResponse& reply : replies_) written_.push_back(std::move(reply));
+    replies_.clear();
+    return std::exchange(written_, {});
+  }
   void clear() { replies_.clear(); }
 
  private:
@@ -34,8 +52,8 @@ class Outbox {
     return reply.has_camera() && !reply.camera().has_candidates() && reply.camera().depth_maps().empty();
   }
 
-  std::deque<v1::ControlResponse> replies_;
-  v1::ControlResponse spare_;
+  std::deque<v1::ControlResponse> replies_, written_;
+  bool keeps_ = false;
 };
 
 }  // namespace sightline

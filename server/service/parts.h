@@ -55,6 +55,8 @@ struct ServiceLimits {
   std::chrono::milliseconds open_timeout{10'000};
   // A session without a message for this time is ended. 0: never.
   std::chrono::milliseconds session_idle{300'000};
+  // A resumable session is kept for this time after its stream broke. 0: it ends with its stream.
+  std::chrono::milliseconds resume_grace{10'000};
   // An upload that sends nothing for this time is ended, because it uses up one of the uploads and a thread.
   std::chrono::milliseconds upload_timeout{60'000};
 };

@@ -45,6 +45,10 @@ void set(const StepStats& counts, v1::GetServerStatsResponse& stats) {
   stats.set_merged_ticks(counts.merged);
   stats.set_refused_ticks(counts.refused);
   stats.set_opened_sessions(counts.opened);
+  stats.set_kept_sessions(static_cast<uint32_t>(counts.kept));
+  stats.set_resumed_sessions(counts.resumed);
+  stats.set_expired_sessions(counts.resume_expired);
+  stats.set_refused_resumes(counts.resume_refused);
   set(counts.tick_age, *stats.mutable_tick_age());
   set(counts.queue, *stats.mutable_queue());
   set(counts.step, *stats.mutable_step());

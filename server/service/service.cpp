@@ -34,7 +34,7 @@ void CameraControlService::take_calls(EventLoop& loop) {
   CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_calls(loop);
     const auto caller = callers_.identify(incoming->context, Need::kControl);
-    ControlStream::start(parts_, limits_, parsers_, loop, std::move(incoming),
+    ControlStream::start(parts_, limits_, helpers_, loop, std::move(incoming),
                          parts_.id_prefix + "-" + std::to_string(++calls_), caller);
   });
 }

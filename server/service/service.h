@@ -11,6 +11,7 @@
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
 #include "server/service/callers.h"
+#include "server/service/control_stream.h"
 #include "server/service/parts.h"
 #include "server/service/upload_places.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
@@ -47,7 +48,9 @@ class CameraControlService final
   const ServiceLimits limits_;
   const Credentials no_credentials_;
   Callers callers_{parts_.credentials ? *parts_.credentials : no_credentials_};
+  KeptSessions kept_{limits_.resume_grace, parts_.streams, parts_.stats, parts_.log};
   WorkerPool parsers_{1};  // of large messages
+  const StreamHelpers helpers_{parsers_, kept_};
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   std::function<bool()> ready_ = [] { return true; };

@@ -17,30 +17,30 @@ std::string mib(size_t bytes) {
 
 bool InstanceMemory::change(size_t former, size_t now) {
   if (now <= former) {
-    instances_ -= former - now;
+    bytes_ -= former - now;
     return true;
   }
   const size_t more = now - former;
-  if (instances_.fetch_add(more) + more <= max_instances_) return true;
-  instances_ -= more;
+  if (bytes_.fetch_add(more) + more <= max_bytes_) return true;
+  bytes_ -= more;
   return false;
 }
 
-Status InstanceShare::resize(size_t instances, const char* field) {
-  const size_t bytes = instances * kBytesOfInstance;
-  const bool grows = instances > instances_;
+Status InstanceShare::resize(size_t instances, size_t shape_bytes, const char* field) {
+  const size_t bytes = instances * kBytesOfInstance + shape_bytes;
+  const bool grows = bytes > bytes_;
   if (grows && limits_.session_bytes > 0 && bytes > limits_.session_bytes) {
     hit(Limit::kSessionMemory);
     return fail(ErrorCode::kResourceExhausted, field,
-                std::to_string(instances) + " instances take " + mib(bytes) + "; a session may have " +
+                std::to_string(instances) + " instances and their shapes take " + mib(bytes) + "; a session may have " +
                     mib(limits_.session_bytes) + " (--session-memory-mib)");
   }
-  if (memory_ && !memory_->change(instances_, instances)) {
+  if (memory_ && !memory_->change(bytes_, bytes)) {
     hit(Limit::kSessionsMemory);
     return fail(ErrorCode::kResourceExhausted, field,
-                "the sessions together have no memory left for this many instances (--sessions-memory-mib)");
+                "the sessions together have no memory left for this many instances and shapes (--sessions-memory-mib)");
   }
-  instances_ = instances;
+  bytes_ = bytes;
   return {};
 }
 

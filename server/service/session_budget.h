@@ -11,38 +11,38 @@
 namespace sightline {
 
 struct SessionLimits {
-  size_t session_bytes = 0;       // of the instances of one session; 0: no limit
+  size_t session_bytes = 0;       // of the instances and shapes of one session; 0: no limit
   double max_step_cost_ms = 0.0;  // see step_cost_ms; 0: no limit
 };
 
 // About what an instance takes in the mirror and in the structures that are made from it.
 inline constexpr size_t kBytesOfInstance = 400;
 
-// The instances of all sessions together. Thread-safe.
+// The instances and shapes of all sessions together. Thread-safe.
 class InstanceMemory {
  public:
-  explicit InstanceMemory(size_t max_bytes) : max_instances_(max_bytes / kBytesOfInstance) {}
+  explicit InstanceMemory(size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  // One session goes from `former` to `now` instances. False: there is no room, and nothing has changed.
+  // One session goes from `former` to `now` bytes. False: there is no room, and nothing has changed.
   bool change(size_t former, size_t now);
 
  private:
-  const size_t max_instances_;
-  std::atomic<size_t> instances_{0};
+  const size_t max_bytes_;
+  std::atomic<size_t> bytes_{0};
 };
 
-// Counts the instances of one session in both limits until it is destroyed.
+// Counts the instances and shapes of one session in both limits until it is destroyed.
 class InstanceShare {
  public:
   // `memory` may be null: then only the session's own limit holds. `counts`, which may be null, counts refusals.
   InstanceShare(const SessionLimits& limits, InstanceMemory* memory, LimitCounts* counts = nullptr)
       : limits_(limits), memory_(memory), counts_(counts) {}
-  ~InstanceShare() { (void)resize(0, ""); }
+  ~InstanceShare() { (void)resize(0, 0, ""); }
   InstanceShare(const InstanceShare&) = delete;
   InstanceShare& operator=(const InstanceShare&) = delete;
 
-  // Fails with kResourceExhausted, and `field`; then nothing has changed.
-  Status resize(size_t instances, const char* field);
+  // Fails with kResourceExhausted, and `field`; then nothing has changed. `shape_bytes`: of the distinct shapes, each once.
+  Status resize(size_t instances, size_t shape_bytes, const char* field);
 
  private:
   void hit(Limit limit) const {
@@ -52,7 +52,7 @@ class InstanceShare {
   const SessionLimits& limits_;
   InstanceMemory* const memory_;
   LimitCounts* const counts_;
-  size_t instances_ = 0;
+  size_t bytes_ = 0;
 };
 
 // A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It counts the

@@ -14,8 +14,9 @@ namespace sightline {
 namespace {
 
 const Error kNotOpened{ErrorCode::kInvalidArgument, "open",
-                       "the first message of a Control call must be `open`"};
+                       "the first message of a Control call must be `open` or `resume`"};
 const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is already open"};
+const Error kResumedLate{ErrorCode::kFailedPrecondition, "resume", "`resume` must be the first message of a Control call"};
 const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
 
 // Number of ticks at the end of the queue that ask to be merged into the next one.
@@ -76,7 +77,8 @@ grpc::Status SessionDriver::status_after_last_message() const {
 void SessionDriver::close(const grpc::Status& status) {
   if (session_) counters_.closed(status.error_code());
   session_.reset();
-  (void)instances_.resize(0, "");
+  (void)instances_.resize(0, 0, "");
+  shapes_ = {};
   recording_.close();
   const double full_cost_us = quality_ ? quality_->full_cost_ns() * 1e-3 : 0.0;
   quality_.reset();
@@ -128,15 +130,21 @@ void SessionDriver::open(Turn& turn) {
 }
 
 Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
+  // Before the shapes are built, which takes the memory.
+  const size_t named = static_cast<size_t>(request.instances_size());
+  if (Status ok = instances_.resize(named, bytes_of_shapes(request.instances()), "open.instances"); !ok) return ok;
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
   if (Status ok = check_cost(options->settings, options->targets.size(), "open.settings"); !ok) return ok;
-  if (Status ok = instances_.resize(options->instances.size(), "open.instances"); !ok) return ok;
+  const size_t count = options->instances.size();
+  if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), "open.instances"); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
   session_ = std::move(*session);
+  shapes_.add(request.instances(), session_->mirror());
+  (void)instances_.resize(count, shapes_.bytes(), "");
   BudgetRules rules = parts_.budget;
   rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
   quality_.emplace(rules, parts_.shares);
@@ -152,6 +160,14 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
                                      {"triangles", std::to_string(opened.triangle_count())},
                                      {"targets", std::to_string(session_->targets().size())}});
   return {};
+}
+
+void SessionDriver::describe(v1::SessionOpened& opened) const {
+  opened_to_proto(*session_, opened);
+  opened.set_session_id(session_id_);
+  opened.set_sampler(parts_.sampler.kind());
+  opened.set_recording_file(recording_.name());
+  opened.set_newest_sequence(newest_sequence_);
 }
 
 // --- ticks
@@ -177,6 +193,7 @@ std::optional<uint64_t> SessionDriver::apply_ticks(Turn& turn) {
     turn.needs_loader = !turn.may_take_long &&
                         (takes_long(tick, *session_, parts_.scenes) || recording_.lacks_scenes(tick));
     if (turn.needs_loader) break;
+    if (message.request.has_tick()) newest_sequence_ = tick.sequence();
     if (const Status applied = apply(message)) {
       newest = tick.sequence();
       newest_arrival_ns_ = message.arrival_ns;
@@ -198,17 +215,34 @@ void SessionDriver::note_step_control(const v1::StepControl& step) {
 
 Status SessionDriver::apply(const Inbox::Message& message) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
+  if (message.request.has_resume()) return tl::unexpected(kResumedLate);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
   counters_.tick();
   recording_.tick(message.request.tick(), message.arrival_ns);
+  const v1::SceneDelta& delta = message.request.tick().delta();
+  if (Status ok = check_memory(delta); !ok) return ok;
   auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_});
-  if (!tick) return tl::unexpected(std::move(tick.error()));
-  tick->arrival_ns = message.arrival_ns;
-  if (Status ok = check_budgets(*tick); !ok) return ok;
-  const Status applied = session_->apply(*tick);
+  Status applied = tick ? check_budgets(*tick) : tl::unexpected(std::move(tick.error()));
+  if (applied) {
+    tick->arrival_ns = message.arrival_ns;
+    applied = session_->apply(*tick);
+    if (applied) account_memory(delta);
+  }
   // A delta may have been refused, or have removed more than it added.
-  if (!tick->delta.empty()) (void)instances_.resize(session_->mirror().size(), "tick.delta");
+  if (message.request.tick().has_delta()) (void)instances_.resize(session_->mirror().size(), shapes_.bytes(), "");
   return applied;
+}
+
+// Before the shapes of the delta are built, which takes the memory.
+Status SessionDriver::check_memory(const v1::SceneDelta& delta) {
+  if (delta.added_instances().empty()) return {};
+  const size_t count = session_->mirror().size() + static_cast<size_t>(delta.added_instances_size());
+  return instances_.resize(count, shapes_.bytes() + bytes_of_shapes(delta.added_instances()), "tick.delta.added_instances");
+}
+
+void SessionDriver::account_memory(const v1::SceneDelta& delta) {
+  shapes_.remove(delta.removed_ids());
+  shapes_.add(delta.added_instances(), session_->mirror());
 }
 
 Status SessionDriver::check_budgets(const TickInput& tick) {
@@ -217,8 +251,7 @@ Status SessionDriver::check_budgets(const TickInput& tick) {
     const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
     if (Status ok = check_cost(settings, targets, tick.settings ? "tick.settings" : "tick.targets"); !ok) return ok;
   }
-  const size_t now = session_->mirror().size(), added = tick.delta.add.size();
-  return added == 0 ? Status{} : instances_.resize(now + added, "tick.delta.added_instances");
+  return {};
 }
 
 Status SessionDriver::check_cost(const StepSettings& settings, size_t targets, const char* field) {

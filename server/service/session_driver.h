@@ -22,6 +22,7 @@
 #include "server/service/inbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_recording.h"
+#include "server/service/shape_memory.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -58,6 +59,11 @@ class SessionDriver {
   void close(const grpc::Status& status);
 
   bool opened() const { return session_ != nullptr; }
+  const std::string& session_id() const { return session_id_; }
+  // Sequence number of the newest tick that was applied or refused; 0: there was none.
+  uint64_t newest_sequence() const { return newest_sequence_; }
+  // Describes an open session to a client that resumes it.
+  void describe(v1::SessionOpened& opened) const;
   // The status of a call whose client has closed its side: OK, or INVALID_ARGUMENT when it never opened the session.
   grpc::Status status_after_last_message() const;
   // Time that the last step took of a thread, in nanoseconds; 0 before the first.
@@ -75,6 +81,8 @@ class SessionDriver {
   std::optional<uint64_t> apply_ticks(Turn& turn);
   Status apply(const Inbox::Message& message);
   Status check_budgets(const TickInput& tick);
+  Status check_memory(const v1::SceneDelta& delta);
+  void account_memory(const v1::SceneDelta& delta);
   Status check_cost(const StepSettings& settings, size_t targets, const char* field);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
@@ -92,11 +100,14 @@ class SessionDriver {
   SessionRecording recording_;
   SessionCounters counters_;
   InstanceShare instances_;
+  ShapeMemory shapes_;
 
   // Requests of the ticks since the last step.
   uint32_t merges_asked_ = 0;        // number of ticks that asked to be merged
   bool step_wanted_ = false;         // the newest tick wants a step
   std::optional<int> chosen_level_;  // the quality level that the newest tick sets
+
+  uint64_t newest_sequence_ = 0;
 
   // The step that is under way, or was the last one.
   std::optional<uint64_t> stepping_;  // sequence of its tick, between `plan` and `finish`

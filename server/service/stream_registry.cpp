@@ -16,24 +16,52 @@ std::string to_string(Admission admission) {
   return "draining";
 }
 
+void StreamRegistry::insert(const std::shared_ptr<Drainable>& stream, const std::string& client, bool waiting) {
+  ++of_client_[client].of(waiting);
+  places_ += waiting ? 0 : 1;
+  streams_.emplace(stream.get(), Entry{stream, client, waiting});
+}
+
+void StreamRegistry::erase(Entries::iterator entry) {
+  const auto own = of_client_.find(entry->second.client);
+  --own->second.of(entry->second.waiting);
+  places_ -= entry->second.waiting ? 0 : 1;
+  if (own->second.places + own->second.waiting == 0) of_client_.erase(own);
+  streams_.erase(entry);
+}
+
 Admission StreamRegistry::add(const std::shared_ptr<Drainable>& stream, const std::string& client) {
   const std::lock_guard lock(mutex_);
   if (draining_) return Admission::kDraining;
-  if (streams_.size() >= max_streams_) return Admission::kFull;
+  if (places_ >= max_streams_) return Admission::kFull;
   const auto own = of_client_.find(client);
-  if (own != of_client_.end() && own->second >= max_per_client_) return Admission::kClientFull;
-  ++of_client_[client];
-  streams_.emplace(stream.get(), Entry{stream, client});
+  if (own != of_client_.end() && own->second.places >= max_per_client_) return Admission::kClientFull;
+  insert(stream, client, false);
   return Admission::kAdmitted;
+}
+
+bool StreamRegistry::add_waiting(const std::shared_ptr<Drainable>& stream, const std::string& client) {
+  const std::lock_guard lock(mutex_);
+  const auto own = of_client_.find(client);
+  if (draining_ || own == of_client_.end() || own->second.waiting >= own->second.places) return false;
+  insert(stream, client, true);
+  return true;
 }
 
 void StreamRegistry::remove(const Drainable* stream) {
   const std::lock_guard lock(mutex_);
-  const auto entry = streams_.find(stream);
-  if (entry == streams_.end()) return;
-  const auto own = of_client_.find(entry->second.client);
-  if (--own->second == 0) of_client_.erase(own);
-  streams_.erase(entry);
+  if (const auto entry = streams_.find(stream); entry != streams_.end()) erase(entry);
+}
+
+bool StreamRegistry::move_place(const Drainable* from, const std::shared_ptr<Drainable>& to) {
+  const std::lock_guard lock(mutex_);
+  const auto former = streams_.find(from);
+  if (draining_ || former == streams_.end()) return false;
+  const std::string client = former->second.client;
+  erase(former);
+  if (const auto own = streams_.find(to.get()); own != streams_.end()) erase(own);
+  insert(to, client, false);
+  return true;
 }
 
 // Returns a copy, so that no stream is called or destroyed under the registry's lock.
@@ -72,7 +100,7 @@ size_t StreamRegistry::end_unless(const std::function<bool(const std::string& cl
 
 size_t StreamRegistry::size() const {
   const std::lock_guard lock(mutex_);
-  return streams_.size();
+  return places_;
 }
 
 }  // namespace sightline

@@ -36,7 +36,12 @@ class StreamRegistry {
 
   // Counts the stream until it is removed. Streams are identified by their address.
   Admission add(const std::shared_ptr<Drainable>& stream, const std::string& client = {});
+  // Lets a stream wait for a place (`move_place`) which `add` refused because of a limit. It may be about to resume a session, which has a place
+  // already. A client may have as many waiting streams as places. False: the stream is refused.
+  bool add_waiting(const std::shared_ptr<Drainable>& stream, const std::string& client);
   void remove(const Drainable* stream);
+  // `to` takes the place of `from`, and gives up one of its own if it has one. False: the server drains, or `from` has none.
+  bool move_place(const Drainable* from, const std::shared_ptr<Drainable>& to);
 
   // From now on no stream is admitted; every open stream is notified.
   void drain(const std::string& reason);
@@ -44,6 +49,7 @@ class StreamRegistry {
   // Ends the streams of the clients that `may_stay` refuses; returns their number.
   size_t end_unless(const std::function<bool(const std::string& client)>& may_stay, const grpc::Status& status);
 
+  // Places in use. Streams that wait for one are not counted.
   size_t size() const;
   size_t max_streams() const { return max_streams_; }
   size_t max_per_client() const { return max_per_client_; }
@@ -54,14 +60,24 @@ class StreamRegistry {
   struct Entry {
     std::weak_ptr<Drainable> stream;
     std::string client;
+    bool waiting = false;  // has no place
   };
+  struct Count {
+    size_t places = 0, waiting = 0;
+    size_t& of(bool is_waiting) { return is_waiting ? waiting : places; }
+  };
+  using Entries = std::map<const Drainable*, Entry>;
+
+  void insert(const std::shared_ptr<Drainable>& stream, const std::string& client, bool waiting);  // needs mutex_
+  void erase(Entries::iterator entry);                                                             // needs mutex_
 
   const size_t max_streams_, max_per_client_;
   mutable std::mutex mutex_;
   // Guarded by mutex_.
   bool draining_ = false;
-  std::map<const Drainable*, Entry> streams_;
-  std::map<std::string, size_t> of_client_;
+  Entries streams_;
+  std::map<std::string, Count> of_client_;
+  size_t places_ = 0;
 };
 
 }  // namespace sightline

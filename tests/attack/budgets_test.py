@@ -159,6 +159,27 @@ class Scenes(unittest.TestCase):
                 self.assertEqual(first.tick().sequence, 1)
             open_session(daemon.address, scene=scene_of(hash_of_scene)).close()
 
+    def test_distinct_shapes_count_as_memory_while_they_are_there(self):
+        from sightline.v1.scene_pb2 import NewInstance, SceneDelta, Shape
+
+        def balls(first, count):
+            return [NewInstance(id=1000 + n, shape=Shape(sphere=Shape.Sphere(radius=1 + n / 1e5))) for n in range(first, first + count)]
+
+        with Daemon("--session-memory-mib", "8", "--max-maps-ms", "0") as daemon, open_session(daemon.address) as session:
+            session.sends(delta=SceneDelta(added_instances=balls(0, 20_000)))  # 400 MB of triangles
+            refused = session.reads().tick_error
+            self.assertEqual(refused.field_violations[0].field, "tick.delta.added_instances")
+            self.assertIn("--session-memory-mib", refused.message)
+            self.assertLess(daemon.most_memory_mib(), 200)
+            # Equal shapes take their memory once, and what was removed takes none.
+            equal = [NewInstance(id=1000 + n, shape=Shape(sphere=Shape.Sphere(radius=1))) for n in range(1000)]
+            self.assertEqual(session.tick(delta=SceneDelta(added_instances=equal)).sequence, 2)
+            self.assertEqual(session.tick(delta=SceneDelta(removed_ids=[instance.id for instance in equal])).sequence, 3)
+            for n in range(4):
+                added = balls(200 * n, 200)
+                self.assertEqual(session.tick(delta=SceneDelta(added_instances=added)).sequence, 4 + 2 * n)
+                self.assertEqual(session.tick(delta=SceneDelta(removed_ids=[ball.id for ball in added])).sequence, 5 + 2 * n)
+
 
 class Heavy(unittest.TestCase):
     def test_a_message_of_empty_parts_is_refused_before_it_is_parsed(self):

@@ -34,7 +34,7 @@ class Daemon:
                 resource.setrlimit(what, (value, value))
 
         self.process = subprocess.Popen(
-            [self.path, *listen, "--ready-file", str(self.ready), "--sampler", "embree", *arguments],
+            [self.path, *listen, "--ready-file", str(self.ready), *(() if "--sampler" in arguments else ("--sampler", "embree")), *arguments],
             stdout=subprocess.DEVNULL, stderr=self.stderr, preexec_fn=limit)
         if wait:
             self.wait_until_ready()

@@ -24,7 +24,7 @@ SIGHTLINED, STUBS, README = ARGUMENTS[:3]
 COMMANDS = dict(argument.split("=", 1) for argument in ARGUMENTS[3:])
 IN_BASE64 = [name.removesuffix(":base64") for name in COMMANDS if name.endswith(":base64")]
 PLAYERS = {name.removesuffix(":base64"): command for name, command in COMMANDS.items()}
-sys.path[:0] = [STUBS, str(HERE)]
+sys.path[:0] = [STUBS, str(HERE), str(HERE.parent / "fault")]
 
 from google.protobuf import json_format  # noqa: E402
 from sightline.v1 import errors_pb2, session_pb2  # noqa: E402
@@ -34,12 +34,13 @@ import expectations  # noqa: E402
 import results_table  # noqa: E402
 from daemon import Daemon  # noqa: E402
 from frames import FRAMES  # noqa: E402
+from relay import Relay  # noqa: E402
 
 SESSIONS = {path.stem: json.loads(path.read_text()) for path in sorted((HERE / "sessions").glob("*.json"))}
 REQUESTS = {"open": session_pb2.OpenSession, "tick": session_pb2.Tick}
 MESSAGES = {"opened": session_pb2.SessionOpened, "camera": session_pb2.CameraReply, "refused": errors_pb2.TickError}
 # What differs from play to play.
-VARYING = {"opened": ("session_id", "recording_file"), "camera": ("stage_times",), "refused": ()}
+VARYING = {"opened": ("session_id", "recording_file", "resume_token"), "camera": ("stage_times",), "refused": ()}
 
 
 def to_base64(command):
@@ -81,15 +82,29 @@ class Player:
 def play(player, daemon, steps):
     """The answers to all commands of the steps."""
     answers = []
-    for step in steps:
-        if "daemon" in step:
-            daemon.replace(step["daemon"])
-            continue
-        command = {key: value for key, value in step.items() if key != "expect"}
-        if "open" in command:
-            command |= {"address": daemon.address, "uploads": [str(HERE / "sessions/court.glb")] if "scene" in step["open"] else []}
-        answers.append(player.run(command))
+    with Relay(daemon.address) as relay:
+        for step in steps:
+            if is_trouble(step):
+                cause(step, daemon, relay)
+                continue
+            command = {key: value for key, value in step.items() if key != "expect"}
+            if "open" in command:
+                command |= {"address": relay.address, "uploads": [str(HERE / "sessions/court.glb")] if "scene" in step["open"] else []}
+            answers.append(player.run(command))
     return answers
+
+
+def is_trouble(step):
+    return "daemon" in step or "stream" in step
+
+
+def cause(step, daemon, relay):
+    if "daemon" in step:
+        daemon.replace(step["daemon"])
+    elif step["stream"] == "cut":
+        relay.cut()
+    else:
+        relay.hurt_next(step["stream"])
 
 
 def without_minus_zero(value):
@@ -148,7 +163,7 @@ class Conformance(unittest.TestCase):
                     self.results[client][name] = True
 
     def check(self, steps, answers, reference):
-        steps = [step for step in steps if "daemon" not in step]
+        steps = [step for step in steps if not is_trouble(step)]
         for step, answer, equal in zip(steps, answers, reference, strict=True):
             trouble = expectations.unmet(step["expect"], answer)
             self.assertEqual([], trouble, f"{json.dumps(step)[:300]}\n{json.dumps(answer)[:1500]}")
@@ -164,7 +179,7 @@ class Conformance(unittest.TestCase):
     def test_a_session_that_was_interrupted_goes_on_as_if_nothing_had_been(self):
         player = Player(self.first)
         for name in (name for name, content in SESSIONS.items() if content.get("likeWithoutInterruption")):
-            whole = play(player, self.daemon, [step for step in SESSIONS[name]["steps"] if "daemon" not in step])
+            whole = play(player, self.daemon, [step for step in SESSIONS[name]["steps"] if not is_trouble(step)])
             before = None
             for number, (broken, unbroken) in enumerate(zip(self.reference[name], whole, strict=True)):
                 self.assertEqual(list(broken), list(unbroken))
@@ -176,6 +191,13 @@ class Conformance(unittest.TestCase):
                 position = position_of(broken)
                 self.assertLess(math.dist(position, before or position), 3.0 / 60 + 1e-6, f"answer {number}: farther than the speed limit allows")
                 before = position
+        player.close()
+
+    def test_a_session_whose_stream_broke_gets_the_replies_of_an_unbroken_one(self):
+        player = Player(self.first)
+        for name in (name for name, content in SESSIONS.items() if content.get("equalWithoutInterruption")):
+            unbroken = play(player, self.daemon, [step for step in SESSIONS[name]["steps"] if not is_trouble(step)])
+            self.assertEqual([comparable(answer) for answer in self.reference[name][:-1]], [comparable(answer) for answer in unbroken[:-1]])
         player.close()
 
     def test_the_sessions_are_what_the_generator_writes(self):

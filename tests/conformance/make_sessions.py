@@ -121,7 +121,7 @@ def convention(frame):
 
 
 def session(about, steps):
-    return {"about": about, "steps": [*steps, {"close": {}, "expect": {"closed": {"resyncs": sum("daemon" in step for step in steps)}}}]}
+    return {"about": about, "steps": [*steps, {"close": {}, "expect": {"closed": {"resyncs": sum("daemon" in step for step in steps), "resumes": sum("stream" in step for step in steps)}}}]}
 
 
 def opening(**more):
@@ -242,12 +242,40 @@ def resync():
     ]), "likeWithoutInterruption": True}
 
 
+def resume():
+    """A session goes on in a new stream when its stream breaks, wherever that happens."""
+    def tick(n, **more):
+        places = {"1": [2 * math.sin(n / 20), 0.9, 0], "2": [2 * math.sin(n / 20) + 1.2, 0.9, 0]}
+        return {"tick": {"timeS": n / 60, "transforms": {"ids": [*places], "positions": sum(places.values(), [])}, **more},
+                "expect": {"camera": {"sequence": str(n + 1), "timeS": n / 60, "mergedTicks": None}}}
+
+    def ticks(first, n):
+        return [tick(i) for i in range(first, first + n)]
+
+    refused = {"expect": {"refused": {"sequence": "62", "code": "CODE_NOT_FOUND"}}}
+    return {**session("Streams that break: between two ticks, before a tick arrives, and before its answer does.", [
+        {"open": opening(instances=[*opening()["instances"], box(3, (0, 2, 2), (1, 4, 1))]), "expect": {"opened": {"instanceCount": "3"}}},
+        *ticks(0, 15),
+        {"stream": "cut"},
+        *ticks(15, 15),
+        {"stream": "lose request"},
+        tick(30, delta={"addedInstances": [box(4, (1, 2, 3), (0.6, 4, 0.6))]}),
+        *ticks(31, 14),
+        {"stream": "lose reply"},
+        tick(45, delta={"removedIds": ["4"]}, targets={"targets": [{"id": "2", "weight": 2}, {"id": "1"}]}),
+        *ticks(46, 15),
+        {"stream": "lose reply"},
+        tick(61, transforms={"ids": ["99"], "positions": [0, 0, 0]}) | refused,
+        *ticks(62, 10),
+    ]), "equalWithoutInterruption": True}
+
+
 def main():
     folder = pathlib.Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
     court.write(folder / "court.glb")
     made = {f"convention_{frame.name}": convention(frame) for frame in FRAMES}
-    made |= {make.__name__: make() for make in (numbers, errors, settings, resync)}
+    made |= {make.__name__: make() for make in (numbers, errors, settings, resync, resume)}
     for name, content in made.items():
         lines = ",\n".join("    " + json.dumps(step) for step in content.pop("steps"))
         head = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in content.items())

@@ -24,7 +24,7 @@ static class Player {
             if (line.StartsWith("{\"open\"")) return Message("opened", await Open(line));
             if (line.StartsWith("{\"tick\"")) return Message("camera", await camera.TickAsync(Tick.Parser.ParseFrom(Bytes(line, "tick"))));
             await camera.CloseAsync();
-            return "{\"closed\": {\"resyncs\": " + camera.Resyncs + "}}";
+            return "{\"closed\": {\"resyncs\": " + camera.Resyncs + ", \"resumes\": " + camera.Resumes + "}}";
         } catch (RefusedException error) {
             return Message("refused", error.Error);
         } catch (FailedException error) {

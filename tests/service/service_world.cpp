@@ -173,6 +173,12 @@ bool Stream::send(const v1::OpenSession& open) {
   return call_->Write(request);
 }
 
+bool Stream::send(const v1::ResumeSession& resume) {
+  v1::ControlRequest request;
+  *request.mutable_resume() = resume;
+  return call_->Write(request);
+}
+
 bool Stream::send(const v1::Tick& tick) {
   v1::ControlRequest request;
   *request.mutable_tick() = tick;

@@ -135,6 +135,7 @@ class Stream {
   ~Stream();
 
   bool send(const v1::OpenSession& open);
+  bool send(const v1::ResumeSession& resume);
   bool send(const v1::Tick& tick);
   bool send_empty();
   void half_close() { call_->WritesDone(); }

@@ -92,7 +92,7 @@ func run(camera **sightline.Camera, c command) (object, error) {
 		}
 		return object{"camera": asJSON(reply)}, nil
 	default:
-		return object{"closed": object{"resyncs": (*camera).Resyncs()}}, (*camera).Close(context.Background())
+		return object{"closed": object{"resyncs": (*camera).Resyncs(), "resumes": (*camera).Resumes()}}, (*camera).Close(context.Background())
 	}
 }
 

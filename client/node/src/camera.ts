@@ -3,12 +3,15 @@ import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 import {status} from "@grpc/grpc-js";
 
 import {Failed, Refused} from "./errors.js";
-import type {ControlResponse} from "./gen/sightline/v1/camera_control_pb.js";
-import {OpenSessionSchema, SessionOpenedSchema, TickSchema, type CameraReply, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
+import type {ControlRequest, ControlResponse} from "./gen/sightline/v1/camera_control_pb.js";
+import {
+  OpenSessionSchema, ResumeSessionSchema, SessionOpenedSchema, TickSchema, type CameraReply, type SessionOpened, type Tick,
+} from "./gen/sightline/v1/session_pb.js";
 import {Snapshot, wasApplied} from "./snapshot.js";
 import {Stream, type Trust} from "./stream.js";
 
 const LONGEST_PAUSE_S = 1;
+const LONGEST_RESUME_S = 2; // a daemon resumes a session at once, or not at all
 const LOST = [status.UNAVAILABLE, status.CANCELLED, status.UNKNOWN, status.INTERNAL, status.DEADLINE_EXCEEDED, status.ABORTED];
 
 // How a camera reaches its daemons and what it does when one is lost.
@@ -17,22 +20,28 @@ export interface Options extends Trust {
   replyTimeoutS?: number; // a daemon that answers nothing for so long is taken for lost. Default: 5
   openTimeoutS?: number; // the same for the opening, for which the daemon loads the scene. Default: 30
   uploads?: Uint8Array[]; // the scene files that SceneRef.hash names; a daemon that does not have one gets it
-  onResync?: (reason: string) => void; // called after the session has gone on in another daemon
+  onResync?: (reason: string) => void; // called after the session was opened again
 }
 
-// A session. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the session again, in the daemon
-// that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were.
+// A session. When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its flag
+// --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next
+// tick opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets,
+// settings, limits and lens as they were.
 export class Camera {
   // What the daemon said when it opened the session, the last time that one did.
   opened: SessionOpened = create(SessionOpenedSchema);
-  // How many times the session went on in another daemon, or in the same one again.
+  // How many times the session was opened again, in another daemon or in the same one.
   resyncs = 0;
+  // How many times it went on in another stream without that.
+  resumes = 0;
 
   private readonly options: Required<Omit<Options, "onResync" | keyof Trust>> & Options;
   private readonly snapshot: Snapshot;
   private stream?: Stream;
   private address = 0;
   private sequence = 0n;
+  private token: SessionOpened["resumeToken"] = new Uint8Array(); // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+  private answered = 0n; // the newest tick of this session that was answered
   private running: Promise<unknown> = Promise.resolve();
 
   private constructor(private readonly addresses: string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: Options) {
@@ -76,6 +85,7 @@ export class Camera {
     if (tick.sequence === 0n) tick.sequence = this.sequence + 1n;
     if (tick.sequence > this.sequence) this.sequence = tick.sequence;
     const [response, reason] = await this.askUntilAnswered(tick);
+    this.answered = tick.sequence;
     if (reason !== undefined) {
       this.resyncs += 1;
       this.options.onResync?.(reason);
@@ -93,7 +103,7 @@ export class Camera {
   // The answer, and the reason if the session had to be opened again.
   private async askUntilAnswered(tick: Tick): Promise<[ControlResponse, string | undefined]> {
     const giveUp = performance.now() + this.options.giveUpAfterS * 1000;
-    let reason: string | undefined;
+    let reason: string | undefined, reopened = false;
     for (const pauseS of pauses()) {
       if (pauseS > 0) await new Promise((resolve) => setTimeout(resolve, pauseS * 1000));
       let opening = false;
@@ -102,13 +112,17 @@ export class Camera {
           reason = this.stream.drained;
           this.leave();
         }
+        opening = !this.stream;
+        let taken = false;
+        if (opening && this.token.length) taken = await this.resume(tick);
         if (!this.stream) {
-          opening = true;
           await this.openStream();
-          opening = false;
-          this.resume(tick);
+          reopened = true;
+          this.tellPast(tick);
         }
-        return [await this.ask(tick), reason];
+        opening = false;
+        const answer = await this.ask(tick, taken);
+        return [answer, reopened ? (reason ?? "the former tick lost the session") : undefined];
       } catch (error) {
         this.leave();
         if (!isLost(error, opening) || performance.now() >= giveUp) throw error;
@@ -132,24 +146,44 @@ export class Camera {
   }
 
   private async openSession(): Promise<void> {
-    this.stream!.send({case: "open", value: this.snapshot.opening()});
-    for (;;) {
-      const {message} = await this.stream!.receive(this.options.openTimeoutS);
-      if (message.case !== "opened") continue;
-      this.opened = message.value;
-      return;
-    }
+    const value = this.snapshot.opening();
+    value.resumable = true;
+    this.opened = await firstAnswer(this.stream!, {case: "open", value}, this.options.openTimeoutS);
+    this.token = this.opened.resumeToken;
+    this.answered = 0n;
   }
 
-  private resume(next: Tick): void {
+  // Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. Without a
+  // stream afterwards, a new session must be opened.
+  private async resume(next: Tick): Promise<boolean> {
+    const stream = new Stream(this.addresses[this.address]!, this.options);
+    const value = create(ResumeSessionSchema, {token: this.token, answeredSequence: this.answered});
+    try {
+      const {newestSequence} = await firstAnswer(stream, {case: "resume", value}, Math.min(this.options.replyTimeoutS, LONGEST_RESUME_S));
+      if (newestSequence === next.sequence || newestSequence === this.answered) {
+        this.stream = stream;
+        this.resumes += 1;
+        return newestSequence === next.sequence;
+      }
+      await stream.finish(this.options.replyTimeoutS); // the session lacks ticks that a former stream lost
+    } catch (error) {
+      stream.cutOff();
+      if (isLost(error, true) && this.addresses.length === 1) throw error;
+      if (isLost(error, true)) this.nextAddress();
+    }
+    this.token = new Uint8Array();
+    return false;
+  }
+
+  private tellPast(next: Tick): void {
     const ticks = this.snapshot.ticks(next.sequence);
     if (next.delta?.baseRevision !== undefined)
       next.delta.baseRevision = this.opened.mirrorRevision + BigInt(ticks.filter((tick) => tick.delta).length);
     for (const value of ticks) this.stream!.send({case: "tick", value});
   }
 
-  private async ask(tick: Tick): Promise<ControlResponse> {
-    this.stream!.send({case: "tick", value: tick});
+  private async ask(tick: Tick, taken: boolean): Promise<ControlResponse> {
+    if (!taken) this.stream!.send({case: "tick", value: tick});
     for (;;) {
       const response = await this.stream!.receive(this.options.replyTimeoutS);
       const {message} = response;
@@ -157,11 +191,24 @@ export class Camera {
     }
   }
 
-  // Gives the stream up; the next one goes to the next address.
+  // Gives the stream up. The next one goes to the next address, unless the session can be resumed.
   private leave(): void {
+    if (this.stream?.drained !== undefined) this.token = new Uint8Array();
     this.stream?.cutOff();
     this.stream = undefined;
+    if (!this.token.length) this.nextAddress();
+  }
+
+  private nextAddress(): void {
     this.address = (this.address + 1) % this.addresses.length;
+  }
+}
+
+async function firstAnswer(stream: Stream, request: ControlRequest["message"], timeoutS: number): Promise<SessionOpened> {
+  stream.send(request);
+  for (;;) {
+    const {message} = await stream.receive(timeoutS);
+    if (message.case === "opened") return message.value;
   }
 }
 

@@ -138,8 +138,13 @@ class AsyncCamera:
 
     @property
     def resyncs(self) -> int:
-        """How many times the session went on in another daemon, or in the same one again."""
+        """How many times the session was opened again, in another daemon or in the same one."""
         return self._session.resyncs
+
+    @property
+    def resumes(self) -> int:
+        """How many times it went on in another stream without that."""
+        return self._session.resumes
 
     async def tick(self, time_s: float, places: Mapping[int, Place], **more: Any) -> CameraReply:
         """As Camera.tick."""
@@ -147,19 +152,19 @@ class AsyncCamera:
 
     async def step(self, message: Tick) -> CameraReply:
         """As Camera.step."""
-        numbered = self._session.number(message)
-        give_up = time.monotonic() + self._session.connection.give_up_after_s
+        session = self._session
+        numbered = session.number(message)
+        give_up = time.monotonic() + session.connection.give_up_after_s
         reason = ""
+        session.reopened = False
         for pause_s in pauses():
             await asyncio.sleep(pause_s)
             try:
                 if self._stream is not None and self._stream.drained is not None:
                     reason = self._stream.drained
                     await self._leave()
-                if self._stream is None:
-                    await self._open_stream()
-                    await self._resume(numbered)
-                response = await self._ask(numbered)
+                taken = self._stream is None and await self._go_on(numbered)
+                response = await self._ask(numbered, taken)
                 break
             except Failed as error:
                 was_open = self._stream is not None
@@ -167,17 +172,38 @@ class AsyncCamera:
                 if not is_lost(error, opening=not was_open) or time.monotonic() >= give_up:
                     raise
                 reason = reason or str(error)
-        if reason:
-            self._session.resyncs += 1
-            if self._session.connection.on_resync is not None:
-                self._session.connection.on_resync(reason)
-        return self._session.take(numbered, response)
+        if session.reopened:
+            session.resyncs += 1
+            if session.connection.on_resync is not None:
+                session.connection.on_resync(reason or "the former tick lost the session")
+        return session.take(numbered, response)
+
+    async def _go_on(self, next_tick: Tick) -> bool:
+        """Resumes the lost session, or opens a new one. True: the daemon has taken the tick already, and its answer follows."""
+        session = self._session
+        request = session.resumption()
+        if request is not None:
+            stream = _Stream(session.address, session.connection)
+            try:
+                taken = session.is_resumed(await self._first_answer(stream, request, session.resume_timeout_s), next_tick)
+                if taken is not None:
+                    self._stream = stream
+                    return taken
+                await stream.finish(session.connection.reply_timeout_s)
+            except Failed as error:
+                await stream.cut_off()
+                session.is_not_resumed(error)
+        await self._open_stream()
+        assert self._stream is not None
+        for past in session.first_requests(next_tick):
+            await self._stream.send(past)
+        return False
 
     async def _open_stream(self) -> None:
         session, options = self._session, self._session.connection
         stream = _Stream(session.address, session.connection)
         try:
-            session.opened = await self._opened(stream)
+            session.is_open(await self._first_answer(stream, session.first_message(), options.open_timeout_s))
         except Failed as error:
             await stream.cut_off()
             if not lacks_scene(error) or not options.uploads:
@@ -186,38 +212,35 @@ class AsyncCamera:
             try:
                 for scene in options.uploads:
                     await stream.upload(scene, options.open_timeout_s)
-                session.opened = await self._opened(stream)
+                session.is_open(await self._first_answer(stream, session.first_message(), options.open_timeout_s))
             except Failed:
                 await stream.cut_off()
                 raise
         self._stream = stream
 
-    async def _opened(self, stream: _Stream) -> SessionOpened:
-        await stream.send(ControlRequest(open=self._session.snapshot.opening()))
+    @staticmethod
+    async def _first_answer(stream: _Stream, request: ControlRequest, timeout_s: float) -> SessionOpened:
+        await stream.send(request)
         while True:
-            response = await stream.receive(self._session.connection.open_timeout_s)
+            response = await stream.receive(timeout_s)
             if response.HasField("opened"):
                 return response.opened
 
-    async def _resume(self, next_tick: Tick) -> None:
+    async def _ask(self, message: Tick, taken: bool) -> ControlResponse:
         assert self._stream is not None
-        for request in self._session.first_requests(next_tick):
-            await self._stream.send(request)
-
-    async def _ask(self, message: Tick) -> ControlResponse:
-        assert self._stream is not None
-        await self._stream.send(ControlRequest(tick=message))
+        if not taken:
+            await self._stream.send(ControlRequest(tick=message))
         while True:
             response = await self._stream.receive(self._session.connection.reply_timeout_s)
             if answers(response, message):
                 return response
 
     async def _leave(self) -> None:
-        """Gives the stream up; the next one goes to the next address."""
+        drained = self._stream is not None and self._stream.drained is not None
         if self._stream is not None:
             await self._stream.cut_off()
             self._stream = None
-        self._session.next_address()
+        self._session.leave(drained)
 
     async def close(self) -> None:
         """Ends the session. Raises Failed if it was lost meanwhile."""

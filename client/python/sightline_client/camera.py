@@ -95,9 +95,10 @@ class Camera:
         Camera(address, position=..., targets=..., occluders=..., at=...)    as `opening` of this package describes
         Camera.open(address, OpenSession(...))                               with all that the contract has
 
-    When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the session again, in the daemon that
-    answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they were. Several
-    addresses are tried in turn. Raises Failed if no daemon can be reached at first.
+    When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its flag
+    --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next
+    tick opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets,
+    settings, limits and lens as they were. Several addresses are tried in turn. Raises Failed if no daemon can be reached at first.
     """
 
     def __init__(self, addresses: Union[str, Sequence[str]], *, position: Place, targets: Mapping[int, Shape],
@@ -129,8 +130,13 @@ class Camera:
 
     @property
     def resyncs(self) -> int:
-        """How many times the session went on in another daemon, or in the same one again."""
+        """How many times the session was opened again, in another daemon or in the same one."""
         return self._session.resyncs
+
+    @property
+    def resumes(self) -> int:
+        """How many times it went on in another stream without that."""
+        return self._session.resumes
 
     def tick(self, time_s: float, places: Mapping[int, Place], **more: Any) -> CameraReply:
         """Tells the daemon what has moved, and returns where the camera goes; the arguments are those of `tick` of this package.
@@ -140,19 +146,19 @@ class Camera:
     def step(self, message: Tick) -> CameraReply:
         """The same for a whole Tick. The camera numbers ticks whose sequence is 0. No step_control that merges a tick into the next one:
         it would get no reply."""
-        numbered = self._session.number(message)
-        give_up = time.monotonic() + self._session.connection.give_up_after_s
+        session = self._session
+        numbered = session.number(message)
+        give_up = time.monotonic() + session.connection.give_up_after_s
         reason = ""
+        session.reopened = False
         for pause_s in pauses():
             time.sleep(pause_s)
             try:
                 if self._stream is not None and self._stream.drained is not None:
                     reason = self._stream.drained
                     self._leave()
-                if self._stream is None:
-                    self._open_stream()
-                    self._resume(numbered)
-                response = self._ask(numbered)
+                taken = self._stream is None and self._go_on(numbered)
+                response = self._ask(numbered, taken)
                 break
             except Failed as error:
                 was_open = self._stream is not None
@@ -160,17 +166,38 @@ class Camera:
                 if not is_lost(error, opening=not was_open) or time.monotonic() >= give_up:
                     raise
                 reason = reason or str(error)
-        if reason:
-            self._session.resyncs += 1
-            if self._session.connection.on_resync is not None:
-                self._session.connection.on_resync(reason)
-        return self._session.take(numbered, response)
+        if session.reopened:
+            session.resyncs += 1
+            if session.connection.on_resync is not None:
+                session.connection.on_resync(reason or "the former tick lost the session")
+        return session.take(numbered, response)
+
+    def _go_on(self, next_tick: Tick) -> bool:
+        """Resumes the lost session, or opens a new one. True: the daemon has taken the tick already, and its answer follows."""
+        session = self._session
+        request = session.resumption()
+        if request is not None:
+            stream = _Stream(session.address, session.connection)
+            try:
+                taken = session.is_resumed(self._first_answer(stream, request, session.resume_timeout_s), next_tick)
+                if taken is not None:
+                    self._stream = stream
+                    return taken
+                stream.finish(session.connection.reply_timeout_s)
+            except Failed as error:
+                stream.cut_off()
+                session.is_not_resumed(error)
+        self._open_stream()
+        assert self._stream is not None
+        for past in session.first_requests(next_tick):
+            self._stream.send(past)
+        return False
 
     def _open_stream(self) -> None:
         session, options = self._session, self._session.connection
         stream = _Stream(session.address, session.connection)
         try:
-            session.opened = self._opened(stream)
+            session.is_open(self._first_answer(stream, session.first_message(), options.open_timeout_s))
         except Failed as error:
             stream.cut_off()
             if not lacks_scene(error) or not options.uploads:
@@ -179,38 +206,35 @@ class Camera:
             try:
                 for scene in options.uploads:
                     stream.upload(scene, options.open_timeout_s)
-                session.opened = self._opened(stream)
+                session.is_open(self._first_answer(stream, session.first_message(), options.open_timeout_s))
             except Failed:
                 stream.cut_off()
                 raise
         self._stream = stream
 
-    def _opened(self, stream: _Stream) -> SessionOpened:
-        stream.send(ControlRequest(open=self._session.snapshot.opening()))
+    @staticmethod
+    def _first_answer(stream: _Stream, request: ControlRequest, timeout_s: float) -> SessionOpened:
+        stream.send(request)
         while True:
-            response = stream.receive(self._session.connection.open_timeout_s)
+            response = stream.receive(timeout_s)
             if response.HasField("opened"):
                 return response.opened
 
-    def _resume(self, next_tick: Tick) -> None:
+    def _ask(self, message: Tick, taken: bool) -> ControlResponse:
         assert self._stream is not None
-        for request in self._session.first_requests(next_tick):
-            self._stream.send(request)
-
-    def _ask(self, message: Tick) -> ControlResponse:
-        assert self._stream is not None
-        self._stream.send(ControlRequest(tick=message))
+        if not taken:
+            self._stream.send(ControlRequest(tick=message))
         while True:
             response = self._stream.receive(self._session.connection.reply_timeout_s)
             if answers(response, message):
                 return response
 
     def _leave(self) -> None:
-        """Gives the stream up; the next one goes to the next address."""
+        drained = self._stream is not None and self._stream.drained is not None
         if self._stream is not None:
             self._stream.cut_off()
             self._stream = None
-        self._session.next_address()
+        self._session.leave(drained)
 
     def close(self) -> None:
         """Ends the session. Raises Failed if it was lost meanwhile."""

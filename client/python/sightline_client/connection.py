@@ -8,7 +8,7 @@ from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
 import grpc
 
 from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse, UploadSceneRequest, UploadSceneResponse
-from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
+from sightline.v1.session_pb2 import CameraReply, OpenSession, ResumeSession, SessionOpened, Tick
 from sightline_client.errors import Failed, Refused, unavailable
 from sightline_client.snapshot import Snapshot, was_applied
 
@@ -17,6 +17,7 @@ CONTROL = (SERVICE + "Control", ControlRequest.SerializeToString, ControlRespons
 UPLOAD = (SERVICE + "UploadScene", UploadSceneRequest.SerializeToString, UploadSceneResponse.FromString)
 CHUNK_BYTES = 512 << 10
 LONGEST_PAUSE_S = 1.0
+LONGEST_RESUME_S = 2.0  # a daemon resumes a session at once, or not at all
 
 # A channel of its own for each connection: gRPC would otherwise share one, and its own pauses between attempts with it. Replies with
 # depth maps exceed gRPC's default limit of 4 MiB.
@@ -45,7 +46,7 @@ class Connection:
     give_up_after_s: how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once.
     reply_timeout_s: a daemon that answers nothing for so long is taken for lost. open_timeout_s: the same for the opening, for which the
     daemon loads the scene. uploads: the scene files that SceneRef.hash names; a daemon that does not have one gets it.
-    on_resync: called with the reason after the session has gone on in another daemon, on the thread that waits for the tick.
+    on_resync: called with the reason after the session was opened again, on the thread that waits for the tick.
     tls: encrypts TCP; None: it is not encrypted. token: shows the daemon who calls; needs tls or a unix socket.
     """
     give_up_after_s: float = 30.0
@@ -102,8 +103,12 @@ class Session:
         self.snapshot = Snapshot(opening)
         self.opened = SessionOpened()
         self.resyncs = 0
+        self.resumes = 0
+        self.reopened = False  # while the present tick waited for its answer
         self._sequence = 0
         self._address = 0
+        self._token = b""  # of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+        self._answered = 0  # the newest tick of this session that was answered
 
     @property
     def address(self) -> str:
@@ -111,6 +116,49 @@ class Session:
 
     def next_address(self) -> None:
         self._address = (self._address + 1) % len(self.addresses)
+
+    def first_message(self) -> ControlRequest:
+        request = ControlRequest(open=self.snapshot.opening())
+        request.open.resumable = True
+        return request
+
+    def is_open(self, opened: SessionOpened) -> None:
+        self.opened, self.reopened = opened, True
+        self._token, self._answered = opened.resume_token, 0
+
+    def resumption(self) -> Optional[ControlRequest]:
+        """The first message of a stream that goes on with the lost session. None: a new session must be opened."""
+        if not self._token:
+            return None
+        return ControlRequest(resume=ResumeSession(token=self._token, answered_sequence=self._answered))
+
+    @property
+    def resume_timeout_s(self) -> float:
+        return min(self.connection.reply_timeout_s, LONGEST_RESUME_S)
+
+    def is_resumed(self, opened: SessionOpened, tick: Tick) -> Optional[bool]:
+        """True: the daemon has taken the tick already, and its answer follows. False: it has not. None: it lacks earlier ticks, so the session
+        is lost."""
+        if opened.newest_sequence not in (tick.sequence, self._answered):
+            self._token = b""
+            return None
+        self.resumes += 1
+        return bool(opened.newest_sequence == tick.sequence)
+
+    def is_not_resumed(self, error: Failed) -> None:
+        """Raises the error if the same is to be tried again. Otherwise a new session must be opened."""
+        if is_lost(error, opening=True):
+            if len(self.addresses) == 1:
+                raise error
+            self.next_address()
+        self._token = b""
+
+    def leave(self, drained: bool) -> None:
+        """A stream was given up. The next one goes to the next address, unless the session can be resumed."""
+        if drained:
+            self._token = b""
+        if not self._token:
+            self.next_address()
 
     def number(self, tick: Tick) -> Tick:
         """A copy of the tick with its number: one more than the last, unless the tick has one."""
@@ -124,7 +172,7 @@ class Session:
         return numbered
 
     def first_requests(self, tick: Tick) -> List[ControlRequest]:
-        """What a new stream begins with after its opening, so that `tick` can follow."""
+        """What a new session begins with after its opening, so that `tick` can follow."""
         ticks = self.snapshot.ticks(tick.sequence)
         if tick.delta.HasField("base_revision"):
             tick.delta.base_revision = self.opened.mirror_revision + sum(summary.HasField("delta") for summary in ticks)
@@ -132,6 +180,7 @@ class Session:
 
     def take(self, tick: Tick, response: ControlResponse) -> CameraReply:
         """The answer to a tick. Raises Refused."""
+        self._answered = tick.sequence
         if response.HasField("tick_error"):
             if was_applied(response.tick_error):
                 self.snapshot.apply(tick)

@@ -46,7 +46,7 @@ async fn run(camera: &mut Option<Camera>, command: &Value) -> Result<Value, Erro
         return Ok(json!({"camera": encode(&camera.tick(decode(&command["tick"])).await?)}));
     }
     camera.close().await?;
-    Ok(json!({"closed": {"resyncs": camera.resyncs()}}))
+    Ok(json!({"closed": {"resyncs": camera.resyncs(), "resumes": camera.resumes()}}))
 }
 
 #[tokio::main]

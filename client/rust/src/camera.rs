@@ -5,10 +5,12 @@ use tonic::transport::ClientTlsConfig;
 
 use crate::errors::{Error, Failed};
 use crate::snapshot::{was_applied, Snapshot};
-use crate::stream::{connect, upload, Stream};
-use crate::v1::{control_request, control_response, CameraReply, OpenSession, SessionOpened, Tick};
+use crate::stream::{connect, silent, upload, Stream};
+use crate::v1::{control_request, control_response, CameraReply, OpenSession, ResumeSession, SessionOpened, Tick};
 
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+// A daemon resumes a session at once, or not at all.
+const LONGEST_RESUME: Duration = Duration::from_secs(2);
 
 /// How a camera reaches its daemons and what it does when one is lost.
 #[derive(Debug, Clone)]
@@ -34,9 +36,10 @@ impl Default for Options {
     }
 }
 
-/// A session that keeps targets in view. When the stream breaks, when the daemon goes away, or when it says Drain, the next tick opens the
-/// session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings,
-/// limits and lens as they were. Needs a tokio runtime.
+/// A session that keeps targets in view. When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it
+/// for a while (its flag --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or
+/// says Drain, the next tick opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with
+/// the scene, targets, settings, limits and lens as they were. Needs a tokio runtime.
 pub struct Camera {
     addresses: Vec<String>,
     address: usize,
@@ -47,6 +50,9 @@ pub struct Camera {
     sequence: u64,
     resyncs: usize,
     last_resync: Option<String>,
+    resumes: usize,
+    token: Vec<u8>, // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+    answered: u64,  // the newest tick of this session that was answered
 }
 
 impl Camera {
@@ -62,6 +68,9 @@ impl Camera {
             sequence: 0,
             resyncs: 0,
             last_resync: None,
+            resumes: 0,
+            token: Vec::new(),
+            answered: 0,
         };
         for left in (0..camera.addresses.len()).rev() {
             match camera.open_stream().await {
@@ -78,9 +87,14 @@ impl Camera {
         &self.opened
     }
 
-    /// How many times the session went on in another daemon, or in the same one again.
+    /// How many times the session was opened again, in another daemon or in the same one.
     pub fn resyncs(&self) -> usize {
         self.resyncs
+    }
+
+    /// How many times it went on in another stream without that.
+    pub fn resumes(&self) -> usize {
+        self.resumes
     }
 
     /// Why it did so the last time.
@@ -123,6 +137,7 @@ impl Camera {
     async fn ask_until_answered(&mut self, tick: &mut Tick) -> Result<control_response::Message, Failed> {
         let give_up = Instant::now() + self.options.give_up_after;
         let mut reason = None;
+        let mut reopened = false;
         let mut pause = Duration::ZERO;
         loop {
             tokio::time::sleep(pause.mul_f64(0.5 + jitter() / 2.0)).await;
@@ -130,13 +145,16 @@ impl Camera {
                 reason.get_or_insert(drained);
                 self.leave();
             }
-            let (failed, opening) = match self.open_if_needed(tick).await {
+            let (failed, opening) = match self.open_if_needed(tick, &mut reopened).await {
                 Err(failed) => (failed, true),
-                Ok(()) => match self.ask(tick).await {
+                Ok(taken) => match self.ask(tick, taken).await {
                     Err(failed) => (failed, false),
                     Ok(answer) => {
-                        self.resyncs += usize::from(reason.is_some());
-                        self.last_resync = reason.or(self.last_resync.take());
+                        self.answered = tick.sequence;
+                        if reopened {
+                            self.resyncs += 1;
+                            self.last_resync = reason.or_else(|| Some("the former tick lost the session".into()));
+                        }
                         return Ok(answer);
                     }
                 },
@@ -150,12 +168,48 @@ impl Camera {
         }
     }
 
-    async fn open_if_needed(&mut self, next: &mut Tick) -> Result<(), Failed> {
+    /// True: the daemon has the tick already, and its answer follows.
+    async fn open_if_needed(&mut self, next: &mut Tick, reopened: &mut bool) -> Result<bool, Failed> {
+        let mut taken = false;
+        if self.stream.is_none() && !self.token.is_empty() {
+            taken = self.resume(next.sequence).await?;
+        }
         if self.stream.is_none() {
             self.open_stream().await?;
-            self.resume(next).await;
+            *reopened = true;
+            self.tell_past(next).await;
         }
-        Ok(())
+        Ok(taken)
+    }
+
+    /// Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. Without a
+    /// stream afterwards, and without an error, a new session must be opened.
+    async fn resume(&mut self, sequence: u64) -> Result<bool, Failed> {
+        let timeout = self.options.reply_timeout.min(LONGEST_RESUME);
+        match tokio::time::timeout(timeout, self.try_to_resume(timeout)).await.unwrap_or_else(|_| Err(silent(timeout))) {
+            Ok((stream, opened)) => {
+                let newest = opened.newest_sequence;
+                if newest == sequence || newest == self.answered {
+                    self.stream = Some(stream);
+                    self.resumes += 1;
+                    return Ok(newest == sequence);
+                }
+                let _ = stream.finish(self.options.reply_timeout).await; // the session lacks ticks that a former stream lost
+            }
+            Err(failed) if failed.is_lost(true) && self.addresses.len() == 1 => return Err(failed),
+            Err(failed) if failed.is_lost(true) => self.next_address(),
+            Err(_) => {}
+        }
+        self.token.clear();
+        Ok(false)
+    }
+
+    async fn try_to_resume(&self, timeout: Duration) -> Result<(Stream, SessionOpened), Failed> {
+        let client = connect(&self.addresses[self.address], &self.options).await?;
+        let request = ResumeSession { token: self.token.clone(), answered_sequence: self.answered };
+        let mut stream = Stream::start(client, control_request::Message::Resume(request));
+        let opened = stream.opened(timeout).await?;
+        Ok((stream, opened))
     }
 
     async fn open_stream(&mut self) -> Result<(), Failed> {
@@ -170,18 +224,17 @@ impl Camera {
         for scene in self.options.uploads.iter().filter(|_| uploads) {
             upload(&mut client, scene).await?;
         }
-        let mut stream = Stream::start(client, control_request::Message::Open(self.snapshot.opening()));
-        loop {
-            if let control_response::Message::Opened(opened) = stream.receive(self.options.open_timeout).await? {
-                self.opened = opened;
-                self.stream = Some(stream);
-                return Ok(());
-            }
-        }
+        let opening = OpenSession { resumable: true, ..self.snapshot.opening() };
+        let mut stream = Stream::start(client, control_request::Message::Open(opening));
+        self.opened = stream.opened(self.options.open_timeout).await?;
+        self.token = self.opened.resume_token.clone();
+        self.answered = 0;
+        self.stream = Some(stream);
+        Ok(())
     }
 
-    /// Tells a new stream what happened before the tick.
-    async fn resume(&mut self, next: &mut Tick) {
+    /// Tells a new session what happened before the tick.
+    async fn tell_past(&mut self, next: &mut Tick) {
         let ticks = self.snapshot.ticks(next.sequence);
         if let Some(revision) = next.delta.as_mut().and_then(|delta| delta.base_revision.as_mut()) {
             *revision = self.opened.mirror_revision + ticks.iter().filter(|tick| tick.delta.is_some()).count() as u64;
@@ -192,9 +245,11 @@ impl Camera {
         }
     }
 
-    async fn ask(&mut self, tick: &Tick) -> Result<control_response::Message, Failed> {
+    async fn ask(&mut self, tick: &Tick, taken: bool) -> Result<control_response::Message, Failed> {
         let stream = self.stream.as_mut().expect("it was opened");
-        stream.send(control_request::Message::Tick(tick.clone())).await;
+        if !taken {
+            stream.send(control_request::Message::Tick(tick.clone())).await;
+        }
         loop {
             let message = stream.receive(self.options.reply_timeout).await?;
             match &message {
@@ -205,9 +260,17 @@ impl Camera {
         }
     }
 
-    /// Gives the stream up; the next one goes to the next address.
+    /// Gives the stream up. The next one goes to the next address, unless the session can be resumed.
     fn leave(&mut self) {
-        self.stream = None;
+        if self.stream.take().is_some_and(|stream| stream.drained().is_some()) {
+            self.token.clear();
+        }
+        if self.token.is_empty() {
+            self.next_address();
+        }
+    }
+
+    fn next_address(&mut self) {
         self.address = (self.address + 1) % self.addresses.len();
     }
 }

@@ -13,7 +13,7 @@ use tonic::{Code, Request, Status};
 use crate::camera::Options;
 use crate::errors::{unavailable, Failed};
 use crate::v1::camera_control_service_client::CameraControlServiceClient;
-use crate::v1::{control_request, control_response, ControlRequest, ControlResponse, UploadSceneRequest};
+use crate::v1::{control_request, control_response, ControlRequest, ControlResponse, SessionOpened, UploadSceneRequest};
 
 // Replies with depth maps exceed the default limit of 4 MiB.
 const MAX_REPLY_BYTES: usize = 64 << 20;
@@ -76,6 +76,10 @@ struct Shared {
     drained: Option<String>,                        // the reason why the daemon takes no more ticks
 }
 
+pub(crate) fn silent(timeout: Duration) -> Failed {
+    unavailable(format!("the daemon has answered nothing for {timeout:?}"))
+}
+
 pub(crate) struct Stream {
     shared: Arc<Mutex<Shared>>,
     responses: mpsc::Receiver<Result<ControlResponse, Failed>>, // ends when the daemon has ended the call in order
@@ -130,7 +134,7 @@ impl Stream {
     async fn next(&mut self, timeout: Duration) -> Result<Option<ControlResponse>, Failed> {
         match tokio::time::timeout(timeout, self.responses.recv()).await {
             Ok(response) => response.transpose(),
-            Err(_) => Err(unavailable(format!("the daemon has answered nothing for {timeout:?}"))),
+            Err(_) => Err(silent(timeout)),
         }
     }
 
@@ -143,6 +147,15 @@ impl Stream {
                         return Ok(message);
                     }
                 }
+            }
+        }
+    }
+
+    /// The answer to the first message.
+    pub async fn opened(&mut self, timeout: Duration) -> Result<SessionOpened, Failed> {
+        loop {
+            if let control_response::Message::Opened(opened) = self.receive(timeout).await? {
+                return Ok(opened);
             }
         }
     }

@@ -81,7 +81,7 @@ Json tick(Camera& camera, const Json& command) {
 
 Json close(Camera& camera) {
   if (const Status closed = camera.close(); !closed) return failed(closed.error());
-  return {{"closed", {{"resyncs", camera.resyncs()}}}};
+  return {{"closed", {{"resyncs", camera.resyncs()}, {"resumes", camera.resumes()}}}};
 }
 
 }  // namespace

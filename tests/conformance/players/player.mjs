@@ -26,7 +26,7 @@ async function run({open, tick, address, uploads, trust = {}}) {
   }
   if (tick) return {camera: toJson(sightline.CameraReplySchema, await camera.tick(fromJson(sightline.TickSchema, tick)))};
   await camera.close();
-  return {closed: {resyncs: camera.resyncs}};
+  return {closed: {resyncs: camera.resyncs, resumes: camera.resumes}};
 }
 
 for await (const line of createInterface({input: process.stdin})) {

@@ -34,7 +34,7 @@ class Player:
             if "tick" in command:
                 return {"camera": as_json(await self.wait(self.camera.step(json_format.ParseDict(command["tick"], Tick()))))}
             await self.wait(self.camera.close())
-            return {"closed": {"resyncs": self.camera.resyncs}}
+            return {"closed": {"resyncs": self.camera.resyncs, "resumes": self.camera.resumes}}
         except Refused as error:
             return {"refused": as_json(error.error)}
         except ValueError:  # an option of the connection

@@ -182,7 +182,7 @@ func (*GetServerStatsRequest) Descriptor() ([]byte, []int) {
 // Counters since the start of the server, over all sessions, and what it holds now.
 type GetServerStatsResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// Sessions that are open now.
+	// Sessions that are open now, with those that are kept (kept_sessions).
 	OpenSessions uint32 `protobuf:"varint,1,opt,name=open_sessions,json=openSessions,proto3" json:"open_sessions,omitempty"`
 	// Distinct geometries in memory; sessions share them.
 	GeometryCount uint64 `protobuf:"varint,2,opt,name=geometry_count,json=geometryCount,proto3" json:"geometry_count,omitempty"`
@@ -241,9 +241,17 @@ type GetServerStatsResponse struct {
 	// Threads that compute steps (server flag --threads).
 	StepThreads uint32 `protobuf:"varint,29,opt,name=step_threads,json=stepThreads,proto3" json:"step_threads,omitempty"`
 	// Who was turned away, and what became of the files that decide it.
-	Access        *AccessStats `protobuf:"bytes,30,opt,name=access,proto3" json:"access,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Access *AccessStats `protobuf:"bytes,30,opt,name=access,proto3" json:"access,omitempty"`
+	// Sessions whose stream broke, and which wait for another one.
+	KeptSessions uint32 `protobuf:"varint,31,opt,name=kept_sessions,json=keptSessions,proto3" json:"kept_sessions,omitempty"`
+	// Times that a session went on in another stream.
+	ResumedSessions uint64 `protobuf:"varint,32,opt,name=resumed_sessions,json=resumedSessions,proto3" json:"resumed_sessions,omitempty"`
+	// Kept sessions that no stream resumed in time (server flag --resume-grace-s).
+	ExpiredSessions uint64 `protobuf:"varint,33,opt,name=expired_sessions,json=expiredSessions,proto3" json:"expired_sessions,omitempty"`
+	// Times that a client wanted to resume a session that was not kept, or not its own.
+	RefusedResumes uint64 `protobuf:"varint,34,opt,name=refused_resumes,json=refusedResumes,proto3" json:"refused_resumes,omitempty"`
+	unknownFields  protoimpl.UnknownFields
+	sizeCache      protoimpl.SizeCache
 }
 
 func (x *GetServerStatsResponse) Reset() {
@@ -484,6 +492,34 @@ func (x *GetServerStatsResponse) GetAccess() *AccessStats {
 		return x.Access
 	}
 	return nil
+}
+
+func (x *GetServerStatsResponse) GetKeptSessions() uint32 {
+	if x != nil {
+		return x.KeptSessions
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetResumedSessions() uint64 {
+	if x != nil {
+		return x.ResumedSessions
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetExpiredSessions() uint64 {
+	if x != nil {
+		return x.ExpiredSessions
+	}
+	return 0
+}
+
+func (x *GetServerStatsResponse) GetRefusedResumes() uint64 {
+	if x != nil {
+		return x.RefusedResumes
+	}
+	return 0
 }
 
 // Counters of credentials since the start of the server.
@@ -846,7 +882,8 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xa8\t\n" +
+	"\x15GetServerStatsRequest\"\xcc\n" +
+	"\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -882,7 +919,11 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0eresident_bytes\x18\x1b \x01(\x04R\rresidentBytes\x12\x13\n" +
 	"\x05cpu_s\x18\x1c \x01(\x01R\x04cpuS\x12!\n" +
 	"\fstep_threads\x18\x1d \x01(\rR\vstepThreads\x121\n" +
-	"\x06access\x18\x1e \x01(\v2\x19.sightline.v1.AccessStatsR\x06access\"\xae\x01\n" +
+	"\x06access\x18\x1e \x01(\v2\x19.sightline.v1.AccessStatsR\x06access\x12#\n" +
+	"\rkept_sessions\x18\x1f \x01(\rR\fkeptSessions\x12)\n" +
+	"\x10resumed_sessions\x18  \x01(\x04R\x0fresumedSessions\x12)\n" +
+	"\x10expired_sessions\x18! \x01(\x04R\x0fexpiredSessions\x12'\n" +
+	"\x0frefused_resumes\x18\" \x01(\x04R\x0erefusedResumes\"\xae\x01\n" +
 	"\vAccessStats\x12#\n" +
 	"\rrefused_calls\x18\x01 \x01(\x04R\frefusedCalls\x12+\n" +
 	"\x11failed_handshakes\x18\x02 \x01(\x04R\x10failedHandshakes\x12(\n" +

@@ -127,7 +127,7 @@ func (x RecordingRequest_Mode) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use RecordingRequest_Mode.Descriptor instead.
 func (RecordingRequest_Mode) EnumDescriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{1, 0}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{2, 0}
 }
 
 // Opens a session: one camera over one scene.
@@ -166,7 +166,10 @@ type OpenSession struct {
 	Recording *RecordingRequest `protobuf:"bytes,14,opt,name=recording,proto3" json:"recording,omitempty"`
 	// Finer settings, for measurements and for people familiar with the method. They are outside the stability promise of this
 	// package. Default: the preset's values.
-	Tuning        *v1alpha1.Tuning `protobuf:"bytes,15,opt,name=tuning,proto3" json:"tuning,omitempty"`
+	Tuning *v1alpha1.Tuning `protobuf:"bytes,15,opt,name=tuning,proto3" json:"tuning,omitempty"`
+	// True: the session can go on in another stream if this one breaks (ResumeSession). Until its time is over it counts as an open
+	// session. Servers before 0.2 ignore this field. Default: false.
+	Resumable     bool `protobuf:"varint,16,opt,name=resumable,proto3" json:"resumable,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -306,6 +309,72 @@ func (x *OpenSession) GetTuning() *v1alpha1.Tuning {
 	return nil
 }
 
+func (x *OpenSession) GetResumable() bool {
+	if x != nil {
+		return x.Resumable
+	}
+	return false
+}
+
+// Goes on with a session whose stream broke. The camera, the scene and the recording are as they were; nothing is opened anew.
+//
+// The client counts a session as lost when it does not know what the server has applied: if SessionOpened.newest_sequence is neither
+// its newest tick nor the one before that. It then opens a new session.
+type ResumeSession struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// SessionOpened.resume_token of the session. It is valid for the client that opened the session and for nobody else: the same token,
+	// certificate, user or address, as the server names its clients.
+	Token []byte `protobuf:"bytes,1,opt,name=token,proto3" json:"token,omitempty"`
+	// Sequence number of the newest tick whose answer the client has received. Default (0): it has received none.
+	AnsweredSequence uint64 `protobuf:"varint,2,opt,name=answered_sequence,json=answeredSequence,proto3" json:"answered_sequence,omitempty"`
+	unknownFields    protoimpl.UnknownFields
+	sizeCache        protoimpl.SizeCache
+}
+
+func (x *ResumeSession) Reset() {
+	*x = ResumeSession{}
+	mi := &file_sightline_v1_session_proto_msgTypes[1]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ResumeSession) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ResumeSession) ProtoMessage() {}
+
+func (x *ResumeSession) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_session_proto_msgTypes[1]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ResumeSession.ProtoReflect.Descriptor instead.
+func (*ResumeSession) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{1}
+}
+
+func (x *ResumeSession) GetToken() []byte {
+	if x != nil {
+		return x.Token
+	}
+	return nil
+}
+
+func (x *ResumeSession) GetAnsweredSequence() uint64 {
+	if x != nil {
+		return x.AnsweredSequence
+	}
+	return 0
+}
+
 // Asks the server to record this session to a file, or not to (format: server/record/FORMAT.md).
 type RecordingRequest struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -320,7 +389,7 @@ type RecordingRequest struct {
 
 func (x *RecordingRequest) Reset() {
 	*x = RecordingRequest{}
-	mi := &file_sightline_v1_session_proto_msgTypes[1]
+	mi := &file_sightline_v1_session_proto_msgTypes[2]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -332,7 +401,7 @@ func (x *RecordingRequest) String() string {
 func (*RecordingRequest) ProtoMessage() {}
 
 func (x *RecordingRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[1]
+	mi := &file_sightline_v1_session_proto_msgTypes[2]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -345,7 +414,7 @@ func (x *RecordingRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RecordingRequest.ProtoReflect.Descriptor instead.
 func (*RecordingRequest) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{1}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{2}
 }
 
 func (x *RecordingRequest) GetMode() RecordingRequest_Mode {
@@ -362,7 +431,7 @@ func (x *RecordingRequest) GetAttachScenes() bool {
 	return false
 }
 
-// The session is open.
+// The session is open, or goes on.
 type SessionOpened struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Identifies the session in the server's logs, metrics and recordings.
@@ -382,13 +451,24 @@ type SessionOpened struct {
 	Warnings []string `protobuf:"bytes,7,rep,name=warnings,proto3" json:"warnings,omitempty"`
 	// Name of the recording's first file in the server's recording folder; empty: the session is not recorded.
 	RecordingFile string `protobuf:"bytes,8,opt,name=recording_file,json=recordingFile,proto3" json:"recording_file,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	// For ResumeSession.token. It is a secret. Empty: the session ends with its stream, because OpenSession.resumable is false, or because
+	// the server keeps no sessions (server flag --resume-grace-s).
+	ResumeToken []byte `protobuf:"bytes,9,opt,name=resume_token,json=resumeToken,proto3" json:"resume_token,omitempty"`
+	// How long the session is kept after its stream broke, in seconds.
+	ResumeGraceS float64 `protobuf:"fixed64,10,opt,name=resume_grace_s,json=resumeGraceS,proto3" json:"resume_grace_s,omitempty"`
+	// True: this answers ResumeSession. The mirror's fields describe the mirror as it is now. The answers of the newest step follow, if
+	// they answer ticks after ResumeSession.answered_sequence.
+	Resumed bool `protobuf:"varint,11,opt,name=resumed,proto3" json:"resumed,omitempty"`
+	// Only with `resumed`: sequence number of the newest tick that the server has applied or refused; 0: none. The client sends the ticks
+	// after it.
+	NewestSequence uint64 `protobuf:"varint,12,opt,name=newest_sequence,json=newestSequence,proto3" json:"newest_sequence,omitempty"`
+	unknownFields  protoimpl.UnknownFields
+	sizeCache      protoimpl.SizeCache
 }
 
 func (x *SessionOpened) Reset() {
 	*x = SessionOpened{}
-	mi := &file_sightline_v1_session_proto_msgTypes[2]
+	mi := &file_sightline_v1_session_proto_msgTypes[3]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -400,7 +480,7 @@ func (x *SessionOpened) String() string {
 func (*SessionOpened) ProtoMessage() {}
 
 func (x *SessionOpened) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[2]
+	mi := &file_sightline_v1_session_proto_msgTypes[3]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -413,7 +493,7 @@ func (x *SessionOpened) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use SessionOpened.ProtoReflect.Descriptor instead.
 func (*SessionOpened) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{2}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{3}
 }
 
 func (x *SessionOpened) GetSessionId() string {
@@ -472,6 +552,34 @@ func (x *SessionOpened) GetRecordingFile() string {
 	return ""
 }
 
+func (x *SessionOpened) GetResumeToken() []byte {
+	if x != nil {
+		return x.ResumeToken
+	}
+	return nil
+}
+
+func (x *SessionOpened) GetResumeGraceS() float64 {
+	if x != nil {
+		return x.ResumeGraceS
+	}
+	return 0
+}
+
+func (x *SessionOpened) GetResumed() bool {
+	if x != nil {
+		return x.Resumed
+	}
+	return false
+}
+
+func (x *SessionOpened) GetNewestSequence() uint64 {
+	if x != nil {
+		return x.NewestSequence
+	}
+	return 0
+}
+
 // One tick of the game: what changed since the tick before.
 type Tick struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -506,7 +614,7 @@ type Tick struct {
 
 func (x *Tick) Reset() {
 	*x = Tick{}
-	mi := &file_sightline_v1_session_proto_msgTypes[3]
+	mi := &file_sightline_v1_session_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -518,7 +626,7 @@ func (x *Tick) String() string {
 func (*Tick) ProtoMessage() {}
 
 func (x *Tick) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[3]
+	mi := &file_sightline_v1_session_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -531,7 +639,7 @@ func (x *Tick) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Tick.ProtoReflect.Descriptor instead.
 func (*Tick) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{3}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{4}
 }
 
 func (x *Tick) GetSequence() uint64 {
@@ -634,7 +742,7 @@ type StepControl struct {
 
 func (x *StepControl) Reset() {
 	*x = StepControl{}
-	mi := &file_sightline_v1_session_proto_msgTypes[4]
+	mi := &file_sightline_v1_session_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -646,7 +754,7 @@ func (x *StepControl) String() string {
 func (*StepControl) ProtoMessage() {}
 
 func (x *StepControl) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[4]
+	mi := &file_sightline_v1_session_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -659,7 +767,7 @@ func (x *StepControl) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use StepControl.ProtoReflect.Descriptor instead.
 func (*StepControl) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *StepControl) GetMergeIntoNext() bool {
@@ -708,7 +816,7 @@ type ObservedCamera struct {
 
 func (x *ObservedCamera) Reset() {
 	*x = ObservedCamera{}
-	mi := &file_sightline_v1_session_proto_msgTypes[5]
+	mi := &file_sightline_v1_session_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -720,7 +828,7 @@ func (x *ObservedCamera) String() string {
 func (*ObservedCamera) ProtoMessage() {}
 
 func (x *ObservedCamera) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[5]
+	mi := &file_sightline_v1_session_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -733,7 +841,7 @@ func (x *ObservedCamera) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use ObservedCamera.ProtoReflect.Descriptor instead.
 func (*ObservedCamera) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{5}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *ObservedCamera) GetPose() *Pose3 {
@@ -829,7 +937,7 @@ type CameraReply struct {
 
 func (x *CameraReply) Reset() {
 	*x = CameraReply{}
-	mi := &file_sightline_v1_session_proto_msgTypes[6]
+	mi := &file_sightline_v1_session_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -841,7 +949,7 @@ func (x *CameraReply) String() string {
 func (*CameraReply) ProtoMessage() {}
 
 func (x *CameraReply) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[6]
+	mi := &file_sightline_v1_session_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -854,7 +962,7 @@ func (x *CameraReply) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use CameraReply.ProtoReflect.Descriptor instead.
 func (*CameraReply) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{6}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *CameraReply) GetSequence() uint64 {
@@ -1058,7 +1166,7 @@ type RelativePose struct {
 
 func (x *RelativePose) Reset() {
 	*x = RelativePose{}
-	mi := &file_sightline_v1_session_proto_msgTypes[7]
+	mi := &file_sightline_v1_session_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1070,7 +1178,7 @@ func (x *RelativePose) String() string {
 func (*RelativePose) ProtoMessage() {}
 
 func (x *RelativePose) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[7]
+	mi := &file_sightline_v1_session_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1083,7 +1191,7 @@ func (x *RelativePose) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RelativePose.ProtoReflect.Descriptor instead.
 func (*RelativePose) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{7}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *RelativePose) GetTargetId() uint64 {
@@ -1118,7 +1226,7 @@ type Drain struct {
 
 func (x *Drain) Reset() {
 	*x = Drain{}
-	mi := &file_sightline_v1_session_proto_msgTypes[8]
+	mi := &file_sightline_v1_session_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1130,7 +1238,7 @@ func (x *Drain) String() string {
 func (*Drain) ProtoMessage() {}
 
 func (x *Drain) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_session_proto_msgTypes[8]
+	mi := &file_sightline_v1_session_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1143,7 +1251,7 @@ func (x *Drain) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Drain.ProtoReflect.Descriptor instead.
 func (*Drain) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_session_proto_rawDescGZIP(), []int{8}
+	return file_sightline_v1_session_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *Drain) GetReason() string {
@@ -1157,7 +1265,7 @@ var File_sightline_v1_session_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_session_proto_rawDesc = "" +
 	"\n" +
-	"\x1asightline/v1/session.proto\x12\fsightline.v1\x1a&sightline/tuning/v1alpha1/tuning.proto\x1a\x19sightline/v1/camera.proto\x1a\x1esightline/v1/diagnostics.proto\x1a\x18sightline/v1/scene.proto\x1a\x1bsightline/v1/settings.proto\"\x89\x06\n" +
+	"\x1asightline/v1/session.proto\x12\fsightline.v1\x1a&sightline/tuning/v1alpha1/tuning.proto\x1a\x19sightline/v1/camera.proto\x1a\x1esightline/v1/diagnostics.proto\x1a\x18sightline/v1/scene.proto\x1a\x1bsightline/v1/settings.proto\"\xa7\x06\n" +
 	"\vOpenSession\x128\n" +
 	"\n" +
 	"convention\x18\x01 \x01(\v2\x18.sightline.v1.ConventionR\n" +
@@ -1176,14 +1284,18 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x05label\x18\f \x01(\tR\x05label\x12N\n" +
 	"\x12degradation_policy\x18\r \x01(\x0e2\x1f.sightline.v1.DegradationPolicyR\x11degradationPolicy\x12<\n" +
 	"\trecording\x18\x0e \x01(\v2\x1e.sightline.v1.RecordingRequestR\trecording\x129\n" +
-	"\x06tuning\x18\x0f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuning\"\xa9\x01\n" +
+	"\x06tuning\x18\x0f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuning\x12\x1c\n" +
+	"\tresumable\x18\x10 \x01(\bR\tresumable\"R\n" +
+	"\rResumeSession\x12\x14\n" +
+	"\x05token\x18\x01 \x01(\fR\x05token\x12+\n" +
+	"\x11answered_sequence\x18\x02 \x01(\x04R\x10answeredSequence\"\xa9\x01\n" +
 	"\x10RecordingRequest\x127\n" +
 	"\x04mode\x18\x01 \x01(\x0e2#.sightline.v1.RecordingRequest.ModeR\x04mode\x12#\n" +
 	"\rattach_scenes\x18\x02 \x01(\bR\fattachScenes\"7\n" +
 	"\x04Mode\x12\x14\n" +
 	"\x10MODE_UNSPECIFIED\x10\x00\x12\v\n" +
 	"\aMODE_ON\x10\x01\x12\f\n" +
-	"\bMODE_OFF\x10\x02\"\xa3\x02\n" +
+	"\bMODE_OFF\x10\x02\"\xaf\x03\n" +
 	"\rSessionOpened\x12\x1d\n" +
 	"\n" +
 	"session_id\x18\x01 \x01(\tR\tsessionId\x12'\n" +
@@ -1194,7 +1306,12 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x0etriangle_count\x18\x05 \x01(\x04R\rtriangleCount\x12\x18\n" +
 	"\asampler\x18\x06 \x01(\tR\asampler\x12\x1a\n" +
 	"\bwarnings\x18\a \x03(\tR\bwarnings\x12%\n" +
-	"\x0erecording_file\x18\b \x01(\tR\rrecordingFile\"\xc8\x04\n" +
+	"\x0erecording_file\x18\b \x01(\tR\rrecordingFile\x12!\n" +
+	"\fresume_token\x18\t \x01(\fR\vresumeToken\x12$\n" +
+	"\x0eresume_grace_s\x18\n" +
+	" \x01(\x01R\fresumeGraceS\x12\x18\n" +
+	"\aresumed\x18\v \x01(\bR\aresumed\x12'\n" +
+	"\x0fnewest_sequence\x18\f \x01(\x04R\x0enewestSequence\"\xc8\x04\n" +
 	"\x04Tick\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x15\n" +
 	"\x06time_s\x18\x02 \x01(\x01R\x05timeS\x12\x16\n" +
@@ -1283,89 +1400,90 @@ func file_sightline_v1_session_proto_rawDescGZIP() []byte {
 }
 
 var file_sightline_v1_session_proto_enumTypes = make([]protoimpl.EnumInfo, 2)
-var file_sightline_v1_session_proto_msgTypes = make([]protoimpl.MessageInfo, 9)
+var file_sightline_v1_session_proto_msgTypes = make([]protoimpl.MessageInfo, 10)
 var file_sightline_v1_session_proto_goTypes = []any{
 	(DegradationPolicy)(0),     // 0: sightline.v1.DegradationPolicy
 	(RecordingRequest_Mode)(0), // 1: sightline.v1.RecordingRequest.Mode
 	(*OpenSession)(nil),        // 2: sightline.v1.OpenSession
-	(*RecordingRequest)(nil),   // 3: sightline.v1.RecordingRequest
-	(*SessionOpened)(nil),      // 4: sightline.v1.SessionOpened
-	(*Tick)(nil),               // 5: sightline.v1.Tick
-	(*StepControl)(nil),        // 6: sightline.v1.StepControl
-	(*ObservedCamera)(nil),     // 7: sightline.v1.ObservedCamera
-	(*CameraReply)(nil),        // 8: sightline.v1.CameraReply
-	(*RelativePose)(nil),       // 9: sightline.v1.RelativePose
-	(*Drain)(nil),              // 10: sightline.v1.Drain
-	(*Convention)(nil),         // 11: sightline.v1.Convention
-	(*Vec3)(nil),               // 12: sightline.v1.Vec3
-	(*SceneRef)(nil),           // 13: sightline.v1.SceneRef
-	(*NewInstance)(nil),        // 14: sightline.v1.NewInstance
-	(*Target)(nil),             // 15: sightline.v1.Target
-	(*Pose3)(nil),              // 16: sightline.v1.Pose3
-	(*Lens)(nil),               // 17: sightline.v1.Lens
-	(*CameraLimits)(nil),       // 18: sightline.v1.CameraLimits
-	(*Settings)(nil),           // 19: sightline.v1.Settings
-	(*DiagnosticsRequest)(nil), // 20: sightline.v1.DiagnosticsRequest
-	(*v1alpha1.Tuning)(nil),    // 21: sightline.tuning.v1alpha1.Tuning
-	(*Transforms)(nil),         // 22: sightline.v1.Transforms
-	(*SceneDelta)(nil),         // 23: sightline.v1.SceneDelta
-	(*TargetList)(nil),         // 24: sightline.v1.TargetList
-	(*TargetVisibility)(nil),   // 25: sightline.v1.TargetVisibility
-	(*CandidateCounts)(nil),    // 26: sightline.v1.CandidateCounts
-	(TrackingStatus)(0),        // 27: sightline.v1.TrackingStatus
-	(MoveReason)(0),            // 28: sightline.v1.MoveReason
-	(VolumeUsed)(0),            // 29: sightline.v1.VolumeUsed
-	(PairFallback)(0),          // 30: sightline.v1.PairFallback
-	(*StepFlags)(nil),          // 31: sightline.v1.StepFlags
-	(*StageTimes)(nil),         // 32: sightline.v1.StageTimes
-	(*Candidates)(nil),         // 33: sightline.v1.Candidates
-	(*DepthMap)(nil),           // 34: sightline.v1.DepthMap
-	(*Degradation)(nil),        // 35: sightline.v1.Degradation
+	(*ResumeSession)(nil),      // 3: sightline.v1.ResumeSession
+	(*RecordingRequest)(nil),   // 4: sightline.v1.RecordingRequest
+	(*SessionOpened)(nil),      // 5: sightline.v1.SessionOpened
+	(*Tick)(nil),               // 6: sightline.v1.Tick
+	(*StepControl)(nil),        // 7: sightline.v1.StepControl
+	(*ObservedCamera)(nil),     // 8: sightline.v1.ObservedCamera
+	(*CameraReply)(nil),        // 9: sightline.v1.CameraReply
+	(*RelativePose)(nil),       // 10: sightline.v1.RelativePose
+	(*Drain)(nil),              // 11: sightline.v1.Drain
+	(*Convention)(nil),         // 12: sightline.v1.Convention
+	(*Vec3)(nil),               // 13: sightline.v1.Vec3
+	(*SceneRef)(nil),           // 14: sightline.v1.SceneRef
+	(*NewInstance)(nil),        // 15: sightline.v1.NewInstance
+	(*Target)(nil),             // 16: sightline.v1.Target
+	(*Pose3)(nil),              // 17: sightline.v1.Pose3
+	(*Lens)(nil),               // 18: sightline.v1.Lens
+	(*CameraLimits)(nil),       // 19: sightline.v1.CameraLimits
+	(*Settings)(nil),           // 20: sightline.v1.Settings
+	(*DiagnosticsRequest)(nil), // 21: sightline.v1.DiagnosticsRequest
+	(*v1alpha1.Tuning)(nil),    // 22: sightline.tuning.v1alpha1.Tuning
+	(*Transforms)(nil),         // 23: sightline.v1.Transforms
+	(*SceneDelta)(nil),         // 24: sightline.v1.SceneDelta
+	(*TargetList)(nil),         // 25: sightline.v1.TargetList
+	(*TargetVisibility)(nil),   // 26: sightline.v1.TargetVisibility
+	(*CandidateCounts)(nil),    // 27: sightline.v1.CandidateCounts
+	(TrackingStatus)(0),        // 28: sightline.v1.TrackingStatus
+	(MoveReason)(0),            // 29: sightline.v1.MoveReason
+	(VolumeUsed)(0),            // 30: sightline.v1.VolumeUsed
+	(PairFallback)(0),          // 31: sightline.v1.PairFallback
+	(*StepFlags)(nil),          // 32: sightline.v1.StepFlags
+	(*StageTimes)(nil),         // 33: sightline.v1.StageTimes
+	(*Candidates)(nil),         // 34: sightline.v1.Candidates
+	(*DepthMap)(nil),           // 35: sightline.v1.DepthMap
+	(*Degradation)(nil),        // 36: sightline.v1.Degradation
 }
 var file_sightline_v1_session_proto_depIdxs = []int32{
-	11, // 0: sightline.v1.OpenSession.convention:type_name -> sightline.v1.Convention
-	12, // 1: sightline.v1.OpenSession.world_origin:type_name -> sightline.v1.Vec3
-	13, // 2: sightline.v1.OpenSession.scene:type_name -> sightline.v1.SceneRef
-	14, // 3: sightline.v1.OpenSession.instances:type_name -> sightline.v1.NewInstance
-	15, // 4: sightline.v1.OpenSession.targets:type_name -> sightline.v1.Target
-	16, // 5: sightline.v1.OpenSession.camera:type_name -> sightline.v1.Pose3
-	17, // 6: sightline.v1.OpenSession.lens:type_name -> sightline.v1.Lens
-	18, // 7: sightline.v1.OpenSession.limits:type_name -> sightline.v1.CameraLimits
-	19, // 8: sightline.v1.OpenSession.settings:type_name -> sightline.v1.Settings
-	20, // 9: sightline.v1.OpenSession.diagnostics:type_name -> sightline.v1.DiagnosticsRequest
+	12, // 0: sightline.v1.OpenSession.convention:type_name -> sightline.v1.Convention
+	13, // 1: sightline.v1.OpenSession.world_origin:type_name -> sightline.v1.Vec3
+	14, // 2: sightline.v1.OpenSession.scene:type_name -> sightline.v1.SceneRef
+	15, // 3: sightline.v1.OpenSession.instances:type_name -> sightline.v1.NewInstance
+	16, // 4: sightline.v1.OpenSession.targets:type_name -> sightline.v1.Target
+	17, // 5: sightline.v1.OpenSession.camera:type_name -> sightline.v1.Pose3
+	18, // 6: sightline.v1.OpenSession.lens:type_name -> sightline.v1.Lens
+	19, // 7: sightline.v1.OpenSession.limits:type_name -> sightline.v1.CameraLimits
+	20, // 8: sightline.v1.OpenSession.settings:type_name -> sightline.v1.Settings
+	21, // 9: sightline.v1.OpenSession.diagnostics:type_name -> sightline.v1.DiagnosticsRequest
 	0,  // 10: sightline.v1.OpenSession.degradation_policy:type_name -> sightline.v1.DegradationPolicy
-	3,  // 11: sightline.v1.OpenSession.recording:type_name -> sightline.v1.RecordingRequest
-	21, // 12: sightline.v1.OpenSession.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
+	4,  // 11: sightline.v1.OpenSession.recording:type_name -> sightline.v1.RecordingRequest
+	22, // 12: sightline.v1.OpenSession.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
 	1,  // 13: sightline.v1.RecordingRequest.mode:type_name -> sightline.v1.RecordingRequest.Mode
-	22, // 14: sightline.v1.Tick.transforms:type_name -> sightline.v1.Transforms
-	23, // 15: sightline.v1.Tick.delta:type_name -> sightline.v1.SceneDelta
-	24, // 16: sightline.v1.Tick.targets:type_name -> sightline.v1.TargetList
-	7,  // 17: sightline.v1.Tick.observed_camera:type_name -> sightline.v1.ObservedCamera
-	17, // 18: sightline.v1.Tick.lens:type_name -> sightline.v1.Lens
-	19, // 19: sightline.v1.Tick.settings:type_name -> sightline.v1.Settings
-	18, // 20: sightline.v1.Tick.limits:type_name -> sightline.v1.CameraLimits
-	6,  // 21: sightline.v1.Tick.step_control:type_name -> sightline.v1.StepControl
-	21, // 22: sightline.v1.Tick.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
-	16, // 23: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
-	12, // 24: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
-	12, // 25: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
-	16, // 26: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
-	12, // 27: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
-	12, // 28: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
-	9,  // 29: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
-	25, // 30: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
-	26, // 31: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
-	27, // 32: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
-	28, // 33: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
-	29, // 34: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
-	30, // 35: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
-	31, // 36: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
-	32, // 37: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
-	33, // 38: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
-	34, // 39: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
-	35, // 40: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
-	16, // 41: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
-	16, // 42: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
+	23, // 14: sightline.v1.Tick.transforms:type_name -> sightline.v1.Transforms
+	24, // 15: sightline.v1.Tick.delta:type_name -> sightline.v1.SceneDelta
+	25, // 16: sightline.v1.Tick.targets:type_name -> sightline.v1.TargetList
+	8,  // 17: sightline.v1.Tick.observed_camera:type_name -> sightline.v1.ObservedCamera
+	18, // 18: sightline.v1.Tick.lens:type_name -> sightline.v1.Lens
+	20, // 19: sightline.v1.Tick.settings:type_name -> sightline.v1.Settings
+	19, // 20: sightline.v1.Tick.limits:type_name -> sightline.v1.CameraLimits
+	7,  // 21: sightline.v1.Tick.step_control:type_name -> sightline.v1.StepControl
+	22, // 22: sightline.v1.Tick.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
+	17, // 23: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
+	13, // 24: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
+	13, // 25: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
+	17, // 26: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
+	13, // 27: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
+	13, // 28: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
+	10, // 29: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
+	26, // 30: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
+	27, // 31: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
+	28, // 32: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
+	29, // 33: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
+	30, // 34: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
+	31, // 35: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
+	32, // 36: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
+	33, // 37: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
+	34, // 38: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
+	35, // 39: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
+	36, // 40: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
+	17, // 41: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
+	17, // 42: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
 	43, // [43:43] is the sub-list for method output_type
 	43, // [43:43] is the sub-list for method input_type
 	43, // [43:43] is the sub-list for extension type_name
@@ -1382,16 +1500,16 @@ func file_sightline_v1_session_proto_init() {
 	file_sightline_v1_diagnostics_proto_init()
 	file_sightline_v1_scene_proto_init()
 	file_sightline_v1_settings_proto_init()
-	file_sightline_v1_session_proto_msgTypes[3].OneofWrappers = []any{}
 	file_sightline_v1_session_proto_msgTypes[4].OneofWrappers = []any{}
-	file_sightline_v1_session_proto_msgTypes[6].OneofWrappers = []any{}
+	file_sightline_v1_session_proto_msgTypes[5].OneofWrappers = []any{}
+	file_sightline_v1_session_proto_msgTypes[7].OneofWrappers = []any{}
 	type x struct{}
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_session_proto_rawDesc), len(file_sightline_v1_session_proto_rawDesc)),
 			NumEnums:      2,
-			NumMessages:   9,
+			NumMessages:   10,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

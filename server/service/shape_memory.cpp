@@ -1,0 +1,68 @@
+#include "server/service/shape_memory.h"
+
+#include <string>
+#include <unordered_set>
+
+namespace sightline {
+namespace {
+
+// Measured, with the trees.
+constexpr size_t kBoxBytes = 512, kRoundBytes = 20'000, kCylinderBytes = 2'700;
+
+size_t bytes_of(const v1::Shape& shape) {
+  switch (shape.shape_case()) {
+    case v1::Shape::kSphere:
+    case v1::Shape::kCapsule:
+      return kRoundBytes;
+    case v1::Shape::kCylinder:
+      return kCylinderBytes;
+    case v1::Shape::kCompound: {
+      size_t bytes = 0;
+      // Parts are no compounds, so this goes no deeper.
+      for (const v1::Shape::Part& part : shape.compound().parts())
+        bytes += part.shape().has_compound() ? kBoxBytes : bytes_of(part.shape());
+      return bytes;
+    }
+    case v1::Shape::kBox:
+    case v1::Shape::SHAPE_NOT_SET:
+      break;
+  }
+  return kBoxBytes;
+}
+
+}  // namespace
+
+size_t bytes_of_shapes(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances) {
+  std::unordered_set<std::string> seen;
+  size_t bytes = 0;
+  for (const v1::NewInstance& instance : instances)
+    if (instance.has_shape() && seen.insert(instance.shape().SerializeAsString()).second) bytes += bytes_of(instance.shape());
+  return bytes;
+}
+
+void ShapeMemory::add(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances, const SceneMirror& mirror) {
+  for (const v1::NewInstance& added : instances) {
+    const Instance* const instance = added.has_shape() ? mirror.find(added.id()) : nullptr;
+    if (!instance) continue;
+    remove(added.id());
+    if (++uses_[instance->geometry.get()] == 1) bytes_ += instance->geometry->bytes();
+    of_instance_.emplace(added.id(), instance->geometry);
+  }
+}
+
+void ShapeMemory::remove(const google::protobuf::RepeatedField<uint64_t>& ids) {
+  for (const uint64_t id : ids) remove(id);
+}
+
+void ShapeMemory::remove(uint64_t id) {
+  const auto found = of_instance_.find(id);
+  if (found == of_instance_.end()) return;
+  const auto use = uses_.find(found->second.get());
+  if (--use->second == 0) {
+    bytes_ -= found->second->bytes();
+    uses_.erase(use);
+  }
+  of_instance_.erase(found);
+}
+
+}  // namespace sightline
