@@ -1,8 +1,8 @@
 """A healthy session at 60 Hz beside each attack, and the daemon's memory a minute later:
 
-  measure.py SIGHTLINED STUBS [--out FILE] [--after SECONDS] [--seconds N] [NUMBER...]
+  measure.py SIGHTLINED STUBS [--out FILE] [--after SECONDS] [--seconds N] [--only NUMBER...]
 
-NUMBERs choose attacks; without any all are run. Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
+Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
 attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
 under 33 ms, and the memory is back within 10 % of what it was before.
 """
@@ -21,7 +21,7 @@ parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
-parser.add_argument("numbers", type=int, nargs="*")
+parser.add_argument("--only", type=int, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
@@ -73,7 +73,7 @@ def finished(figures, daemon, stack):
 
 
 def main():
-    wanted = [one for one in attacks.ATTACKS if not options.numbers or one.number in options.numbers]
+    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
     rows, waiting = [], []
     for one in wanted:
         figures, running = measured(one)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Rewrites C++ sources so that they contain all their mutants, each behind a switch (switch.h).
 
-  instrument.py ROOT COMPILE_COMMANDS OUT_JSON JOBS FILE...
+  instrument.py ORIGINAL COPY COMPILE_COMMANDS OUT_JSON JOBS FILE...
 
-ROOT holds the copy that is rewritten in place; FILE is relative to it. COMPILE_COMMANDS are those of the sources before. OUT_JSON receives
-the list of mutants: number, file, line, kind, and the text that changes.
+COPY is rewritten in place; FILE is relative to it. COMPILE_COMMANDS are those of a build of ORIGINAL, which has made the generated sources.
+OUT_JSON receives the list of mutants: number, file, line, kind, and the text that changes.
 
 What is mutated: comparisons (of whole numbers at their bounds, of others negated), arithmetic, conditions of `if` and `?:`, operands of
 && and ||, whole numbers and truth values, signs, std::min and std::max, and expression statements, which are left out. What is not:
@@ -282,13 +282,17 @@ class Source:
         return False
 
 
-def compile_arguments(commands, root):
-    """Arguments for clang by file, with the paths of `root`."""
+def compile_arguments(commands, original, copy):
+    """Arguments for clang by file of the copy."""
     out = {}
     for entry in json.loads(pathlib.Path(commands).read_text()):
-        arguments = [a for a in shlex.split(entry["command"])[1:] if a not in ("-c", "-o", entry["file"]) and not a.endswith(".o")]
-        arguments = [a for a in arguments if not a.startswith(("-W", "-march")) and "ccache" not in a and "c++" not in a.split("/")[-1:]]
-        out[pathlib.Path(entry["file"]).resolve()] = [*arguments, "-w", "-ferror-limit=0", "-march=x86-64-v2"]
+        file = pathlib.Path(entry["file"]).resolve()
+        if not file.is_relative_to(original):
+            continue
+        words = shlex.split(entry["command"])
+        start = next(i for i, word in enumerate(words) if word.startswith("-"))  # after the compiler, and a launcher before it
+        arguments = [f"-I{copy}" if word == f"-I{original}" else word for word in words[start:words.index("-o")]]
+        out[copy / file.relative_to(original)] = [*(word for word in arguments if not word.startswith("-W")), "-w", "-ferror-limit=0"]
     return out
 
 
@@ -306,9 +310,9 @@ def work(job):
     return source
 
 
-def main(root, commands, out, jobs, *files):
-    root = pathlib.Path(root).resolve()
-    arguments, mutants = compile_arguments(commands, root), []
+def main(original, root, commands, out, jobs, *files):
+    original, root = pathlib.Path(original).resolve(), pathlib.Path(root).resolve()
+    arguments, mutants = compile_arguments(commands, original, root), []
     paths = {root / file: file for file in files if root / file in arguments}
     with multiprocessing.Pool(int(jobs)) as pool:
         for source in pool.imap(work, [(path, arguments[path]) for path in paths]):
