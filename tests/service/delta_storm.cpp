@@ -22,6 +22,8 @@ namespace {
 using namespace sightline;
 
 constexpr uint64_t kTargets = 2, kMostIds = 60;
+// Ticks that wait for an answer at most: the client sends more than can be answered, but not all at once.
+constexpr uint64_t kMostWaiting = 40;
 
 // What the model holds after a tick, or that it refused it.
 struct Expected {
@@ -41,12 +43,13 @@ class DeltaMaker {
   v1::Tick next(Expected& expected) {
     SceneDelta delta;
     TransformUpdate moves;
-    if (random_.next_below(8) == 0) delta.base_revision = model_.revision() + (random_.next_below(4) == 0);
-    for (uint32_t left = random_.next_below(3); left > 0; --left) delta.remove.push_back(some_id());
-    for (uint32_t left = random_.next_below(3); left > 0; --left) delta.add.push_back(box(some_id(), offset(), offset()));
-    for (uint32_t left = random_.next_below(2); left > 0; --left) delta.change.push_back({some_id(), {.layers = random_.next_u32(), .opacity = opacity()}});
+    if (random_.next_below(16) == 0) delta.base_revision = model_.revision() + (random_.next_below(4) == 0);
+    for (uint32_t left = random_.next_below(3); left > 0; --left) delta.remove.push_back(some_id(true));
+    for (uint32_t left = random_.next_below(3); left > 0; --left) delta.add.push_back(box(some_id(false), offset(), offset()));
+    for (uint32_t left = random_.next_below(2); left > 0; --left)
+      delta.change.push_back({some_id(true), {.layers = random_.next_u32(), .opacity = opacity()}});
     for (uint32_t left = random_.next_below(3); left > 0; --left) {
-      moves.ids.push_back(1 + random_.next_below(kMostIds));
+      moves.ids.push_back(random_.next_below(2) == 0 ? 1 + random_.next_below(kTargets) : some_id(true));
       moves.poses.push_back({{offset(), 0, offset()}, {1, 0, 0, 0}});
     }
     expected.refused = !model_.apply(delta, moves);
@@ -55,9 +58,15 @@ class DeltaMaker {
   }
 
  private:
-  // Targets stay. Ids that are free or taken by chance make about half of the deltas wrong; most of these would be refused, so the
-  // maker looks most of the time.
-  uint64_t some_id() { return kTargets + 1 + random_.next_below(kMostIds - kTargets); }
+  // The id of a box that is there, or is not; now and then any id, so that some deltas are wrong. Targets stay.
+  uint64_t some_id(bool taken) {
+    uint64_t id = 0;
+    for (int tries = 0; tries < 20; ++tries) {
+      id = kTargets + 1 + random_.next_below(kMostIds - kTargets);
+      if (model_.records().contains(id) == taken || random_.next_below(200) == 0) break;
+    }
+    return id;
+  }
   double offset() { return 0.25 * static_cast<double>(random_.next_below(80)) - 10; }
   float opacity() { return 0.25f * static_cast<float>(random_.next_below(5)); }
 
@@ -165,6 +174,7 @@ int storm(uint64_t count, uint64_t seed) {
   std::vector<v1::Tick> ticks;
   for (uint64_t i = 1; i <= count; ++i) ticks.push_back(maker.next(expected[i]));
 
+  const v1::GetServerStatsResponse before = world.stats();
   std::atomic<bool> ends{false};
   std::thread other([&] { live_beside(world, ends); });
   grpc::ClientContext context;
@@ -176,12 +186,17 @@ int storm(uint64_t count, uint64_t seed) {
   v1::ControlResponse reply;
   if (!call->Read(&reply) || !reply.has_opened()) return std::puts("the session did not open"), 1;
 
-  const v1::GetServerStatsResponse before = world.stats();
   Counts counts;
+  std::atomic<uint64_t> newest{0};
   std::thread reader([&] {
-    while (call->Read(&reply)) take(reply, expected, counts);
+    while (call->Read(&reply)) {
+      take(reply, expected, counts);
+      newest = std::max(newest.load(), reply.has_camera() ? reply.camera().sequence() : reply.tick_error().sequence());
+    }
+    newest = count;  // whatever happened, the writer does not wait
   });
   for (v1::Tick& tick : ticks) {
+    while (tick.sequence() > newest + kMostWaiting) std::this_thread::sleep_for(std::chrono::microseconds(200));
     request.mutable_tick()->Swap(&tick);
     call->Write(request);
   }
