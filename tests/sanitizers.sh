@@ -2,8 +2,8 @@
 # The tests of the service, of its threads and of what they share, under sanitizers: tests/sanitizers.sh [asan] [tsan]
 #
 # Builds only what these tests need, into build/asan and build/tsan, and runs them; both without arguments. AddressSanitizer comes with
-# UndefinedBehaviorSanitizer, and every report fails. Of ThreadSanitizer's reports those fail that are about our code on both sides:
-# Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race (service/tsan_reports.py).
+# UndefinedBehaviorSanitizer, and every report fails. A report of ThreadSanitizer fails when it is about our code on
+# both sides: Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race (service/tsan_reports.py).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 presets=("$@")

@@ -32,7 +32,7 @@ class Attack:
     run: Callable
     flags: tuple = ()
     limits: dict = dataclasses.field(default_factory=dict)
-    # Options of Daemon for this attack, made anew for each run.
+    # A context that gives more options of Daemon; each run enters one of its own.
     options: Callable = dict
 
 

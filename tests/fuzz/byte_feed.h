@@ -21,7 +21,7 @@ class ByteFeed {
     if (!bytes.empty()) std::memcpy(&value, bytes.data(), bytes.size());
     return value;
   }
-  // So many bytes, or those that are left.
+  // The next `count` bytes, or fewer at the end.
   std::span<const uint8_t> bytes(size_t count) {
     const auto taken = left_.first(std::min(count, left_.size()));
     left_ = left_.subspan(taken.size());

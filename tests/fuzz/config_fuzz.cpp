@@ -17,7 +17,7 @@ namespace {
 
 using namespace sightline;
 
-// What sightlined would print, with such a file.
+// The exit status and the output of sightlined with such a file.
 struct Run {
   int code = 0;
   std::string out, err;

@@ -83,7 +83,7 @@ TransformUpdate transforms_from(ByteFeed& feed) {
   return update;
 }
 
-// What a client and the stages after the mirror can see of it.
+// Compares all that clients and later stages can see of the mirror.
 void compare(const SceneMirror& mirror, const test::PlainMirror& plain) {
   if (mirror.revision() != plain.revision() || mirror.size() != plain.size() || mirror.hash() != plain.hash()) std::abort();
   size_t live = 0, moving = 0;

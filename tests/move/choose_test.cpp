@@ -224,7 +224,7 @@ TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {
   EXPECT_LT(glm::distance(desired_place_m(c.targets, {1, 2, 8}, {}, 0.1, {}), glm::dvec3(1, 2, 8)), 1e-9);
 }
 
-// Whether every sphere lies within the four sides of the picture of a camera at `place` that looks at `center`. The sides stand at
+// Returns whether every sphere lies within the picture of a camera at `place` that looks at `center`. The picture's sides stand at
 // (1 - margin) of the half angles.
 bool is_within(const glm::dvec3& place, const glm::dvec3& center, const std::vector<TrackedTarget>& targets, const Lens& lens, double margin) {
   const glm::dvec3 ahead = glm::normalize(center - place), right = glm::normalize(glm::cross(ahead, glm::dvec3(0, 1, 0)));

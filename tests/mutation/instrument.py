@@ -23,7 +23,7 @@ import clang.cindex as clang
 from clang.cindex import CursorKind as Kind
 from clang.cindex import TypeKind
 
-# The line numbers stay those of the source.
+# #line keeps the source's own line numbers.
 HEAD = b'#include "tests/mutation/switch.h"\n#line 1\n'
 Edit = collections.namedtuple("Edit", "at until order text")  # replaces source[at:until]; `order` sorts edits at one place
 COMPARISONS = {"<": "less", "<=": "less_equal", ">": "greater", ">=": "greater_equal"}

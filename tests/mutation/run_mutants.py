@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Switches mutants on, one at a time, and runs the tests that come past them:
 
-  run_mutants.py BUILD MUTANTS_JSON OUT_JSON [--per-folder N] [--seed N] [--jobs N] [--budget SECONDS] [--again RESULTS_JSON] FOLDER...
+  run_mutants.py BUILD MUTANTS_JSON OUT_JSON [--per-folder N] [--seed N] [--jobs N] [--budget SECONDS] [--programs N] [--again RESULTS_JSON]
+                 FOLDER...
 
 BUILD was made from sources that instrument.py has rewritten. First every test program of the folders (nearest.py) runs without a mutant, to
 learn which tests come past which mutants, and how long each takes. Then N mutants of each folder, drawn with the seed, are tried: the tests
 run from the quickest to the slowest, as many as fit into the budget of seconds. A mutant is killed when a test fails, crashes or takes
-five times as long as usual. With --again only those run that survived in these results.
+five times as long as usual. With --programs only the first N programs of each folder count. With --again only those mutants run that
+survived in these results.
 """
 import argparse
 import collections
@@ -109,12 +111,15 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--budget", type=float, default=30.0)
+    parser.add_argument("--programs", type=int, default=9)
     parser.add_argument("--again")
     parser.add_argument("folders", nargs="+")
     options = parser.parse_args()
     mutants = json.loads(pathlib.Path(options.mutants).read_text())
     for mutant in mutants:
         mutant["folder"] = str(pathlib.PurePath(mutant["file"]).parent)
+    for folder, programs in NEAREST.items():
+        NEAREST[folder] = programs[:options.programs]
     build = Build(options.build)
     tests = []
     for program in dict.fromkeys(program for folder in options.folders for program in NEAREST[folder]):

@@ -105,7 +105,7 @@ TEST_F(Verbs, ACutBeginsAndEndsAtExactlyItsTimes) {
   }
 }
 
-// What is said of the range ends where the recording ends.
+// The text names the end of the recording, not the time that was asked for.
 TEST_F(Verbs, ACutBeyondTheEndSaysHowFarTheRecordingGoes) {
   const std::string file = put("hall.mcap", hall());
   EXPECT_EQ(cut(file, path("part.mcap"), 0.5, 77).status, 0);

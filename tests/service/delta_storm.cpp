@@ -25,7 +25,7 @@ constexpr uint64_t kTargets = 2, kMostIds = 60;
 // Ticks that wait for an answer at most: the client sends more than can be answered, but not all at once.
 constexpr uint64_t kMostWaiting = 40;
 
-// What the model holds after a tick, or that it refused it.
+// The model after a tick.
 struct Expected {
   uint64_t revision = 0, hash = 0;
   bool refused = false;
@@ -193,7 +193,7 @@ int storm(uint64_t count, uint64_t seed) {
       take(reply, expected, counts);
       newest = std::max(newest.load(), reply.has_camera() ? reply.camera().sequence() : reply.tick_error().sequence());
     }
-    newest = count;  // whatever happened, the writer does not wait
+    newest = count;  // the writer waits no longer, even after an error
   });
   for (v1::Tick& tick : ticks) {
     while (tick.sequence() > newest + kMostWaiting) std::this_thread::sleep_for(std::chrono::microseconds(200));

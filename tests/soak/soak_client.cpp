@@ -1,6 +1,7 @@
-// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS]. Every session ticks at 60 Hz, changes its scene twice a second, and comes
-// back after half a minute or so: closed in order, cut off, or with a scene that it has uploaded before. Prints a JSON object a line every
-// ten seconds: what was sent and answered since the last line, the round trips in milliseconds, and the errors that nothing of this explains.
+// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS]. Every session ticks at 60 Hz and changes its scene twice a second. After
+// about half a minute it ends and another one follows: some are closed in order, some are cut off, and some open a scene that they have
+// uploaded. Every ten seconds the program prints a line of JSON: the counts since the last line, the round trips in milliseconds, and errors
+// that the clients did not cause.
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -26,7 +27,7 @@ constexpr std::chrono::microseconds kInterval{16'667};
 constexpr uint64_t kTarget = 1, kFirstBox = 10;
 constexpr size_t kMostBoxes = 20;
 
-// What all sessions count; read and set to zero with each line.
+// The counts of all sessions. Each printed line sets them to zero.
 class Figures {
  public:
   void answered(double round_trip_ms, uint64_t merged) {
