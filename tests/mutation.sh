@@ -41,6 +41,6 @@ mapfile -t sources < <(for folder in "${folders[@]}"; do find "$folder" -maxdept
   cmp -s "$file" "$tree/source/$file" || { mkdir -p "$tree/source/$(dirname "$file")" && cp "$file" "$tree/source/$file"; }
 done)
 mapfile -t targets < <(near 'print(*{x for f in sys.argv[1:] for t in NEAREST[f][:'"$programs"'] for x in ((t,) if is_program(t) else ("sightlined", "sightline", "sightline_python_stubs"))}, sep="\n")')
-cmake -S "$tree/source" -B "$tree/source/build/release" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSIGHTLINE_TESTS=ON -DSIGHTLINE_MUTATION=ON >/dev/null
+cmake -S "$tree/source" -B "$tree/source/build/release" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSIGHTLINE_TESTS=ON "-DSIGHTLINE_MUTATION=$(IFS=';'; echo "${folders[*]}")" >/dev/null
 cmake --build "$tree/source/build/release" --parallel "$jobs" --target "${targets[@]}"
 exec /usr/bin/python3 tests/mutation/run_mutants.py "$tree/source/build/release" "$tree/mutants.json" "$tree/results.json" "${options[@]}" "${folders[@]}"
