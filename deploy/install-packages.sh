@@ -6,6 +6,7 @@
 #   deploy/install-packages.sh run     packages that the built programs need
 #   deploy/install-packages.sh run-cpu the same without OpenGL, for machines without a GPU
 #   deploy/install-packages.sh fuzz    packages that tests/fuzz.sh needs in addition to "build"
+#   deploy/install-packages.sh mutation  packages that tests/mutation.sh needs in addition to "build"
 set -euo pipefail
 
 build_packages=(
@@ -31,6 +32,7 @@ run_packages=("${cpu_packages[@]}" libegl1 libopengl0 libegl-mesa0 libgl1-mesa-d
 fuzz_packages=(
   clang-14 libclang-rt-14-dev
 )
+mutation_packages=(python3-clang-14)
 
 case "${1:-build}" in
   build) wanted=("${build_packages[@]}") ;;
@@ -38,7 +40,8 @@ case "${1:-build}" in
   run) wanted=("${run_packages[@]}") ;;
   run-cpu) wanted=("${cpu_packages[@]}") ;;
   fuzz) wanted=("${fuzz_packages[@]}") ;;
-  *) echo "usage: $0 [build|test|run|run-cpu|fuzz]" >&2; exit 2 ;;
+  mutation) wanted=("${mutation_packages[@]}") ;;
+  *) echo "usage: $0 [build|test|run|run-cpu|fuzz|mutation]" >&2; exit 2 ;;
 esac
 
 missing=()

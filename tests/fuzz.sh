@@ -1,30 +1,46 @@
 #!/usr/bin/env bash
 # Fuzzes what reads bytes of others: tests/fuzz.sh [MINUTES] [TARGET...]
 #
-# The time (default 5 minutes) is divided equally between the targets: access, frames, gltf and mcap. Each starts from its kept corpus in
-# tests/fuzz/corpus (mcap: tests/record/mcap_corpus), and runs with clang 14, the sanitizers of addresses and undefined behaviour, and at
+# The time (default 5 minutes) is divided equally between the targets: access, config, control, delta, frames, gltf and mcap. Each starts from its
+# kept corpus in tests/fuzz/corpus (mcap: tests/record/mcap_corpus), and runs with clang 14, the sanitizers of addresses and undefined behaviour, and at
 # most 2 GB. New finds go to build/fuzz, not to the kept corpus. After a failure the input is in build/fuzz: add it to the kept corpus when
-# the fault is mended. The exit status is 0 when nothing was found.
+# the fault is mended. The number of executions of each run is added to build/fuzz/executions. The exit status is 0 when nothing was found.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 minutes=${1:-5}
 targets=("${@:2}")
-[ ${#targets[@]} -gt 0 ] || targets=(access frames gltf mcap)
+[ ${#targets[@]} -gt 0 ] || targets=(access config control delta frames gltf mcap)
 deploy/install-packages.sh build
 deploy/install-packages.sh fuzz
 out=build/fuzz
 seconds=$((minutes * 60 / ${#targets[@]}))
 flags=(-std=c++20 -O1 -g -I. -DGLM_FORCE_DEPTH_ZERO_TO_ONE -DGLM_ENABLE_EXPERIMENTAL -ffp-contract=off
-       -fsanitize=address,undefined -fno-sanitize-recover=undefined)
+       -fsanitize=address,undefined -fno-sanitize-recover=undefined
+       -Ibuild/fuzz/generated -isystem build/fuzz/proto -march=x86-64-v2 -DSPDLOG_COMPILED_LIB -DSPDLOG_FMT_EXTERNAL
+       "-DSIGHTLINE_VERSION=\"fuzz\"" "-DSIGHTLINE_BUILD=\"fuzz\"")
 base=(server/base/{camera,check,cpu_budget,error,hash,parallel,random,thread_pool,transform}.cpp)
 gate=(server/gate/{access,frame_watch,listening_socket,small_file}.cpp)
+session=(server/{scene,bound,aggregate,move,step,session}/*.cpp server/sample/{depth_map,extent,plan}.cpp server/settings/rules.cpp
+         server/wire/*.cpp server/service/session_budget.cpp "${base[@]}")
 
 # compile SOURCE...: the object of each source that has changed, two at a time.
 compile() {
   printf '%s\n' "$@" | xargs -P 2 -I SOURCE bash -c '
     object='"$out"'/objects/$(echo SOURCE | tr / _).o
     [ -e "$object" ] && [ -z "$(find SOURCE server -newer "$object" -name "*.[hc]*" -print -quit)" ] ||
-      clang++-14 '"${flags[*]}"' -fsanitize=fuzzer-no-link -c SOURCE -o "$object"'
+      clang++-14 '"${flags[*]@Q}"' -fsanitize=fuzzer-no-link -c SOURCE -o "$object"'
+}
+
+# The messages, and the settings as structs, as the normal build makes them.
+generate() {
+  [ -e "$out/generated.stamp" ] && [ -z "$(find proto server/settings -newer "$out/generated.stamp" -print -quit)" ] && return
+  mkdir -p "$out"/{proto,generated,descriptors}
+  protoc -Iproto --cpp_out="$out/proto" proto/sightline/{v1,options/v1,tuning/v1alpha1}/*.proto proto/google/rpc/*.proto
+  protoc -Iproto --python_out="$out/descriptors" proto/sightline/options/v1/setting.proto
+  protoc -Iproto --include_imports --include_source_info --descriptor_set_out="$out/descriptors/settings.pb" \
+    proto/sightline/v1/settings.proto proto/sightline/tuning/v1alpha1/tuning.proto
+  PYTHONPATH=$out/descriptors PYTHONDONTWRITEBYTECODE=1 /usr/bin/python3 server/settings/generate.py "$out/descriptors/settings.pb" "$out/generated"
+  touch "$out/generated.stamp"
 }
 
 # build TARGET DRIVER "LIBRARIES" SOURCE...
@@ -43,7 +59,10 @@ run() {
   mkdir -p "$out/corpus-$1"
   echo "== $1: $seconds s"
   "$out/$1" -max_total_time="$seconds" -rss_limit_mb=2048 -malloc_limit_mb=1024 -max_len="$3" -timeout=20 -verbosity=0 \
-    -artifact_prefix="$out/$1-" -print_final_stats=1 "$out/corpus-$1" "$2"
+    -artifact_prefix="$out/$1-" -print_final_stats=1 "$out/corpus-$1" "$2" 2>&1 | tee "$out/$1.log"
+  local executions
+  executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$out/$1.log")
+  echo "$1 ${executions:-0} $seconds" >>"$out/executions"
 }
 
 mkdir -p "$out/objects"
@@ -52,6 +71,18 @@ for target in "${targets[@]}"; do
     access)
       build access tests/fuzz/access_fuzz.cpp "-lcrypto -lxxhash" "${gate[@]}" server/base/{error,hash}.cpp
       run access tests/fuzz/corpus/access 4096 ;;
+    config)
+      generate
+      build config tests/fuzz/config_fuzz.cpp "" server/{flags,config_file}.cpp
+      run config tests/fuzz/corpus/config 4096 ;;
+    control)
+      generate
+      build control tests/fuzz/control_fuzz.cpp "-lprotobuf -ltinygltf -ldraco -lmeshoptimizer -lxxhash -lcrypto" "${session[@]}" \
+        "$out"/generated/server/{settings,wire}/*.cpp $(find "$out/proto" -name '*.pb.cc')
+      run control tests/fuzz/corpus/control 8192 ;;
+    delta)
+      build delta tests/fuzz/delta_fuzz.cpp "-ltinygltf -ldraco -lmeshoptimizer -lxxhash -lcrypto" server/scene/*.cpp "${base[@]}"
+      run delta tests/fuzz/corpus/delta 4096 ;;
     frames)
       build frames tests/fuzz/frames_fuzz.cpp "" server/gate/frame_watch.cpp
       run frames tests/fuzz/corpus/frames 65536 ;;
@@ -62,6 +93,6 @@ for target in "${targets[@]}"; do
       build mcap tests/record/mcap_fuzz.cpp "-lzstd -llz4 -lz" \
         server/record/{byte_io,chunk_codec,mcap_format,mcap_reader,mcap_recover,mcap_scanner,mcap_verify,mcap_writer}.cpp server/base/error.cpp
       run mcap tests/record/mcap_corpus 16384 ;;
-    *) echo "there is no target $target: access, frames, gltf, mcap" >&2; exit 2 ;;
+    *) echo "there is no target $target: access, config, control, delta, frames, gltf, mcap" >&2; exit 2 ;;
   esac
 done

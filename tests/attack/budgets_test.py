@@ -1,6 +1,4 @@
 """One client that takes more than its share: budgets_test.py SIGHTLINED STUBS."""
-import json
-import struct
 import sys
 import threading
 import time
@@ -14,55 +12,11 @@ sys.path.insert(0, STUBS)
 import grpc  # noqa: E402
 
 from daemon import CONTROL, HEALTH, SERVICE, Daemon, Healthy  # noqa: E402
+from scenes import empty_parts, glb, largest_tuning, many_instances, scene_of  # noqa: E402
 from sessions import info, open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
-
-
-def triangle(name):
-    return {"asset": {"version": "2.0", "generator": name}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"byteLength": 36}],
-            "bufferViews": [{"buffer": 0, "byteLength": 36}],
-            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}]}
-
-
-TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
-
-
-def glb(name):
-    """A scene of one triangle. Different names make different files."""
-    return container(triangle(name), TRIANGLE)
-
-
-def many_instances(count):
-    """One triangle, drawn this many times. The instances' places are a sparse accessor without values: all zero."""
-    document = triangle("many")
-    document["accessors"].append({"componentType": 5126, "count": count, "type": "VEC3"})
-    document["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 1}}}
-    document["extensionsUsed"] = ["EXT_mesh_gpu_instancing"]
-    return container(document, TRIANGLE)
-
-
-def container(document, data):
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
-
-
-def scene_of(scene_hash):
-    from sightline.v1.session_pb2 import OpenSession
-    scene = OpenSession().scene
-    scene.hash = scene_hash
-    return scene
-
-
-def varint(number):
-    out = b""
-    while number > 127:
-        out, number = out + bytes([number & 127 | 128]), number >> 7
-    return out + bytes([number])
 
 
 class Messages(unittest.TestCase):
@@ -112,9 +66,7 @@ class Sessions(unittest.TestCase):
 
 class Steps(unittest.TestCase):
     def test_a_step_that_costs_too_much_is_refused(self):
-        from google.protobuf import json_format
-        from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
-        largest = json_format.ParseDict({"sample": {"points": 16, "resolution": 64}, "aggregate": {"candidates": 32768}}, Tuning())
+        largest = largest_tuning()
         with Daemon() as daemon:
             with self.assertRaises(grpc.RpcError) as raised:
                 open_session(daemon.address, targets=32, tuning=largest)
@@ -183,15 +135,7 @@ class Scenes(unittest.TestCase):
 
 class Heavy(unittest.TestCase):
     def test_a_message_of_empty_parts_is_refused_before_it_is_parsed(self):
-        # Field 2 of a ControlRequest is the tick; field 5 of a tick the delta; see the test of the weights.
-        from sightline.v1.session_pb2 import Tick
-        delta = Tick.DESCRIPTOR.fields_by_name["delta"]
-        added = delta.message_type.fields_by_name["added_instances"]
-        inner = bytes([added.number << 3 | 2, 0]) * (1_900_000)
-        key = lambda number: bytes([number << 3 | 2])
-        tick = key(delta.number) + varint(len(inner)) + inner
-        request = camera_control_pb2.ControlRequest.DESCRIPTOR.fields_by_name["tick"].number
-        message = key(request) + varint(len(tick)) + tick
+        message = empty_parts(1_900_000)
         with Daemon() as daemon:
             healthy = Healthy(daemon.address, 4)
             for _ in range(4):

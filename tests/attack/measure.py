@@ -1,63 +1,95 @@
-"""A healthy session at 60 Hz beside each attack on the transport, and the daemon's memory: measure.py SIGHTLINED STUBS [SECONDS_AFTER]"""
-import struct
+"""A healthy session at 60 Hz beside each attack, and the daemon's memory a minute later:
+
+  measure.py SIGHTLINED STUBS [--out FILE] [--after SECONDS] [--seconds N] [--only NUMBER...]
+
+Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
+attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
+under 33 ms, and the memory is back within 10 % of what it was before.
+"""
+import argparse
+import contextlib
+import json
+import os
 import sys
 import time
 
 import daemon as attack
 
-attack.Daemon.path, STUBS = sys.argv[1:3]
-WAIT_S = float(sys.argv[3]) if len(sys.argv) > 3 else 60.0
-sys.path.insert(0, STUBS)
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("sightlined")
+parser.add_argument("stubs")
+parser.add_argument("--out", help="file for the figures")
+parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
+parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
+parser.add_argument("--only", type=int, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
+options = parser.parse_args()
+attack.Daemon.path = options.sightlined
+sys.path.insert(0, options.stubs)
 
-import grpc  # noqa: E402
+import attacks  # noqa: E402
+from daemon import Daemon, Healthy  # noqa: E402
 
-from daemon import CONTINUATION, CONTROL, HEADERS, RST_STREAM, Daemon, Healthy, RawConnection, flood, frame, request_headers  # noqa: E402
-
-ATTACK_S = 8
-
-
-def resets(address):
-    attacker = RawConnection(address)
-
-    def make():
-        frames = b""
-        for _ in range(64):
-            stream, call = attacker.call(CONTROL)
-            frames += call + frame(RST_STREAM, 0, stream, struct.pack(">I", 8))
-        return frames
-    flood(attacker, make, ATTACK_S)
+LIMIT_MS, SLACK = 33.0, 0.10
+attacks.ATTACK_S = options.seconds
 
 
-def headers(address):
-    attacker = RawConnection(address)
-    attacker.send(frame(HEADERS, 0, 1, request_headers(CONTROL)))
-    attacker.send(frame(CONTINUATION, 0, 1, b"\x00\x01x\x7f\xff\xff\xff\xff\x07"))
-    flood(attacker, lambda: 4 * frame(CONTINUATION, 0, 1, bytes(16384)), ATTACK_S)
-
-
-def bomb(address):
-    with grpc.insecure_channel(address, compression=grpc.Compression.Gzip) as channel:
-        end = time.monotonic() + ATTACK_S
-        while time.monotonic() < end:
-            try:
-                channel.unary_unary("/grpc.health.v1.Health/Check")(bytes(96 << 20), timeout=ATTACK_S)
-            except grpc.RpcError:
-                pass
-
-
-def nothing(_):
-    time.sleep(ATTACK_S)
-
-
-for name, run in (("no attack", nothing), ("rapid reset", resets), ("endless headers", headers), ("compressed bomb", bomb)):
-    with Daemon("--log-level", "info") as daemon:
-        Healthy(daemon.address, 1).result()
+def measured(one):
+    """Runs the attack; returns its figures and the daemon, which still runs."""
+    with contextlib.ExitStack() as files:
+        made = one.options()
+        more = files.enter_context(made) if made else {}
+        if "skip" in more:
+            return {"number": one.number, "skipped": more["skip"]}, None
+        stack = contextlib.ExitStack()
+        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits,
+                                            stderr=more.get("stderr")))
+        daemon.recordings = more.get("recordings")
+        address = daemon.address
+        Healthy(address, 2).result()
         before = daemon.memory_mib()
-        healthy = Healthy(daemon.address, ATTACK_S + 1)
-        run(daemon.address)
+        healthy = Healthy(address, options.seconds + 1)
+        seen = one.run(daemon)
         result = healthy.result()
-        time.sleep(WAIT_S)
-        p50, p99 = result["p50_ms"] or float("inf"), result["p99_ms"] or float("inf")
-        print(f"{name:16} p50 {p50:8.2f} ms  p99 {p99:8.2f} ms  answered {result['answered']} of {result['ticks']}  memory "
-              f"{before:6.0f} MiB before, {daemon.most_memory_mib():6.0f} at most, {daemon.memory_mib():6.0f} after  "
-              f"log {daemon.log_bytes() / 1e6:.2f} MB  {result['error']}", flush=True)
+        figures = {"number": one.number, "name": one.name, "before": one.before, "seen": seen, **result, "memory_before_mib": before,
+                   "memory_most_mib": daemon.most_memory_mib()}
+        if one.options is not dict:  # its folder goes away now
+            time.sleep(options.after)
+            return finished(figures, daemon, stack), None
+        return figures, (daemon, stack, time.monotonic() + options.after)
+
+
+def finished(figures, daemon, stack):
+    figures["memory_after_mib"] = daemon.memory_mib()
+    figures["alive"] = daemon.process.poll() is None
+    stack.close()
+    back = figures["memory_after_mib"] <= figures["memory_before_mib"] * (1 + SLACK)
+    figures["passed"] = bool(figures["alive"] and back and not figures["error"] and figures["answered"] == figures["ticks"] and
+                             figures["p99_ms"] < LIMIT_MS)
+    p99 = figures["p99_ms"] if figures["p99_ms"] is not None else float("inf")
+    print(f"{figures['number']:2} {figures['name'][:44]:44} p99 {p99:7.2f} ms  {figures['answered']} of {figures['ticks']} answered  memory "
+          f"{figures['memory_before_mib']:4.0f} MiB, {figures['memory_most_mib']:4.0f} at most, {figures['memory_after_mib']:4.0f} after  "
+          f"{'passed' if figures['passed'] else 'FAILED'}  {figures['seen']}  {figures['error']}", flush=True)
+    return figures
+
+
+def main():
+    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
+    rows, waiting = [], []
+    for one in wanted:
+        figures, running = measured(one)
+        # The memory of one daemon is looked at while the next one is under attack.
+        waiting.append((figures, running)) if running else rows.append(figures)
+        if "skipped" in figures:
+            print(f"{one.number:2} {one.name[:44]:44} skipped: {figures['skipped']}", flush=True)
+    for figures, (daemon, stack, due) in waiting:
+        time.sleep(max(0.0, due - time.monotonic()))
+        rows.append(finished(figures, daemon, stack))
+    rows.sort(key=lambda row: row["number"])
+    if options.out:
+        with open(options.out, "w") as file:
+            json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)
+            file.write("\n")
+    return 0 if all(row.get("passed", True) for row in rows) else 1
+
+
+sys.exit(main())

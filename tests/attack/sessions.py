@@ -66,11 +66,11 @@ class Session:
         self.close()
 
 
-def open_session(address, targets=1, **more):
+def open_session(address, targets=1, channel=None, **more):
     request = session_pb2.OpenSession(camera=Pose3(position=Vec3(x=0, y=1.6, z=6)), targets=[Target(id=n + 1) for n in range(targets)],
                                       **more)
     request.instances.extend(boxes(targets))
-    return Session(address, request)
+    return Session(address, request, channel)
 
 
 @contextlib.contextmanager

@@ -224,13 +224,43 @@ TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {
   EXPECT_LT(glm::distance(desired_place_m(c.targets, {1, 2, 8}, {}, 0.1, {}), glm::dvec3(1, 2, 8)), 1e-9);
 }
 
+// Returns whether every sphere lies within the picture of a camera at `place` that looks at `center`. The picture's sides stand at
+// (1 - margin) of the half angles.
+bool is_within(const glm::dvec3& place, const glm::dvec3& center, const std::vector<TrackedTarget>& targets, const Lens& lens, double margin) {
+  const glm::dvec3 ahead = glm::normalize(center - place), right = glm::normalize(glm::cross(ahead, glm::dvec3(0, 1, 0)));
+  const glm::dvec3 up = glm::cross(right, ahead);
+  const double half_y = lens.vertical_fov_rad / 2, half_x = std::atan(std::tan(half_y) * lens.aspect);
+  for (const TrackedTarget& target : targets) {
+    const glm::dvec3 from = target.aim_m - place;
+    for (const auto& [side, half] : {std::pair(right, half_x), std::pair(-right, half_x), std::pair(up, half_y), std::pair(-up, half_y)}) {
+      const double angle = half * (1 - margin);
+      // Signed distance from the side's plane.
+      if (glm::dot(from, ahead) * std::sin(angle) - glm::dot(from, side) * std::cos(angle) < target.radius_m) return false;
+    }
+  }
+  return true;
+}
+
 TEST(DesiredPlace, BacksOffUntilTheGroupFitsThePicture) {
   CounterRandom random(62, 0, RandomPurpose::kTest);
+  const Lens lens;
   for (int trial = 0; trial < 500; ++trial) {
     std::vector<TrackedTarget> targets;
     for (int i = 0; i < 3; ++i)
       targets.push_back(target_at({random.next_in(-5, 5), random.next_in(-1, 1), random.next_in(-5, 5)}));
-    const glm::dvec3 place = desired_place_m(targets, {0.3, 0.2, 1}, {}, 0.1, {});
+    const glm::dvec3 center = weighted_center_m(targets);
+    const glm::dvec3 offset = {random.next_in(-0.5, 0.5), 0.2, 1};
+    const double margin = trial % 2 == 0 ? 0.1 : 0.0;
+    MoveSettings settings;
+    settings.min_distance_m = 0;
+    const glm::dvec3 place = desired_place_m(targets, offset, lens, margin, settings);
+    const glm::dvec3 outwards = place - center;
+    EXPECT_NEAR(glm::dot(glm::normalize(outwards), glm::normalize(offset)), 1, 1e-12);
+    // It fits there, and a thousandth nearer it does not.
+    EXPECT_TRUE(is_within(center + outwards * 1.000001, center, targets, lens, margin));
+    if (glm::length(outwards) > glm::length(offset) + 1e-6) {
+      EXPECT_FALSE(is_within(center + outwards * 0.999, center, targets, lens, margin));
+    }
     FramingSettings framing;
     framing.dead_zone = 0;
     EXPECT_TRUE(aim_at(place, targets, {}, {}, framing).fits);

@@ -85,6 +85,36 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   EXPECT_EQ(replies, replies_in_cut) << "with those of the lead";
 }
 
+// Messages lie exactly at both ends of the range. The one at its start is in it, the one at its end is not.
+TEST_F(Verbs, ACutBeginsAndEndsAtExactlyItsTimes) {
+  Told told;
+  for (uint64_t i = 1; i <= 40; ++i) told.tick(i), told.reply(i);  // the reply of tick i is 10 i + 10 ms after the start
+  const std::string bytes = told.finish(), file = put("told.mcap", bytes);
+  const auto in_range = [](std::vector<PlainMessage> messages, uint64_t start_ms, uint64_t end_ms) {
+    std::erase_if(messages, [&](const PlainMessage& m) {
+      return m.log_time_ns < kRecordedStartNs + start_ms * 1'000'000 || m.log_time_ns >= kRecordedStartNs + end_ms * 1'000'000;
+    });
+    return messages;
+  };
+  for (const auto& [start_ms, end_ms] : {std::pair<uint64_t, uint64_t>(100, 200), {105, 205}, {0, 200}, {0, 205}}) {
+    SCOPED_TRACE(start_ms);
+    ASSERT_EQ(cut(file, path("part.mcap"), static_cast<double>(start_ms) / 1e3, static_cast<double>(end_ms) / 1e3).status, 0);
+    const auto got = messages_of(bytes_of(path("part.mcap")));
+    EXPECT_EQ(in_range(got, start_ms, 1'000'000), in_range(messages_of(bytes), start_ms, end_ms));
+    std::filesystem::remove(path("part.mcap"));
+  }
+}
+
+// The text names the end of the recording, not the time that was asked for.
+TEST_F(Verbs, ACutBeyondTheEndSaysHowFarTheRecordingGoes) {
+  const std::string file = put("hall.mcap", hall());
+  EXPECT_EQ(cut(file, path("part.mcap"), 0.5, 77).status, 0);
+  const double duration_s = recording_of(hall()).duration_s();
+  char expected[64];
+  std::snprintf(expected, sizeof expected, "0.500 s to %.3f s of hall.mcap", duration_s);
+  EXPECT_THAT(info({path("part.mcap")}).out, HasSubstr(expected));
+}
+
 TEST_F(Verbs, ACutOfACutIsTheCut) {
   const std::string file = put("hall.mcap", hall());
   EXPECT_EQ(cut(file, path("a.mcap"), 0.4).status, 0);

@@ -1,0 +1,182 @@
+// libFuzzer plays a client of one session: an opening, ticks and scene deltas in any order, as bytes of the wire, without a network. The
+// messages go the way that they go in the service: weighed, parsed, converted, applied, stepped, and answered. Depth maps come from a
+// sampler that makes them up, so that steps are short and see anything.
+//
+// An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options.
+
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+#include "server/service/session_budget.h"
+#include "server/session/session.h"
+#include "server/wire/from_proto.h"
+#include "server/wire/message_weight.h"
+#include "server/wire/to_proto.h"
+#include "tests/fuzz/byte_feed.h"
+
+namespace {
+
+using namespace sightline;
+using test::ByteFeed;
+
+constexpr size_t kMostMemory = 4 << 20;
+constexpr size_t kMostInstances = 200;
+constexpr double kMostStepCostMs = 2.0;
+constexpr int kMostSteps = 12;
+
+// Gives each texel a distance and an occluder that follow from its place, some of them none.
+class MadeUpSampler final : public Sampler {
+ public:
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+    maps.resize(requests.size());
+    for (size_t i = 0; i < requests.size(); ++i) fill(mirror, requests[i], maps[i]);
+    return {};
+  }
+
+ private:
+  static void fill(const SceneMirror& mirror, const MapRequest& request, DepthMap& map) {
+    const auto texels = static_cast<size_t>(request.view.width) * static_cast<size_t>(request.view.height);
+    map.view = request.view, map.ahead_s = request.ahead_s;
+    map.distance_m.assign(texels, std::numeric_limits<float>::infinity());
+    map.occluder.assign(texels, kNoOccluder);
+    const auto slots = static_cast<uint32_t>(mirror.instances().size());
+    for (size_t t = 0; t < texels && slots > 0; ++t) {
+      const auto slot = static_cast<uint32_t>(t * 7 % (2 * slots));
+      if (slot >= slots || !mirror.instances()[slot].geometry || !mirror.instances()[slot].occludes()) continue;
+      map.occluder[t] = slot;
+      map.distance_m[t] = 0.5f + static_cast<float>(t % 9);
+    }
+  }
+};
+
+void must(bool holds) {
+  if (!holds) std::abort();
+}
+
+bool all_finite(const google::protobuf::Message& message) {
+  using Field = google::protobuf::FieldDescriptor;
+  const auto& reflection = *message.GetReflection();
+  std::vector<const Field*> fields;
+  reflection.ListFields(message, &fields);
+  for (const Field* field : fields) {
+    const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      if (field->cpp_type() == Field::CPPTYPE_DOUBLE &&
+          !std::isfinite(field->is_repeated() ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field)))
+        return false;
+      if (field->cpp_type() == Field::CPPTYPE_MESSAGE &&
+          !all_finite(field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field)))
+        return false;
+    }
+  }
+  return true;
+}
+
+class Client {
+ public:
+  explicit Client(bool with_tables) : with_tables_(with_tables) {}
+
+  // False: the call has ended.
+  bool send(const v1::ControlRequest& request) {
+    if (!session_) return request.has_open() && open(request.open());
+    if (request.has_tick()) tick(request.tick());
+    return steps_ < kMostSteps;
+  }
+
+ private:
+  bool open(const v1::OpenSession& request) {
+    std::vector<std::string> warnings;
+    auto options = session_options_from_proto(request, {library_, store_}, warnings);
+    if (!options) return refused(options.error(), nullptr, 0);
+    if (options->instances.size() > kMostInstances) return false;
+    const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
+    if (!check_step_cost(options->settings, options->targets.size(), limits, "open.settings")) return false;
+    if (with_tables_) options->extents = &extents_;
+    auto opened = Session::open(std::move(*options), std::make_unique<MadeUpSampler>(), nullptr);
+    if (!opened) return refused(opened.error(), nullptr, 0);
+    session_ = std::move(*opened);
+    v1::SessionOpened reply;
+    opened_to_proto(*session_, reply);
+    must(reply.instance_count() == session_->mirror().size() && reply.mirror_hash() == session_->mirror().hash());
+    return true;
+  }
+
+  void tick(const v1::Tick& request) {
+    const uint64_t revision = session_->mirror().revision(), hash = session_->mirror().hash(), sequence = session_->sequence();
+    auto input = tick_from_proto(request, *session_, {library_, store_});
+    const bool too_much = input && over_budget(*input);
+    const Status applied = !input ? tl::unexpected(input.error()) : too_much ? Status{} : session_->apply(*input);
+    if (!applied || too_much) {
+      if (!applied) refused(applied.error(), &session_->mirror(), request.sequence());
+      must(session_->mirror().revision() == revision && session_->mirror().hash() == hash && session_->sequence() == sequence);
+      return;
+    }
+    must(session_->sequence() == request.sequence());
+    ++applied_;
+    if (!request.step_control().merge_into_next()) step(request);
+  }
+
+  bool over_budget(const TickInput& input) const {
+    const StepSettings& settings = input.settings ? *input.settings : session_->settings();
+    const size_t targets = (input.targets ? *input.targets : session_->targets()).size();
+    const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
+    return session_->mirror().size() + input.delta.add.size() > kMostInstances || !check_step_cost(settings, targets, limits, "tick");
+  }
+
+  void step(const v1::Tick& request) {
+    ++steps_;
+    const auto answer = session_->step(static_cast<int>(request.step_control().quality_level()));
+    must(answer.has_value());
+    must(answer->sequence == request.sequence() && answer->merged_ticks + 1 == applied_);
+    must(answer->hash == session_->mirror().hash() && answer->revision == session_->mirror().revision());
+    applied_ = 0;
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
+    must(all_finite(reply.pose()) && all_finite(reply.velocity()) && all_finite(reply.angular_velocity()));
+    must(static_cast<size_t>(reply.targets_size()) == session_->targets().size());
+    for (const v1::TargetVisibility& target : reply.targets()) must(target.visible_share() >= 0 && target.visible_share() <= 1);
+    std::string memory;
+    session_->write_memory(memory);
+    must(!memory.empty());
+  }
+
+  // Every refusal names a field and says why.
+  bool refused(const Error& error, const SceneMirror* mirror, uint64_t sequence) {
+    must(!error.field.empty() && !error.message.empty());
+    v1::TickError told;
+    tick_error_to_proto(error, sequence, mirror, told);
+    must(told.sequence() == sequence && !told.message().empty());
+    return false;
+  }
+
+  const bool with_tables_;
+  GeometryStore store_;
+  SceneLibrary library_{"", GltfLimits{}, store_};
+  ExtentCache extents_;
+  std::unique_ptr<Session> session_;
+  uint32_t applied_ = 0;  // since the last step
+  int steps_ = 0;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  static const bool quiet = [] {
+    google::protobuf::SetLogHandler(nullptr);
+    return true;
+  }();
+  (void)quiet;
+  ByteFeed feed(data, size);
+  Client client(feed.byte() & 1);
+  while (!feed.empty()) {
+    const auto bytes = feed.bytes(feed.take<uint16_t>());
+    v1::ControlRequest request;
+    const bool light = message_weight(*v1::ControlRequest::descriptor(), std::as_bytes(bytes), kMostMemory) < kMostMemory;
+    if (!light || !request.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) break;
+    // The weight is an upper estimate.
+    must(request.SpaceUsedLong() <= 2 * kMostMemory);
+    if (!client.send(request)) break;
+  }
+  return 0;
+}

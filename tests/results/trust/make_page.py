@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""Writes the page on trust, README.md, from the files beside it.
+
+    make_page.py                               # the page
+    make_page.py --add-executions FILE         # counts of tests/fuzz.sh are added to fuzz.csv first
+"""
+import argparse
+import collections
+import csv
+import json
+import pathlib
+import re
+
+HERE = pathlib.Path(__file__).parent
+HEAD = """# Trust
+
+`tests/results/trust/make.sh` makes this page: do not edit it by hand. `make_page.py` writes it again from the files in this folder.
+[SECURITY.md](../../../deploy/SECURITY.md) says what is promised, and against whom.
+"""
+
+
+def table(head, rows):
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    return "\n".join(lines + ["| " + " | ".join(str(cell).replace("|", "\\|").replace("\n", " ") for cell in row) + " |" for row in rows]) + "\n"
+
+
+def load(name):
+    path = HERE / name
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+def verdict(passed):
+    return "**passed**" if passed else "**FAILED**"
+
+
+def attacks():
+    data = load("attacks.json")
+    if not data:
+        return "Not measured yet.\n"
+    rows = []
+    for row in data["rows"]:
+        if "skipped" in row:
+            rows.append([row["number"], "", "", "", "", "", f"skipped: {row['skipped']}", ""])
+            continue
+        p99 = f"{row['p99_ms']:.1f} ms" if row["p99_ms"] is not None else "none"
+        answered = "" if row["answered"] == row["ticks"] else f", {row['answered']} of {row['ticks']} answered"
+        memory = f"{row['memory_before_mib']:.0f}, {row['memory_most_mib']:.0f}, {row['memory_after_mib']:.0f} MiB"
+        rows.append([row["number"] or "", row["name"], row["before"], row["seen"] + (f"; {row['error']}" if row["error"] else ""), p99 + answered,
+                     memory, verdict(row["passed"])])
+    rows = [row[:7] for row in rows]
+    passed = sum(row.get("passed", False) for row in data["rows"])
+    return (f"A session at 60 Hz runs beside each attack, for {data['seconds']:.0f} s, on {data['cpus']} CPUs that daemon, attacker and session share. "
+            f"An attack passes when every tick of the session was answered with a p99 under 33 ms, and the daemon's memory was back within 10 % "
+            f"{data['after_s']:.0f} s after it. The memory is before, at most, and after. \"Before\" is what the attack did when it was first tried, on "
+            f"a daemon without gate and budgets. {passed} of {len(data['rows'])} passed.\n\n" +
+            table(["#", "attack", "before", "now", "p99 beside it", "memory", ""], rows) +
+            "\n`tests/attack` asserts the same without times (`ctest -R Attack_`); [its page](../../attack/README.md) says what stops each attack.\n")
+
+
+def soak():
+    data = load("soak.json")
+    if not data:
+        return "Not measured yet: `tests/soak.sh HOURS`.\n"
+    totals = ", ".join(f"{count:,} {name}" for name, count in data["totals"].items())
+    rows = [[name, entry["figure"], verdict(entry["passed"])] for name, entry in data["verdicts"].items()]
+    return (f"`tests/soak.sh {data['hours']:g}`: 16 sessions at 60 Hz for {data['hours'] * 60:.0f} minutes on {data['cpus']} CPUs, with scene changes, sessions "
+            f"that are closed or cut off, and uploads: {totals}.\n\n" + table(["of the daemon", "figure", ""], rows))
+
+
+def deltas():
+    path = HERE / "deltas.txt"
+    return f"`build/release/bin/delta_storm 100000`:\n\n```text\n{path.read_text().strip()}\n```\n" if path.exists() else "Not measured yet.\n"
+
+
+def fuzz_counts():
+    path = HERE / "fuzz.csv"
+    return {row["target"]: [int(row["executions"]), int(row["seconds"])] for row in csv.DictReader(path.open())} if path.exists() else {}
+
+
+def add_executions(file):
+    counts = fuzz_counts()
+    for line in pathlib.Path(file).read_text().splitlines():
+        target, executions, seconds = line.split()
+        former = counts.setdefault(target, [0, 0])
+        former[0] += int(executions)
+        former[1] += int(seconds)
+    with (HERE / "fuzz.csv").open("w") as out:
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(("target", "executions", "seconds"))
+        writer.writerows((target, *counts[target]) for target in sorted(counts))
+
+
+READS = {"access": "access files", "config": "configuration files", "control": "messages of a session: opening, ticks, deltas, in any order",
+         "delta": "scene deltas, against a plain model of the scene", "frames": "HTTP/2 frames", "gltf": "scene files", "mcap": "recordings"}
+
+
+def fuzzing():
+    counts = fuzz_counts()
+    rows = [[target, READS.get(target, ""), f"{executions:,}", f"{seconds / 60:.0f}"] for target, (executions, seconds) in sorted(counts.items())]
+    rows.append(["all", "", f"{sum(e for e, _ in counts.values()):,}", f"{sum(s for _, s in counts.values()) / 60:.0f}"])
+    findings = (HERE / "findings.md").read_text()
+    return ("`tests/fuzz.sh MINUTES`, with AddressSanitizer and UndefinedBehaviorSanitizer; leaks are looked for. Every test run reads the kept corpora.\n\n" +
+            table(["target", "reads", "executions", "minutes"], rows) + "\n" + findings)
+
+
+def mutation():
+    data = load("mutants.json")
+    if not data:
+        return "Not measured yet: `tests/mutation.sh`.\n"
+    reasons = load("survivors.json") or []
+    every, killed = collections.Counter(), collections.Counter()
+    survivors = []
+    for mutant in data["mutants"]:
+        every[mutant["folder"]] += 1
+        killed[mutant["folder"]] += mutant["by"] is not None
+        if mutant["by"] is None:
+            reason = next((r["reason"] for r in reasons if (r["file"], r["change"], r["text"]) == (mutant["file"], mutant["change"], mutant["text"])),
+                          "not examined" if mutant["reached"] else "no test of the folder comes past it")
+            survivors.append([f"{mutant['file']}:{mutant['line']}", mutant["change"], f"`{mutant['text'][:60]}`", reason])
+    rows = [[folder, every[folder], killed[folder], f"{killed[folder] / every[folder]:.0%}"] for folder in sorted(every)]
+    total = sum(every.values())
+    rows.append(["all", total, sum(killed.values()), f"{sum(killed.values()) / total:.0%}"])
+    return (f"`tests/mutation.sh`: small changes of the program, drawn with seed {data['seed']}; a test that fails, crashes or hangs kills one. The tests are those "
+            f"of the folder and the nearest wider ones (`tests/mutation/nearest.py`), without the golden recording, which notices every bit. The goal is 85 %.\n\n" +
+            table(["folder", "mutants", "killed", "share"], rows) + "\nThose that survived:\n\n" +
+            table(["place", "change", "of", "reason"], survivors))
+
+
+def skew():
+    return ("The Python client of version 0.1 plays a session on this daemon, and gets the replies that today's client gets, field by field. Today's client "
+            "reads what the daemon of version 0.1 answered, and finds everything that the former contract finds in the bytes. The answers are kept in "
+            "`tests/skew/former`; `tests/skew.sh` builds the former daemon from the history and plays both ways again. `ctest -R VersionSkew`.\n")
+
+
+def page():
+    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Soak\n\n" + soak(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
+             "## Versions\n\n" + skew(), "## Mutants\n\n" + mutation(), "## What users expect of such a service\n\n" + (HERE / "promises.md").read_text()]
+    return "\n".join(parts)
+
+
+def commands():
+    """The tests that the page names: (regular expression of ctest)."""
+    return re.findall(r"ctest -R '?([^'`\s]+)'?", (HERE / "promises.md").read_text().replace("\\|", "|"))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--add-executions", metavar="FILE")
+    options = parser.parse_args()
+    if options.add_executions:
+        add_executions(options.add_executions)
+    (HERE / "README.md").write_text(page(), encoding="utf-8")
