@@ -63,6 +63,7 @@ struct Serve {
 };
 struct ReportDevices {
   Flags flags;
+  bool json = false;
 };
 // `sightlined demo`: the process becomes the command `sightline demo`, which stands beside it.
 struct BecomeDemo {

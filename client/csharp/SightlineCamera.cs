@@ -148,7 +148,7 @@ public sealed class SightlineCamera : IDisposable {
         return false;
     }
 
-    // What a new stream begins with after its opening, so that `next` can follow.
+    // The messages with which a new stream begins after its opening, so that `next` can follow.
     async Task ResumeAsync(Tick next) {
         var ticks = snapshot.Ticks(next.Sequence);
         if (next.Delta != null && next.Delta.HasBaseRevision) {
