@@ -15,13 +15,16 @@ import subprocess
 import sys
 
 SECTIONS = {"sightlined": 8}  # daemons; other programs are in section 1
+MOST_IN_LINE = 8  # choices; more of them stand in the text
 EXIT_STATUS = "0: the work was done. 1: the work failed, or the answer is no. 2: the flags are wrong."
 
 
 class Flag:
     def __init__(self, table):
-        self.names, self.text = table["names"], table["description"].rstrip(".")
-        self.choices, self.takes_value = table["choices"], table["takes_value"]
+        self.names, self.choices, self.takes_value = table["names"], table["choices"], table["takes_value"]
+        self.text = table["description"].rstrip(".")
+        if len(self.choices) > MOST_IN_LINE:
+            self.text += ". One of " + ", ".join(self.choices)
         self.positional, self.required, self.repeated = table["positional"], table["required"], table["repeated"]
         self.default, self.type = table["default"], table["type"]
 
@@ -31,7 +34,9 @@ class Flag:
         if not self.takes_value:
             return ""
         if self.choices:
-            return "|".join(self.choices)
+            return "|".join(self.choices) if len(self.choices) <= MOST_IN_LINE else "NAME"
+        if self.type.endswith(":NONNEGATIVE"):
+            return "0 or more"
         interval = re.search(r"in \[(\S+) - (\S+)\]|NUMBER (\S+) to (\S+)", self.type)
         if interval:
             low, high = filter(None, interval.groups())
@@ -86,7 +91,7 @@ def flag_rows(command):
         if flag.names[0] == "--help":
             continue
         names = ", ".join(f"`{name}`" for name in flag.names)
-        notes = [word for word, holds in (("required", flag.required), ("repeatable", flag.repeated)) if holds]
+        notes = [word for word, holds in (("required", flag.required), ("repeatable", flag.repeated and "repeated" not in flag.text)) if holds]
         value = flag.value.replace("|", " \\| ")
         text = flag.text.replace("|", "\\|") + "." + (f" ({', '.join(notes)})" if notes else "")
         yield f"| {names} | {value} | {flag.default_text.replace('|', chr(92) + '|')} | {text} |"
