@@ -19,7 +19,7 @@ RUN /src/deploy/install-packages.sh build
 COPY . /src
 # Compiled objects are kept between builds of the image, so a second one takes a few minutes.
 RUN --mount=type=cache,id=sightline-ccache,target=/var/cache/ccache \
-    export CCACHE_DIR=/var/cache/ccache CCACHE_BASEDIR=/src CCACHE_NOHASHDIR=1 \
+    export LANG=C.UTF-8 CCACHE_DIR=/var/cache/ccache CCACHE_BASEDIR=/src CCACHE_NOHASHDIR=1 \
  && cmake -S /src -B /src/build/image -G Ninja -DCMAKE_BUILD_TYPE=Release -DSIGHTLINE_TESTS=OFF \
  && cmake --build /src/build/image --target sightlined sightline make-scenes third_parties \
  && install -d /build \
