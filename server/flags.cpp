@@ -6,6 +6,7 @@
 #include <map>
 #include <sstream>
 
+#include "server/command_table.h"
 #include "server/config_file.h"
 #include "server/service/server_info.h"
 
@@ -25,6 +26,7 @@ struct RawFlags {
   std::string fault;
   std::string address;
   bool alive = false;
+  bool json = false;
   bool print_config = false;
   bool check_config = false;
 };
@@ -320,6 +322,7 @@ void add_configuration(CLI::App& app, RawFlags& raw) {
       ->configurable(false);
   app.set_version_flag("--version", std::string("sightlined ") + kVersion, "Print the version and exit")
       ->configurable(false);
+  add_describe_flag(app);
 }
 
 // Throws CLI::ValidationError for flags that are wrong only together.
@@ -364,10 +367,11 @@ Command parse_command_line(int argc, const char* const* argv) {
   app.allow_config_extras(false);
   const auto config = std::make_shared<ConfigFile>(app);
   app.config_formatter(config);
-  const CLI::App* devices =
+  CLI::App* const devices =
       app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
           ->fallthrough()
           ->configurable(false);
+  devices->add_flag("--json", raw.json, "One JSON object instead of a table")->configurable(false);
   // Its flags, --help among them, are those of `sightline demo`.
   CLI::App* demo = app.add_subcommand("demo", "Play a generated scene and write a page of the session, as `sightline demo` does")
                        ->prefix_command()
@@ -400,7 +404,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     std::cout << "the configuration is valid\n";
     return Exit{0};
   }
-  if (devices->parsed()) return ReportDevices{finished(raw)};
+  if (devices->parsed()) return ReportDevices{finished(raw), raw.json};
   if (health->parsed()) return CheckHealth{finished(raw), raw.address, raw.alive};
   return Serve{finished(raw)};
 }

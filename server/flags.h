@@ -66,6 +66,7 @@ struct Serve {
 };
 struct ReportDevices {
   Flags flags;
+  bool json = false;
 };
 // `sightlined demo`: the process becomes the command `sightline demo`, which stands beside it.
 struct BecomeDemo {

@@ -114,7 +114,7 @@ void add_measuring_flags(CLI::App& bench, BenchOptions& options) {
                   "Sessions that share one connection")
       ->check(CLI::Range(size_t{1}, size_t{1000}))
       ->capture_default_str();
-  bench.add_option("--json", options.json, "File for the result; client/README.md has its fields")
+  bench.add_option("--json", options.json, "File for the result; client/README.md has its fields. - writes it to the standard output instead of the table")
       ->type_name("FILE");
 }
 
@@ -131,8 +131,10 @@ void add_bench_flags(CLI::App& app, BenchOptions& options) {
 }
 
 int run_bench_command(const BenchOptions& options, std::ostream& out, std::ostream& err) {
-  std::ofstream json;
-  if (!options.json.empty()) json.open(options.json);  // first, so that a bad path is reported at once
+  const bool only_json = options.json == "-";
+  std::ofstream file;
+  if (!options.json.empty() && !only_json) file.open(options.json);  // first, so that a bad path is reported at once
+  std::ostream& json = only_json ? out : file;
   Result<BenchJson> result = json.fail() ? fail(ErrorCode::kUnavailable, options.json, "cannot be written")
                                          : run_bench(options, err);
   if (result && !options.json.empty() && !(json << result->dump(2) << '\n').flush())
@@ -141,7 +143,7 @@ int run_bench_command(const BenchOptions& options, std::ostream& out, std::ostre
     err << "sightline bench: " << to_string(result.error()) << '\n';
     return 1;
   }
-  print_bench(*result, out);
+  if (!only_json) print_bench(*result, out);
   return 0;
 }
 

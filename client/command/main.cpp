@@ -18,6 +18,7 @@
 #include "client/cpp/sightline_client.h"
 #include "client/base/verb.h"
 #include "client/base/wire_presets.h"
+#include "server/command_table.h"
 #include "server/gl/software_renderer.h"
 
 namespace {
@@ -53,6 +54,7 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
   drive->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  drive->add_flag("--json", options.json, "One JSON object at the end instead of text: the figures of metrics.json, latencies, files, warnings");
 }
 
 void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
@@ -92,14 +94,16 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
   evaluate->add_option("--out", options.out, "Folder for the tables")->capture_default_str();
+  evaluate->add_flag("--json", options.json, "One JSON object instead of a table: means over the seeds of every figure, by scene and policy");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   sightline::prepare_software_rendering();
-  CLI::App app("Sightline: a camera that keeps several targets in view");
+  CLI::App app("Sightline: a camera that keeps several targets in view", "sightline");
   app.set_version_flag("--version", "sightline " SIGHTLINE_VERSION);
+  sightline::add_describe_flag(app);
   app.require_subcommand(1);
 
   sightline::DriveOptions drive;
@@ -118,10 +122,10 @@ int main(int argc, char** argv) {
   sightline::add_bench_flags(app, bench);
 
   std::string scene;
-  app.add_subcommand("scene", "Print what a scene file contains")
-      ->add_option("file", scene, "A .glb or .gltf")
-      ->required()
-      ->check(CLI::ExistingFile);
+  bool scene_json = false;
+  CLI::App* scene_verb = app.add_subcommand("scene", "Print what a scene file contains");
+  scene_verb->add_option("file", scene, "A .glb or .gltf")->required()->check(CLI::ExistingFile);
+  scene_verb->add_flag("--json", scene_json, "One JSON object instead of tables");
 
   std::vector<sightline::Verb> verbs = sightline::add_recording_verbs(app);
   verbs.push_back(sightline::add_demo_verb(app, bench.program));
@@ -141,5 +145,5 @@ int main(int argc, char** argv) {
   if (app.got_subcommand("drive")) return sightline::run_drive_command(drive, std::cout, std::cerr);
   if (app.got_subcommand("evaluate")) return sightline::run_evaluate_command(evaluate, std::cout, std::cerr);
   if (app.got_subcommand("bench")) return sightline::run_bench_command(bench, std::cout, std::cerr);
-  return sightline::run_scene_command(scene, std::cout, std::cerr);
+  return sightline::run_scene_command(scene, std::cout, std::cerr, scene_json);
 }

@@ -188,14 +188,82 @@ void print_animations(std::ostream& out, const SceneAsset& asset) {
   table.print(out);
 }
 
+using Json = nlohmann::ordered_json;
+
+Json json_of(const glm::dvec3& v) {
+  return {v.x, v.y, v.z};
+}
+
+Json json_of(const Extents& extents) {
+  if (extents.min_m.x > extents.max_m.x) return nullptr;
+  return {{"min_m", json_of(extents.min_m)}, {"max_m", json_of(extents.max_m)}};
+}
+
+Json nodes_json(const SceneAsset& asset) {
+  Json nodes = Json::array();
+  const std::vector<Affine> world_from_node = rest_world_from_node(asset);
+  for (size_t i = 0; i < asset.nodes.size(); ++i) {
+    const AssetNode& node = asset.nodes[i];
+    nodes.push_back({{"name", node.name},
+                     {"parent", node.parent},
+                     {"position_m", json_of(glm::dvec3(world_from_node[i][3]))},
+                     {"mesh", node.mesh},
+                     {"instances", placements(node)},
+                     {"role", role_text(node)},
+                     {"attributes", attributes_text(node.attributes)}});
+  }
+  return nodes;
+}
+
+Json meshes_json(const SceneAsset& asset) {
+  Json meshes = Json::array();
+  for (size_t i = 0; i < asset.meshes.size(); ++i) {
+    const Geometry* mesh = asset.meshes[i].get();
+    const size_t triangles = mesh ? mesh->triangle_count() : 0;
+    meshes.push_back({{"name", asset.mesh_names[i]},
+                      {"triangles", triangles},
+                      {"see_through_triangles", mesh ? triangles - mesh->occluding_index_count / 3 : 0},
+                      {"bytes", mesh ? mesh->bytes() : 0}});
+  }
+  return meshes;
+}
+
+// `parent` and `mesh` of a node are indices; -1: none.
+Json json_of(const std::string& path, const SceneAsset& asset, const GeometryStore& store) {
+  Json cameras = Json::array(), animations = Json::array();
+  for (const AssetCamera& camera : asset.cameras)
+    cameras.push_back({{"vertical_fov_rad", camera.vertical_fov_rad},
+                       {"aspect", camera.aspect ? Json(*camera.aspect) : Json()},
+                       {"near_m", camera.near_m}});
+  for (const AssetAnimation& animation : asset.animations)
+    animations.push_back({{"name", animation.name}, {"duration_s", animation.duration_s}, {"channels", animation.channels.size()}});
+  return {{"file", path},
+          {"hash", to_hex(asset.hash)},
+          {"extents", json_of(extents_of(asset))},
+          {"triangles", asset.triangle_count()},
+          {"memory_bytes", store.live_bytes_by_part().total()},
+          {"geometries", store.live_count()},
+          {"extensions", asset.extensions_used},
+          {"nodes", nodes_json(asset)},
+          {"meshes", meshes_json(asset)},
+          {"cameras", std::move(cameras)},
+          {"animations", std::move(animations)},
+          {"warnings", asset.warnings}};
+}
+
 }  // namespace
 
-int run_scene_command(const std::string& path, std::ostream& out, std::ostream& err) {
+int run_scene_command(const std::string& path, std::ostream& out, std::ostream& err, bool json) {
   GeometryStore store;
   const auto asset = read_gltf_file(path, store);
   if (!asset) {
     err << path << ": " << to_string(asset.error()) << '\n';
     return 1;
+  }
+  if (json) {
+    // Names come from the file: what is no text is replaced, not refused.
+    out << json_of(path, **asset, store).dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
+    return 0;
   }
   print_summary(out, path, **asset, store);
   print_nodes(out, **asset);

@@ -104,12 +104,12 @@ struct KeepAlive {
   std::chrono::milliseconds timeout{5'000};
 };
 
-// Who the client is, and how its connection is encrypted. Texts in PEM format.
+// Identity of the client, and the encryption of its connection. Texts in PEM format.
 struct ClientCredentials {
   bool tls = false;              // encrypts TCP
   std::string roots;             // those whose signature makes the server's certificate valid; empty: gRPC's own
   std::string certificate, key;  // what the client shows of itself, for servers that ask for it
-  std::string token;             // shows the server who calls; needs `tls` or a unix socket
+  std::string token;             // identifies the client to the server; needs `tls` or a unix socket
 };
 
 class Client {

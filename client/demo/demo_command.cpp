@@ -87,9 +87,10 @@ Status play(const DemoOptions& options, std::ostream& out, std::ostream& err) {
   drive.duration_s = options.duration_s;
   drive.lockstep = true;
   drive.picture_every = kJudgedEvery;
+  drive.json = options.json;
   drive.progress = options.progress;
   if (run_drive_command(drive, out, err) != 0) return fail(ErrorCode::kUnavailable, "", "the scene was not played to its end");
-  if (options.out.empty() && folder->is_absolute())
+  if (options.out.empty() && folder->is_absolute() && !options.json)
     out << "The working folder cannot be written, so the files are in " << folder->string() << ". In a container, mount a folder and give --out.\n";
   return {};
 }
@@ -128,6 +129,7 @@ Verb add_demo_verb(CLI::App& app, const std::string& program) {
       ->check(CLI::IsMember({"auto", "egl", "embree"}))
       ->capture_default_str();
   demo->add_option("--daemon", options->daemon, "The program sightlined (default: beside this program)");
+  demo->add_flag("--json", options->json, "One JSON object at the end instead of text, as sightline drive --json prints it");
   return {demo, [options] { return run_demo_command(*options, std::cout, std::cerr); }};
 }
 

@@ -16,6 +16,7 @@ struct DemoOptions {
   std::string sampler = "auto";
   std::string daemon;        // path of sightlined
   double duration_s = 12.0;  // of the scene, > 0
+  bool json = false;         // one JSON object instead of text, as of `sightline drive`
   bool progress = false;     // a bar on `err`
 };
 

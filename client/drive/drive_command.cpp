@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "client/page/contact_sheet.h"
@@ -39,7 +40,7 @@ struct Judged {
 class Drive {
  public:
   Drive(const DriveOptions& options, std::ostream& out, std::ostream& err)
-      : options_(options), out_(out), bar_(err, options.progress) {}
+      : options_(options), json_out_(out), out_(options.json ? nullptr : out.rdbuf()), bar_(err, options.progress) {}
 
   Status run() {
     if (auto done = load(); !done) return done;
@@ -53,7 +54,7 @@ class Drive {
     auto scenario = Scenario::read(options_.scenario, store_);
     if (!scenario) return tl::unexpected(scenario.error());
     scenario_.emplace(std::move(*scenario));
-    for (const std::string& warning : scenario_->asset().warnings) out_ << "warning: " << warning << '\n';
+    for (const std::string& warning : scenario_->asset().warnings) warn(warning);
     const auto limits = limits_of(*scenario_);
     if (!limits) return tl::unexpected(limits.error());
     limits_ = *limits;
@@ -106,7 +107,12 @@ class Drive {
     out_ << "session " << opened.session_id() << ": " << opened.instance_count() << " instances, "
          << opened.triangle_count() << " triangles, " << scenario_->targets().size() << " targets, sampler "
          << opened.sampler() << '\n';
-    for (const std::string& warning : opened.warnings()) out_ << "warning: " << warning << '\n';
+    for (const std::string& warning : opened.warnings()) warn(warning);
+  }
+
+  void warn(const std::string& text) {
+    warnings_.push_back(text);
+    out_ << "warning: " << text << '\n';
   }
 
   void say_frame(const std::vector<PlayedFrame>& frames) {
@@ -161,8 +167,19 @@ class Drive {
     bar_.clear();
     if (!written) return written;
     out_ << "trace   " << trace << "\nmetrics " << metrics << "\npicture " << sheet << '\n';
+    files_ = {{"trace", trace}, {"metrics", metrics}, {"picture", sheet}};
     if (const Status compared = write_comparison(folder / "comparison.png"); !compared) return compared;
-    return options_.page.empty() ? Status() : write_page();
+    if (Status paged = options_.page.empty() ? Status() : write_page(); !paged) return paged;
+    if (options_.json) write_json();
+    return {};
+  }
+
+  void write_json() const {
+    const Json sightline = Json::parse(to_json(run_.metrics)), follow = follow_ ? Json::parse(to_json(*follow_)) : Json();
+    const Json json{{"session", opened_.session_id()}, {"sampler", opened_.sampler()}, {"sightline", sightline},  {"follow", follow},
+                    {"latency", latency_json(frames_)}, {"files", files_},             {"warnings", warnings_}};
+    // Names come from the scene: what is no text is replaced, not refused.
+    json_out_ << json.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
   }
 
   Status write_comparison(const std::string& path) {
@@ -175,6 +192,7 @@ class Drive {
     const Picture picture = comparison(*world_, theirs, ours, kComparedWidth);
     if (auto written = write_png(picture, path); !written) return written;
     out_ << "compare " << path << '\n';
+    files_["comparison"] = path;
     return {};
   }
 
@@ -185,14 +203,21 @@ class Drive {
         [&](const char* what, size_t done, size_t of) { bar_.show(what, done, of); });
     bar_.clear();
     if (!page) return tl::unexpected(page.error());
-    for (const std::string& text : page->notices) out_ << "notice  " << text << '\n';
+    for (const std::string& text : page->notices) {
+      warnings_.push_back(text);
+      out_ << "notice  " << text << '\n';
+    }
     if (auto written = write_session_page(*page, options_.page); !written) return written;
     out_ << "page    " << options_.page << '\n';
+    files_["page"] = options_.page;
     return {};
   }
 
+  using Json = nlohmann::ordered_json;
+
   const DriveOptions& options_;
-  std::ostream& out_;
+  std::ostream& json_out_;
+  std::ostream out_;  // text for a person; with --json it goes nowhere
   ProgressBar bar_;
   GeometryStore store_;
   EmbreeDevice device_;
@@ -209,6 +234,8 @@ class Drive {
   std::vector<size_t> telling_;  // indices of the frames that comparison.png shows
   Judged run_;
   std::optional<RunMetrics> follow_;
+  std::vector<std::string> warnings_;
+  Json files_;
 };
 
 }  // namespace

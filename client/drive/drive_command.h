@@ -23,6 +23,7 @@ struct DriveOptions {
   bool lockstep = false;             // --fast
   bool truth = true;                 // judge the run and the follow baseline
   int picture_every = 1;             // judge every n-th frame's picture
+  bool json = false;                 // one JSON object on `out` instead of text
   bool progress = false;             // a bar on `err`
 };
 

@@ -1,6 +1,7 @@
 #include "client/drive/report.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "client/base/text_table.h"
 #include "server/wire/short_name.h"
@@ -25,14 +26,35 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame) {
          formatted("  %.2f ms", frame.latency_ms);
 }
 
-std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames) {
-  std::vector<double> latencies, steps;
+namespace {
+
+struct Latencies {
+  std::vector<double> reply_ms, step_ms;
   size_t merged = 0;
+};
+
+Latencies latencies_of(std::span<const PlayedFrame> frames) {
+  Latencies found;
   for (const PlayedFrame& frame : frames) {
-    latencies.push_back(frame.latency_ms);
-    steps.push_back(frame.reply.stage_times().total_us() / 1000.0);
-    merged += frame.reply.merged_ticks();
+    found.reply_ms.push_back(frame.latency_ms);
+    found.step_ms.push_back(frame.reply.stage_times().total_us() / 1000.0);
+    found.merged += frame.reply.merged_ticks();
   }
+  return found;
+}
+
+}  // namespace
+
+nlohmann::ordered_json latency_json(std::span<const PlayedFrame> frames) {
+  const auto [reply_ms, step_ms, merged] = latencies_of(frames);
+  const auto spread = [](const std::vector<double>& values) {
+    return nlohmann::ordered_json{{"p50", percentile(values, 0.50)}, {"p95", percentile(values, 0.95)}, {"p99", percentile(values, 0.99)}};
+  };
+  return {{"reply_ms", spread(reply_ms)}, {"step_ms", spread(step_ms)}, {"merged_ticks", merged}};
+}
+
+std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames) {
+  const auto [latencies, steps, merged] = latencies_of(frames);
   const auto spread = [](const std::vector<double>& values) {
     return formatted("p50 %.2f  p95 %.2f  p99 %.2f ms", percentile(values, 0.50), percentile(values, 0.95),
                      percentile(values, 0.99));

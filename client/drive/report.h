@@ -1,6 +1,7 @@
 // The text output of a drive: a line a second, and the table at the end.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <ostream>
 #include <span>
@@ -17,6 +18,9 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
 
 // Latencies of the run itself, without the baseline.
 std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
+
+// The same figures in milliseconds: `reply_ms` (tick sent to reply received) and `step_ms`, each with p50, p95 and p99; and `merged_ticks`.
+nlohmann::ordered_json latency_json(std::span<const PlayedFrame> frames);
 
 // One column for the run and, where it was judged, one for `follow`; then latencies.
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "client/base/progress_bar.h"
 #include "client/evaluate/evaluation_tables.h"
@@ -146,6 +147,11 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   if (auto done = write_table(folder / "runs.csv", write_runs, *runs); !done) return done;
   if (auto done = write_table(folder / "pictures.csv", write_pictures, *runs); !done) return done;
   if (auto done = write_table(folder / "timing.csv", write_timing, *runs); !done) return done;
+  if (options.json) {
+    const nlohmann::ordered_json json{{"folder", options.out}, {"figures", summary_json(*runs)}};
+    out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+    return {};
+  }
   print_summary(out, *runs);
   out << "\nwritten to " << options.out << ": runs.csv, pictures.csv, timing.csv\n";
   return {};

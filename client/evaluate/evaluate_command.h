@@ -27,6 +27,7 @@ struct EvaluateOptions {
   int picture_every = 6;
   int jobs = 0;  // number of threads; 0: one per core
   std::string out = "evaluation";
+  bool json = false;      // print one JSON object instead of a table
   bool progress = false;  // draw a bar on `err`
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <iterator>
+#include <nlohmann/json.hpp>
 
 #include "client/base/text_table.h"
 
@@ -249,6 +250,22 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
   }
   table.print(out);
   out << kLegend;
+}
+
+nlohmann::ordered_json summary_json(std::span<const Run> runs) {
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const Group& group : group_runs(runs)) {
+    nlohmann::ordered_json& row = rows.emplace_back();
+    row = {{"scene", group.front()->scene}, {"policy", group.front()->policy}, {"runs", group.size()}};
+    const auto put = [&](std::string_view name, auto of) { row[std::string(name)] = mean(group, of); };
+    for (const RunFigure& figure : run_figures()) put(figure.name, [&](const Run& run) { return figure.of(run.metrics); });
+    for (const Column& column : kAnswerColumns) put(column.name, column.of);
+    for (const OptionalColumns& columns : kOptionalColumns)
+      if (only(group, columns.has).size() == group.size())
+        for (const Column& column : columns.columns) put(column.name, column.of);
+    if (group.front()->most_joint) put("most_joint", [](const Run& run) { return *run.most_joint; });
+  }
+  return rows;
 }
 
 std::string exact_text(double value) {

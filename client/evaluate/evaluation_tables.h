@@ -2,6 +2,7 @@
 // are in write_timing alone. CSV is as in RFC 4180, with a header line; names are quoted.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <ostream>
 #include <span>
 #include <string>
@@ -30,6 +31,10 @@ void write_timing(std::ostream& out, std::span<const RunRecord> runs);
 // A table of scene x policy, means over seeds. Where the policy "ceiling" played too, it shows the joint share as a share of the
 // ceiling's, and the upper estimate of what is possible.
 void print_summary(std::ostream& out, std::span<const RunRecord> runs);
+
+// An array with one object for each scene and policy: `scene`, `policy`, `runs`, and the mean over the seeds of every figure of
+// write_runs that all of them have, by its name there.
+nlohmann::ordered_json summary_json(std::span<const RunRecord> runs);
 
 // The shortest text that reads back as the same double, in any locale.
 std::string exact_text(double value);

@@ -71,6 +71,58 @@ std::optional<mcap::Metadata> note_of(const McapRecovery& done) {
                          {"was_finished", done.was_finished ? "true" : "false"}}};
 }
 
+bool is_loss(const McapLoss& loss) {
+  return loss.chunks + loss.messages + loss.bytes > 0;
+}
+
+// Names come from files: what is no text is replaced, not refused.
+std::string line_of(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
+}
+
+nlohmann::ordered_json json_of(const std::string& copy, const McapRecovery& done) {
+  return {{"copy", copy},
+          {"messages", done.messages},
+          {"chunks", done.chunks},
+          {"attachments", done.attachments},
+          {"metadata", done.metadata},
+          {"was_finished", done.was_finished},
+          {"lost", json_of(done.loss)}};
+}
+
+nlohmann::ordered_json json_of(const std::string& cut, const RecordingCut& done) {
+  return {{"cut", cut},
+          {"messages", done.messages},
+          {"attachments", done.attachments},
+          {"snapshot_ticks", done.snapshot_ticks},
+          {"lead_messages", done.lead_messages},
+          {"lead_s", done.lead_s},
+          {"lost", json_of(done.loss)}};
+}
+
+void print_recovery(std::ostream& out, const std::string& copy, const McapRecovery& done) {
+  out << "copy        " << copy << '\n'
+      << "copied      " << grouped(done.messages) << " messages of " << grouped(done.chunks)
+      << " whole chunks, " << grouped(done.attachments) << " attachments, " << grouped(done.metadata)
+      << " metadata\n"
+      << "finished    "
+      << (done.was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
+      << "lost        " << loss_text(done.loss) << '\n';
+  print_troubles(out, done.loss);
+}
+
+void print_cut(std::ostream& out, const std::string& cut, const RecordingCut& done) {
+  out << "cut         " << cut << '\n'
+      << "copied      " << grouped(done.messages) << " messages, " << grouped(done.attachments)
+      << " attachments\n"
+      << "begins      "
+      << (done.snapshot_ticks == 0 ? std::string("where the recording begins")
+                                   : "after " + grouped(done.snapshot_ticks) + " ticks, given as one snapshot tick")
+      << '\n';
+  if (done.lead_messages > 0)
+    out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n", done.lead_s);
+}
+
 // Reads the copy as any other file.
 Status check_copy(const std::string& path, ProgressBar& bar) {
   const auto source = open_watched(path, bar, "verifying");
@@ -127,8 +179,7 @@ int run_info_command(const InfoOptions& options, std::ostream& out, std::ostream
       continue;
     }
     if (options.json) {
-      // Names come from files: what is no text is replaced, not refused.
-      out << json_of(*summary).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+      out << line_of(json_of(*summary));
       continue;
     }
     if (!std::exchange(first, false)) out << '\n';
@@ -149,15 +200,11 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
     err << (done ? error_text(options.out, sound.error()) : error_text(options.file, done.error())) << '\n';
     return 1;
   }
-  out << "copy        " << options.out << '\n'
-      << "copied      " << grouped(done->messages) << " messages of " << grouped(done->chunks)
-      << " whole chunks, " << grouped(done->attachments) << " attachments, " << grouped(done->metadata)
-      << " metadata\n"
-      << "finished    "
-      << (done->was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
-      << "lost        " << loss_text(done->loss) << '\n';
-  print_troubles(out, done->loss);
-  return done->loss.chunks + done->loss.messages + done->loss.bytes > 0 ? 1 : 0;
+  if (options.json)
+    out << line_of(json_of(options.out, *done));
+  else
+    print_recovery(out, options.out, *done);
+  return is_loss(done->loss) ? 1 : 0;
 }
 
 int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& err) {
@@ -178,16 +225,10 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
     err << error_text(options.file, done.error()) << '\n';
     return 1;
   }
-  out << "cut         " << options.out << '\n'
-      << "copied      " << grouped(done->messages) << " messages, " << grouped(done->attachments)
-      << " attachments\n"
-      << "begins      "
-      << (done->snapshot_ticks == 0 ? std::string("where the recording begins")
-                                  : "after " + grouped(done->snapshot_ticks) +
-                                        " ticks, given as one snapshot tick")
-      << '\n';
-  if (done->lead_messages > 0)
-    out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n", done->lead_s);
+  if (options.json)
+    out << line_of(json_of(options.out, *done));
+  else
+    print_cut(out, options.out, *done);
   const bool lost = done->loss.chunks + done->loss.messages > 0;
   if (!lost) return 0;
   err << options.file << ": lost " << loss_text(done->loss) << '\n';
@@ -213,6 +254,7 @@ std::vector<Verb> add_recording_verbs(CLI::App& app) {
                [](CLI::App& command, RecoverOptions& options) {
                  command.add_option("file", options.file, "An MCAP file")->required();
                  command.add_option("--out", options.out, "The copy: a new file")->required();
+                 command.add_flag("--json", options.json, "One JSON object instead of text");
                }),
       add_verb(app, "dump", "Print the messages of a recording, or of any MCAP file, as lines of JSON",
                run_dump_into_pipe,
@@ -229,6 +271,7 @@ std::vector<Verb> add_recording_verbs(CLI::App& app) {
                  command.add_option("file", options.file, "A recording")->required();
                  command.add_option("--out", options.out, "The cut: a new file")->required();
                  add_range(command, options.start_s, options.end_s);
+                 command.add_flag("--json", options.json, "One JSON object instead of text");
                }),
   };
 }

@@ -33,11 +33,12 @@ struct VerifyOptions {
 };
 int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ostream& err);
 
-// Makes a sound copy of a damaged or unfinished file, and verifies it. 0: nothing that the file holds was lost; 1: something was, and the
-// copy holds the rest.
+// Makes a sound copy of a damaged or unfinished file, and verifies it. 0: nothing that the file holds was lost. 1: something was lost, and
+// the copy holds the rest.
 struct RecoverOptions {
   std::string file = {};
   std::string out = {};  // a new file
+  bool json = false;     // one JSON object
   bool progress = false;
 };
 int run_recover_command(const RecoverOptions& options, std::ostream& out, std::ostream& err);
@@ -64,6 +65,7 @@ struct CutOptions {
   // Seconds of log time since the first message of the file, as client/recordings/cut.h takes them.
   double start_s = 0.0;
   double end_s = std::numeric_limits<double>::infinity();
+  bool json = false;  // one JSON object
   bool progress = false;
 };
 int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& err);

@@ -236,6 +236,15 @@ void print_summary(std::ostream& out, const RecordingSummary& s) {
   print_attachments(out, s);
 }
 
+nlohmann::ordered_json json_of(const McapLoss& loss) {
+  nlohmann::ordered_json out = {{"chunks", loss.chunks}, {"messages", loss.messages}, {"bytes", loss.bytes}};
+  out["troubles"] = loss.troubles;
+  out["first"] = nlohmann::ordered_json::array();
+  for (const McapTrouble& trouble : loss.first_troubles)
+    out["first"].push_back({{"offset", trouble.offset}, {"text", to_string(trouble.error)}});
+  return out;
+}
+
 nlohmann::ordered_json json_of(const RecordingSummary& s) {
   nlohmann::ordered_json out = {{"file", s.name}, {"bytes", s.bytes}};
   if (s.session)

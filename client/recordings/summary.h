@@ -65,6 +65,7 @@ inline constexpr char kRecoveredMetadata[] = "sightline.recovered";
 std::string error_text(const std::string& name, const Error& error);
 // "1 chunk, 20 messages, 1.5 KiB"; "nothing".
 std::string loss_text(const McapLoss& loss);
+nlohmann::ordered_json json_of(const McapLoss& loss);
 // Prints what the summary of a file lacks though the format lets it; nothing when it lacks nothing.
 void print_absent(std::ostream& out, const std::vector<std::string>& absent);
 // Prints the kept troubles, one a line, with their place in the file.

@@ -92,15 +92,6 @@ void print_verdict(std::ostream& out, const std::string& path, const FileVerdict
   print_topics(out, container);
 }
 
-nlohmann::ordered_json json_of(const McapLoss& loss) {
-  nlohmann::ordered_json out = {{"chunks", loss.chunks}, {"messages", loss.messages}, {"bytes", loss.bytes}};
-  out["troubles"] = loss.troubles;
-  out["first"] = nlohmann::ordered_json::array();
-  for (const McapTrouble& trouble : loss.first_troubles)
-    out["first"].push_back({{"offset", trouble.offset}, {"text", to_string(trouble.error)}});
-  return out;
-}
-
 nlohmann::ordered_json json_of(const std::string& path, const FileVerdict& verdict) {
   const McapVerdict& container = verdict.container;
   nlohmann::ordered_json out = {{"file", path},

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
@@ -84,7 +85,7 @@ class ReplayOutput {
 class Command {
  public:
   Command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out, std::ostream& err)
-      : options_(options), in_(in), out_(out), err_(err), bar_(err, options.progress) {}
+      : options_(options), in_(in), json_out_(out), out_(options.json ? nullptr : out.rdbuf()), bar_(err, options.progress) {}
 
   Result<int> run() {
     if (Status done = prepare(); !done) return tl::unexpected(done.error());
@@ -311,6 +312,30 @@ class Command {
     out_ << '\n' << std::flush;
   }
 
+  // Both runs side by side; nothing unless settings were changed or the truth was judged.
+  std::vector<FigureRow> figures() {
+    if (!recorded_figures_) return {};
+    const ReplyFigures* const runs[] = {&*recorded_figures_, &*replayed_figures_};
+    std::vector<FigureRow> rows = reply_rows(runs);
+    if (truth_)
+      for (FigureRow& row : truth_->rows()) rows.push_back({"true: " + row.label, std::move(row.values)});
+    return rows;
+  }
+
+  void print_json() {
+    nlohmann::ordered_json json{{"recording", options_.file},
+                                {"session", recording_->info().session_id()},
+                                {"sampler", replay_->opened().sampler()},
+                                {"set", options_.set},
+                                {"seconds", took_s_},
+                                {"result", result_->json()},
+                                {"figures", nlohmann::ordered_json::array()},
+                                {"written", options_.out}};
+    for (const FigureRow& row : figures())
+      json["figures"].push_back({{"name", row.label}, {"recorded", row.values[0]}, {"replayed", row.values[1]}});
+    json_out_ << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+  }
+
   int report() {
     const uint64_t replies = result_->replies().compared();
     const double took_s = std::max(took_s_, 1e-9);
@@ -324,16 +349,13 @@ class Command {
            << " kept\n";
     result_->print(out_);
     if (recorded_figures_) {
-      const ReplyFigures* const runs[] = {&*recorded_figures_, &*replayed_figures_};
-      std::vector<FigureRow> rows = reply_rows(runs);
-      if (truth_)
-        for (FigureRow& row : truth_->rows()) rows.push_back({"true: " + row.label, std::move(row.values)});
       const std::vector<std::string> columns{"recorded", "replayed"};
-      print_rows(out_, columns, rows);
+      print_rows(out_, columns, figures());
       if (truth_)
         out_ << "true: " << truth_->pictures() << " pictures of each judged by a 512 x 512 re-render\n";
     }
     if (output_) out_ << "written     " << options_.out << '\n';
+    if (options_.json) print_json();
     const ReplayVerdict verdict = result_->verdict();
     const bool good = verdict == ReplayVerdict::kEqual || verdict == ReplayVerdict::kAlike;
     return good || (!settings_.empty() && verdict == ReplayVerdict::kDiffers) ? 0 : 1;
@@ -341,7 +363,8 @@ class Command {
 
   const ReplayCommandOptions& options_;
   std::istream& in_;
-  std::ostream &out_, &err_;
+  std::ostream& json_out_;
+  std::ostream out_;  // text for a person; with --json it goes nowhere
   ProgressBar bar_;
   std::vector<ReplaySetting> settings_;
   std::optional<Recording> recording_;
@@ -389,8 +412,8 @@ Verb add_replay_verb(CLI::App& app) {
       command
           ->add_option("--rate", options->rate, "Times real time: 1, 0.5, ... (default: as fast as possible)")
           ->check(CLI::Range(1e-3, 1e6));
-  command->add_flag("--step", options->by_hand, "Step by step: Enter takes one step, `n 10` ten, `q` ends")
-      ->excludes(rate);
+  CLI::Option* step = command->add_flag("--step", options->by_hand, "Step by step: Enter takes one step, `n 10` ten, `q` ends");
+  step->excludes(rate);
   command
       ->add_option("--start", options->start_s,
                    "Seconds of the recording; everything before is stepped as fast as possible")
@@ -421,6 +444,7 @@ Verb add_replay_verb(CLI::App& app) {
       ->check(CLI::Range(size_t{1}, size_t{1000000}))
       ->capture_default_str();
   command->add_option("--out", options->out, "Write the new replies to this new recording");
+  command->add_flag("--json", options->json, "One JSON object instead of text; `figures` are texts with their units")->excludes(step);
   return {command, [options] { return run_replay_command(*options, std::cin, std::cout, std::cerr); }};
 }
 

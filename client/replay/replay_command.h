@@ -31,6 +31,7 @@ struct ReplayCommandOptions {
   bool truth = false;
   size_t truth_every = 6;
   std::string out = {};  // a recording of the new replies; empty: none
+  bool json = false;     // one JSON object instead of text; not by hand
   bool progress = false;
 };
 

@@ -1,6 +1,7 @@
 #include "client/replay/result.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "client/base/text_table.h"
@@ -11,6 +12,29 @@ namespace {
 
 void line(std::ostream& out, const char* label, const std::string& text) {
   out << formatted("%-11s ", label) << text << '\n';
+}
+
+const char* name_of(ReplayVerdict verdict) {
+  switch (verdict) {
+    case ReplayVerdict::kEqual:
+      return "equal";
+    case ReplayVerdict::kAlike:
+      return "alike";
+    case ReplayVerdict::kDiffers:
+      return "differs";
+    case ReplayVerdict::kNothing:
+      return "nothing";
+  }
+  return "";
+}
+
+nlohmann::ordered_json json_of(const std::optional<ReplyDifference>& first) {
+  if (!first) return nullptr;
+  return {{"sequence", first->sequence},
+          {"time_s", first->time_s},
+          {"field", first->field.path},
+          {"recorded", first->field.a},
+          {"replayed", first->field.b}};
 }
 
 }  // namespace
@@ -119,6 +143,28 @@ void ReplayResult::print(std::ostream& out) const {
   std::string verdict = to_string(this->verdict());
   if (!never_equal_.empty() && replies_.compared() > 0 && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");
   line(out, "result", verdict);
+}
+
+nlohmann::ordered_json ReplayResult::json() const {
+  const bool other_settings = never_equal_ == kOtherSettings;
+  return {{"verdict", other_settings ? kOtherSettings : name_of(verdict())},
+          {"reason", never_equal_},
+          {"replies",
+           {{"compared", replies_.compared()},
+            {"equal", replies_.equal()},
+            {"not_answered_again", only_recorded_},
+            {"first", json_of(replies_.first())},
+            {"hash_recorded", formatted("%016lx", static_cast<unsigned long>(replies_.hash_a()))},
+            {"hash_replayed", formatted("%016lx", static_cast<unsigned long>(replies_.hash_b()))},
+            {"position_m", replies_.position_m()},
+            {"direction_deg", replies_.direction_deg()},
+            {"visible_share", replies_.visible_share()},
+            {"unknown_fields", replies_.unknown()}}},
+          {"refused_ticks",
+           {{"as_recorded", refused_both_}, {"only_recorded", refused_recorded_.size()}, {"only_replayed", refused_only_replayed_}}},
+          {"faults", faults_},
+          {"gaps", {{"count", gaps_}, {"missing_messages", missing_}, {"lost_replies", lost_replies_}}},
+          {"unanswered_ticks", unanswered_ticks_}};
 }
 
 }  // namespace sightline

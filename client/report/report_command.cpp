@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "client/base/progress_bar.h"
 #include "client/page/side_by_side.h"
@@ -43,21 +44,45 @@ Result<SessionPage> page_of(const std::string& file, const ReportOptions& option
   return page;
 }
 
-void tell(const SessionPage& page, std::ostream& out) {
-  for (const std::string& text : page.notices) out << "notice  " << text << '\n';
-  out << "frames  " << page.frames.size() << ", pictures " << page.pictures.size() << '\n';
+// Size and notices of a page, without its contents.
+struct PageSummary {
+  std::string recording;
+  std::vector<std::string> notices;
+  size_t frames = 0, pictures = 0;
+};
+
+PageSummary summary_of(const std::string& recording, const SessionPage& page) {
+  return {recording, page.notices, page.frames.size(), page.pictures.size()};
 }
 
-Result<std::string> report_html(const ReportOptions& options, std::ostream& out, ProgressBar& bar) {
+void print(const std::string& path, const std::vector<PageSummary>& summaries, std::ostream& out) {
+  for (const PageSummary& summary : summaries) {
+    for (const std::string& text : summary.notices) out << "notice  " << text << '\n';
+    out << "frames  " << summary.frames << ", pictures " << summary.pictures << '\n';
+  }
+  out << "page    " << path << '\n';
+}
+
+void print_json(const std::string& path, const std::vector<PageSummary>& summaries, std::ostream& out) {
+  nlohmann::ordered_json json{{"page", path}, {"recordings", nlohmann::ordered_json::array()}};
+  for (const PageSummary& summary : summaries)
+    json["recordings"].push_back({{"file", summary.recording},
+                                  {"frames", summary.frames},
+                                  {"pictures", summary.pictures},
+                                  {"notices", summary.notices}});
+  out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+}
+
+Result<std::string> report_html(const ReportOptions& options, std::vector<PageSummary>& summaries, ProgressBar& bar) {
   auto page = page_of(options.recording, options, bar);
   if (!page) return tl::unexpected(page.error());
-  tell(*page, out);
+  summaries.push_back(summary_of(options.recording, *page));
   if (!options.beside.empty()) page->title.append(": ").append(std::filesystem::path(options.recording).filename().string());
   auto html = session_page(*page);
   if (!html || options.beside.empty()) return html;
   auto other = page_of(options.beside, options, bar);
   if (!other) return tl::unexpected(other.error());
-  tell(*other, out);
+  summaries.push_back(summary_of(options.beside, *other));
   other->title.append(": ").append(std::filesystem::path(options.beside).filename().string());
   const auto right = session_page(*other);
   if (!right) return right;
@@ -71,13 +96,14 @@ Status write_report(const ReportOptions& options, std::ostream& out, ProgressBar
   std::ofstream file(path, std::ios::app | std::ios::binary);
   if (!file) return fail(ErrorCode::kUnavailable, path, "cannot be written");
   file.close();
-  const auto html = report_html(options, out, bar);
+  std::vector<PageSummary> summaries;
+  const auto html = report_html(options, summaries, bar);
   std::error_code ignored;
   if (!html && is_new) std::filesystem::remove(path, ignored);
   if (!html) return tl::unexpected(html.error());
   std::ofstream page(path, std::ios::trunc | std::ios::binary);
   if (!(page << *html).flush()) return fail(ErrorCode::kUnavailable, path, "cannot be written");
-  out << "page    " << path << '\n';
+  options.json ? print_json(path, summaries, out) : print(path, summaries, out);
   return {};
 }
 
@@ -127,6 +153,7 @@ Verb add_report_verb(CLI::App& app) {
                    "Replies beyond this are thinned; changes and cuts stay")
       ->check(CLI::Range(2, 1'000'000))
       ->capture_default_str();
+  report->add_flag("--json", options->json, "One JSON object instead of text: the page, and frames, pictures and notices of each recording");
   return {report, [options] { return run_report_command(*options, std::cout, std::cerr); }};
 }
 

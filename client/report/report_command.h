@@ -14,6 +14,7 @@ struct ReportOptions {
   std::string beside;  // a second recording, shown on the right; empty: none
   std::string out;  // empty: beside the recording, .html in the place of .mcap
   RecordingPageOptions page;
+  bool json = false;      // print one JSON object instead of text
   bool progress = false;  // draw a progress bar on `err`
 };
 

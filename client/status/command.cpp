@@ -7,6 +7,7 @@
 #include <chrono>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "client/base/text_table.h"
@@ -50,6 +51,17 @@ int cannot_ask(const std::string& address, const Error& error, std::ostream& err
   return 1;
 }
 
+void show_window(const TopOptions& options, const Reading& reading, const Window& window, std::ostream& out) {
+  if (options.json) {
+    out << "{\"window\":" << json_of(window).dump() << ",\"stats\":" << json_of(reading.stats) << "}" << std::endl;
+    return;
+  }
+  out << (options.terminal ? kClearScreen : "");
+  print_state(out, options.address, reading.info, reading.stats);
+  print_window(out << formatted("\nIn the last %.1f s\n", window.seconds), window);
+  out << (options.terminal ? "" : "\n") << std::flush;
+}
+
 }  // namespace
 
 int run_status_command(const StatusOptions& options, std::ostream& out, std::ostream& err) {
@@ -71,13 +83,7 @@ int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& 
     if (!reading) return cannot_ask(options.address, reading.error(), err);
     // A daemon that has started again counts from 0.
     if (reading->stats.uptime_s() < before.uptime_s()) before.Clear();
-    if (shown > 0) {
-      out << (options.terminal ? kClearScreen : "");
-      print_state(out, options.address, reading->info, reading->stats);
-      print_window(out << formatted("\nIn the last %.1f s\n", reading->stats.uptime_s() - before.uptime_s()),
-                   window_between(before, reading->stats));
-      out << (options.terminal ? "" : "\n") << std::flush;
-    }
+    if (shown > 0) show_window(options, *reading, window_between(before, reading->stats), out);
     if (options.count > 0 && shown == options.count) return 0;
     before = reading->stats;
     std::this_thread::sleep_for(std::chrono::duration<double>(options.interval_s));
@@ -105,6 +111,7 @@ Verb add_top_verb(CLI::App& app) {
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   command->add_option("--count", options->count, "Number of intervals to show; 0 means until it is stopped")->capture_default_str();
+  command->add_flag("--json", options->json, "One JSON object a line for each interval: `window`, its rates and durations, and `stats`");
   return {command, [options] { return run_top_command(*options, std::cout, std::cerr); }};
 }
 

@@ -24,6 +24,7 @@ struct TopOptions {
   double interval_s = 2.0;
   uint64_t count = 0;     // of windows to show; 0: until a signal ends the process
   bool terminal = false;  // each window replaces the one before
+  bool json = false;      // one JSON object a line for each window
 };
 // Prints the state, and what the daemon did within each interval. Returns 0 after `count` windows; 1 when the daemon cannot be asked, with the
 // reason on `err`.

@@ -1,5 +1,7 @@
 #include "client/status/status_text.h"
 
+#include <nlohmann/json.hpp>
+
 #include "client/base/text_table.h"
 
 namespace sightline {
@@ -74,6 +76,24 @@ void print_window(std::ostream& out, const Window& window) {
   for (const DurationRow& row : window.durations)
     table.row({row.name, grouped(row.count), time_text(row.mean_us), time_text(row.p50_us), time_text(row.p99_us)});
   table.print(out);
+}
+
+nlohmann::ordered_json json_of(const Window& window) {
+  nlohmann::ordered_json durations = nlohmann::ordered_json::object();
+  for (const DurationRow& row : window.durations)
+    durations[row.name.substr(row.name.find_first_not_of(' '))] = {
+        {"count", row.count}, {"mean_us", row.mean_us}, {"p50_us", row.p50_us}, {"p99_us", row.p99_us}};
+  return {{"seconds", window.seconds},
+          {"ticks_per_s", window.ticks_per_s},
+          {"steps_per_s", window.steps_per_s},
+          {"merged_per_s", window.merged_per_s},
+          {"refused_per_s", window.refused_per_s},
+          {"late_share", window.late_share},
+          {"degraded_share", window.degraded_share},
+          {"received_bytes_per_s", window.received_bytes_per_s},
+          {"sent_bytes_per_s", window.sent_bytes_per_s},
+          {"cpus", window.cpus},
+          {"durations", std::move(durations)}};
 }
 
 }  // namespace sightline

@@ -1,6 +1,7 @@
 // A daemon's figures as text for a person.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <ostream>
 #include <string>
 
@@ -16,7 +17,10 @@ std::string duration_text(double seconds);
 void print_state(std::ostream& out, const std::string& address, const v1::GetServerInfoResponse& info,
                  const v1::GetServerStatsResponse& stats);
 
-// What it did within `window`: rates, and a table of durations.
+// Prints rates and a table of durations within `window`.
 void print_window(std::ostream& out, const Window& window);
+
+// The same as one object, by the names of Window and DurationRow.
+nlohmann::ordered_json json_of(const Window& window);
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// What a daemon did between two readings of its counters.
+// Work of a daemon between two readings of its counters.
 #pragma once
 
 #include <cstdint>

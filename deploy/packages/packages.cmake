@@ -12,6 +12,22 @@ add_custom_command(OUTPUT ${third_parties}
                    COMMENT "Listing the third parties of what is linked" VERBATIM)
 add_custom_target(third_parties ALL DEPENDS ${third_parties})
 
+# Manual pages, completions of shells and the page about flags, from the programs' own tables of flags. A build for other machines cannot run
+# the programs, so it has none.
+if(NOT CMAKE_CROSSCOMPILING)
+  set(command_line ${PROJECT_BINARY_DIR}/generated/command-line)
+  add_custom_command(OUTPUT ${command_line}/COMMAND_LINE.md
+                     COMMAND ${PYTHON_PROGRAM} ${CMAKE_CURRENT_LIST_DIR}/command_line.py ${command_line} $<TARGET_FILE:sightlined> $<TARGET_FILE:sightline>
+                     DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/command_line.py
+                     COMMENT "Manual pages and completions" VERBATIM)
+  add_custom_target(command_line ALL DEPENDS ${command_line}/COMMAND_LINE.md)
+  install(FILES ${command_line}/man/sightline.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
+  install(FILES ${command_line}/man/sightlined.8.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man8 COMPONENT runtime)
+  install(DIRECTORY ${command_line}/completions/bash/ DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT runtime)
+  install(DIRECTORY ${command_line}/completions/zsh/ DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions COMPONENT runtime)
+  install(DIRECTORY ${command_line}/completions/fish/ DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d COMPONENT runtime)
+endif()
+
 install(TARGETS sightlined sightline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 install(FILES ${third_parties} DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 install(FILES ${PROJECT_SOURCE_DIR}/deploy/CHANGELOG.md ${PROJECT_SOURCE_DIR}/deploy/COMPATIBILITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR}
@@ -59,4 +75,4 @@ include(CPack)
 
 # `cmake --build <build> --target packages`: the packages, in packages/ of the build. It builds what they hold and no tests.
 add_custom_target(packages COMMAND ${CMAKE_CPACK_COMMAND} --config ${PROJECT_BINARY_DIR}/CPackConfig.cmake
-                  DEPENDS sightlined sightline sightline_client third_parties WORKING_DIRECTORY ${PROJECT_BINARY_DIR} VERBATIM)
+                  DEPENDS sightlined sightline sightline_client third_parties $<TARGET_NAME_IF_EXISTS:command_line> WORKING_DIRECTORY ${PROJECT_BINARY_DIR} VERBATIM)

@@ -15,6 +15,7 @@ import sys
 DOCUMENTS = ("README.md", "client/README.md", "deploy/README.md", "deploy/METRICS.md", "deploy/KUBERNETES.md", "deploy/TROUBLESHOOTING.md", "deploy/SIZING.md",
              "server/README.md", "tests/README.md", "scenes/README.md",
              "client/python/README.md", "client/node/README.md", "client/go/README.md", "client/rust/README.md", "client/csharp/README.md", "client/engines/README.md",
+             "client/CONCEPTS.md", "client/TUNING.md", "client/engines/levels.md", "client/recordings/README.md",
              "tests/conformance/README.md", "client/cpp/sightline_client.h")
 
 Block = collections.namedtuple("Block", "path line language text")  # line: of the first line of the text, from 1

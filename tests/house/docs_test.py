@@ -272,6 +272,16 @@ class Documents(unittest.TestCase):
         for pattern, why in NOT_RUN:
             self.assertTrue(any(re.search(pattern, plain(line)) or re.search(pattern, line) for line in lines), f"nothing matches {pattern} ({why})")
 
+    def test_settings_that_the_page_about_tuning_names_exist(self):
+        settings = set(re.findall(r"^\| `((?:settings|limits|tuning)\.[\w.]+)`", (ROOT / "proto/SETTINGS.md").read_text(), re.M))
+        named = re.findall(r"^\| .* \| .* \| (.*) \|$", (ROOT / "client/TUNING.md").read_text(), re.M)
+        words = {word for cell in named for word in re.findall(r"`([a-z][\w.]*_[\w.]+|tuning\.[\w.]+|limits\.[\w.]+)`", cell)}
+        fields = {"attached_ids"}  # of messages, not of settings
+        self.assertGreater(len(words), 20)
+        for word in words - fields:
+            full = word if "." in word else f"settings.{word}"
+            self.assertTrue(full in settings or any(name.startswith(full + ".") for name in settings), word)
+
     def test_links_lead_to_files(self):
         tracked = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
         self.assertIn("README.md", tracked)

@@ -17,6 +17,10 @@ bin=$work/root/usr/bin
 [ "$("$bin/sightlined" --version)" = "sightlined $version" ]
 "$bin/sightlined" demo --sampler embree --duration 0.5 --out "$work/demo" > "$work/demo.txt"
 [ -s "$work/demo/rooms.html" ]
+for page in man1/sightline.1.gz man8/sightlined.8.gz; do [ -s "$work/root/usr/share/man/$page" ]; done
+for place in bash-completion/completions/sightline zsh/vendor-completions/_sightlined fish/vendor_completions.d/sightline.fish; do
+  [ -s "$work/root/usr/share/$place" ]
+done
 
 # Every package that the programs depend on is in the list, and nothing else is loaded.
 depends=$(dpkg-deb -f "${packages[0]}" Depends | tr ',' '\n' | sed 's/^ *//; s/ .*//' | sort)

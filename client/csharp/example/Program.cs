@@ -3,7 +3,7 @@ using System.Threading.Tasks;
 using Sightline.Client;
 using Sightline.V1;
 
-// Two people who walk to and fro in front of a pillar.
+// Two people walk to and fro in front of a pillar.
 static class Program {
     const ulong Anna = 1, Ben = 2, Pillar = 3;
 

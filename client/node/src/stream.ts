@@ -25,10 +25,10 @@ export interface Tls {
   key?: Buffer;
 }
 
-// Who the client is, and how it reaches a daemon.
+// Identity of the client, and its way to a daemon.
 export interface Trust {
   tls?: Tls; // encrypts TCP. Default: it is not encrypted
-  token?: string; // shows the daemon who calls; needs tls or a unix socket
+  token?: string; // identifies the client to the daemon; needs tls or a unix socket
 }
 
 function channelCredentials(address: string, {tls, token}: Trust): ChannelCredentials {
