@@ -173,10 +173,11 @@ def _in_scenes(text, scenes, failing, equal=()):
 
 
 def _against(runs, rival, name, what, better, best, show):
-    """Compares means over seeds. A tie counts as kept only where both are as good as possible."""
+    """Compares means over the seeds that both played. A tie counts as kept only where both are as good as possible."""
     failing, equal, scenes = [], [], []
     for scene in distinct(_own(runs), "scene"):
-        own, other = (mean(select(runs, scene=scene, policy=policy), name) for policy in ("sightline", rival))
+        both = of_shared_seeds(*(select(runs, scene=scene, policy=policy) for policy in ("sightline", rival)))
+        own, other = (mean(rows, name) for rows in both)
         if own is None or other is None:
             continue
         scenes.append(scene)

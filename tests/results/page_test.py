@@ -219,6 +219,11 @@ class SceneClaims(unittest.TestCase):
         runs = change(good_runs(), {"joint_visible_share": 1.0}, scene="forest", policy="paper", seed=1.0)
         self.assertEqual(failing(claims.scene_claims(runs)), [])
 
+    def test_only_seeds_that_both_played_are_compared(self):
+        runs = good_runs() + [run("forest", "sightline", 3.0, 0.0, 9.0)]
+        against = claims.scene_claims(runs)[:2 * len(claims.RIVALS)]
+        self.assertEqual(failing(against), [])
+
     def test_a_tie_holds_only_where_nothing_could_be_better(self):
         for share, holds in ((1.0, True), (0.7, False)):
             runs = good_runs()
