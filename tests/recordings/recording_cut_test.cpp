@@ -88,11 +88,12 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
 // Messages lie exactly at both ends of the range. The one at its start is in it, the one at its end is not.
 TEST_F(Verbs, ACutBeginsAndEndsAtExactlyItsTimes) {
   Told told;
-  for (uint64_t i = 1; i <= 40; ++i) told.tick(i), told.reply(i);  // the reply of tick i is 10 i + 10 ms after the start
+  for (uint64_t i = 1; i <= 40; ++i) told.tick(i), told.reply(i);  // 10 i and 10 i + 5 ms after the first message
   const std::string bytes = told.finish(), file = put("told.mcap", bytes);
-  const auto in_range = [](std::vector<PlainMessage> messages, uint64_t start_ms, uint64_t end_ms) {
+  const uint64_t first_ns = recording_of(bytes).start_ns();
+  const auto in_range = [first_ns](std::vector<PlainMessage> messages, uint64_t start_ms, uint64_t end_ms) {
     std::erase_if(messages, [&](const PlainMessage& m) {
-      return m.log_time_ns < kRecordedStartNs + start_ms * 1'000'000 || m.log_time_ns >= kRecordedStartNs + end_ms * 1'000'000;
+      return m.log_time_ns < first_ns + start_ms * 1'000'000 || m.log_time_ns >= first_ns + end_ms * 1'000'000;
     });
     return messages;
   };
