@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs missing packages, builds everything and runs all tests. A second run builds only what changed.
-#   tests/run.sh               all tests; then those of the service under sanitizers (tests/sanitizers.sh)
+#   tests/run.sh               all tests
 #   tests/run.sh -L unit       any flags of ctest: -L label, -R name, -j N ...
 #   PRESET=asan tests/run.sh   another preset of CMakePresets.json (default: release)
 set -euo pipefail
@@ -13,10 +13,7 @@ export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/service/tsan.supp}
 deploy/install-packages.sh test
 cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
 cmake --build --preset "$preset" --parallel "$(nproc)"
-ctest --test-dir "build/$preset" --output-on-failure --parallel "$(nproc)" "$@" && {
-  if [ $# -eq 0 ] && [ "$preset" = release ]; then exec tests/sanitizers.sh; fi
-  exit 0
-}
+ctest --test-dir "build/$preset" --output-on-failure --parallel "$(nproc)" "$@" && exit
 # What failed runs once more, alone, so that its output stands at the end. The first result counts.
 status=$?
 ctest --test-dir "build/$preset" --rerun-failed --output-on-failure || true

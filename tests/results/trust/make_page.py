@@ -128,8 +128,8 @@ def mutation():
 
 def skew():
     return ("The Python client of version 0.1 plays a session on this daemon, and gets the replies that today's client gets, field by field. Today's client "
-            "reads what the daemon of version 0.1 answered, and finds everything that the former contract finds in the bytes. The answers are kept in "
-            "`tests/skew/former`; `tests/skew.sh` builds the former daemon from the history and plays both ways again. `ctest -R VersionSkew`.\n")
+            "reads what the server of version 0.1 answered, and finds everything that the former contract finds in the bytes. These answers, of the golden "
+            "recording of version 0.1, are kept in `tests/skew/former`; `tests/skew.sh` builds the former daemon from the history and plays both ways again. `ctest -R VersionSkew`.\n")
 
 
 def page():
