@@ -73,7 +73,7 @@ for target in "${targets[@]}"; do
       run access tests/fuzz/corpus/access 4096 ;;
     config)
       generate
-      build config tests/fuzz/config_fuzz.cpp "" server/{flags,config_file}.cpp
+      build config tests/fuzz/config_fuzz.cpp "" server/{flags,config_file,faulty_device,command_table}.cpp
       run config tests/fuzz/corpus/config 4096 ;;
     control)
       generate

@@ -24,6 +24,10 @@ constexpr double kAnswerS = 0.15;
 constexpr double kLookS = 0.35;
 // The time constant with which that point moves, so that it does not jump between two plans that are equally good.
 constexpr double kCalmS = 0.05;
+// A plan is straight if it leads this part of the way that its speed allows.
+constexpr double kStraightOn = 0.9;
+// From this many times the length of such a plan on, the desired position is far away.
+constexpr double kFarBehind = 3.0;
 // A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
 // not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
@@ -210,6 +214,7 @@ class GoalSearch {
     Goal goal = goal_at(plan.candidates.back(), to_m);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
     glm::dvec3 wanted_mps = (to_m - eye_m()) / kLookS;
+    if (is_far_behind(plan)) wanted_mps = faster(wanted_mps);
     if (!ways_.is_free(to_m)) {  // round a corner
       const glm::dvec3 first_m = plan.point_m[1] - eye_m();
       const double length_m = glm::length(first_m);
@@ -217,6 +222,17 @@ class GoalSearch {
     }
     goal.velocity_mps = steer_velocity(in_.step.camera, wanted_mps, in_.step.input.limits, response_s, in_.step.move_s);
     return goal;
+  }
+
+  // The plan flies straight on for all its time, and far beyond it. So the camera may be faster than the mean speed of a plan.
+  bool is_far_behind(const FlightPlan& plan) const {
+    const double way_m = glm::distance(eye_m(), plan.point_m.back());
+    return way_m > kStraightOn * settings_.speed_mps * ahead().ahead_s(kSlices - 1) && left_m() > kFarBehind * way_m;
+  }
+  double left_m() const { return glm::distance(eye_m(), in_.desired_m); }
+  glm::dvec3 faster(const glm::dvec3& wanted_mps) const {
+    const double arrival_mps = arrival_speed_mps(left_m(), in_.step.input.limits, in_.step.move_s);
+    return wanted_mps * std::max(1.0, arrival_mps / std::max(glm::length(wanted_mps), 1e-9));
   }
 
   // ---- without a view on the plan: the nearest view, or the trail ----

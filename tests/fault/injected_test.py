@@ -16,11 +16,12 @@ from exposition import scrape, value  # noqa: E402
 from sightline_client import Camera, Connection, Failed, Refused, box, capsule  # noqa: E402
 
 Daemon.path = SIGHTLINED
-AT_ONCE = Connection(give_up_after_s=0.0)
+# On a busy machine an answer may take its time.
+AT_ONCE = Connection(give_up_after_s=0.0, reply_timeout_s=60.0)
 
 
 def start(fault, *arguments):
-    daemon = Daemon("--metrics-listen", "127.0.0.1:0", "--inject-fault", fault, *arguments)
+    daemon = Daemon("--metrics-listen", "127.0.0.1:0", "--max-maps-ms", "0", "--inject-fault", fault, *arguments)
     deadline = time.monotonic() + 20
     while "metrics=" not in daemon.log() and time.monotonic() < deadline:
         time.sleep(0.01)  # the log has a thread of its own

@@ -88,7 +88,9 @@ class DamagedMessages : public testing::Test {
     run("dump", DumpOptions{.file = file}, run_dump_command);
     run("cut", CutOptions{.file = file, .out = fresh(), .start_s = 0.4}, run_cut_command);
     run("compare", CompareOptions{.a = sound, .b = file}, run_compare_command);
-    run("replay", ReplayCommandOptions{.file = file, .out = fresh()},
+    ReplayCommandOptions replay;
+    replay.file = file, replay.out = fresh();
+    run("replay", replay,
         [](const auto& options, std::ostream& out, std::ostream& err) {
           std::istringstream in;
           return run_replay_command(options, in, out, err);

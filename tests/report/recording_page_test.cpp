@@ -426,7 +426,7 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
       if (settings.title == title) return nlohmann::json::parse(settings.json);
     return nlohmann::json();
   };
-  EXPECT_EQ(json_of("Settings in effect at the start")["move_response_s"], 0.15);
+  EXPECT_EQ(json_of("Settings in effect at the start")["move_response_s"], 0.2);
   EXPECT_EQ(json_of("Settings in effect at the end")["move_response_s"], 0.3);
   EXPECT_EQ(json_of("Tuning in effect at the start")["aggregate"]["candidates"], 700);
   EXPECT_EQ(json_of("Limits in effect at the start")["max_speed_mps"], 10.0);

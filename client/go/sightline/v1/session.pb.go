@@ -318,12 +318,12 @@ func (x *OpenSession) GetResumable() bool {
 
 // Goes on with a session whose stream broke. The camera, the scene and the recording are as they were; nothing is opened anew.
 //
-// The client counts a session as lost when it does not know what the server has applied: if SessionOpened.newest_sequence is neither
-// its newest tick nor the one before that. It then opens a new session.
+// If SessionOpened.newest_sequence is neither the client's newest tick nor its newest answered one, the server lacks ticks. A client that no
+// longer has them opens a new session.
 type ResumeSession struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// SessionOpened.resume_token of the session. It is valid for the client that opened the session and for nobody else: the same token,
-	// certificate, user or address, as the server names its clients.
+	// SessionOpened.resume_token of the session. It is valid for the client that opened the session only. The server knows a client by its
+	// token, certificate, user or address.
 	Token []byte `protobuf:"bytes,1,opt,name=token,proto3" json:"token,omitempty"`
 	// Sequence number of the newest tick whose answer the client has received. Default (0): it has received none.
 	AnsweredSequence uint64 `protobuf:"varint,2,opt,name=answered_sequence,json=answeredSequence,proto3" json:"answered_sequence,omitempty"`

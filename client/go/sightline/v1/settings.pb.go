@@ -431,7 +431,7 @@ var File_sightline_v1_settings_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\n" +
-	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\xce\r\n" +
+	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\xcd\r\n" +
 	"\bSettings\x125\n" +
 	"\x06preset\x18\x01 \x01(\x0e2\x1d.sightline.v1.Settings.PresetR\x06preset\x12I\n" +
 	"\x06follow\x18\x02 \x01(\x0e2\x1d.sightline.v1.Settings.FollowB\x12\xca\xf3\x18\x0e\x12\x06OFFSET*\x04moveR\x06follow\x12C\n" +
@@ -453,9 +453,9 @@ const file_sightline_v1_settings_proto_rawDesc = "" +
 	" \x01(\x01B\x18\xca\xf3\x18\x14\n" +
 	"\t(0.01, 3)*\aframingH\aR\x11minVerticalFovRad\x88\x01\x01\x12^\n" +
 	"\x14max_vertical_fov_rad\x18\v \x01(\x01B(\xca\xf3\x18$\n" +
-	"\x19[min_vertical_fov_rad, 3)*\aframingH\bR\x11maxVerticalFovRad\x88\x01\x01\x12H\n" +
-	"\x0fmove_response_s\x18\f \x01(\x01B\x1b\xca\xf3\x18\x17\n" +
-	"\x06[0, 1]\x12\x040.15\x1a\x010*\x04moveH\tR\rmoveResponseS\x88\x01\x01\x12D\n" +
+	"\x19[min_vertical_fov_rad, 3)*\aframingH\bR\x11maxVerticalFovRad\x88\x01\x01\x12G\n" +
+	"\x0fmove_response_s\x18\f \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
+	"\x06[0, 1]\x12\x030.2\x1a\x010*\x04moveH\tR\rmoveResponseS\x88\x01\x01\x12D\n" +
 	"\fprediction_s\x18\r \x01(\x01B\x1c\xca\xf3\x18\x18\n" +
 	"\x06[0, 2]\x12\x031.2\x1a\x030.3*\x04moveH\n" +
 	"R\vpredictionS\x88\x01\x01\x12V\n" +
