@@ -17,7 +17,7 @@ MANUALS = {"sightlined": "sightlined.8.gz", "sightline": "sightline.1.gz"}
 
 
 def run(*command, **more):
-    return subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=60, **more)
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=300, **more)
 
 
 def needs(tool):
