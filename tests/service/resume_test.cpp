@@ -118,13 +118,19 @@ TEST(Resume, AnAnswerThatItsClientLacksIsSentAgain) {
   EXPECT_EQ(ask(third, 4).sequence(), 4u);
 }
 
+// How a stream ends whose session another one has taken. It is cancelled where gRPC has not reported yet that the last reply was written,
+// since a write to a client that is gone would not end.
+bool gave_up(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::ABORTED || status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
 TEST(Resume, AStreamThatIsStillUpGivesTheSessionUp) {
   ServiceWorld world;
   Stream first(world.channel()), second(world.channel());
   const v1::SessionOpened opened = first.open(resumable());
   ask(first, 1);
   EXPECT_TRUE(resume(second, opened, 1).resumed());
-  EXPECT_EQ(first.finish().error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_TRUE(gave_up(first.finish()));
   EXPECT_EQ(ask(second, 2).sequence(), 2u);
   EXPECT_EQ(world.stats().open_sessions(), 1u);
 }
@@ -145,7 +151,7 @@ TEST(Resume, AStreamWhoseStepIsUnderWayGivesTheSessionUpAfterIt) {
   const auto answer = second.read();
   ASSERT_TRUE(answer && answer->has_camera());
   EXPECT_EQ(answer->camera().sequence(), 2u);
-  EXPECT_EQ(first.finish().error_code(), grpc::StatusCode::ABORTED);
+  EXPECT_TRUE(gave_up(first.finish()));
 }
 
 // A connection whose other end is gone takes no more bytes.

@@ -154,7 +154,9 @@ class Skew(unittest.TestCase):
         self.assert_whole(former)
         self.assert_whole(present)
         for (kind, old), (_, new) in zip(former, present):
-            self.assertEqual(told(kind, old, PRESENT), told(kind, new, PRESENT))
+            # Only the present client asks for a session that outlives its stream.
+            asked = {name: value for name, value in told(kind, new, PRESENT).items() if name not in ("resumeToken", "resumeGraceS")}
+            self.assertEqual(told(kind, old, PRESENT), asked)
 
     def test_the_present_client_understands_the_former_daemon(self):
         if FORMER_DAEMON:
