@@ -121,7 +121,7 @@ folder. The measurements took {how['minutes']} minutes on {how['cores']} cores:
 
 {commands}
 
-Each scene is played at {how['rate_hz']} Hz with {how['seeds']} seed(s) and Embree as the sampler. {egl_words}. A judged picture is rendered again
+Each scene is played at {how['rate_hz']} Hz with {how['seeds']} and Embree as the sampler. {egl_words}. A judged picture is rendered again
 at 512 x 512 with an id for each body. Every {how['paper_every']}th frame of Tables 2 and 3 is judged, and every {how['scenes_every']}th of the scenes. Motion,
 collisions and reactions are judged at every frame. The headers in `client/truth` define the figures. *sightline* is the
 default; *paper* is the method as printed, with RobustMove, a prediction of 300 ms and the filter 6/10. The tables are `table1.csv`, `table2.csv`,
