@@ -50,6 +50,7 @@ bool ShareWindow::has_changed(const Track& track) const {
 }
 
 std::optional<double> ShareWindow::share(size_t target) const {
+  if (target >= tracks_.size()) return std::nullopt;
   const Track& track = tracks_[target];
   double seen = 0.0, points = 0.0;
   for (size_t back = 0; back < track.kept; ++back) {

@@ -36,7 +36,7 @@ class ShareWindow {
   // Adds the counts of this step for target i of the list: `seen` of `points` points are seen. Call it at most once a step and target.
   void add(size_t target, uint32_t seen, uint32_t points);
 
-  // The estimate, in [0, 1]; empty when the window has no points.
+  // The estimate, in [0, 1]; empty when the window has no points, or the list no such target.
   std::optional<double> share(size_t target) const;
 
   // Drops all windows, as after a cut.

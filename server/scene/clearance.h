@@ -32,7 +32,7 @@ class ClearanceField {
   // The same with the nearest surface point; false when nothing is within reach.
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
-  // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (>= 0) can move before it touches a
+  // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (> 0; a point touches nothing) can move before it touches a
   // collider. Never too large, and too small by at most 1 mm of path. 0 when the sphere overlaps a collider already. An overlap of less
   // than 1e-9 m counts as touching: such a sphere may slide along the surface or leave it. The path plus `radius_m` must lie inside the
   // gathered ball. Uses conservative advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body

@@ -200,11 +200,16 @@ struct StateFields {
 
   // --- the whole
 
+  template <typename A, SameAs<BlindState> T>
+  static void each(A& archive, T& blind) {
+    auto& [blind_s, searched_s, way] = blind;
+    archive(blind_s, searched_s, way);
+  }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, shares, given_up, not_aimed_at,
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, blind, shares, given_up, not_aimed_at,
            path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, shares, given_up, not_aimed_at,
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, blind, shares, given_up, not_aimed_at,
             path, cut, pull);
   }
   template <typename A, SameAs<Target> T>

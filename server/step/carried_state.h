@@ -15,6 +15,7 @@
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/base/inline_vector.h"
+#include "server/move/far_way.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/trail.h"
@@ -81,6 +82,7 @@ struct CarriedState {
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   bool follows = false;              // it was the desired position
+  BlindState blind;                  // strategy kMinCost
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take

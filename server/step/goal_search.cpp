@@ -2,6 +2,7 @@
 // second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "server/step/stages.h"
@@ -19,9 +20,6 @@ constexpr float kOutsideLimits = 100.0f;
 constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
 constexpr double kAnswerS = 0.15;
-// The camera heads for where it is to be after this time. That is its goal, however the goal was found, so that the goal only moves when the
-// camera changes its mind.
-constexpr double kLookS = 0.35;
 // The time constant with which that point moves, so that it does not jump between two plans that are equally good.
 constexpr double kCalmS = 0.05;
 // A plan is straight if it leads this part of the way that its speed allows.
@@ -32,6 +30,14 @@ constexpr double kFarBehind = 3.0;
 // not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
 constexpr Pace kHurried{};
+
+// A camera that has seen nobody for so long takes a way through the whole level, and searches it again after this time, since targets move. It
+// does so sooner if it hardly moves.
+constexpr double kBlindS = 5.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
+// On a far way the camera brakes for each corner as if it were to stop so far behind it.
+constexpr double kTurnM = 0.4;
+// A smaller share of a target does not count as seen by such a camera.
+constexpr double kGlimpse = 0.1;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
@@ -126,7 +132,7 @@ class GoalSearch {
  public:
   GoalSearch(const MoveInput& in, MoveScratch& scratch)
       : in_(in), scratch_(scratch), planner_(scratch.planner), pricer_(in, planner_, scratch.outside), settings_(flight_settings(in)),
-        ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
+        ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)), blind_(blind_since(in)) {}
 
   Goal choose() {
     const double body_radius_m = body_m(in_) + kRouteRoomM;
@@ -136,7 +142,14 @@ class GoalSearch {
     planner_.lay(in_.sights.candidates.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
-    if (!sees_any(plan)) return go_to_view(plan, body_radius_m);
+    std::optional<Goal> goal = take_far_way(body_radius_m);
+    if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
+    goal->blind = blind_;
+    return *goal;
+  }
+
+ private:
+  Goal go_on(const FlightPlan& plan) {
     const double follow = follow_cost(), stay = stay_cost();
     const double steadiness = in_.carried.follows ? in_.step.input.settings.move.cost.steadiness : 0.0;
     if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired(kUnhurried);
@@ -144,7 +157,6 @@ class GoalSearch {
     return fly(plan);
   }
 
- private:
   const glm::dvec3& eye_m() const { return in_.step.camera.pose.position_m; }
   // The point at most this far on the straight way to a position.
   glm::dvec3 part_of_way_m(const glm::dvec3& to_m, double at_most_m) const {
@@ -181,7 +193,7 @@ class GoalSearch {
     return part_of_way_m(target_m, settings_.speed_mps * time_s) + group_velocity_mps(in_.step) * time_s;
   }
   Goal follow_desired(const Pace& pace) {
-    Goal goal = goal_at(desired_candidate(), following_m(kLookS));
+    Goal goal = goal_at(desired_candidate(), following_m(kGoalS));
     goal.follows = true;
     const bool is_far = glm::length(behind_m()) > in_.carried.candidates.lattice.spacing_m();
     for (size_t k = 1; is_far && k < kSlices; ++k)  // the cells on the way
@@ -209,11 +221,11 @@ class GoalSearch {
   Goal fly(const FlightPlan& plan) {
     const double response_s = in_.step.input.settings.move.move_response_s;
     scratch_.way = plan.candidates;
-    glm::dvec3 to_m = plan.at(kLookS);
+    glm::dvec3 to_m = plan.at(kGoalS);
     if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
     Goal goal = goal_at(plan.candidates.back(), to_m);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
-    glm::dvec3 wanted_mps = (to_m - eye_m()) / kLookS;
+    glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
     if (is_far_behind(plan)) wanted_mps = faster(wanted_mps);
     if (!ways_.is_free(to_m)) {  // round a corner
       const glm::dvec3 first_m = plan.point_m[1] - eye_m();
@@ -250,7 +262,7 @@ class GoalSearch {
       if (in_.sights.hidden[*candidate] < kAllHidden) {
         scratch_.way = scratch_.routes.to(*candidate);
         const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-        Goal goal = goal_at(*candidate, part_of_way_m(leg.to_m, settings_.speed_mps * kLookS));
+        Goal goal = goal_at(*candidate, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS));
         goal.searches = true;
         goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
         return goal;
@@ -266,7 +278,7 @@ class GoalSearch {
   Goal follow_trail(const Leg& leg) {
     scratch_.way.clear();
     return {.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1},
-            .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kLookS),
+            .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
             .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0))};
   }
   // Without a trail the camera goes at least nearer to the desired position.
@@ -275,12 +287,80 @@ class GoalSearch {
     return plan.candidates.empty() ? stay_here() : fly(plan);
   }
 
+  // ---- a far way: round whatever keeps a camera blind for long ----
+
+  // The camera's own sights decide, over a short time. The maps see more than there is through gaps and past movers, so plans made by them may
+  // lead nowhere.
+  static BlindState blind_since(const MoveInput& in) {
+    for (size_t i = 0; i < in.step.target_count(); ++i)
+      if (in.step.is_steered(i) && in.carried.shares.share(i).value_or(0.0) > kGlimpse) return {};
+    BlindState blind = in.carried.blind;
+    blind.blind_s += in.step.move_s, blind.searched_s += in.step.move_s;
+    return blind;
+  }
+  std::optional<Goal> take_far_way(double body_radius_m) {
+    const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
+    if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck) return std::nullopt;
+    if (blind_.searched_s >= kSearchAgainS) find_far_way(body_radius_m);
+    const std::optional<Leg> leg = leg_of_far_way();
+    if (!leg) return std::nullopt;
+    scratch_.way.clear();
+    Goal goal{.choice = {MoveStatus::kEscaping, MoveReason::kHorizonGrown, -1},
+              .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
+              .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0))};
+    goal.searches = true, goal.way_m = leg->length_m;
+    for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
+    return goal;
+  }
+  // To the nearest steered target.
+  void find_far_way(double body_radius_m) {
+    blind_.searched_s = 0.0;
+    FarWayInput input{.from_m = eye_m(), .to_m = nearest_target_m(), .body_radius_m = body_radius_m};
+    input.keep_off_m = std::max(input.keep_off_m, in_.step.input.settings.move.min_distance_m + FarWayFinder::kCellM / 2);
+    input.near_m = std::max(input.near_m, input.keep_off_m + FarWayFinder::kCellM);
+    if (glm::distance(input.from_m, input.to_m) > FarWayFinder::kReachM) return blind_.way_m.clear();
+    std::vector<uint32_t>& slots = scratch_.target_slots;
+    slots.clear();
+    for (const uint64_t id : in_.step.targets.ids) slots.push_back(*in_.step.input.scene.slot_of(id));
+    std::sort(slots.begin(), slots.end());
+    scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachM, slots);
+    WayPoints found_m;  // where nothing is found, the former way still leads nearer
+    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m)) blind_.way_m = found_m;
+  }
+  glm::dvec3 nearest_target_m() const {
+    glm::dvec3 nearest_m = in_.step.center_m();
+    double least_m = std::numeric_limits<double>::infinity();
+    for (size_t i = 0; i < in_.step.target_count(); ++i) {
+      const glm::dvec3 aim_m = in_.step.targets.tracked_targets[i].aim_m;
+      if (!in_.step.is_steered(i) || glm::distance(eye_m(), aim_m) >= least_m) continue;
+      least_m = glm::distance(eye_m(), aim_m), nearest_m = aim_m;
+    }
+    return nearest_m;
+  }
+  // Heads for the farthest point that the body can reach straight, and drops the points before it.
+  std::optional<Leg> leg_of_far_way() {
+    WayPoints& way_m = blind_.way_m;
+    const double known_m = in_.surroundings.colliders.reach_m() - 2 * body_m(in_);
+    for (size_t k = way_m.size(); k-- > 0;) {
+      const glm::dvec3 to_m = part_of_way_m(way_m[k], known_m);
+      if (!ways_.is_free(to_m)) continue;
+      const double turn_m = k + 1 < way_m.size() ? kTurnM : 0.0;
+      const Leg leg{to_m, glm::distance(eye_m(), way_m[k]) + turn_m};
+      std::copy(way_m.begin() + k, way_m.end(), way_m.begin());
+      way_m.resize(way_m.size() - k);
+      return leg;
+    }
+    way_m.clear();
+    return std::nullopt;
+  }
+
   const MoveInput& in_;
   MoveScratch& scratch_;
   FlightPlanner& planner_;
   PlanPricer pricer_;
   const FlightSettings settings_;
   StraightWays ways_;
+  BlindState blind_;
 };
 
 }  // namespace

@@ -111,6 +111,7 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
     if (by_goal) {
       goal = choose_goal(in, scratch);
       decision.goal_m = goal.position_m;
+      decision.blind = goal.blind;
     } else {
       goal.choice = choose(in, scratch);
     }
@@ -121,6 +122,7 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
   decision.plan_m = goal.plan_m;
   const glm::dvec3 wanted_mps = by_goal && in.step.targets.steered != 0 ? goal.velocity_mps : velocity_to(in, goal.choice);
   decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.way : nullptr);
+  if (goal.way_m) decision.view_way_m = goal.way_m;
   decision.sees_none = by_goal ? goal.lost : !decision.view_way_m;
   return {goal.choice, wanted_mps};
 }
@@ -203,7 +205,7 @@ Decision unmoved(const MoveInput& in) {
   decision.turn = in.carried.turn;
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
-  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m, decision.follows = in.carried.follows;
+  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m, decision.follows = in.carried.follows, decision.blind = in.carried.blind;
   if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
   return decision;
 }

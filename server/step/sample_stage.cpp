@@ -46,6 +46,15 @@ Affine world_from_instance_at(const Pose& pose, const Instance& instance) {
   return Affine(linear[0], linear[1], linear[2], pose.position_m);
 }
 
+// The camera's position at the time of the prediction: on the way to its goal, else as it goes on with its velocity. Maps hold only positions
+// in the bound.
+glm::dvec3 camera_ahead_m(const SampleInput& in, double ahead_s) {
+  const CameraState& camera = in.step.camera;
+  glm::dvec3 way_m = camera.velocity_mps * ahead_s;
+  if (in.carried.goal_m) way_m = (*in.carried.goal_m - camera.pose.position_m) * (ahead_s / kGoalS);
+  return nearest_in_bound_m(in.bound, camera.pose.position_m + way_m);
+}
+
 // The longest time for which every steered target can be predicted, at most MoveSettings::prediction_s.
 void decide_ahead(const SampleInput& in, SamplePlan& plan) {
   const StepContext& step = in.step;
@@ -61,6 +70,7 @@ void decide_ahead(const SampleInput& in, SamplePlan& plan) {
   const bool usable = step.targets.steered != 0 && ahead_s >= kLeastAheadS;
   plan.ahead_s = usable ? ahead_s : 0.0;
   plan.ahead_confidence = usable ? confidence : 0.0;
+  plan.camera_ahead_m = camera_ahead_m(in, plan.ahead_s);
 }
 
 // Picks the points of one target at a time.
@@ -138,7 +148,7 @@ class SlicePicker {
     plan_.slices.resize(0);
     if (!weighs_hidden(in_.step.input) || in_.step.targets.steered == 0) return;
     const auto count = static_cast<size_t>(std::ceil(kSlices * in_.step.move_s / kRenewS - 1e-9));
-    for (const DueSlice& due : in_.ahead.due(in_.step.move_s, count)) {
+    for (const DueSlice& due : in_.carried.candidates.ahead.due(in_.step.move_s, count)) {
       plan_.slices.resize(plan_.slices.size() + 1);
       SampledSlice& slice = plan_.slices[plan_.slices.size() - 1];
       slice.due = due;
@@ -230,6 +240,15 @@ void plan_maps(const SampleInput& in, const glm::dvec2& jitter, Sampled& sampled
   }
 }
 
+// A flight plan knows what is hidden at coming times (SlicePicker), so the forecast needs only what the camera will see.
+void plan_maps_ahead(const SampleInput& in, const glm::dvec2& jitter, SamplePlan& plan) {
+  if (!weighs_hidden(in.step.input)) return plan_maps(in, jitter, plan.ahead, plan);
+  for (const glm::dvec3& point_m : plan.ahead.points_m) {
+    plan.ahead.maps_of_point.push_back({static_cast<uint32_t>(plan.views.size()), 1});
+    plan.views.push_back(plan_sight(point_m, plan.camera_ahead_m));
+  }
+}
+
 void plan_sights(const StepContext& step, SamplePlan& plan) {
   plan.now.first_sight = static_cast<uint32_t>(plan.views.size());
   for (const glm::dvec3& point_m : plan.now.sights_m)
@@ -301,7 +320,7 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   else
     plan_maps(in, jitter, plan.now, plan);
   plan_sights(in.step, plan);
-  plan_maps(in, jitter, plan.ahead, plan);
+  plan_maps_ahead(in, jitter, plan);
   SlicePicker(in, scratch, plan).pick();
   for (SampledSlice& slice : plan.slices) plan_maps(in, jitter, slice.sampled, plan);
   plan.look = plan_look(in, plan.views);

@@ -53,6 +53,10 @@ glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
 // The depth that a map needs when no position farther than `farthest_m` from its eye is looked up in it.
 inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01; }
 
+// Strategy kMinCost: the goal is where the camera is to be after this time, however it was found. So the goal only moves when the camera
+// changes its mind.
+inline constexpr double kGoalS = 0.35;
+
 // ---- sample (sample_stage.cpp; paper 3.2, 4): plans the maps ----
 
 struct SampleInput {
@@ -60,7 +64,7 @@ struct SampleInput {
   const Bound& bound;
   std::span<const TargetPast> pasts;
   const WantedShot& shot;
-  const HiddenAhead& ahead;
+  const CarriedState& carried;
 };
 struct SampleScratch {
   std::vector<glm::vec3> picked;
@@ -159,6 +163,9 @@ struct MoveScratch {
   std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
   std::vector<uint32_t> way;  // the candidates on the way to the goal
   ClearanceField trail_colliders;  // also of cuts
+  FarWayFinder far_ways;
+  ClearanceField far_colliders;
+  std::vector<uint32_t> target_slots;
 };
 void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
@@ -223,6 +230,8 @@ struct Goal {
   InlineVector<PlanPoint, kSlices + 2> plan_m = {};  // as Decision::plan_m
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does
   bool lost = false;      // none that it can reach does
+  BlindState blind = {};
+  std::optional<double> way_m = {};  // length of a far way that it takes
 };
 // Sets `scratch.way` too.
 Goal choose_goal(const MoveInput& input, MoveScratch& scratch);

@@ -106,7 +106,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   }
   {  // 2. Which maps are needed, and from which points?
     const StageTimer timer = work.time(clock, Stage::kSample);
-    const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot, carried.candidates.ahead};
+    const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot, carried};
     plan_sample(in, work.sample, dump_.plan);
     plan_cut(in, carried, work.opening.target_jumped, work.sample.picked, work.cut, dump_.plan);
   }
@@ -153,6 +153,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
   carried_.follows = dump_.decision.follows;
+  carried_.blind = dump_.decision.blind;
   carried_.not_aimed_at = dump_.decision.not_aimed_at;
 
   StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);

@@ -15,6 +15,7 @@
 #include "server/bound/bound.h"
 #include "server/move/body.h"
 #include "server/move/decision.h"
+#include "server/move/far_way.h"
 #include "server/move/motion.h"
 #include "server/scene/target.h"
 #include "server/aggregate/hidden_ahead.h"
@@ -44,7 +45,8 @@ struct Sampled {
   std::vector<MapRange> maps_of_point;    // over the bound
   std::vector<MapRange> points_of_target;
   // The points of the sights. They are as many as the points above. Those were picked for a viewer at the bound's
-  // centre, these for a viewer at the camera's position. Predicted targets have no sights.
+  // centre, these for a viewer at the camera's position. Predicted targets have no sights; with strategy kMinCost the maps of their points are of a
+// single texel towards SamplePlan::camera_ahead_m.
   std::vector<glm::dvec3> sights_m;
   std::vector<MapRange> sights_of_target;
   uint32_t first_sight = 0;  // sight k is map first_sight + k
@@ -100,6 +102,7 @@ struct SamplePlan {
   Sampled ahead;            // the targets at their predicted poses; empty without a prediction
   double ahead_s = 0.0;     // time of that prediction; 0: no prediction in this step
   double ahead_confidence = 0.0;
+  glm::dvec3 camera_ahead_m{0.0};  // where the camera is expected to be at that time; in the bound
   InlineVector<SampledSlice, kSlices> slices;  // strategy kMinCost
   PairPlan pair;
   std::vector<glm::dvec3> chained_m;  // one point of each target, when pair volumes are asked for
@@ -148,8 +151,9 @@ struct Decision {
   TurnState turn;
   double vertical_fov_rad = 0.0;
   double horizon_s = 0.0;
-  std::optional<glm::dvec3> goal_m;
+  std::optional<glm::dvec3> goal_m;  // see kGoalS (stages.h)
   bool follows = false;  // the goal is the desired position
+  BlindState blind;      // strategy kMinCost
   InlineVector<PlanPoint, kSlices + 2> plan_m;  // the flight plan; empty unless the camera flies by one
   TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };

@@ -51,26 +51,6 @@ double share_of(const TakenMaps& taken, const Sampled& sampled, size_t target, c
   return points.count > 0 ? static_cast<double>(seen) / points.count : 0.0;
 }
 
-// The camera's position at the time of the prediction: on its flight plan; else as it goes on with its velocity, but not past its
-// goal. The maps hold only positions in the bound.
-glm::dvec3 position_ahead_m(const ReportInput& step) {
-  const Decision& decision = step.dump.decision;
-  const CameraState& camera = decision.camera;
-  const double ahead_s = step.dump.plan.ahead_s;
-  const auto& plan = decision.plan_m;
-  for (size_t k = 1; k < plan.size(); ++k) {
-    if (plan[k].at_s < ahead_s) continue;
-    const double part = (ahead_s - plan[k - 1].at_s) / (plan[k].at_s - plan[k - 1].at_s);
-    return nearest_in_bound_m(step.dump.bound, glm::mix(plan[k - 1].position_m, plan[k].position_m, part));
-  }
-  glm::dvec3 way_m = camera.velocity_mps * ahead_s;
-  if (decision.goal_m && !decision.follows) {
-    const double length_m = glm::length(way_m), left_m = glm::distance(camera.pose.position_m, *decision.goal_m);
-    if (length_m > left_m) way_m *= left_m / length_m;
-  }
-  return nearest_in_bound_m(step.dump.bound, camera.pose.position_m + way_m);
-}
-
 // The time until the share falls below the threshold, if it changes evenly from the present share to the expected one.
 std::optional<double> time_of_loss_s(double present, double expected, double threshold, double ahead_s) {
   if (present < threshold || expected >= threshold) return std::nullopt;
@@ -113,7 +93,7 @@ std::optional<SightForecast> forecast_sight(const ReportInput& step, size_t targ
   if (ahead_s <= 0) return std::nullopt;
   SightForecast forecast;
   forecast.ahead_s = ahead_s;
-  forecast.share = share_of(step.taken, step.taken.plan.ahead, target, position_ahead_m(step));
+  forecast.share = share_of(step.taken, step.taken.plan.ahead, target, step.taken.plan.camera_ahead_m);
   forecast.confidence = past_of(step.pasts, step.dump.targets.ids[target]).predictor.confidence(ahead_s);
   forecast.loss_s =
       time_of_loss_s(present_share, forecast.share, step.taken.settings.visibility_threshold, ahead_s);

@@ -267,6 +267,15 @@ TEST(DesiredPlace, BacksOffUntilTheGroupFitsThePicture) {
   }
 }
 
+// Both stand on the line of sight, so the picture holds them from anywhere on it.
+TEST(DesiredPlace, KeepsTheLeastDistanceFromTheNearestTarget) {
+  const std::vector<TrackedTarget> targets = {target_at({0, 0, 3}), target_at({0, 0, -3})};
+  MoveSettings settings;
+  settings.min_distance_m = 4;
+  EXPECT_LT(glm::distance(desired_place_m(targets, {0, 0, 0.5}, {}, 0.1, settings), glm::dvec3(0, 0, 7)), 1e-9);
+  EXPECT_LT(glm::distance(desired_place_m(targets, {0, 0, 8}, {}, 0.1, settings), glm::dvec3(0, 0, 8)), 1e-9);
+}
+
 TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
   const Case c = two_targets();
   MoveSettings settings;

@@ -1,0 +1,74 @@
+// The way through free space to a point far beyond the bound, for a camera that has seen nobody for long: A* (Hart, Nilsson and Raphael 1968)
+// over a cubic grid fixed in the world.
+//
+// The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go, such as through the
+// floor of a lift's cabin. This grid has the body's size, so a way through a door is found wherever there is one, as far as the search may look.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "server/base/inline_vector.h"
+#include "server/scene/clearance.h"
+
+namespace sightline {
+
+// Points of a way, the next one first, without the position where it begins.
+using WayPoints = InlineVector<glm::dvec3, 32>;
+
+// How long the camera has seen nobody, and the way that it takes then.
+struct BlindState {
+  double blind_s = 0.0;
+  double searched_s = 0.0;  // since the last search for a way
+  WayPoints way_m;          // empty: none was found or needed
+};
+
+struct FarWayInput {
+  glm::dvec3 from_m{0.0}, to_m{0.0};
+  double body_radius_m = 0.0;
+  double near_m = 2.0;      // the way ends this near to `to_m`, where nothing is between
+  double keep_off_m = 0.5;  // and keeps this distance from it, less than near_m
+};
+
+// Memory is kept from call to call. Not thread-safe. Deterministic.
+class FarWayFinder {
+ public:
+  static constexpr double kCellM = 0.5;
+  static constexpr size_t kMostCells = 8000;  // examined in one search, so that it takes a few milliseconds
+  // How far from where it begins a search may lead; the field must have been gathered around there with this reach.
+  static constexpr double kReachM = 60.0;
+
+  // Writes the way, or its first points where it has more corners than fit. False, and no points, if none was found or
+  // needed, since `from_m` is near already.
+  bool find(const ClearanceField& field, const FarWayInput& input, WayPoints& points_m);
+
+ private:
+  struct Node {
+    glm::ivec3 cell{0};
+    uint32_t before = 0;
+    float clear_m = 0;     // to the nearest collider, at most kClearM
+    double length_m = 0;   // of the way to it
+    bool is_settled = false;
+  };
+  struct Entry {
+    double cost_m;
+    uint32_t node;
+    bool operator<(const Entry& other) const { return cost_m != other.cost_m ? cost_m > other.cost_m : node > other.node; }
+  };
+  void begin(const ClearanceField& field, const FarWayInput& input);
+  void spread(const ClearanceField& field, const FarWayInput& input, uint32_t from);
+  bool is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to, double leg_m) const;
+  void offer(uint32_t node, uint32_t before, double length_m, const FarWayInput& input);
+  static bool arrives(const ClearanceField& field, const FarWayInput& input, const glm::dvec3& at_m);
+  void write(uint32_t node, WayPoints& points_m);
+  // The node of a cell, made if it is new; kNone when there are kMostCells already.
+  uint32_t node_of(const ClearanceField& field, const glm::ivec3& cell);
+
+  std::vector<Node> nodes_;
+  std::vector<uint32_t> table_;  // hash table of nodes by cell
+  std::vector<Entry> heap_;
+  std::vector<uint32_t> back_;
+};
+
+}  // namespace sightline
