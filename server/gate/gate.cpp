@@ -44,7 +44,10 @@ Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsig
       notice_(std::move(notice)),
       sockets_(std::move(sockets)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  const auto over_here = [this](const auto& connection, std::string_view reason) { over(connection, reason); };
+  const auto over_here = [this](const auto& connection, std::string_view reason) {
+    if (!reason.empty() && !connection->handshake_failed) note_flood(connection->client);
+    over(connection, reason);
+  };
   for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here));
   if (!tls_) return;
   greeter_ = std::make_unique<Relay>(limits_.frames, over_here);
@@ -157,8 +160,23 @@ bool Gate::may_shake_hands(const std::string& client) {
   return handshakes_.try_emplace(client, limits_.handshakes_burst, limits_.handshakes_per_s).first->second.take(now_s);
 }
 
+void Gate::note_flood(const std::string& client) {
+  const std::lock_guard lock(mutex_);
+  floods_.try_emplace(client, Flood{TokenBucket(limits_.after_flood_burst, limits_.after_flood_per_s), 0.0}).first->second.last_s = gate_now_s();
+}
+
+// Each connection may do some work before it is cut for a flood. A client that floods again and again on new ones gets few of them.
+bool Gate::may_connect(const std::string& client) {
+  const double now_s = gate_now_s();
+  const std::lock_guard lock(mutex_);
+  std::erase_if(floods_, [&](const auto& entry) { return now_s - entry.second.last_s > limits_.after_flood_s; });
+  const auto flood = floods_.find(client);
+  return flood == floods_.end() || flood->second.connections.take(now_s);
+}
+
 void Gate::admit(FileDescriptor fd, bool encrypted) {
   std::string client = client_of_socket(fd.get());
+  if (!may_connect(client)) return refuse(client, "too many connections after one that was cut for what it sent");
   if (encrypted && !may_shake_hands(client)) return refuse(client, "too many TLS handshakes in a short time");
   if (!make_room(client)) return refuse(client, "no connection is left (--max-connections, --max-connections-per-client)");
   auto connection = connect_to_grpc(std::move(fd), std::move(client), encrypted);

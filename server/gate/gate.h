@@ -36,6 +36,8 @@ struct GateLimits {
   double idle_s = 60.0;         // a connection without part of a call for this time may make way for a new one
   // TLS handshakes of one client at once, and how many more each second.
   double handshakes_burst = 256.0, handshakes_per_s = 32.0;
+  // For this time after a connection was cut for what was sent on it, its client gets as many new ones at once, and as many more each second.
+  double after_flood_s = 10.0, after_flood_burst = 4.0, after_flood_per_s = 2.0;
   FrameLimits frames;
 };
 
@@ -82,6 +84,8 @@ class Gate {
   bool accept_from(const ListeningSocket& socket);
   void admit(FileDescriptor fd, bool encrypted);
   bool may_shake_hands(const std::string& client);
+  void note_flood(const std::string& client);
+  bool may_connect(const std::string& client);
   void refuse(const std::string& client, std::string_view reason);
   bool make_room(const std::string& client);
   void cut_overdue();
@@ -103,6 +107,11 @@ class Gate {
   // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.
   std::map<std::string, std::shared_ptr<Connection>> connections_;
   std::map<std::string, size_t> of_client_;
+  struct Flood {
+    TokenBucket connections;
+    double last_s;  // when a connection of the client was cut last
+  };
+  std::map<std::string, Flood> floods_;  // by client
   GateCounts counts_;
   bool stopping_ = false;
 

@@ -183,23 +183,25 @@ def all_sessions(daemon):
 
 
 def dripping_uploads(daemon):
+    """The scene of another client, at the unix socket, must stay until it opens it."""
     from sightline.v1 import camera_control_pb2
     stopping = threading.Event()
 
     def drip():
         while not stopping.wait(0.5):
             yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
-    first = upload(daemon.address, glb("first")).hash
-    with stub(daemon.address) as service:
+    tcp, unix = daemon.ready.read_text().split()
+    first = upload(unix, glb("first")).hash
+    with stub(tcp) as service:
         slow = [service.UploadScene.future(drip()) for _ in range(4)]
         time.sleep(3)
-        in_time = bool(upload(daemon.address, glb("quick")).hash)
-        _, small = until_end(ATTACK_S - 3, lambda: upload(daemon.address, glb(f"other {time.monotonic()}")))
+        in_time = bool(upload(tcp, glb("quick")).hash)
+        _, small = until_end(ATTACK_S - 3, lambda: upload(tcp, glb(f"other {time.monotonic()}")))
         stopping.set()
         for call in slow:
             call.cancel()
-    open_session(daemon.address, scene=scene_of(first)).close()
-    return f"an upload beside four that drip: {in_time}; a scene stays after {small} small uploads of the same client"
+    open_session(unix, scene=scene_of(first)).close()
+    return f"an upload beside four that drip: {in_time}; another client's scene stays after {small} small uploads"
 
 
 def stuck_recording(daemon):
@@ -321,7 +323,7 @@ ATTACKS = [
     Attack(8, "CONTINUATION flood", "1.7 GB and kept; others' p50 584 ms", endless_headers),
     Attack(9, "4 MiB messages of empty parts", "others' p50 579 ms, at most 2.5 s; memory kept", heavy_messages),
     Attack(10, "one client opens all sessions and is idle", "nobody else gets in, for ever", all_sessions, options=unix_socket_too),
-    Attack(11, "uploads that drip; many small uploads", "all places held; another client's scene evicted", dripping_uploads),
+    Attack(11, "uploads that drip; many small uploads", "all places held; another client's scene evicted", dripping_uploads, options=unix_socket_too),
     Attack(12, "a recording that cannot be deleted", "all recording stops", stuck_recording, options=recording_folder),
     Attack(13, "socket file deleted, second daemon started, first stopped", "the first removes the second's socket", second_daemon),
     Attack(14, "SIGHUP, SIGUSR1, SIGQUIT", "end it without drain", signals),

@@ -15,12 +15,14 @@ def boxes(count):
 
 
 class Session:
+    """`request` opens a session, or resumes one."""
+
     def __init__(self, address, request, channel=None):
         self.owned = channel is None
         self.channel = channel or grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)])
         self.requests, self.sequence = queue.SimpleQueue(), 0
         self.call = CameraControlServiceStub(self.channel).Control(iter(self.requests.get, None))
-        self.requests.put(camera_control_pb2.ControlRequest(open=request))
+        self.requests.put(camera_control_pb2.ControlRequest(**{"resume" if isinstance(request, session_pb2.ResumeSession) else "open": request}))
         try:
             self.opened = next(self.call).opened
         except BaseException:
@@ -31,6 +33,10 @@ class Session:
         self.sequence += 1
         self.requests.put(camera_control_pb2.ControlRequest(
             tick=session_pb2.Tick(sequence=self.sequence, time_s=self.sequence / 60, **more)))
+
+    def breaks(self):
+        """Ends the call as a broken connection does, not in order."""
+        self.call.cancel()
 
     def reads(self):
         return next(self.call)

@@ -63,6 +63,19 @@ class Transport(unittest.TestCase):
             self.assertLess(daemon.most_memory_mib(), 250)
             self.assertLess(daemon.log_bytes(), 1e6)
 
+    def test_who_flooded_gets_few_connections_for_a_while(self):
+        with Daemon() as daemon:
+            def admitted(count):
+                fresh = [RawConnection(daemon.address) for _ in range(count)]
+                return sum(not is_cut(connection, 0.5) for connection in fresh)
+            self.assertEqual(admitted(12), 12)
+            attacker = RawConnection(daemon.address)
+            flood(attacker, lambda: b"".join(attacker.call(CONTROL)[1] for _ in range(64)), 4)
+            self.assertTrue(is_cut(attacker))
+            self.assertLess(admitted(12), 12, "straight after")
+            time.sleep(11)
+            self.assertEqual(admitted(12), 12, "later")
+
     def test_endless_headers_cut_the_connection(self):
         with Daemon() as daemon:
             healthy, attacker = Healthy(daemon.address, 4), RawConnection(daemon.address)

@@ -95,6 +95,9 @@ class Client:
         request.instances.extend(boxes(1))
         return Session(None, request, channel=self.channel)
 
+    def resume(self, opened, answered):
+        return Session(None, session_pb2.ResumeSession(token=opened.resume_token, answered_sequence=answered), channel=self.channel)
+
 
 class Bearer(grpc.UnaryUnaryClientInterceptor, grpc.StreamStreamClientInterceptor, grpc.StreamUnaryClientInterceptor):
     def __init__(self, token):
@@ -241,6 +244,25 @@ class Tokens(Case):
         other.upload(glb())
         other.session(scene=scene).close()
 
+    def test_a_session_is_resumed_by_its_owner_only(self):
+        address = self.daemon(*self.files.all).address
+        game, other, root, board = (Client(address, self.files, token) for token in (GAME, OTHER, ROOT, BOARD))
+        session = game.session(resumable=True)
+        self.assertEqual(session.tick().sequence, 1)
+        session.breaks()
+        wait_for(lambda: root.stats().kept_sessions == 1)
+        for thief in (other, root):
+            self.assertIn("no session of this client", self.refused(grpc.StatusCode.NOT_FOUND, lambda: thief.resume(session.opened, 1)))
+        self.refused(DENIED, lambda: board.resume(session.opened, 1))
+        self.refused(UNAUTHENTICATED, lambda: Client(address, self.files).resume(session.opened, 1))
+        stats = root.stats()
+        self.assertEqual((stats.kept_sessions, stats.refused_resumes, stats.resumed_sessions), (1, 2, 0))
+        # Another connection of the owner.
+        with Client(address, self.files, GAME).resume(session.opened, 1) as again:
+            self.assertTrue(again.opened.resumed)
+            again.sequence = 1
+            self.assertEqual(again.tick().sequence, 2)
+
     def test_a_token_that_is_taken_away_ends_its_sessions(self):
         daemon = self.daemon(*self.files.all)
         game, other = (Client(daemon.address, self.files, token).session() for token in (GAME, OTHER))
@@ -321,6 +343,61 @@ class Certificates(Case):
             with self.subTest(**wrong), self.assertRaises((ssl.SSLError, OSError)):
                 served_certificate(address, self.files, **wrong)
         served_certificate(address, self.files, maximum_version=ssl.TLSVersion.TLSv1_2)
+
+
+def healthcheck(*arguments):
+    return subprocess.run([attack.Daemon.path, "healthcheck", *map(str, arguments)], capture_output=True, text=True, timeout=30)
+
+
+class Healthcheck(Case):
+    """The command `sightlined healthcheck` has no credentials of its own."""
+
+    def asked(self, daemon, *flags):
+        """The exit status for a probe that has the daemon's flags, with the port that it took."""
+        result = healthcheck(*flags, "--listen", daemon.address)
+        self.assertEqual("is SERVING" in result.stdout, result.returncode == 0, result.stderr)
+        return result.returncode
+
+    def test_over_tls_by_the_daemon_s_own_flags(self):
+        daemon = self.daemon(*self.files.all)
+        self.assertEqual(self.asked(daemon, *self.files.all), 0)
+        self.assertEqual(self.asked(daemon, *self.files.all, "--live"), 0)
+        # The certificate has no name of the host, and the daemon shows the former one for a while after this.
+        self.files.use(*self.files.authority.sign("second", "DNS:cameras.example"))
+        self.assertEqual(self.asked(daemon, *self.files.all), 0)
+        daemon.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: "credentials taken over" in daemon.log())
+        self.assertEqual(self.asked(daemon, *self.files.all), 0)
+
+    def test_over_tls_by_the_address_alone(self):
+        daemon = self.daemon(*self.files.all)
+        self.assertEqual(healthcheck("--address", daemon.address, "--tls").returncode, 0)
+        unencrypted = healthcheck("--address", daemon.address)
+        self.assertEqual((unencrypted.returncode, unencrypted.stdout), (1, ""))
+
+    def test_a_daemon_without_tls_is_not_taken_for_one_with_it(self):
+        plain = self.daemon()
+        self.assertEqual(healthcheck("--address", plain.address).returncode, 0)
+        self.assertEqual(healthcheck("--address", plain.address, "--tls").returncode, 1)
+
+    def test_a_daemon_that_wants_certificates_is_shown_its_own(self):
+        flags = [*self.files.all, "--tls-client-ca", str(self.files.authority.certificate)]
+        daemon = self.daemon(*flags)
+        self.assertEqual(self.asked(daemon, *flags), 0)
+        self.assertEqual(self.asked(daemon, *self.files.all), 1, "without a certificate the handshake fails")
+
+    def test_a_daemon_that_has_ended_is_not_well(self):
+        daemon = self.daemon(*self.files.all)
+        address = daemon.address
+        daemon.stop()
+        self.assertEqual(healthcheck(*self.files.all, "--listen", address).returncode, 1)
+
+    def test_a_unix_socket_is_asked_without_tls(self):
+        path = str(self.files.folder / "socket")
+        flags = [*self.files.all, "--listen-unix", path]
+        self.daemon(*flags)
+        self.assertEqual(healthcheck(*flags).returncode, 0)
+        self.assertEqual(healthcheck("--address", "unix:" + path, "--tls").returncode, 0)
 
 
 class Floods(Case):
