@@ -25,7 +25,7 @@ struct RawFlags {
   std::string record = "all";
   std::string fault;
   std::string address;
-  bool alive = false;
+  bool tls = false, alive = false;
   bool json = false;
   bool print_config = false;
   bool check_config = false;
@@ -384,6 +384,9 @@ Command parse_command_line(int argc, const char* const* argv) {
                                ->fallthrough()
                                ->configurable(false);
   health->add_option("--address", raw.address, "Where the daemon listens, instead: host:port, or unix:PATH")->configurable(false);
+  health->add_flag("--tls", raw.tls,
+                   "Encrypt TCP, for a daemon with --tls-cert whose flags are not given here; its certificate is not verified")
+      ->configurable(false);
   health->add_flag("--live", raw.alive, "Ask whether it is alive instead: whether none of its threads hangs")->configurable(false);
   try {
     app.parse(argc, argv);
@@ -405,7 +408,7 @@ Command parse_command_line(int argc, const char* const* argv) {
     return Exit{0};
   }
   if (devices->parsed()) return ReportDevices{finished(raw), raw.json};
-  if (health->parsed()) return CheckHealth{finished(raw), raw.address, raw.alive};
+  if (health->parsed()) return CheckHealth{finished(raw), raw.address, raw.tls, raw.alive};
   return Serve{finished(raw)};
 }
 

@@ -76,6 +76,7 @@ struct BecomeDemo {
 struct CheckHealth {
   Flags flags;          // for the daemon's address
   std::string address;  // instead of the daemon's own; empty: none
+  bool tls = false;     // TCP is encrypted there; it is in any case when the daemon's flags name a certificate
   bool alive = false;   // ask for liveness instead of readiness
 };
 // The process ends with this code. Help, version, configuration or error have been printed.

@@ -62,8 +62,11 @@ constexpr rlim_t kDescriptorsWanted = 65'536;
 constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
 // How often freed memory is given back to the system, and changed credentials are looked for.
 constexpr std::chrono::seconds kTidyPeriod{10};
+// Larger blocks, such as the largest messages, come straight from the system and go straight back. Without a fixed size the allocator learns from the
+// first large message to keep several megabytes for each thread, which malloc_trim does not give back.
+constexpr int kLargeBlock = 1 << 20;
 // From which amount on memory is given back.
-constexpr size_t kWorthTrimming = size_t{16} << 20;
+constexpr size_t kWorthTrimming = size_t{4} << 20;
 // How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
 
@@ -81,6 +84,7 @@ bool stops(int signal) {
 
 // Runs before any thread starts, because threads inherit the signal mask and libraries read the environment once.
 void prepare_process() {
+  ::mallopt(M_MMAP_THRESHOLD, kLargeBlock);
   const sigset_t signals = awaited_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
@@ -331,7 +335,7 @@ void tell_health(DaemonState& state, Listener& listener, const std::vector<std::
     log.error("threads hang", {{"threads", joined(hanging, ", ")}});
 }
 
-// The address of a daemon with these flags, for a client on the same host.
+// The address of a daemon with these flags, for a client on the same host. Through the unix socket, nothing has to be encrypted.
 std::string local_address(const Flags& flags) {
   if (!flags.listen_unix.empty()) return "unix:" + flags.listen_unix;
   const size_t colon = flags.listen.rfind(':');
@@ -339,6 +343,16 @@ std::string local_address(const Flags& flags) {
   if (host == "0.0.0.0") return "127.0.0.1" + port;
   if (host == "[::]") return "[::1]" + port;
   return flags.listen;
+}
+
+// A daemon that wants certificates of its clients is shown its own: the prober has no other.
+HealthAddress health_address(const CheckHealth& check) {
+  const Flags& flags = check.flags;
+  HealthAddress where;
+  where.address = check.address.empty() ? local_address(flags) : check.address;
+  where.tls = (check.tls || !flags.tls_cert.empty()) && !where.address.starts_with("unix:");
+  if (where.tls && !flags.tls_client_ca.empty()) where.certificate = flags.tls_cert, where.key = flags.tls_key;
+  return where;
 }
 
 void drain(DaemonState& state, Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
@@ -567,8 +581,7 @@ int main(int argc, char** argv) {
   prepare_process();
   if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags, report->json);
   if (const auto* check = std::get_if<CheckHealth>(&command))
-    return check_health(check->address.empty() ? local_address(check->flags) : check->address, check->alive ? "liveness" : "readiness",
-                        std::cout, std::cerr);
+    return check_health(health_address(*check), check->alive ? "liveness" : "readiness", std::cout, std::cerr);
   const Flags& flags = std::get<Serve>(command).flags;
   const Log log(flags.log_format, flags.log_level);
   return serve_or_explain(flags, log, [=] { return parse_command_line(argc, argv); });

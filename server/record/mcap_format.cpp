@@ -18,11 +18,15 @@ template <typename Bytes>
 struct Long {
   Bytes& bytes;
 };
+template <typename Bytes>
+Long(Bytes&) -> Long<Bytes>;  // clang 14 does not find it by itself
 // Bytes that fill the record up to its end.
 template <typename Bytes>
 struct Rest {
   Bytes& bytes;
 };
+template <typename Bytes>
+Rest(Bytes&) -> Rest<Bytes>;
 
 // Appends fields to a record, and writes the record's length when it is destroyed.
 class Packer {

@@ -40,13 +40,27 @@ std::vector<uint64_t> applied(const std::vector<v1::Tick>& ticks, const std::vec
 }  // namespace
 
 Heard::Heard(const std::string& address, const v1::OpenSession& request)
-    : open(request), stream_(std::make_unique<Stream>(connect(address))) {
+    : open(request), address_(address), stream_(std::make_unique<Stream>(connect(address))) {
   opened = stream_->open(request);
 }
 
 void Heard::send(const v1::Tick& tick) {
   sent.push_back(tick);
   stream_->send(tick);
+}
+
+bool Heard::break_and_resume() {
+  stream_->cancel();
+  stream_ = std::make_unique<Stream>(connect(address_));
+  v1::ResumeSession request;
+  request.set_token(opened.resume_token());
+  request.set_answered_sequence(replies.empty() ? 0 : replies.back().sequence());
+  stream_->send(request);
+  const auto reply = stream_->read();
+  if (!reply || !reply->has_opened() || !reply->opened().resumed()) return false;
+  for (const v1::Tick& tick : sent)
+    if (tick.sequence() > reply->opened().newest_sequence()) stream_->send(tick);
+  return true;
 }
 
 bool Heard::read_until(uint64_t sequence) {

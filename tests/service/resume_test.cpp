@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "tests/service/service_world.h"
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -56,12 +57,18 @@ bool becomes(const Condition& condition, std::chrono::seconds patience = 20s) {
   return false;
 }
 
-void expect_not_kept(const ServiceWorld& world, const v1::ResumeSession& request) {
-  Stream stream(world.channel());
+// Returns the text of the refusal.
+std::string expect_not_kept(const std::string& address, const v1::ResumeSession& request) {
+  Stream stream(connect(address));
   stream.send(request);
   const grpc::Status status = stream.finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND) << status.error_message();
   EXPECT_EQ(fields_of(status), std::vector<std::string>{"resume.token"});
+  return status.error_message();
+}
+
+void expect_not_kept(const ServiceWorld& world, const v1::ResumeSession& request) {
+  expect_not_kept(world.address(), request);
 }
 
 WorldOptions with_grace(std::chrono::milliseconds grace) {
@@ -189,6 +196,35 @@ TEST(Resume, TheTokenMustBeRight) {
   // The session went on meanwhile.
   EXPECT_EQ(ask(first, 2).sequence(), 2u);
   EXPECT_EQ(world.stats().refused_resumes(), 3u);
+}
+
+// A client over TCP is known by its address, one over the unix socket by its user.
+TEST(Resume, AStolenTokenIsOfNoUseToAnotherClient) {
+  const test::TemporaryFolder folder;
+  WorldOptions options;
+  options.unix_path = folder / "socket";
+  ServiceWorld world(options);
+  const std::string unix_address = "unix:" + options.unix_path;
+  uint64_t refused = 0;
+  for (const auto& [owner, thief] : {std::pair(world.address(), unix_address), std::pair(unix_address, world.address())}) {
+    Stream first(connect(owner)), second(connect(owner));
+    const v1::SessionOpened opened = first.open(resumable());
+    ask(first, 1);
+    v1::ResumeSession guessed = resume_of(opened, 1);
+    guessed.mutable_token()->back() ^= 1;
+    const std::string text = expect_not_kept(thief, guessed);
+    EXPECT_EQ(expect_not_kept(thief, resume_of(opened, 1)), text) << "it does not say that the token is right";
+    EXPECT_EQ(ask(first, 2).sequence(), 2u) << "the stream of the owner has the session as before";
+    first.cancel();
+    ASSERT_TRUE(becomes([&] { return world.stats().kept_sessions() == 1; }));
+    EXPECT_EQ(expect_not_kept(thief, resume_of(opened, 2)), text);
+    EXPECT_EQ(world.stats().kept_sessions(), 1u) << "it still waits for its owner";
+    EXPECT_EQ(world.stats().refused_resumes(), refused += 3);
+    EXPECT_TRUE(resume(second, opened, 2).resumed());
+    EXPECT_EQ(ask(second, 3).sequence(), 3u);
+    second.half_close();
+    EXPECT_TRUE(second.finish().ok());
+  }
 }
 
 TEST(Resume, ASessionThatEndsInOrderIsNotKept) {

@@ -94,6 +94,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
           options.limits) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
+  listen.unix_path = options.unix_path;
   listen.max_message_bytes = options.max_message_bytes;
   listen.loops = options.loops;
   listen.keepalive_time = options.keepalive_time;

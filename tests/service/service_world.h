@@ -65,6 +65,7 @@ struct WorldOptions {
   size_t max_message_bytes = size_t{4} << 20;
   ServiceLimits limits{};
   std::string scene_dir{};
+  std::string unix_path{};  // listens here as well; clients that come this way are others than those over TCP
   unsigned threads = 2;
   unsigned loops = 1;
   bool real_time = false;  // the scheduler's clock and the stage clock are the machine's
