@@ -1,19 +1,29 @@
 #!/usr/bin/env bash
 # Fuzzes what reads bytes of others: tests/fuzz.sh [MINUTES] [TARGET...]
 #
-# The time (default 5 minutes) is divided equally between the targets: access, config, control, delta, frames, gltf and mcap. Each starts from its
-# kept corpus in tests/fuzz/corpus (mcap: tests/record/mcap_corpus), and runs with clang 14, the sanitizers of addresses and undefined behaviour, and at
-# most 2 GB. New finds go to build/fuzz, not to the kept corpus. After a failure the input is in build/fuzz: add it to the kept corpus when
-# the fault is mended. The number of executions of each run is added to build/fuzz/executions. The exit status is 0 when nothing was found.
+# The time (default 5 minutes) may be a fraction such as 0.5. It is divided equally between the targets: access, config, control, delta, frames,
+# gltf and mcap. Each target runs for at least a second. It starts from its kept corpus in tests/fuzz/corpus (mcap: tests/record/mcap_corpus), and
+# runs with clang 14, the sanitizers of addresses and undefined behaviour, and at most 2 GB. New finds go to build/fuzz, not to the kept corpus.
+# After a failure the input is in build/fuzz: add it to the kept corpus when the fault is mended. The number of executions of each run is added to
+# build/fuzz/executions. The exit status is 0 when nothing was found, and 2 when an argument is wrong.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-minutes=${1:-5}
+minutes=${1-5}
 targets=("${@:2}")
-[ ${#targets[@]} -gt 0 ] || targets=(access config control delta frames gltf mcap)
+known=(access config control delta frames gltf mcap)
+# libFuzzer takes 0 seconds for no limit at all, so this is checked before.
+if ! [[ $minutes =~ ^([0-9]+([.][0-9]*)?|[.][0-9]+)$ && $minutes =~ [1-9] ]]; then
+  echo "MINUTES must be a positive number such as 5 or 0.5, got '$minutes'" >&2
+  exit 2
+fi
+for target in "${targets[@]}"; do
+  [[ " ${known[*]} " == *" $target "* ]] || { echo "there is no target $target: ${known[*]}" >&2; exit 2; }
+done
+[ ${#targets[@]} -gt 0 ] || targets=("${known[@]}")
 deploy/install-packages.sh build
 deploy/install-packages.sh fuzz
 out=build/fuzz
-seconds=$((minutes * 60 / ${#targets[@]}))
+seconds=$(awk -v minutes="$minutes" -v targets=${#targets[@]} 'BEGIN { share = int(minutes * 60 / targets); print share < 1 ? 1 : share }')
 flags=(-std=c++20 -O1 -g -I. -DGLM_FORCE_DEPTH_ZERO_TO_ONE -DGLM_ENABLE_EXPERIMENTAL -ffp-contract=off
        -fsanitize=address,undefined -fno-sanitize-recover=undefined
        -Ibuild/fuzz/generated -isystem build/fuzz/proto -march=x86-64-v2 -DSPDLOG_COMPILED_LIB -DSPDLOG_FMT_EXTERNAL
@@ -73,7 +83,7 @@ for target in "${targets[@]}"; do
       run access tests/fuzz/corpus/access 4096 ;;
     config)
       generate
-      build config tests/fuzz/config_fuzz.cpp "" server/{flags,config_file,faulty_device,command_table}.cpp
+      build config tests/fuzz/config_fuzz.cpp "" server/{flags,config_file,faulty_device,command_table}.cpp server/base/error.cpp
       run config tests/fuzz/corpus/config 4096 ;;
     control)
       generate
@@ -93,6 +103,5 @@ for target in "${targets[@]}"; do
       build mcap tests/record/mcap_fuzz.cpp "-lzstd -llz4 -lz" \
         server/record/{byte_io,chunk_codec,mcap_format,mcap_reader,mcap_recover,mcap_scanner,mcap_verify,mcap_writer}.cpp server/base/error.cpp
       run mcap tests/record/mcap_corpus 16384 ;;
-    *) echo "there is no target $target: access, config, control, delta, frames, gltf, mcap" >&2; exit 2 ;;
   esac
 done

@@ -20,6 +20,7 @@ class PretendedFiles final : public RecordFileSystem {
   std::map<std::string, File> files;
   uint64_t now_ns = 0;
   bool folder_forbidden = false;  // creating and listing it fail
+  bool files_forbidden = false;   // creating a file fails
   bool disk_full = false;         // writes fail
   std::set<std::string> stuck;    // these cannot be removed
   uint64_t capacity = uint64_t{1} << 40;
@@ -40,6 +41,7 @@ class PretendedFiles final : public RecordFileSystem {
   }
   Result<std::unique_ptr<ByteSink>> create(const std::string&, const std::string& name) override {
     if (files.contains(name)) return fail(ErrorCode::kAlreadyExists, name, "exists");
+    if (files_forbidden) return fail(ErrorCode::kUnavailable, name, "no such file");
     ++creations;
     File& file = files[name];
     file.modified_ns = now_ns;

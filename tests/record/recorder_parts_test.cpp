@@ -2,8 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
+#include "server/base/random.h"
 #include "tests/record/studio.h"
 
 namespace sightline {
@@ -65,6 +67,182 @@ TEST(Recorder, UnansweredTicksAreAlsoAtTheHeadOfTheNextPart) {
   EXPECT_EQ(found.snapshot_ticks, 5u);
   EXPECT_EQ(found.ticks, (std::vector<uint64_t>{6, 8}));
   EXPECT_EQ(found.replies, 1u);
+}
+
+// One message of a file, as a line: topic, sequence number, log time and publish time in milliseconds since the session began.
+std::vector<std::string> lines_of(const std::string& bytes, uint64_t start_ns) {
+  const auto ms = [&](uint64_t ns) { return std::to_string(static_cast<int64_t>(ns - start_ns) / 1'000'000); };
+  std::vector<std::string> lines;
+  const MemorySource source(bytes);
+  McapReader::open(source, {}).value().read({}, [&](const McapMessage& m) {
+    lines.push_back(m.channel.topic.substr(sizeof("/sightline/") - 1) + " " + std::to_string(m.message.sequence) + " at " + ms(m.message.log_time_ns) +
+                    ", " + ms(m.message.publish_time_ns));
+    return true;
+  });
+  return lines;
+}
+
+// A session whose messages come at given milliseconds, and whose first part is removed so that another one begins.
+struct SecondPart {
+  SecondPart() {
+    record(RecordTopic::kOpen, 1, v1::OpenSession());
+    record(RecordTopic::kOpened, 2, v1::SessionOpened());
+  }
+  template <typename Message>
+  void record(RecordTopic topic, uint64_t ms, const Message& message) {
+    const uint64_t ns = start_ns + ms * 1'000'000;
+    studio.files.now_ns = std::max(studio.files.now_ns, ns);
+    EXPECT_TRUE(recorder->record(topic, {ns, ns - 1'000'000}, message));
+  }
+  void tick(uint64_t ms, uint64_t sequence) {
+    v1::Tick tick;
+    tick.set_sequence(sequence);
+    record(RecordTopic::kTick, ms, tick);
+  }
+  void reply(uint64_t ms, uint64_t sequence) {
+    v1::CameraReply reply;
+    reply.set_sequence(sequence);
+    record(RecordTopic::kReply, ms, reply);
+  }
+  // Nothing is lost: all that came is on the disk before the part is removed. Takes six seconds.
+  void next_part() {
+    studio.later(2);
+    studio.later(1);
+    studio.files.files.clear();
+    studio.later(1);
+    studio.later(2);
+  }
+  std::vector<std::string> lines() {
+    recorder.reset();
+    studio.writer->run_once();
+    EXPECT_THAT(studio.files.files, SizeIs(1));
+    return lines_of(*studio.files.files.begin()->second.bytes, start_ns);
+  }
+
+  Studio studio{{.limits = {.free_reserve_bytes = 0}, .for_viewers = false}};
+  const uint64_t start_ns = studio.files.now_ns;
+  std::unique_ptr<SessionRecorder> recorder = studio.open();
+};
+
+TEST(RecorderHead, RepeatsTheOpeningTheAnsweredTicksAsOneAndThoseThatWait) {
+  SecondPart session;
+  session.tick(10, 1), session.reply(11, 1);
+  session.tick(20, 2), session.reply(21, 2);
+  session.tick(30, 3);
+  session.tick(40, 4);
+  session.next_part();
+  session.reply(9000, 3);
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20", "tick 2 at 20, 19",
+                                                      "tick 3 at 30, 29", "tick 4 at 40, 39", "reply 3 at 9000, 8999"))
+      << "the head has the times of its ticks, so that times rise";
+}
+
+TEST(RecorderHead, WithoutAnsweredTicksItBeginsWithTheFirstThatWaits) {
+  SecondPart session;
+  session.tick(30, 1);
+  session.tick(40, 2);
+  session.next_part();
+  session.reply(9000, 1);
+  session.studio.writer->run_once();
+  EXPECT_FALSE(session.recorder->wants_memory()) << "the ticks are all there";
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 30, 30", "open 1 at 30, 30", "opened 1 at 30, 30", "tick 1 at 30, 29",
+                                                      "tick 2 at 40, 39", "reply 1 at 9000, 8999"));
+}
+
+TEST(RecorderHead, WithoutAnyTickItHasTheTimeOfTheNextMessage) {
+  SecondPart session;
+  session.next_part();
+  session.tick(9000, 1);
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 9000, 9000", "open 1 at 9000, 9000", "opened 1 at 9000, 9000", "tick 1 at 9000, 8999"));
+}
+
+TEST(RecorderHead, AGapFollowsTheTicksThatWait) {
+  SecondPart session;
+  session.tick(10, 1), session.reply(11, 1);
+  session.tick(30, 2);
+  session.studio.later(2);
+  session.studio.later(1);
+  session.studio.files.files.clear();
+  session.studio.later(1);
+  session.tick(5000, 3);  // lost, because no file is tried within a second of the last one; but it waits for its answer
+  session.studio.writer->run_once();
+  session.studio.later(2);
+  session.reply(9000, 2);
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10", "tick 1 at 10, 9", "tick 2 at 30, 29",
+                                                      "tick 3 at 5000, 4999", "gap 1 at 5000, 5000", "reply 2 at 9000, 8999"));
+}
+
+// A memory is of the moment after the newest reply. A message after it makes it old.
+TEST(RecorderHead, AMemoryIsRepeatedWhileNothingCameAfterIt) {
+  for (const bool old : {false, true}) {
+    SecondPart session;
+    session.tick(10, 1), session.reply(11, 1);
+    session.record(RecordTopic::kMemory, 12, v1::StepMemory());
+    if (old) session.tick(20, 2), session.reply(21, 2);
+    session.next_part();
+    EXPECT_FALSE(session.recorder->wants_memory()) << "there is no file, so none is nearly full";
+    session.tick(9000, 9);
+    session.studio.writer->run_once();
+    EXPECT_EQ(session.recorder->wants_memory(), old) << "a part that begins without a memory asks for one";
+    if (old) session.record(RecordTopic::kMemory, 9001, v1::StepMemory());
+    session.studio.writer->run_once();
+    EXPECT_FALSE(session.recorder->wants_memory());
+    const std::vector<std::string> lines = session.lines();
+    if (old)
+      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20", "tick 2 at 20, 19", "tick 3 at 9000, 8999",
+                                                "memory 2 at 9001, 9000"));
+    else
+      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10", "tick 1 at 10, 9", "memory 1 at 12, 11",
+                                                "tick 2 at 9000, 8999"));
+  }
+}
+
+TEST(RecorderHead, AMemoryEndsAPartThatIsNearlyFull) {
+  Studio studio({.limits = {.max_file_bytes = 300'000, .free_reserve_bytes = 0}, .chunk_bytes = 500, .for_viewers = false});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  const auto parts = [&] { return studio.files.files.size(); };
+  const auto memory = [&] {
+    recorder->record(RecordTopic::kMemory, {studio.files.now_ns, studio.files.now_ns}, v1::StepMemory());
+    studio.writer->run_once();
+  };
+  memory();
+  studio.tick(*recorder), studio.answer(*recorder);
+  studio.writer->run_once();
+  EXPECT_EQ(parts(), 1u) << "the part has room";
+  CounterRandom random(1, 0, RandomPurpose::kTest);
+  while (!recorder->wants_memory() && parts() == 1) {
+    studio.tick(*recorder), studio.answer(*recorder);
+    v1::Fault fault;
+    for (int i = 0; i < 1000; ++i) fault.mutable_message()->push_back(static_cast<char>('a' + random.next_below(26)));
+    recorder->record(RecordTopic::kFault, {studio.files.now_ns, studio.files.now_ns}, fault);
+    studio.writer->run_once();
+  }
+  ASSERT_EQ(parts(), 1u);
+  EXPECT_LT(studio.files.total(), 300'000u) << "it asks before the part is full";
+  memory();
+  studio.tick(*recorder);
+  studio.writer->run_once();
+  ASSERT_EQ(parts(), 2u);
+  EXPECT_FALSE(recorder->wants_memory());
+  recorder.reset();
+  studio.writer.reset();
+  const Contents second = contents_of(*studio.files.files.rbegin()->second.bytes);
+  ASSERT_GE(second.topics.size(), 4u);
+  EXPECT_EQ(second.topics[3], "/sightline/memory") << "it begins with the opening, the snapshot and the memory";
+}
+
+// A head stands in other parts too, or in Gaps of its own. It is no loss when the disk takes no part of it.
+TEST(RecorderHead, ALostHeadCountsNoMessages) {
+  SecondPart session;
+  session.tick(10, 1), session.reply(11, 1);
+  session.tick(20, 2);
+  session.next_part();
+  session.reply(9000, 2);
+  session.studio.files.disk_full = true;
+  session.studio.writer->run_once();
+  session.studio.later(2);
+  EXPECT_EQ(session.studio.writer->counts().dropped_messages, 1u) << "the reply";
 }
 
 // Every tick is small, but all their changes together are larger than a message may be.

@@ -406,41 +406,6 @@ TEST(Extent, EightConsecutivePointsSpreadBetterThanRandomOnes) {
   }
 }
 
-// Every viewer sees equal parts of a round body to the left and right of its axis. A single view of the table does not
-// show this, but blended views do on average.
-TEST(Extent, BlendedViewsAreNotTurned) {
-  const GeometryPtr body = shape(CapsuleShape{0.3f, 0.6f});
-  const auto table = ExtentTable::build(*body);
-  CounterRandom random(62, 0, RandomPurpose::kTest);
-  double turned = 0.0, blended = 0.0;
-  constexpr int kViewers = 40, kDraws = 200;
-  for (int i = 0; i < kViewers; ++i) {
-    ExtentView viewer = random_view(random, 10.0);
-    viewer.direction = glm::normalize(glm::dvec3(viewer.direction.x, 0.2, viewer.direction.z));
-    const glm::dvec3 at = glm::dvec3(body->center) + viewer.direction * (viewer.distance * body->radius_m);
-    const glm::dvec3 right = glm::normalize(glm::cross(glm::dvec3(0, 1, 0), viewer.direction));
-    const auto share_left = [&](std::span<const glm::vec3> points) {
-      return static_cast<double>(std::count_if(points.begin(), points.end(),
-                                               [&](const glm::vec3& p) {
-                                                 return glm::dot(glm::dvec3(p) - glm::dvec3(body->center),
-                                                                 right) < 0;
-                                               })) /
-             static_cast<double>(points.size());
-    };
-    double mean = 0.0;
-    for (int draw = 0; draw < kDraws; ++draw) {
-      const double x = random.next_unit(), y = random.next_unit();
-      mean += share_left(table->points_blended(at, {x, y})) / kDraws;
-    }
-    turned += std::abs(share_left(table->points(at)) - 0.5) / kViewers;
-    blended += std::abs(mean - 0.5) / kViewers;
-  }
-  EXPECT_GT(turned, 0.04);
-  EXPECT_LT(blended, 0.025);
-  const glm::dvec3 middle(body->center);
-  EXPECT_EQ(table->points_blended(middle, {0.5, 0.5}).data(), table->points(middle).data());
-}
-
 TEST(Extent, EveryViewerFindsAViewWithin15Degrees) {
   const auto table = ExtentTable::build(*shapes()[0].geometry);
   const Geometry& geometry = *shapes()[0].geometry;

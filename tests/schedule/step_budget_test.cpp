@@ -170,6 +170,28 @@ TEST(StepBudget, AtTheEdgeItDoesNotGoToAndFro) {
   EXPECT_LE(session.changes, 12);
 }
 
+TEST(StepBudget, ALongTimeWithoutSwingsMakesTheWaitShortAgain) {
+  SteppedSession session;
+  for (int swing = 0; swing < 20; ++swing) {
+    session.full_cost_ms = 9.0;
+    session.run(2 * kSecond);
+    session.full_cost_ms = 17.0;
+    session.run(2 * kSecond);
+  }
+  ASSERT_GT(session.budget.level(), 0);
+  session.full_cost_ms = 9.0;
+  session.run(18 * kSecond / 10);
+  EXPECT_GT(session.budget.level(), 0) << "the swings have made the wait long";
+  session.run(60 * kSecond);
+  EXPECT_EQ(session.budget.level(), 0);
+  session.full_cost_ms = 17.0;
+  session.run(5 * kSecond);
+  ASSERT_GT(session.budget.level(), 0);
+  session.full_cost_ms = 9.0;
+  session.run(18 * kSecond / 10);
+  EXPECT_EQ(session.budget.level(), 0);
+}
+
 TEST(StepBudget, TheLevelFallsOnlyWithRoomToSpare) {
   SteppedSession session;
   session.full_cost_ms = 17.0;
