@@ -1,6 +1,7 @@
 // Times a step on the city (280 K triangles), stage by stage: Table 1 of the paper. tests/bench/step_timing.h says what is timed. One row for each sampler, settings and resolution.
 //
 //   step_bench [--frames N] [--csv FILE]     N steps a row (default: 1200)
+//   step_bench --row embree,sightline,7      only this row, for a profiler
 #include <CLI/CLI.hpp>
 #include <fstream>
 #include <iostream>
@@ -12,9 +13,9 @@
 namespace sightline {
 namespace {
 
-Result<StepTiming> time_steps(TimedCity& city, SamplerDevice& device, const StepSettings& settings, int r,
+Result<StepTiming> time_steps(TimedCity& city, SamplerDevice& device, const TimedSettings& timed, int r,
                               int frames) {
-  const auto timer = StepTimer::make(city, device, settings, r);
+  const auto timer = StepTimer::make(city, device, timed.settings, r, timed_candidates(timed, r));
   if (!timer) return tl::unexpected(timer.error());
   for (int i = 0; i < StepTimer::kWarmUpSteps + frames; ++i)
     if (const auto took_ms = (*timer)->step(); !took_ms) return tl::unexpected(took_ms.error());
@@ -60,7 +61,7 @@ class Tables {
                 {"p95", true}}};
 };
 
-Status run(int frames, Tables& tables) {
+Status run(int frames, const std::string& only_row, Tables& tables) {
   const auto city = TimedCity::load();
   if (!city) return tl::unexpected(city.error());
   std::string no_egl;
@@ -69,7 +70,9 @@ Status run(int frames, Tables& tables) {
   for (const auto& device : devices)
     for (const TimedSettings& timed : timed_settings())
       for (const int r : kTimedResolutions) {
-        const auto timing = time_steps(**city, *device, timed.settings, r, frames);
+        const std::string row = std::string(device->kind()) + ',' + std::string(timed.name) + ',' + std::to_string(r);
+        if (timed_candidates(timed, r) == 0 || (!only_row.empty() && row != only_row)) continue;
+        const auto timing = time_steps(**city, *device, timed, r, frames);
         if (!timing) return tl::unexpected(timing.error());
         tables.add(*device, timed, r, *timing);
       }
@@ -84,14 +87,15 @@ int main(int argc, char** argv) {
   prepare_software_rendering();
   CLI::App app("Times steps on the city: Table 1 of the paper");
   int frames = 1200;
-  std::string csv;
+  std::string csv, row;
   app.add_option("--frames", frames, "Steps in each row")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   app.add_option("--csv", csv, "File for the table, with every figure");
+  app.add_option("--row", row, "Time only this row: SAMPLER,SETTINGS,R");
   CLI11_PARSE(app, argc, argv);
   Tables tables(csv);
-  if (const Status done = run(frames, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
+  if (const Status done = run(frames, row, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
   if (!tables.finish()) return std::cerr << csv << " cannot be written\n", 1;
   return 0;
 }

@@ -29,7 +29,13 @@ Percentiles percentiles(const std::vector<double>& values_ms) {
 }  // namespace
 
 std::vector<TimedSettings> timed_settings() {
-  return {{"paper", paper_row(Strategy::kBasic, 0.0)}, {"sightline", preset_settings(Preset::kSightline)}};
+  return {{"paper", paper_row(Strategy::kBasic, 0.0)}, {"sightline", preset_settings(Preset::kSightline)},
+          {"default", preset_settings(Preset::kSightline), true}};
+}
+
+int timed_candidates(const TimedSettings& timed, int resolution) {
+  if (!timed.as_they_are) return resolution * resolution * resolution;
+  return resolution == timed.settings.sample.resolution ? timed.settings.aggregate.candidates : 0;
 }
 
 std::vector<std::unique_ptr<SamplerDevice>> timed_samplers(std::string* no_egl) {
@@ -56,9 +62,9 @@ Result<std::unique_ptr<TimedCity>> TimedCity::load() {
 }
 
 Result<std::unique_ptr<StepTimer>> StepTimer::make(TimedCity& city, SamplerDevice& device,
-                                                   StepSettings settings, int resolution) {
+                                                   StepSettings settings, int resolution, int candidates) {
   settings.sample.resolution = resolution;
-  settings.aggregate.candidates = resolution * resolution * resolution;
+  settings.aggregate.candidates = candidates;
   if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
   auto world = ScenarioWorld::make(*city.scenario, city.store, city.device);
   if (!world) return tl::unexpected(world.error());

@@ -19,10 +19,14 @@ namespace sightline {
 // The settings that are timed; resolution and number of candidates are set on top of them.
 //   paper: preset paper with Basic and one point for each target, without filter and prediction, as in the paper's Table 1
 //   sightline: the default settings, with several points on each target's surface
+//   default: the same, with its own number of candidates, at its own resolution alone
 struct TimedSettings {
   std::string_view name;
   StepSettings settings;
+  bool as_they_are = false;  // with their own resolution and number of candidates
 };
+// The number of candidates that a step with these settings is timed with at a resolution; 0: it is not timed at it.
+int timed_candidates(const TimedSettings& timed, int resolution);
 std::vector<TimedSettings> timed_settings();
 inline constexpr int kTimedResolutions[] = {5, 7, 10, 15};
 
@@ -54,9 +58,10 @@ struct StepTiming {
 // with the camera at its start.
 class StepTimer {
  public:
-  // Both must outlive it. `resolution`: r, [2, 64].
+  // Both must outlive it. `resolution`: r, [2, 64]. `candidates`: about as many, [27, 32768].
   static Result<std::unique_ptr<StepTimer>> make(TimedCity& city, SamplerDevice& device,
-                                                 StepSettings settings, int resolution);
+                                                 StepSettings settings, int resolution,
+                                                 int candidates);
   // Takes the next frame's step and returns its duration in milliseconds, without the city's own movement. The first kWarmUpSteps
   // load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
   Result<double> step();

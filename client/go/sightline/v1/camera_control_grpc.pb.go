@@ -42,9 +42,9 @@ type CameraControlServiceClient interface {
 	// NOT_FOUND, ALREADY_EXISTS, FAILED_PRECONDITION or RESOURCE_EXHAUSTED. A call that sends no first message in time
 	// (server flag --open-timeout-s) ends with DEADLINE_EXCEEDED. Ticks that arrive faster than they can be answered are
 	// merged: everything that they say is applied in order, and one step is computed for the newest.
-	// A session ends in order when the client closes its side. If the stream breaks instead, a resumable session is kept for a while
-	// (server flag --resume-grace-s). A call that resumes a session which the server does not keep ends with NOT_FOUND, field
-	// resume.token; the client then opens a new one. A call whose session goes on in another call ends with ABORTED.
+	// A session ends in order when the client closes its side. If the stream breaks instead, a resumable session is kept for a while (server flag
+	// --resume-grace-s). A call that resumes a session which the server does not keep ends with NOT_FOUND, field resume.token; the client then
+	// opens a new one. A call whose session goes on in another call ends with ABORTED, or with CANCELLED if a reply was just being written to it.
 	Control(ctx context.Context, opts ...grpc.CallOption) (grpc.BidiStreamingClient[ControlRequest, ControlResponse], error)
 	// Sends a scene file to the server in chunks; the response holds the hash to open a session with. A call that sends
 	// nothing for a minute (server flag --upload-timeout-s) is cancelled.
@@ -132,9 +132,9 @@ type CameraControlServiceServer interface {
 	// NOT_FOUND, ALREADY_EXISTS, FAILED_PRECONDITION or RESOURCE_EXHAUSTED. A call that sends no first message in time
 	// (server flag --open-timeout-s) ends with DEADLINE_EXCEEDED. Ticks that arrive faster than they can be answered are
 	// merged: everything that they say is applied in order, and one step is computed for the newest.
-	// A session ends in order when the client closes its side. If the stream breaks instead, a resumable session is kept for a while
-	// (server flag --resume-grace-s). A call that resumes a session which the server does not keep ends with NOT_FOUND, field
-	// resume.token; the client then opens a new one. A call whose session goes on in another call ends with ABORTED.
+	// A session ends in order when the client closes its side. If the stream breaks instead, a resumable session is kept for a while (server flag
+	// --resume-grace-s). A call that resumes a session which the server does not keep ends with NOT_FOUND, field resume.token; the client then
+	// opens a new one. A call whose session goes on in another call ends with ABORTED, or with CANCELLED if a reply was just being written to it.
 	Control(grpc.BidiStreamingServer[ControlRequest, ControlResponse]) error
 	// Sends a scene file to the server in chunks; the response holds the hash to open a session with. A call that sends
 	// nothing for a minute (server flag --upload-timeout-s) is cancelled.
