@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x073bba3234d8fff5;
-constexpr uint64_t kLlvmpipeHash = 0x073bba3234d8fff5;
+constexpr uint64_t kEmbreeHash = 0x50ba78467617fe99;
+constexpr uint64_t kLlvmpipeHash = 0x50ba78467617fe99;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
