@@ -86,7 +86,7 @@ struct CarriedState {
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take
-  InlineVector<uint64_t, kMaxTargets> not_aimed_at;  // from where it is
+  InlineVector<uint64_t, kMaxTargets> not_aimed_at;  // from where it is; holds `given_up`
   SuggestedPath path;                // poses of the last half second
   CutState cut;
   glm::dvec3 pull_mps{0.0};          // added to the next step's velocity: towards the camera that was observed

@@ -36,8 +36,6 @@ constexpr Pace kHurried{};
 constexpr double kBlindS = 5.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
-// A smaller share of a target does not count as seen by such a camera.
-constexpr double kGlimpse = 0.1;
 
 double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);

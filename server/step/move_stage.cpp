@@ -158,8 +158,24 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
+// The steered targets that the camera has seen of late, as a mask.
+uint32_t seen_of_late(const MoveInput& in) {
+  uint32_t seen = 0;
+  for (size_t i = 0; i < in.step.target_count(); ++i)
+    if (in.step.is_steered(i) && in.carried.shares.share(i).value_or(0.0) > kGlimpse) seen |= 1u << i;
+  return seen;
+}
+
+bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<const TrackedTarget> targets, uint32_t mask) {
+  lens.vertical_fov_rad *= room;
+  for (size_t i = 0; i < targets.size(); ++i)
+    if (mask >> i & 1u && in_picture(world_from_camera, lens, targets[i].aim_m)) return true;
+  return false;
+}
+
 // Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture cannot
-// hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets).
+// hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets). On its way there it leaves
+// some out only if it would otherwise show none of those that it sees.
 Aim choose_aim(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
   const FramingSettings& framing = step.input.settings.framing;
@@ -167,16 +183,21 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const glm::dvec3 eye_m = decision.camera.pose.position_m;
   const ViewAngles& present = decision.turn.angles;
   const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
-  if (step.input.settings.move.follow != Follow::kStay) return all;
   const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
-  if (all.fits && former == step.targets.steered) return all;
+  const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
+  if (all.fits && (had_all || !stays)) return all;
+  const uint32_t seen = stays ? step.targets.steered : seen_of_late(in);
+  const auto shows = [&](const ViewAngles& angles, double room) {
+    return shows_any({eye_m, rotation_from_angles(angles)}, step.lens, room, targets, seen);
+  };
+  if (!stays && (seen == 0 || shows(all.angles, had_all ? 1.0 : kRoomToReturn) || (had_all && shows(present, 1.0)))) return all;
   const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);
   };
-  const uint32_t kept = keep_together(targets, eye_m, former, std::cref(fit));
+  TargetMemory memory;
+  const uint32_t kept = keep_together(only_kept(targets, seen, memory), eye_m, former, std::cref(fit));
   if (kept == step.targets.steered) return all;
   decision.not_aimed_at = dropped_ids(step.targets, kept);
-  TargetMemory memory;
   return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, framing);
 }
 

@@ -56,6 +56,8 @@ inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01
 // Strategy kMinCost: the goal is where the camera is to be after this time, however it was found. So the goal only moves when the camera
 // changes its mind.
 inline constexpr double kGoalS = 0.35;
+// A target whose visible share was smaller of late does not count as seen.
+inline constexpr double kGlimpse = 0.1;
 
 // ---- sample (sample_stage.cpp; paper 3.2, 4): plans the maps ----
 

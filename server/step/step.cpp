@@ -155,6 +155,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.follows = dump_.decision.follows;
   carried_.blind = dump_.decision.blind;
   carried_.not_aimed_at = dump_.decision.not_aimed_at;
+  // A target that is no longer given up is aimed at when it can be shown.
+  for (const uint64_t id : carried_.given_up)
+    if (std::ranges::find(carried_.not_aimed_at, id) == carried_.not_aimed_at.end()) carried_.not_aimed_at.push_back(id);
 
   StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
   note_sights(step, result, work.opening.target_jumped, carried_.cut);

@@ -32,10 +32,11 @@ struct Parting : Filming {
     EXPECT_FALSE(gives_up[0] && gives_up[1]);
     changes += gives_up[0] != gave_up[0] || gives_up[1] != gave_up[1];
     gave_up[0] = gives_up[0], gave_up[1] = gives_up[1];
+    shows_nobody += !r.targets[0].in_picture && !r.targets[1].in_picture;
     return r;
   }
   double left_m = 0, right_m = 0;
-  int changes = 0;
+  int changes = 0, shows_nobody = 0;  // steps
   bool gave_up[2] = {};
 };
 
@@ -81,6 +82,19 @@ TEST(Parted, OfEqualOnesTheNearerIsKeptAndNoOtherUntilTheyMeetAgain) {
   EXPECT_EQ(world.changes, 2) << "both again, once";
   EXPECT_FALSE(r.targets[0].given_up || r.targets[1].given_up);
   EXPECT_EQ(r.status, TrackingStatus::kTracking);
+}
+
+// On its way to where it can show both, the camera does not look between them.
+TEST(Parted, OnePersonIsInThePictureWhileTheyPartAndMeet) {
+  for (const auto& [left_mps, right_mps] : {std::pair{4.0, 4.0}, std::pair{0.5, 8.0}}) {
+    Parting world({true, 1}, {true, 1});
+    for (int i = 0; i < 60 * 8; ++i) world.walk(left_mps, right_mps);
+    for (int i = 0; i < 60 * 8; ++i) world.walk(0, 0);
+    for (int i = 0; i < 60 * 8; ++i) world.walk(-left_mps, -right_mps);
+    for (int i = 0; i < 60 * 4; ++i) world.walk(0, 0);
+    EXPECT_LE(world.shows_nobody, 12) << left_mps << " and " << right_mps << " m/s";
+    EXPECT_LE(world.changes, 4);
+  }
 }
 
 // A camera that stays where it is can only choose where to look.
