@@ -158,7 +158,7 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
-// The steered targets that the camera has seen of late, as a mask.
+// A mask of the steered targets that the camera has seen of late.
 uint32_t seen_of_late(const MoveInput& in) {
   uint32_t seen = 0;
   for (size_t i = 0; i < in.step.target_count(); ++i)
@@ -173,6 +173,17 @@ bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<
   return false;
 }
 
+// A camera that follows aims at all steered targets if they fit in the picture, or if it shows at least one of those that it sees meanwhile.
+// `had_all`: it aimed at all of them at the last step.
+bool aims_at_all(const MoveInput& in, const Decision& decision, const Aim& all, uint32_t seen, bool had_all) {
+  if (all.fits || seen == 0) return true;
+  const auto shows = [&](const ViewAngles& angles, double room) {
+    const Pose pose{decision.camera.pose.position_m, rotation_from_angles(angles)};
+    return shows_any(pose, in.step.lens, room, in.step.targets.tracked_targets, seen);
+  };
+  return had_all ? shows(all.angles, 1.0) || shows(decision.turn.angles, 1.0) : shows(all.angles, kRoomToReturn);
+}
+
 // Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture cannot
 // hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets). On its way there it leaves
 // some out only if it would otherwise show none of those that it sees.
@@ -185,12 +196,8 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
   const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
-  if (all.fits && (had_all || !stays)) return all;
   const uint32_t seen = stays ? step.targets.steered : seen_of_late(in);
-  const auto shows = [&](const ViewAngles& angles, double room) {
-    return shows_any({eye_m, rotation_from_angles(angles)}, step.lens, room, targets, seen);
-  };
-  if (!stays && (seen == 0 || shows(all.angles, had_all ? 1.0 : kRoomToReturn) || (had_all && shows(present, 1.0)))) return all;
+  if (stays ? all.fits && had_all : aims_at_all(in, decision, all, seen, had_all)) return all;
   const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);
   };
