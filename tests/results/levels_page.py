@@ -12,7 +12,7 @@ def levels_page(folder, ceilings):
     """The page's text, from levels.csv and uses.csv in the folder, and how.json."""
     runs = read_table(folder / "levels.csv")
     how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
-    parts = [introduction(how)]
+    parts = [introduction(how)] + notes(folder)
     for prefix, title in GROUPS:
         parts += group_parts(title, of_group(runs, prefix), of_group(ceilings, prefix))
     uses = folder / "uses.csv"
@@ -30,6 +30,12 @@ def of_group(rows, prefix):
 def former_runs(folder):
     former = folder / "levels-before-plan.csv"
     return read_table(former) if former.exists() else []
+
+
+def notes(folder):
+    """Findings about claims that do not hold: levels-notes.md beside the tables, where there is one."""
+    kept = folder / "levels-notes.md"
+    return [kept.read_text(encoding="utf-8")] if kept.exists() else []
 
 
 def introduction(how):

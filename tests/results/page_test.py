@@ -313,13 +313,15 @@ class Ceiling(unittest.TestCase):
 
 
 class Levels(unittest.TestCase):
-    def page(self, runs, ceilings=(), **tables):
+    def page(self, runs, ceilings=(), notes=None, **tables):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             (folder / "how.json").write_text('{"rate_hz": 60, "level_seeds": 8, "scenes_every": 10}', encoding="utf-8")
             figures.write_table(folder / "levels.csv", list(runs[0]), runs)
             for table, rows in tables.items():
                 figures.write_table(folder / (table.replace("_", "-") + ".csv"), list(rows[0]), rows)
+            if notes:
+                (folder / "levels-notes.md").write_text(notes, encoding="utf-8")
             return levels_page.levels_page(folder, list(ceilings))
 
     def test_each_group_has_its_own_claims_and_table(self):
@@ -332,6 +334,11 @@ class Levels(unittest.TestCase):
         blind = [line for line in page.splitlines() if line.startswith("| Every scene: nobody in sight")]
         self.assertEqual(["**holds**" in line for line in blind], [True, False, False])
         self.assertIn("in 0 of 1 scenes; not in lift (30.00 %)", blind[2])
+
+    def test_its_notes_stand_before_the_groups(self):
+        self.assertNotIn("Lift: waits", self.page([run("lift", "sightline", 1.0, 0.5, 1.0)]))
+        page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0)], notes="- Lift: waits.")
+        self.assertIn("- Lift: waits.", page.split("## ", 1)[0])
 
     def test_a_group_that_was_not_played_is_left_out(self):
         page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0)])
