@@ -219,6 +219,49 @@ class WayOut {
   std::optional<glm::dvec3> found_m_;
 };
 
+struct Evasion {
+  const CameraState& camera;
+  const CameraLimits& limits;
+  const MoversAhead& movers;
+  const ClearanceField& field;  // colliders as they are now
+  double enough_m;              // of room
+
+  // The camera's position when it approaches a velocity with all its acceleration.
+  glm::dvec3 position_m(const glm::dvec3& velocity_mps, double after_s) const {
+    const glm::dvec3 change_mps = velocity_mps - camera.velocity_mps;
+    const double change_s = glm::length(change_mps) / limits.max_acceleration_mps2;
+    const double gained_s = after_s < change_s ? after_s * after_s / (2 * change_s) : after_s - change_s / 2;
+    return camera.pose.position_m + camera.velocity_mps * after_s + change_mps * gained_s;
+  }
+  // The least distance to a collider at the times of kEvadeS, at most `enough_m`.
+  double room_m(const glm::dvec3& velocity_mps) const {
+    double room_m = enough_m;
+    for (size_t look = 0; look < movers.size(); ++look) {
+      const glm::dvec3 at_m = position_m(velocity_mps, kEvadeS[look]);
+      room_m = std::min(room_m, movers[look].clearance_m(at_m, room_m));
+      room_m = std::min(room_m, field.clearance_m(at_m, room_m));
+    }
+    return room_m;
+  }
+};
+
+// `velocity_mps` if it leaves the body room; else the velocity towards the side with the most. The straight way from a mover may end at a wall, such as
+// that of a doorway whose door shuts.
+glm::dvec3 roomier(const Evasion& evasion, const glm::dvec3& velocity_mps, double body_m) {
+  double most_m = evasion.room_m(velocity_mps);
+  if (most_m >= body_m) return velocity_mps;
+  const double speed_mps = std::min(evasion.limits.max_speed_mps, evasion.limits.max_acceleration_mps2 * kEvadeS.back());
+  glm::dvec3 best_mps = velocity_mps;
+  for (int x = -1; x <= 1; ++x)
+    for (int y = -1; y <= 1; ++y)
+      for (int z = -1; z <= 1; ++z) {
+        if (x == 0 && y == 0 && z == 0) continue;
+        const glm::dvec3 there_mps = glm::normalize(glm::dvec3(x, y, z)) * speed_mps;
+        if (const double room_m = evasion.room_m(there_mps); room_m > most_m) most_m = room_m, best_mps = there_mps;
+      }
+  return best_mps;
+}
+
 }  // namespace
 
 double swept_radius_m(const CameraLimits& limits, const Lens& lens) {
@@ -230,9 +273,9 @@ StraightWays::StraightWays(const ClearanceField& field, const glm::dvec3& from_m
       from_m_(from_m),
       sweep_m_(sweep_radius_m(field.clearance_m(from_m, clearance_reach_m(body_radius_m)), body_radius_m)) {}
 
-glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
-                 const Lens& lens, const MoversAhead& movers, double dt_s) {
-  const double keep = swept_radius_m(limits, lens) + kEvadeRoomM;
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
+                 const MoversAhead& movers, const ClearanceField& field, double dt_s) {
+  const double body_m = swept_radius_m(limits, lens), keep = body_m + kEvadeRoomM;
   glm::dvec3 velocity = wanted_mps;
   // A few rounds, because moving away from one collider may lead towards another.
   for (int round = 0; round < 3; ++round) {
@@ -244,6 +287,7 @@ glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const 
       if (distance > 1e-6) velocity += (there - surface) * ((keep - distance) / distance / kEvadeS[look]);
     }
   }
+  if (velocity != wanted_mps) velocity = roomier({camera, limits, movers, field, keep}, velocity, body_m);
   return clamp_velocity(camera.velocity_mps, velocity, limits, dt_s);
 }
 

@@ -41,10 +41,11 @@ std::optional<glm::dvec3> way_out(const ClearanceField& field, const glm::dvec3&
 inline constexpr std::array<double, 3> kEvadeS = {0.12, 0.24, 0.4};
 using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, from gather_movers
 
-// Changes `wanted_mps` so that the body is clear of moving colliders at each of kEvadeS. The result obeys the limits. Call make_safe next;
-// it takes care of the colliders as they are now.
-glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
-                 const Lens& lens, const MoversAhead& movers, double dt_s);
+// Changes `wanted_mps` so that the body is clear of moving colliders at each of kEvadeS. Where there is no room away from them, such as in a
+// doorway whose door shuts, the camera goes to the side with the most room. The result obeys the limits. Call make_safe next; it takes
+// care of the colliders as they are now, which `field` has gathered as for make_safe.
+glm::dvec3 evade(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, const Lens& lens,
+                 const MoversAhead& movers, const ClearanceField& field, double dt_s);
 
 // Tests whether the body can go straight from one position to others. The field must outlive the object and not change.
 class StraightWays {

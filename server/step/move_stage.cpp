@@ -147,7 +147,7 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
-  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.step.move_s);
+  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
   const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
   const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
   decision.wanted_mps = pulled_mps;

@@ -158,13 +158,40 @@ TEST_F(Body, EvadesWhatComesTowardsIt) {
     return least;
   };
   ASSERT_LT(least_distance_m({0, 0, 0}), limits_.body_radius_m);
-  const glm::dvec3 velocity = evade(camera_, {0, 0, 0}, limits_, {}, movers, 1.0 / 60);
+  const glm::dvec3 velocity = evade(camera_, {0, 0, 0}, limits_, {}, movers, field_, 1.0 / 60);
   EXPECT_GE(least_distance_m(velocity), limits_.body_radius_m + 0.09);
   EXPECT_LT(velocity.x, 0) << "away from it";
   EXPECT_LT(glm::length(velocity), 3) << "and no faster than is needed";
   const glm::dvec3 aside(-4, 0, 0);
-  EXPECT_EQ(evade(camera_, aside, limits_, {}, movers, 1.0 / 60), aside) << "what keeps clear already is not changed";
+  EXPECT_EQ(evade(camera_, aside, limits_, {}, movers, field_, 1.0 / 60), aside) << "what keeps clear already is not changed";
 }
+
+// The camera crosses a doorway 1.2 m wide while its door shuts. Away from the door is the other jamb, so it has to leave through either side.
+class Doorway : public Body, public testing::WithParamInterface<double> {};
+
+TEST_P(Doorway, IsLeftWhenItsDoorShuts) {
+  const double half_m = 0.6, leaf_mps = 1.25, dt = 1.0 / 60;
+  camera_.velocity_mps = {0, 0, GetParam()};
+  add_box({half_m + 5, 0, 0}, {5, 4, 0.125}), add_box({-half_m - 5, 0, 0}, {5, 4, 0.125});
+  const uint64_t leaf = next_id_;
+  double edge_m = half_m;
+  add_box({edge_m + half_m, 0, 0}, {half_m, 4, 0.125});
+  for (int i = 0; i < 90; ++i) {
+    const bool moves = edge_m > -half_m;
+    if (moves) edge_m -= leaf_mps * dt;
+    const glm::dvec3 velocity_mps(moves ? -leaf_mps : 0.0, 0, 0);
+    ASSERT_TRUE(mirror_.apply({}, {{leaf}, {Pose{{edge_m + half_m, 0, 0}, {1, 0, 0, 0}}}, {velocity_mps}}));
+    gather();
+    MoversAhead movers;
+    for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, camera_.pose.position_m, 8, {}, kEvadeS[look]);
+    const glm::dvec3 wanted = clamp_velocity(camera_.velocity_mps, {0, 0, GetParam()}, limits_, dt);
+    const SafeMove move = make_safe(camera_, evade(camera_, wanted, limits_, {}, movers, field_, dt), limits_, {}, field_, dt);
+    ASSERT_FALSE(move.overlap) << "after " << i * dt << " s";
+    camera_ = moved(camera_, move.velocity_mps, dt);
+  }
+  EXPECT_GT(std::abs(camera_.pose.position_m.z), 0.125 + limits_.body_radius_m);
+}
+INSTANTIATE_TEST_SUITE_P(Speeds, Doorway, testing::Values(0.0, -1.0, -2.0));
 
 TEST_F(Body, NearPlaneCornersBelongToTheBody) {
   CameraLimits small;
