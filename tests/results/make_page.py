@@ -126,6 +126,8 @@ at 512 x 512 with an id for each body. Every {how['paper_every']}th frame of Tab
 collisions and reactions are judged at every frame. The headers in `client/truth` define the figures. *sightline* is the
 default; *paper* is the method as printed, with RobustMove, a prediction of 300 ms and the filter 6/10. The tables are `table1.csv`, `table2.csv`,
 `table3.csv` and `scenes.csv` (one row a run). Everything but times is the same on every run with the same seeds.
+
+[Levels and situations](levels.md) shows the default in scenes that nothing was tuned in.
 """
 
 
