@@ -42,7 +42,7 @@ def introduction(how):
     return f"""# Levels and situations
 
 The scenes of the groups `levels`, `tiles` and `situations` were made to judge with, and no setting was tuned on the seeds played here. They are played at
-{how['rate_hz']} Hz with {how['level_seeds']} seeds, and every {how['scenes_every']}th picture is judged. [scenes/README.md](../../scenes/README.md) says what each scene is, and
+{how['rate_hz']} Hz with {how['level_seeds']}, and every {how['scenes_every']}th picture is judged. [scenes/README.md](../../scenes/README.md) says what each scene is, and
 [the results page](README.md) what the figures mean. `tests/results/make.sh` makes both pages; `levels.csv` has one row a run.
 """
 
@@ -76,7 +76,7 @@ def uses_part(uses, runs, former):
     return """## Uses that went wrong once
 
 Each row was a complaint about an early build. It is now a scene of its own, played here, or a test. *Before*: what that build did. *Before the plan*: the
-scene, played by the last build without the flight plan. Figures are means over seeds; *blind* is the longest stretch of any seed without a visible pixel.
+scene, played by the last build without the flight plan. Figures are means over the seeds that were played; *blind* is the longest stretch of any seed without a visible pixel.
 
 """ + markdown(["<use", "<expected", "<before", "<scene or test", "<before the plan", "<now"], rows)
 

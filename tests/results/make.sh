@@ -59,6 +59,6 @@ evaluate levels --truth-every "$scenes_every" "${level_groups[@]}"
 seeds=$ceiling_seeds evaluate ceiling --truth-every "$scenes_every" --policy ceiling
 minutes=$(((SECONDS + 59) / 60))
 
-python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds seed(s)" --how "level_seeds=$seeds" \
+python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds seed(s)" --how "level_seeds=$seeds seed(s)" \
   --how "paper_every=$paper_every" --how "scenes_every=$scenes_every" --how "minutes=$minutes" --how "cores=$(nproc)"
 echo "The pages are $page/README.md and $page/levels.md"
