@@ -290,8 +290,7 @@ class GoalSearch {
   // The camera's own sights decide, over a short time. The maps see more than there is through gaps and past movers, so plans made by them may
   // lead nowhere.
   static BlindState blind_since(const MoveInput& in) {
-    for (size_t i = 0; i < in.step.target_count(); ++i)
-      if (in.step.is_steered(i) && in.carried.shares.share(i).value_or(0.0) > kGlimpse) return {};
+    if (seen_of_late(in.step, in.carried) != 0) return {};
     BlindState blind = in.carried.blind;
     blind.blind_s += in.step.move_s, blind.searched_s += in.step.move_s;
     return blind;

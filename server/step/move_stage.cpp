@@ -158,14 +158,6 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
-// A mask of the steered targets that the camera has seen of late.
-uint32_t seen_of_late(const MoveInput& in) {
-  uint32_t seen = 0;
-  for (size_t i = 0; i < in.step.target_count(); ++i)
-    if (in.step.is_steered(i) && in.carried.shares.share(i).value_or(0.0) > kGlimpse) seen |= 1u << i;
-  return seen;
-}
-
 bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<const TrackedTarget> targets, uint32_t mask) {
   lens.vertical_fov_rad *= room;
   for (size_t i = 0; i < targets.size(); ++i)
@@ -196,7 +188,7 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
   const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
-  const uint32_t seen = stays ? step.targets.steered : seen_of_late(in);
+  const uint32_t seen = stays ? step.targets.steered : seen_of_late(step, in.carried);
   if (stays ? all.fits && had_all : aims_at_all(in, decision, all, seen, had_all)) return all;
   const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);

@@ -58,6 +58,8 @@ inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01
 inline constexpr double kGoalS = 0.35;
 // A target whose visible share was smaller of late does not count as seen.
 inline constexpr double kGlimpse = 0.1;
+// The steered targets that the camera itself has seen over the last ShareWindow, wherever they are to the picture. Bit i is target i.
+uint32_t seen_of_late(const StepContext& step, const CarriedState& carried);
 
 // ---- sample (sample_stage.cpp; paper 3.2, 4): plans the maps ----
 

@@ -100,6 +100,13 @@ const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id) {
   return *found;
 }
 
+uint32_t seen_of_late(const StepContext& step, const CarriedState& carried) {
+  uint32_t seen = 0;
+  for (size_t i = 0; i < step.target_count(); ++i)
+    if (step.is_steered(i) && carried.shares.share(i).value_or(0.0) > kGlimpse) seen |= 1u << i;
+  return seen;
+}
+
 bool targets_stand(const StepContext& step) {
   return std::ranges::none_of(step.targets.tracked_targets, [](const TrackedTarget& target) {
     return target.steered() && glm::length(target.velocity_mps) > kStandingMps;

@@ -539,9 +539,9 @@ type TargetVisibility struct {
 	// motion of a target is not known yet.
 	Forecast *SightForecast `protobuf:"bytes,9,opt,name=forecast,proto3" json:"forecast,omitempty"`
 	// True: the camera does not try to show this target at present, because it stands too far apart from the other targets for one
-	// picture. With FOLLOW_OFFSET, that is a picture from Settings.max_distance_m; with FOLLOW_STAY, one from where the camera is, and
-	// also with FOLLOW_OFFSET while an aim between the targets would show none of them.
-	// The targets of the greatest total weight are kept, required ones before optional ones.
+	// picture. With FOLLOW_OFFSET, the picture is one from Settings.max_distance_m. While an aim between the targets would show none of them,
+	// it is one from where the camera is, as with FOLLOW_STAY. The targets of the greatest total weight are kept, required ones before
+	// optional ones.
 	GivenUp       bool `protobuf:"varint,10,opt,name=given_up,json=givenUp,proto3" json:"given_up,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
