@@ -158,10 +158,22 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
+// The point of a target's body that is nearest to the middle of the picture. The body reaches about kBodyPart of its bounding sphere's
+// radius to each side, as a standing person does.
+glm::dvec3 innermost_m(const Pose& world_from_camera, const TrackedTarget& target) {
+  constexpr double kBodyPart = 0.3;
+  const double reach_m = kBodyPart * target.radius_m;
+  glm::dvec3 at_m = inverse_transform_point(world_from_camera, target.aim_m);
+  at_m.x -= std::clamp(at_m.x, -reach_m, reach_m);
+  at_m.y -= std::clamp(at_m.y, -reach_m, reach_m);
+  return transform_point(world_from_camera, at_m);
+}
+
+// Returns whether the picture shows at least a part of one of these targets.
 bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<const TrackedTarget> targets, uint32_t mask) {
   lens.vertical_fov_rad *= room;
   for (size_t i = 0; i < targets.size(); ++i)
-    if (mask >> i & 1u && in_picture(world_from_camera, lens, targets[i].aim_m)) return true;
+    if (mask >> i & 1u && in_picture(world_from_camera, lens, innermost_m(world_from_camera, targets[i]))) return true;
   return false;
 }
 

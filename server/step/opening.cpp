@@ -52,9 +52,11 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, Target
     const glm::dvec3 offset_m = has_shot ? carried.shot.offset_m : camera_m - weighted_center_m(kept);
     return fits_picture(farthest_place_m(kept, offset_m, settings), kept, {}, lens, room, false);
   };
-  const uint32_t kept =
-      keep_together(targets.tracked_targets, camera_m, kept_before(targets, carried.given_up), std::cref(fit));
+  const auto keep = [&](uint32_t former) { return keep_together(targets.tracked_targets, camera_m, former, std::cref(fit)); };
+  uint32_t kept = keep(kept_before(targets, carried.given_up));
   if (kept == targets.steered) return;
+  // Of equal ones, the camera goes on with those that it looks at already.
+  if (carried.given_up.empty()) kept = keep(kept_before(targets, carried.not_aimed_at));
   given_up = dropped_ids(targets, kept);
   for (size_t i = 0; i < targets.ids.size(); ++i)
     if (!(kept >> i & 1u)) targets.tracked_targets[i].weight = 0;
