@@ -11,9 +11,8 @@ if ninja -C "$work/build" -t commands | grep -iE 'embree|epoxy|draco|npm|glm/'; 
   echo "the client alone is built with parts of the server" >&2
   exit 1
 fi
-SECONDS=0
-CCACHE_DISABLE=1 cmake --build "$work/build" --parallel "$(nproc)"
-echo "the client alone: $SECONDS s, with $(nproc) cores and no compiler cache"
+TIMEFORMAT="the client alone: %R s, of which the processors worked %U s, with $(nproc) cores and no compiler cache"
+time CCACHE_DISABLE=1 cmake --build "$work/build" --parallel "$(nproc)"
 cmake --install "$work/build" --component client > /dev/null
 
 mkdir "$work/game"

@@ -26,6 +26,7 @@ NOT_RUN = (
     (r"^dotnet ", "needs a .NET SDK; CSharpBuild compiles with Mono"),
     (r"^apt-get |--target packages$", "Packages makes the packages and unpacks them"),
     (r"^deploy/install-packages\.sh", "installs packages on this machine"),
+    (r"^tests/deploy/arm64\.sh", "cross-compiles for half an hour"),
     (r"^(go install|grpcurl|ghz) ", "GrpcTools installs these tools and runs the lines"),
     (r"\bgo mod edit", "edits the module of the reader's program"),
     (r"^client/go/generate.sh", "needs Go; GoGenerated runs it"),
