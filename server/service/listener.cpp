@@ -77,7 +77,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   configure(builder, options);
   builder.RegisterService(&service);
   builder.RegisterService(&listener->health_);
-  builder.RegisterService(&listener->reflection_);
+  listener->reflection_.register_at(builder);
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
       builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD, grpc::InsecureServerCredentials());
@@ -106,9 +106,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
   });
-  listener->reflection_.take_calls(*listener->loops_.front(), {v1::CameraControlService::service_full_name(),
-                                                               grpc::health::v1::Health::service_full_name(),
-                                                               grpc::reflection::v1alpha::ServerReflection::service_full_name()});
+  listener->reflection_.take_calls(*listener->loops_.front(),
+                                    {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
   listener->set_alive(true);
   listener->set_serving(true);
   listener->gate_->start();

@@ -16,12 +16,10 @@ using google::protobuf::Descriptor;
 using google::protobuf::DescriptorPool;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::FileDescriptor;
-using grpc::reflection::v1alpha::ServerReflectionRequest;
-using grpc::reflection::v1alpha::ServerReflectionResponse;
-using ReflectionCall = AsyncCall<grpc::ServerAsyncReaderWriter<ServerReflectionResponse, ServerReflectionRequest>>;
 
-void add_with_imports(const FileDescriptor& file, std::set<const FileDescriptor*>& done,
-                      grpc::reflection::v1alpha::FileDescriptorResponse& out) {
+// The messages of both versions have the same names and fields, so these functions fit both.
+template <typename FileDescriptorResponse>
+void add_with_imports(const FileDescriptor& file, std::set<const FileDescriptor*>& done, FileDescriptorResponse& out) {
   if (!done.insert(&file).second) return;
   google::protobuf::FileDescriptorProto proto;
   file.CopyTo(&proto);
@@ -29,7 +27,8 @@ void add_with_imports(const FileDescriptor& file, std::set<const FileDescriptor*
   for (int i = 0; i < file.dependency_count(); ++i) add_with_imports(*file.dependency(i), done, out);
 }
 
-void answer_with(const FileDescriptor* file, ServerReflectionResponse& response) {
+template <typename Response>
+void answer_with(const FileDescriptor* file, Response& response) {
   if (!file) {
     response.mutable_error_response()->set_error_code(grpc::StatusCode::NOT_FOUND);
     return response.mutable_error_response()->set_error_message("there is no such file or symbol");
@@ -45,7 +44,8 @@ const FileDescriptor* file_of_extension(const std::string& type, int number) {
   return found ? found->file() : nullptr;
 }
 
-void answer_with_extensions(const std::string& type, ServerReflectionResponse& response) {
+template <typename Response>
+void answer_with_extensions(const std::string& type, Response& response) {
   const DescriptorPool& pool = *DescriptorPool::generated_pool();
   const Descriptor* const extended = pool.FindMessageTypeByName(type);
   if (!extended) return answer_with(nullptr, response);
@@ -56,44 +56,66 @@ void answer_with_extensions(const std::string& type, ServerReflectionResponse& r
     response.mutable_all_extension_numbers_response()->add_extension_number(field->number());
 }
 
-}  // namespace
-
-ServerReflectionResponse reflect(const ServerReflectionRequest& request, const std::vector<std::string>& services) {
+// The answer to one request.
+template <typename Request, typename Response>
+void reflect(const Request& request, const std::vector<std::string>& services, Response& response) {
   const DescriptorPool& pool = *DescriptorPool::generated_pool();
-  ServerReflectionResponse response;
+  response.Clear();
   response.set_valid_host(request.host());
   *response.mutable_original_request() = request;
   switch (request.message_request_case()) {
-    case ServerReflectionRequest::kFileByFilename:
+    case Request::kFileByFilename:
       answer_with(pool.FindFileByName(request.file_by_filename()), response);
       break;
-    case ServerReflectionRequest::kFileContainingSymbol:
+    case Request::kFileContainingSymbol:
       answer_with(pool.FindFileContainingSymbol(request.file_containing_symbol()), response);
       break;
-    case ServerReflectionRequest::kFileContainingExtension:
+    case Request::kFileContainingExtension:
       answer_with(file_of_extension(request.file_containing_extension().containing_type(),
                                     request.file_containing_extension().extension_number()),
                   response);
       break;
-    case ServerReflectionRequest::kAllExtensionNumbersOfType:
+    case Request::kAllExtensionNumbersOfType:
       answer_with_extensions(request.all_extension_numbers_of_type(), response);
       break;
-    case ServerReflectionRequest::kListServices:
+    case Request::kListServices:
       for (const std::string& name : services) response.mutable_list_services_response()->add_service()->set_name(name);
       break;
-    case ServerReflectionRequest::MESSAGE_REQUEST_NOT_SET:
+    case Request::MESSAGE_REQUEST_NOT_SET:
       response.mutable_error_response()->set_error_code(grpc::StatusCode::INVALID_ARGUMENT);
       response.mutable_error_response()->set_error_message("the request asks for nothing");
       break;
   }
-  return response;
 }
 
+template <typename Request, typename Response>
+using ReflectionCall = AsyncCall<grpc::ServerAsyncReaderWriter<Response, Request>>;
+
+}  // namespace
+
+struct ReflectionService::V1 {
+  using Service = grpc::reflection::v1::ServerReflection;
+  using Request = grpc::reflection::v1::ServerReflectionRequest;
+  using Response = grpc::reflection::v1::ServerReflectionResponse;
+};
+
+struct ReflectionService::V1Alpha {
+  using Service = grpc::reflection::v1alpha::ServerReflection;
+  using Request = grpc::reflection::v1alpha::ServerReflectionRequest;
+  using Response = grpc::reflection::v1alpha::ServerReflectionResponse;
+};
+
 // One call. All its reactions run on the loop's thread, so it needs no lock.
-class ReflectionService::Call final : public ReflectionCall {
+template <typename Version>
+class ReflectionService::Call final : public ReflectionCall<typename Version::Request, typename Version::Response> {
+  using Base = ReflectionCall<typename Version::Request, typename Version::Response>;
+  using Base::cancel_alarm, Base::finish_call, Base::start_alarm, Base::start_read, Base::start_write;
+
  public:
+  using typename Base::Incoming;
+
   Call(EventLoop& loop, std::unique_ptr<Incoming> incoming, ReflectionService& service)
-      : ReflectionCall(loop, std::move(incoming)), service_(service) {
+      : Base(loop, std::move(incoming)), service_(service) {
     const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > kMostCalls) {
       finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many reflection calls are open"});
@@ -111,7 +133,7 @@ class ReflectionService::Call final : public ReflectionCall {
   void on_read(bool ok) override {
     if (finished_) return;
     if (!ok) return finish(grpc::Status::OK);
-    response_ = reflect(request_, service_.services_);
+    reflect(request_, service_.services_, response_);
     writing_ = true;
     start_write(response_);
   }
@@ -138,25 +160,33 @@ class ReflectionService::Call final : public ReflectionCall {
   }
 
   ReflectionService& service_;
-  ServerReflectionRequest request_;
-  ServerReflectionResponse response_;
+  typename Version::Request request_;
+  typename Version::Response response_;
   bool writing_ = false, finished_ = false;
   std::optional<grpc::Status> end_;
 };
 
-void ReflectionService::take_calls(EventLoop& loop, std::vector<std::string> services) {
-  services_ = std::move(services);
-  take_calls(loop);
+void ReflectionService::register_at(grpc::ServerBuilder& builder) {
+  builder.RegisterService(&v1_);
+  builder.RegisterService(&v1alpha_);
 }
 
-void ReflectionService::take_calls(EventLoop& loop) {
-  using Incoming = Call::Incoming;
+void ReflectionService::take_calls(EventLoop& loop, std::vector<std::string> services) {
+  services_ = std::move(services);
+  services_.insert(services_.end(), {V1::Service::service_full_name(), V1Alpha::Service::service_full_name()});
+  take_calls_of<V1>(v1_, loop);
+  take_calls_of<V1Alpha>(v1alpha_, loop);
+}
+
+template <typename Version>
+void ReflectionService::take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop) {
+  using Incoming = typename Call<Version>::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+    service.RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
-    take_calls(loop);
-    new Call(loop, std::move(incoming), *this);
+  CallAcceptor<Incoming>::start(loop, ask, [this, &service, &loop](std::unique_ptr<Incoming> incoming) {
+    take_calls_of<Version>(service, loop);
+    new Call<Version>(loop, std::move(incoming), *this);
   });
 }
 

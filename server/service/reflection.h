@@ -1,8 +1,10 @@
-// gRPC's reflection service, for tools such as grpcurl.
+// gRPC's reflection service, for tools such as grpcurl: version 1, and 1alpha for older tools.
 //
 // gRPC's own is not used, because each of its calls occupies a thread of the synchronous RPCs for as long as the client is
 // silent. This one is answered by an event loop; its calls are few and short.
 #pragma once
+
+#include <grpcpp/server_builder.h>
 
 #include <atomic>
 #include <chrono>
@@ -12,34 +14,40 @@
 #include <utility>
 #include <vector>
 
+#include "grpc/reflection/v1/reflection.grpc.pb.h"
 #include "grpc/reflection/v1alpha/reflection.grpc.pb.h"
 #include "server/rpc/event_loop.h"
 
 namespace sightline {
 
 // Thread-safe, as gRPC asks. It must outlive the gRPC server and the loops.
-class ReflectionService final : public grpc::reflection::v1alpha::ServerReflection::AsyncService {
+class ReflectionService final {
  public:
-  // A further call is refused. A call ends after kMostTime.
+  // A further call is refused; calls of both versions count together. A call ends after kMostTime.
   static constexpr size_t kMostCalls = 16;
   static constexpr std::chrono::seconds kMostTime{10};
 
+  // Called once, before the server starts.
+  void register_at(grpc::ServerBuilder& builder);
   // Called once, before take_calls. A call is refused with the status that `admit` gives, unless that is OK.
   void admit_by(std::function<grpc::Status(const grpc::ServerContext&)> admit) { admit_ = std::move(admit); }
-  // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed.
+  // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed, beside those of
+  // both versions of this service.
   void take_calls(EventLoop& loop, std::vector<std::string> services);
 
  private:
+  struct V1;
+  struct V1Alpha;
+  template <typename Version>
   class Call;
-  void take_calls(EventLoop& loop);
+  template <typename Version>
+  void take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop);
 
   std::function<grpc::Status(const grpc::ServerContext&)> admit_ = [](const grpc::ServerContext&) { return grpc::Status::OK; };
   std::vector<std::string> services_;
   std::atomic<size_t> open_{0};
+  grpc::reflection::v1::ServerReflection::AsyncService v1_;
+  grpc::reflection::v1alpha::ServerReflection::AsyncService v1alpha_;
 };
-
-// The answer to one request.
-grpc::reflection::v1alpha::ServerReflectionResponse reflect(
-    const grpc::reflection::v1alpha::ServerReflectionRequest& request, const std::vector<std::string>& services);
 
 }  // namespace sightline

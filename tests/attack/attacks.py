@@ -127,14 +127,14 @@ def largest_settings(daemon):
 
 
 def silent_reflection(daemon):
-    method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"
+    methods = [f"/grpc.reflection.{version}.ServerReflection/ServerReflectionInfo" for version in ("v1", "v1alpha")]
     with grpc.insecure_channel(daemon.address) as channel:
         stopping = threading.Event()
 
         def silent():
             yield b"\x3a\x01*"
             stopping.wait(ATTACK_S + 5)
-        held = [channel.stream_stream(method)(silent()) for _ in range(64)]
+        held = [channel.stream_stream(method)(silent()) for method in methods * 32]
         served, count = until_end(ATTACK_S, lambda: bool(info(daemon.address).version) and bool(upload(daemon.address, glb("x")).hash))
         stopping.set()
         for call in held:

@@ -150,15 +150,18 @@ class Heavy(unittest.TestCase):
             self.assertLess(daemon.most_memory_mib(), 120)
 
     def test_silent_reflection_calls_hold_no_threads(self):
-        method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"
+        methods = [f"/grpc.reflection.{version}.ServerReflection/ServerReflectionInfo" for version in ("v1", "v1alpha")]
         with Daemon() as daemon, grpc.insecure_channel(daemon.address) as channel:
             stopping = threading.Event()
 
             def silent():
                 yield b"\x3a\x01*"
                 stopping.wait(20)
-            held = [channel.stream_stream(method)(silent()) for _ in range(64)]
+            held = [channel.stream_stream(method)(silent()) for method in methods * 32]
             time.sleep(1)
+            refused = [call for call in held if not call.is_active()]
+            self.assertEqual(len(refused), 64 - 16, "both versions share the sixteen calls")
+            self.assertEqual({call.code() for call in refused}, {EXHAUSTED})
             self.assertTrue(info(daemon.address).version)
             self.assertTrue(upload(daemon.address, glb("x")).hash)
             stopping.set()

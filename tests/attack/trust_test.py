@@ -87,6 +87,11 @@ class Client:
     def stats(self):
         return self.stub.GetServerStats(server_pb2.GetServerStatsRequest(), timeout=5)
 
+    def reflection(self, version):
+        """The list of services, as bytes."""
+        method = f"/grpc.reflection.{version}.ServerReflection/ServerReflectionInfo"
+        return next(self.channel.stream_stream(method)(iter([b"\x3a\x01*"]), timeout=5))
+
     def upload(self, data):
         return self.stub.UploadScene(iter([camera_control_pb2.UploadSceneRequest(chunk=data)]), timeout=10).hash
 
@@ -198,6 +203,8 @@ class Tokens(Case):
         game, board, root = (Client(address, self.files, token) for token in (GAME, BOARD, ROOT))
         for client in (game, board, root):
             self.assertTrue(client.info().version)
+            for version in ("v1", "v1alpha"):
+                self.assertIn(b"CameraControlService", client.reflection(version))
         for client in (game, root):
             with client.session() as session:
                 self.assertEqual(session.tick().sequence, 1)
@@ -214,7 +221,9 @@ class Tokens(Case):
             client = Client(address, self.files, token)
             for call in (client.info, client.stats, client.session, lambda: client.upload(glb())):
                 self.refused(UNAUTHENTICATED, call)
-        self.assertEqual(Client(address, self.files, ROOT).stats().access.refused_calls, 20)
+            for version in ("v1", "v1alpha"):
+                self.refused(UNAUTHENTICATED, lambda: client.reflection(version))
+        self.assertEqual(Client(address, self.files, ROOT).stats().access.refused_calls, 30)
 
     def test_a_unix_socket_knows_its_users_and_takes_tokens(self):
         path = str(self.files.folder / "socket")

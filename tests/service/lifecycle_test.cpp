@@ -70,15 +70,37 @@ TEST(Lifecycle, HealthIsSentToItsWatchers) {
   EXPECT_EQ(server.end(), grpc::StatusCode::CANCELLED);
 }
 
-TEST(Lifecycle, ReflectionListsTheService) {
+class Reflection : public testing::TestWithParam<const char*> {
+ protected:
+  // The bytes of a ServerReflectionResponse. `request` holds a ServerReflectionRequest's bytes.
+  std::string ask(const std::string& request) const {
+    const RawReply reply = call_raw(world.channel(), std::string("/grpc.reflection.") + GetParam() + ".ServerReflection/ServerReflectionInfo", request);
+    EXPECT_TRUE(reply.status.ok()) << reply.status.error_message();
+    return reply.bytes;
+  }
+  // Field 4 (file_containing_symbol), a string.
+  std::string file_with(const std::string& symbol) const {
+    return ask(std::string("\x22") + static_cast<char>(symbol.size()) + symbol);
+  }
   const ServiceWorld world;
-  // ServerReflectionRequest: field 7 (list_services), a string.
-  const RawReply reply =
-      call_raw(world.channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
-               std::string("\x3a\x01*", 3));
-  ASSERT_TRUE(reply.status.ok()) << reply.status.error_message();
-  EXPECT_NE(reply.bytes.find(kService), std::string::npos);
-  EXPECT_NE(reply.bytes.find("grpc.health.v1.Health"), std::string::npos);
+};
+INSTANTIATE_TEST_SUITE_P(Lifecycle, Reflection, testing::Values("v1", "v1alpha"), [](const auto& test) { return test.param; });
+
+TEST_P(Reflection, ListsTheServices) {
+  const std::string listed = ask(std::string("\x3a\x01*", 3));  // field 7 (list_services), a string
+  for (const char* service : {kService, "grpc.health.v1.Health", "grpc.reflection.v1.ServerReflection", "grpc.reflection.v1alpha.ServerReflection"})
+    EXPECT_NE(listed.find(service), std::string::npos) << service;
+}
+
+TEST_P(Reflection, GivesTheFilesOfTheServiceAndOfTheDetailsOfErrors) {
+  EXPECT_NE(file_with(kService).find("sightline/v1/camera_control.proto"), std::string::npos);
+  // grpcurl prints the details of an error by these.
+  for (const char* type : {"google.rpc.BadRequest", "google.rpc.RetryInfo"})
+    EXPECT_NE(file_with(type).find("google/rpc/error_details.proto"), std::string::npos) << type;
+}
+
+TEST_P(Reflection, SaysThatASymbolDoesNotExist) {
+  EXPECT_NE(file_with("no.such.Type").find("there is no such file or symbol"), std::string::npos);
 }
 
 TEST(Lifecycle, DrainNotifiesOpenStreamsAnswersTheirTicksAndRefusesNewOnes) {

@@ -1,47 +1,12 @@
 //! The client against daemons of its own. The environment variable SIGHTLINED names the program.
-use std::process::{Child, Command};
+mod daemon;
+
 use std::time::Duration;
 
 use sightline_client::v1::{OpenSession, Pose3, Target, Tick};
 use sightline_client::{capsule, instance, transforms, vector, Camera, Code, Error, Options};
 
-struct Daemon {
-    process: Child,
-    address: String,
-}
-
-impl Daemon {
-    fn start() -> Daemon {
-        let program = std::env::var("SIGHTLINED").expect("SIGHTLINED names the daemon");
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let address = format!("127.0.0.1:{port}");
-        let flags = ["--sampler", "embree", "--log-level", "error", "--listen", &address];
-        let process = Command::new(program).args(flags).spawn().unwrap();
-        for _ in 0..6000 {
-            if std::net::TcpStream::connect(&address).is_ok() {
-                return Daemon { process, address };
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        panic!("the daemon did not start");
-    }
-
-    fn signal(&mut self, name: &str) {
-        assert!(Command::new("kill").args([name, &self.process.id().to_string()]).status().unwrap().success());
-    }
-
-    fn stop(&mut self, name: &str) {
-        self.signal(name);
-        self.process.wait().unwrap();
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
+use daemon::Daemon;
 
 fn opening() -> OpenSession {
     OpenSession {

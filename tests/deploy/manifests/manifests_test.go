@@ -7,6 +7,7 @@ package manifests
 import (
 	"bytes"
 	"context"
+	"maps"
 	"os"
 	"os/exec"
 	"path/filepath"
@@ -20,7 +21,9 @@ import (
 	"github.com/compose-spec/compose-go/v2/cli"
 	appsv1 "k8s.io/api/apps/v1"
 	corev1 "k8s.io/api/core/v1"
+	networkingv1 "k8s.io/api/networking/v1"
 	metav1 "k8s.io/apimachinery/pkg/apis/meta/v1"
+	"k8s.io/apimachinery/pkg/labels"
 	"k8s.io/apimachinery/pkg/runtime"
 	"k8s.io/apimachinery/pkg/runtime/schema"
 	"k8s.io/apimachinery/pkg/runtime/serializer"
@@ -313,6 +316,41 @@ func TestTheFleetNamesTheContainerOfTheGame(t *testing.T) {
 		spec := fleet.Spec.Template.Spec
 		if spec.Container != spec.Template.Spec.Containers[0].Name || spec.Ports[0].Container != spec.Container {
 			t.Errorf("the container is %q", spec.Container)
+		}
+	}
+}
+
+// The ports of a pod that a network policy of its folder, or of the folder base, lets something reach.
+func reachable(t *testing.T, p pod) map[int32]bool {
+	ports := map[int32]bool{}
+	for _, object := range built(t, p.folder) {
+		policy, ok := object.(*networkingv1.NetworkPolicy)
+		if !ok {
+			continue
+		}
+		selector, err := metav1.LabelSelectorAsSelector(&policy.Spec.PodSelector)
+		if err != nil {
+			t.Fatal(err)
+		}
+		if !selector.Matches(labels.Set(p.meta.Labels)) {
+			continue
+		}
+		for _, rule := range policy.Spec.Ingress {
+			for _, port := range rule.Ports {
+				ports[port.Port.IntVal] = true
+			}
+		}
+	}
+	return ports
+}
+
+// A pod without a policy is open to the whole cluster; one with a policy is closed but for its rules.
+func TestNetworkPoliciesLetInWhatEachPodOffers(t *testing.T) {
+	offered := map[string][]int32{"sidecar": {7654, 50152}, "fleet": {7654, 50152}, "pool": {50151, 50152}}
+	for _, p := range pods(t) {
+		got := slices.Sorted(maps.Keys(reachable(t, p)))
+		if !slices.Equal(got, offered[p.folder]) {
+			t.Errorf("%s: the policies let in %v", p.folder, got)
 		}
 	}
 }
