@@ -12,7 +12,7 @@ import re
 import sys
 
 # Documents whose code is checked. (Their other pages hold formats and results.)
-DOCUMENTS = ("README.md", "client/README.md", "deploy/README.md", "deploy/METRICS.md", "deploy/KUBERNETES.md", "deploy/TROUBLESHOOTING.md", "deploy/SIZING.md",
+DOCUMENTS = ("README.md", "client/README.md", "deploy/README.md", "deploy/METRICS.md", "deploy/KUBERNETES.md", "deploy/TROUBLESHOOTING.md", "deploy/SIZING.md", "deploy/SECURITY.md", "deploy/WALKS.md",
              "server/README.md", "tests/README.md", "scenes/README.md",
              "client/cpp/README.md", "client/python/README.md", "client/node/README.md", "client/go/README.md", "client/rust/README.md", "client/csharp/README.md", "client/engines/README.md",
              "client/CONCEPTS.md", "client/TUNING.md", "client/engines/levels.md", "client/recordings/README.md",

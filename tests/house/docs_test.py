@@ -5,9 +5,12 @@ C++: the program of client/README.md is built by CMake and run here against a da
 run against a daemon. Shell commands are run in a scratch folder that looks like the repository. Those that take too long or need
 what a test has not are listed in NOT_RUN with the reason; of these, the flags are checked against the program's --help.
 """
+import importlib.util
+import json
 import os
 import pathlib
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -42,6 +45,7 @@ NOT_RUN = (
     (r"^curl |^sightlined --metrics-listen|^sightlined healthcheck|^sightline (status|top)", "Metrics runs these on free ports"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
+    (r"^mcap ", "needs the format's own command, which no registry of packages has"),
     (r"^sightline bench", "measures for a minute, or needs a daemon's process id"),
 )
 DEFAULT_ADDRESS = "127.0.0.1:50151"
@@ -164,7 +168,7 @@ class Documents(unittest.TestCase):
         return [block for block in self.blocks if block.language == language]
 
     def test_every_block_says_its_language(self):
-        known = {"cpp", "python", "sh", "json", "text", "cmake", "yaml", "rust", "go"}
+        known = {"cpp", "python", "js", "sh", "json", "text", "cmake", "yaml", "rust", "go"}
         self.assertEqual([], [f"{b.path}:{b.line}: {b.language or 'none'}" for b in self.blocks if b.language not in known])
 
     def test_no_code_is_indented_instead(self):
@@ -194,14 +198,40 @@ class Documents(unittest.TestCase):
             self.assertNotIn("sightlined", build)
 
     def test_python_moves_a_camera(self):
-        self.assertTrue(self.of_language("python"))
-        for block in self.of_language("python"):
+        cameras = [block for block in self.of_language("python") if "sightline_client" in block.text]
+        self.assertTrue(cameras)
+        for block in cameras:
             with self.subTest(block=f"{block.path}:{block.line}"):
                 text = block.text.replace(DEFAULT_ADDRESS, f"127.0.0.1:{self.shop.port}").replace(POOL_ADDRESS, f"localhost:{self.shop.port}")
                 done = subprocess.run([sys.executable, "-c", text], env=dict(self.shop.environment(), PYTHONPATH=str(STUBS)),
                                       capture_output=True, text=True, timeout=60)
                 self.assertEqual(done.returncode, 0, done.stderr)
                 self.expect_a_moving_camera(done.stdout)
+
+    def test_other_python_compiles(self):
+        """It needs packages that this test has not; OfficialRecordings reads recordings with them."""
+        for block in self.of_language("python"):
+            compile(block.text, f"{block.path}:{block.line}", "exec")
+
+    @unittest.skipUnless(shutil.which("node"), "node is not installed")
+    def test_javascript_has_no_syntax_errors(self):
+        self.assertTrue(self.of_language("js"))
+        for block in self.of_language("js"):
+            with self.subTest(block=f"{block.path}:{block.line}"):
+                path = self.shop.folder / "block.mjs"
+                path.write_text(block.text)
+                done = subprocess.run(["node", "--check", path], capture_output=True, text=True, timeout=60)
+                self.assertEqual(done.returncode, 0, done.stderr)
+
+    @unittest.skipUnless(importlib.util.find_spec("yaml"), "python3-yaml is not installed")
+    def test_yaml_and_json_parse(self):
+        import yaml
+        self.assertTrue(self.of_language("yaml"))
+        for language, load in (("yaml", yaml.safe_load), ("json", json.loads)):
+            for block in self.of_language(language):
+                with self.subTest(block=f"{block.path}:{block.line}"):
+                    member = language == "json" and not block.text.lstrip().startswith("{")  # of an object that the page does not show
+                    self.assertIsInstance(load(f"{{{block.text}}}" if member else block.text), dict)
 
     def test_the_readme_shows_the_example(self):
         example = (ROOT / "client/python/example.py").read_text()

@@ -435,6 +435,35 @@ class LayoutTest(unittest.TestCase):
         self.assertEqual(cut, [])
 
 
+    def test_two_recordings_side_by_side_fit_a_small_window(self):
+        page = OUT / "beside.html"
+        Session.run(SIGHTLINE, "report", OUT / "yard.mcap", OUT / "hall.mcap", "--out", page, "--pictures", "4")
+        driver = browser(1280, 800)
+        try:
+            driver.get(f"file://{page}")
+            wait_for(lambda: driver.execute_script("return document.body.dataset.ready"))
+            time.sleep(1)
+            (OUT / "beside-1280.png").write_bytes(base64.b64decode(driver.get_screenshot_as_base64()))
+            for frame in driver.find_elements(By.CSS_SELECTOR, "iframe"):
+                driver.switch_to.frame(frame)
+                self.check_half(driver)
+                driver.switch_to.default_content()
+        finally:
+            driver.quit()
+
+    def check_half(self, driver):
+        """In half the width: the view, the numbers and the whole time line, one above the other, without scrolling."""
+        height, width, scroll_height, scroll_width, view, aside, line = driver.execute_script("""
+            const { clientHeight, clientWidth, scrollHeight, scrollWidth } = document.documentElement;
+            const boxes = ['#view', 'aside', '#timeline'].map((name) => document.querySelector(name).getBoundingClientRect());
+            return [clientHeight, clientWidth, scrollHeight, scrollWidth, ...boxes.map(({ top, bottom }) => [top, bottom])];""")
+        self.assertEqual((scroll_height, scroll_width), (height, width))
+        self.assertGreater(view[1] - view[0], 0.2 * height)
+        self.assertLessEqual(view[1], aside[0])
+        self.assertGreater(aside[1] - aside[0], 0.1 * height)
+        self.assertLessEqual(line[1], height)
+
+
 class NoWebglTest(unittest.TestCase):
     def test_numbers_and_time_line_work_without_webgl(self):
         driver = browser(1280, 800, flags=("--disable-3d-apis",))

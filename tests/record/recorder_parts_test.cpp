@@ -363,22 +363,34 @@ std::vector<std::pair<std::string, std::string>> attachments_of(const std::strin
   return found;
 }
 
+// When each was logged and created, in nanoseconds.
+std::vector<std::pair<uint64_t, uint64_t>> attachment_times_of(const std::string& bytes) {
+  const MemorySource source(bytes);
+  const McapReader reader = McapReader::open(source, {}).value();
+  std::vector<std::pair<uint64_t, uint64_t>> found;
+  for (const auto& index : reader.info().attachments) found.emplace_back(index.log_time_ns, index.create_time_ns);
+  return found;
+}
+
 TEST(Recorder, ScenesGoInAsAttachments) {
   Studio studio;
   auto recorder = studio.open();
   const auto scene = std::make_shared<const std::string>(3'000'000, 'g');
   const auto more = std::make_shared<const std::string>("more");
   EXPECT_TRUE(recorder->attach("hall.glb", "model/gltf-binary", 5, scene));
-  EXPECT_TRUE(recorder->attach("more.glb", "model/gltf-binary", 5, more));
+  EXPECT_TRUE(recorder->attach("more.glb", "model/gltf-binary", 6, more));
   studio.tick(*recorder);
   studio.writer->run_once();
-  EXPECT_TRUE(recorder->attach("late.glb", "model/gltf-binary", 5, more));
+  EXPECT_TRUE(recorder->attach("late.glb", "model/gltf-binary", 7, more));
   recorder.reset();
   studio.writer.reset();
   using Pair = std::pair<std::string, std::string>;
+  const std::string& bytes = *studio.files.files.begin()->second.bytes;
   EXPECT_THAT(
-      attachments_of(*studio.files.files.begin()->second.bytes),
+      attachments_of(bytes),
       ::testing::ElementsAre(Pair("hall.glb", *scene), Pair("more.glb", "more"), Pair("late.glb", "more")));
+  using Times = std::pair<uint64_t, uint64_t>;
+  EXPECT_THAT(attachment_times_of(bytes), ::testing::ElementsAre(Times(5, 5), Times(6, 6), Times(7, 7)));
 }
 
 TEST(Recorder, EveryPartHasTheScenesUnlessTheyAreLarge) {
