@@ -2,7 +2,7 @@
 
 usage: copies_test.py LANGUAGE TOOL BUILD_FOLDER MAKE_RECORDING SIGHTLINE
 
-LANGUAGE is go, node or rust, and TOOL is its package client: go, npm or cargo. The program in the folder of that name copies
+LANGUAGE is node or rust, and TOOL is its package client: npm or cargo. The program in the folder of that name copies
 recordings. Each copy must be sound and replay equal. The test is skipped where the library cannot be downloaded."""
 import json
 import pathlib
@@ -16,11 +16,10 @@ BUILD, MAKE_RECORDING, SIGHTLINE = (pathlib.Path(word).resolve() for word in sys
 SOURCE = pathlib.Path(__file__).resolve().parent / LANGUAGE
 
 # The library's own way to fetch, then to build, then to run.
-FETCH = {"go": ["mod", "download"], "node": ["ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"],
+FETCH = {"node": ["ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"],
          "rust": ["fetch", "--locked"]}
-MAKE = {"go": ["build", "-buildvcs=false", "-o", BUILD / "copies", "."], "node": None,
-        "rust": ["build", "--release", "--locked", "--target-dir", BUILD / "target"]}
-PROGRAM = {"go": [BUILD / "copies"], "node": ["node", BUILD / "source" / "copies.mjs"], "rust": [BUILD / "target/release/copies"]}
+MAKE = {"node": None, "rust": ["build", "--release", "--locked", "--target-dir", BUILD / "target"]}
+PROGRAM = {"node": ["node", BUILD / "source" / "copies.mjs"], "rust": [BUILD / "target/release/copies"]}
 NAMES = {"sorted", "filtered", "zstd", "lz4", "none", "unchunked", "unindexed"}
 NOT_WRITTEN = {"node": {"lz4"}}  # what the library cannot write
 
