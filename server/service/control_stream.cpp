@@ -16,6 +16,10 @@ constexpr int64_t kShortStepNs = 1'000'000;
 // read first. That is no overload, and must not count as a missed deadline.
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
+// From the moment when an end is wanted, a client has this long to take the replies and the status. A client that reads needs
+// milliseconds.
+constexpr std::chrono::milliseconds kLastWrites{3000};
+
 // A session is asked for a sign of life this often within the time that it may be silent.
 constexpr int kAlarmsInSilence = 4;
 
@@ -68,7 +72,7 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
     stream->only_resumes_ = admission;
   }
   stream->read_if_room();
-  stream->start_alarm(limits.open_timeout);
+  stream->set_alarm(limits.open_timeout);
 }
 
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
@@ -144,7 +148,7 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
     begin(request);
     if (request.has_resume()) return;
   }
-  silent_alarms_ = 0;
+  if (!writing_) silent_alarms_ = 0;
   if (request.has_tick()) {
     const v1::Tick& tick = request.tick();
     pace_.observe(parts_.scheduler.now_ns(),
@@ -213,6 +217,7 @@ void ControlStream::give_session_up() {
 void ControlStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
   writing_ = false;
+  silent_alarms_ = 0;
   outbox_.pop();
   if (!ok) cancelled_ = true;
   advance();
@@ -227,7 +232,9 @@ void ControlStream::on_cancel() {
 
 void ControlStream::on_alarm(bool ran_out) {
   const std::lock_guard lock(mutex_);
-  if (finished_ || end_status_) return;
+  alarm_set_ = false;
+  if (finished_) return;
+  if (end_status_) return hurried_ && ran_out ? cancel_call() : hurry();
   if (!heard_) {
     parts_.stats.limits.hit(Limit::kOpenTimeout);
     end_status_ =
@@ -239,10 +246,23 @@ void ControlStream::on_alarm(bool ran_out) {
   silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
   if (silent_alarms_ > kAlarmsInSilence) {
     parts_.stats.limits.hit(Limit::kSessionIdle);
-    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came for too long (--session-idle-s)");
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came, or no reply was taken, for too long (--session-idle-s)");
     return advance();
   }
-  start_alarm(idle_limit_ / kAlarmsInSilence);
+  set_alarm(idle_limit_ / kAlarmsInSilence);
+}
+
+void ControlStream::set_alarm(std::chrono::milliseconds timeout) {
+  alarm_set_ = true;
+  start_alarm(timeout);
+}
+
+// There is only one alarm, so that for silence ends first: on_alarm comes back here.
+void ControlStream::hurry() {
+  if (hurried_) return;
+  if (alarm_set_) return cancel_alarm();
+  hurried_ = true;
+  set_alarm(kLastWrites);
 }
 
 void ControlStream::on_done() {
@@ -286,11 +306,16 @@ void ControlStream::begin_turn(TurnState where) {
 }
 
 void ControlStream::advance() {
-  if (finished_ || turn_state_ != TurnState::kNone || writing_) return;
-  if (cancelled_) return close(grpc::Status::CANCELLED);
+  if (finished_ || turn_state_ != TurnState::kNone) return;
+  if (writing_) {
+    if (end_status_) hurry();
+    return;
+  }
+  if (cancelled_) return close(hurried_ ? *end_status_ : grpc::Status::CANCELLED);
   if (gives_up_) return close(kResumedElsewhere);
   if (!outbox_.empty()) {
     writing_ = true;
+    if (end_status_) hurry();
     return start_write(outbox_.front());
   }
   if (end_status_) return close(*end_status_);

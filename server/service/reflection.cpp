@@ -123,7 +123,9 @@ class ReflectionService::Call final : public ReflectionCall {
   }
   void on_cancel() override { finish(grpc::Status::CANCELLED); }
   void on_alarm(bool ran_out) override {
-    if (ran_out) finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
+    if (!ran_out) return;
+    finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
+    if (writing_) cancel_call();  // the client does not read
   }
   void on_done() override { delete this; }
 

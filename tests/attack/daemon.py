@@ -123,13 +123,14 @@ def message(payload, compressed=False):
 
 
 class RawConnection:
-    """A client that sends what it likes."""
+    """A client that sends what it likes. With a `window` of 0 it takes no message of any call."""
 
-    def __init__(self, address, greet=True):
+    def __init__(self, address, greet=True, window=None):
         self.socket = connect(address)
         self.next_stream = 1
         if greet:
-            self.send(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0))
+            settings = b"" if window is None else struct.pack(">HI", 4, window)
+            self.send(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0, settings))
             # What comes back must be read, or the daemon stops writing. Nobody needs it.
             threading.Thread(target=self._read, daemon=True).start()
 
