@@ -78,6 +78,9 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   builder.RegisterService(&service);
   builder.RegisterService(&listener->health_);
   builder.RegisterService(&listener->reflection_);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(listener->answers_.interceptors());
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
       builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD, grpc::InsecureServerCredentials());
@@ -101,6 +104,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
     service.take_calls(*listener->loops_.back());
   }
+  listener->answers_.use(*listener->loops_.front());
   listener->health_.take_calls(*listener->loops_.front());
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);

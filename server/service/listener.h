@@ -12,6 +12,7 @@
 #include "server/base/error.h"
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
+#include "server/service/answer_timeout.h"
 #include "server/service/health.h"
 #include "server/service/reflection.h"
 #include "server/service/service.h"
@@ -72,6 +73,7 @@ class Listener {
   std::unique_ptr<Gate> gate_;
   HealthService health_;
   ReflectionService reflection_;
+  AnswerTimeout answers_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;
