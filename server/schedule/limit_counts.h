@@ -22,14 +22,17 @@ enum class Limit : size_t {
   kOpenTimeout,
   kSessionIdle,
   kUploadTimeout,
+  kReflectionCalls,  // this one and the next are fixed, no flag sets them
+  kHealthWatches,
   kCount
 };
 
-// The flags that set them, without dashes, in the order of the enum.
+// The flags that set them, without dashes, in the order of the enum. Fixed limits have a name of their own.
 inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLimitNames{
     "max-sessions",     "max-sessions-per-client", "max-message-memory-mib", "session-memory-mib",
     "sessions-memory-mib", "max-step-cost-ms",     "max-maps-ms",            "max-upload-mib",
-    "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s"};
+    "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s",
+    "reflection-calls", "health-watches"};
 
 // Thread-safe.
 class LimitCounts {

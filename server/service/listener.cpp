@@ -105,11 +105,14 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     service.take_calls(*listener->loops_.back());
   }
   listener->answers_.use(*listener->loops_.front());
+  listener->health_.limit_watches_by([gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
+                                     [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
   listener->health_.take_calls(*listener->loops_.front());
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
   });
+  listener->reflection_.tell_refused_to([&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
   listener->reflection_.take_calls(*listener->loops_.front(), {v1::CameraControlService::service_full_name(),
                                                                grpc::health::v1::Health::service_full_name(),
                                                                grpc::reflection::v1alpha::ServerReflection::service_full_name()});

@@ -96,7 +96,8 @@ class ReflectionService::Call final : public ReflectionCall {
       : ReflectionCall(loop, std::move(incoming)), service_(service) {
     const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > kMostCalls) {
-      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many reflection calls are open"});
+      service_.refused_();
+      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "all " + std::to_string(kMostCalls) + " reflection calls are in use (limit reflection-calls)"});
     } else if (!admitted.ok()) {
       finish(admitted);
     } else {

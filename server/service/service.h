@@ -27,6 +27,8 @@ class CameraControlService final
 
   // Decides who may call. The listener tells it about the gate.
   Callers& callers() { return callers_; }
+  // How often limits refused something, for the services beside this one.
+  LimitCounts& limit_counts() { return parts_.stats.limits; }
   // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
   void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 

@@ -11,12 +11,20 @@ sys.path.insert(0, STUBS)
 
 import grpc  # noqa: E402
 
-from daemon import CONTROL, HEALTH, SERVICE, Daemon, Healthy  # noqa: E402
+from daemon import CONTROL, DATA, END_STREAM, HEALTH, SERVICE, Daemon, Healthy, RawConnection, frame  # noqa: E402
 from scenes import empty_parts, glb, largest_tuning, many_instances, scene_of  # noqa: E402
 from sessions import info, open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
+
+
+def varint(number):
+    parts = []
+    while number > 127:
+        parts.append(number & 127 | 128)
+        number >>= 7
+    return bytes([*parts, number])
 
 
 class Messages(unittest.TestCase):
@@ -166,7 +174,55 @@ class Heavy(unittest.TestCase):
                 call.cancel()
 
 
+class Health(unittest.TestCase):
+    def watch(self, channel, name, timeout=60):
+        return channel.unary_stream(HEALTH + "Watch")(b"\x0a" + varint(len(name)) + name, timeout=timeout)
+
+    def test_long_names_of_services_are_not_kept(self):
+        name = bytes(4_000_000).replace(b"\0", b"x")
+        with Daemon() as daemon, grpc.insecure_channel(daemon.address) as channel:
+            calls = [self.watch(channel, name) for _ in range(64)]
+            time.sleep(3)
+            self.assertLess(daemon.memory_mib(), 150)
+            with self.assertRaises(grpc.RpcError) as raised:
+                next(calls[0])
+            self.assertEqual(raised.exception.code(), grpc.StatusCode.INVALID_ARGUMENT)
+
+    def test_one_client_cannot_have_all_watches(self):
+        path = "/tmp/sightline-attack-%d" % id(self)
+        with Daemon("--listen-unix", path) as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            attacker = RawConnection(tcp)
+            for _ in range(1000):
+                stream, call = attacker.call(HEALTH + "Watch")
+                attacker.send(call + frame(DATA, END_STREAM, stream, b"\0" * 5))
+                time.sleep(0.001)
+            time.sleep(1)
+            with grpc.insecure_channel(tcp) as channel, self.assertRaises(grpc.RpcError) as raised:
+                next(self.watch(channel, b""))
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            with grpc.insecure_channel(unix) as channel:
+                self.assertEqual(next(self.watch(channel, b"")), b"\x08\x01")
+            attacker.close()
+
+
 class Uploads(unittest.TestCase):
+    def test_one_client_cannot_hold_all_places_by_sending_slowly(self):
+        path = "/tmp/sightline-attack-%d" % id(self)
+        with Daemon("--listen-unix", path) as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            stopping = threading.Event()
+
+            def slowly():
+                while not stopping.wait(0.25):
+                    yield camera_control_pb2.UploadSceneRequest(chunk=bytes(5 << 10))
+            with stub(tcp) as service:
+                slow = [service.UploadScene.future(slowly()) for _ in range(4)]
+                time.sleep(3)
+                self.assertTrue(upload(unix, glb("quick")).hash)
+                stopping.set()
+                self.assertEqual(sum(call.code() == EXHAUSTED for call in slow), 2)
+
     def test_uploads_that_drip_make_way(self):
         with Daemon() as daemon:
             stopping = threading.Event()
