@@ -232,7 +232,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-uploads", raw.flags.max_uploads,
-                 "Largest number of uploads at the same time. Together they hold at most twice --max-upload-mib. A very slow one "
+                 "Largest number of uploads at the same time, half of them for one client. Together they hold at most twice --max-upload-mib. A very slow one "
                  "makes way for a new one")
       ->check(CLI::Range(size_t{1}, size_t{48}))
       ->capture_default_str();
