@@ -278,6 +278,13 @@ void read_credentials_again(Credentials& credentials, StreamRegistry& streams, c
   if (ended > 0) log.info("sessions ended", {{"sessions", std::to_string(ended)}, {"reason", "their callers are no longer in the access file"}});
 }
 
+// A running daemon does not end because there is no memory to read a file again. It is tried again later.
+void without_ending(const Log& log, const std::function<void()>& work) try {
+  work();
+} catch (const std::bad_alloc&) {
+  log.error("not read again", {{"reason", "out of memory"}});
+}
+
 // Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called every kTidyPeriod.
 void wait_for_stop_signal(const Log& log, const std::function<void()>& tidy_up, const std::function<void()>& read_again) {
   const sigset_t signals = awaited_signals();
@@ -458,13 +465,13 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   uint64_t losses_told = 0;
   const auto tidy_up = [&] {
     give_memory_back();
-    look_at_credentials();
+    without_ending(log, look_at_credentials);
     if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))
       log.warn("graphics context lost and built again", {{"since_the_start", std::to_string(losses)}});
   };
   wait_for_stop_signal(log, tidy_up, [&] {
-    read_configuration_again(log, parse_again);
-    look_at_credentials();
+    without_ending(log, [&] { read_configuration_again(log, parse_again); });
+    without_ending(log, look_at_credentials);
   });
   ready.remove();
   drain(state, **listener, streams, flags.drain_s, log);

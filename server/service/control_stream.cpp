@@ -80,6 +80,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
       parsers_(helpers.parsers),
+      claimers_(helpers.claimers),
       kept_(helpers.kept),
       client_(reader.client),
       max_message_memory_(limits.max_message_memory),
@@ -133,7 +134,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
     parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
     self->read_if_room();
     self->advance();
-  });
+  }, client_);
 }
 
 void ControlStream::refuse_message(const Error& error) {
@@ -172,7 +173,13 @@ void ControlStream::begin(const v1::ControlRequest& request) {
 void ControlStream::claim(const v1::ResumeSession& request) {
   reading_ = Reading::kResuming;
   answered_ = request.answered_sequence();
-  parsers_.post([self = self_, token = request.token()] { self->kept_.claim(token, self->client_, self); });
+  claimers_.post([self = self_, token = request.token()] {
+    try {
+      self->kept_.claim(token, self->client_, self);
+    } catch (const std::bad_alloc&) {
+      self->on_no_memory();
+    }
+  }, client_);
 }
 
 bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) {
@@ -274,6 +281,18 @@ void ControlStream::on_done() {
   last = std::move(self_);
 }
 
+// A reaction, or a task of another thread, found no memory. What it had begun is not known, so the session ends.
+void ControlStream::on_no_memory() {
+  const std::lock_guard lock(mutex_);
+  end_without_memory();
+}
+
+void ControlStream::end_without_memory() {
+  if (finished_) return;
+  if (!end_status_) end_status_ = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the server is out of memory");
+  advance();
+}
+
 void ControlStream::drain(const std::string& reason) {
   const std::lock_guard lock(mutex_);
   if (finished_) return;
@@ -322,7 +341,7 @@ void ControlStream::advance() {
   if (!inbox_.empty()) {
     begin_turn(TurnState::kOnWorker);
     if (!needs_loader_) return parts_.scheduler.post(self_, due_ns_);
-    return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); });
+    return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); }, client_);
   }
   if (reading_ == Reading::kEnded) close(driver_->status_after_last_message());
 }
@@ -407,7 +426,15 @@ void ControlStream::fill_turn() {
   read_if_room();
 }
 
-void ControlStream::finish(const TakenMaps& taken) {
+void ControlStream::finish(const TakenMaps& taken) try {
+  end_turn(taken);
+} catch (const std::bad_alloc&) {
+  const std::lock_guard lock(mutex_);
+  turn_state_ = TurnState::kNone;
+  end_without_memory();
+}
+
+void ControlStream::end_turn(const TakenMaps& taken) {
   const int64_t start_ns = parts_.scheduler.now_ns();
   const bool stepped = driver_->finish(turn_, taken);
   const std::lock_guard lock(mutex_);

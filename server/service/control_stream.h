@@ -52,7 +52,8 @@ using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse,
 
 // All streams use these beside the parts. They must outlive the streams.
 struct StreamHelpers {
-  WorkerPool& parsers;  // of large messages; they also claim sessions to resume
+  WorkerPool& parsers;   // of large messages
+  WorkerPool& claimers;  // of sessions to resume, which wait for no message
   KeptSessions& kept;
 };
 
@@ -85,6 +86,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   void on_cancel() override;
   void on_alarm(bool ran_out) override;  // the client may have been silent for too long
   void on_done() override;
+  void on_no_memory() override;
 
   // A turn on the loop's thread, or its way to the scheduler instead.
   void run_on_loop() override;
@@ -94,8 +96,10 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   TakeJob plan() override;
   void finish(const TakenMaps& taken) override;
   void fill_turn();
+  void end_turn(const TakenMaps& taken);
 
   // These need mutex_.
+  void end_without_memory();
   void take_in(v1::ControlRequest request, int64_t arrival_ns);
   void begin(const v1::ControlRequest& request);
   void claim(const v1::ResumeSession& request);
@@ -116,6 +120,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   // Constant after construction.
   const ServiceParts& parts_;
   WorkerPool& parsers_;
+  WorkerPool& claimers_;
   KeptSessions& kept_;
   const std::string client_;
   const size_t max_message_memory_;

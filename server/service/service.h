@@ -51,8 +51,9 @@ class CameraControlService final
   const Credentials no_credentials_;
   Callers callers_{parts_.credentials ? *parts_.credentials : no_credentials_};
   KeptSessions kept_{limits_.resume_grace, parts_.streams, parts_.stats, parts_.log};
-  WorkerPool parsers_{1};  // of large messages
-  const StreamHelpers helpers_{parsers_, kept_};
+  WorkerPool parsers_{1};   // of large messages
+  WorkerPool claimers_{1};  // of sessions to resume
+  const StreamHelpers helpers_{parsers_, claimers_, kept_};
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   std::function<bool()> ready_ = [] { return true; };
