@@ -145,6 +145,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
+  options.transport_memory = flags.transport_memory_mib << 20;
   options.gate = gate_limits(flags);
   options.tls = credentials.tls();
   options.callers_are_known = !flags.access_file.empty() || !flags.tls_client_ca.empty();
@@ -159,6 +160,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
   limits.max_message_memory = flags.max_message_memory_mib << 20;
+  limits.messages_memory = flags.messages_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;
   limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
   limits.resume_grace = milliseconds(std::lround(flags.resume_grace_s * 1e3));
@@ -416,9 +418,11 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
                                      .max_step_cost_ms = flags.max_step_cost_ms};
   InstanceMemory instance_memory(flags.sessions_memory_mib << 20);
-  GltfLimits gltf;
+  GltfLimits gltf = GltfLimits::within(flags.geometry_memory_mib << 20);
+  gltf.instances_flag = "--session-memory-mib";
+  gltf.memory_flag = "--geometry-memory-mib";
   gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
-  GeometryStore geometry;
+  GeometryStore geometry(flags.geometry_memory_mib << 20);
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));

@@ -81,12 +81,13 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
       parts_(parts),
       parsers_(helpers.parsers),
       claimers_(helpers.claimers),
+      messages_(helpers.messages),
       kept_(helpers.kept),
       client_(reader.client),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
       driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
-      inbox_(limits.inbox_messages, limits.inbox_bytes) {}
+      inbox_(limits.inbox_messages, limits.inbox_bytes, &helpers.messages, client_) {}
 
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
@@ -124,7 +125,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
     v1::ControlRequest request;
     Status parsed;
     try {
-      parsed = parse_message(self->bytes_, self->max_message_memory_, request);
+      parsed = self->parse_large(request);
     } catch (const std::bad_alloc&) {
       parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
     }
@@ -137,8 +138,15 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
   }, client_);
 }
 
+Status ControlStream::parse_large(v1::ControlRequest& request) {
+  const size_t room = messages_.room(client_);
+  const Status parsed = parse_message(bytes_, std::min(room, max_message_memory_), request);
+  if (parsed || parsed.error().code != ErrorCode::kResourceExhausted || room >= max_message_memory_) return parsed;
+  return fail(ErrorCode::kResourceExhausted, "message", "finds no memory beside the messages that wait (--messages-memory-mib)");
+}
+
 void ControlStream::refuse_message(const Error& error) {
-  if (error.code == ErrorCode::kResourceExhausted) parts_.stats.limits.hit(Limit::kMaxMessageMemory);
+  if (const auto limit = limit_named_in(error.message)) parts_.stats.limits.hit(*limit);
   if (!end_status_) end_status_ = status_from_error(error);
 }
 

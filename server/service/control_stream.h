@@ -54,6 +54,7 @@ using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse,
 struct StreamHelpers {
   WorkerPool& parsers;   // of large messages
   WorkerPool& claimers;  // of sessions to resume, which wait for no message
+  MessageMemory& messages;
   KeptSessions& kept;
 };
 
@@ -106,6 +107,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   void issue_token();
   void parse(int64_t arrival_ns);
   void parse_elsewhere(int64_t arrival_ns);
+  Status parse_large(v1::ControlRequest& request);
   void refuse_message(const Error& error);
   void advance();  // starts what comes next
   void hurry();    // gives the client little time to take what is written, once an end is wanted
@@ -121,6 +123,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   const ServiceParts& parts_;
   WorkerPool& parsers_;
   WorkerPool& claimers_;
+  MessageMemory& messages_;
   KeptSessions& kept_;
   const std::string client_;
   const size_t max_message_memory_;

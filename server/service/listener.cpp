@@ -56,7 +56,9 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1'000);
   // The synchronous RPCs are rare, so one queue is enough for them.
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
-  builder.SetResourceQuota(grpc::ResourceQuota("listener").SetMaxThreads(kMaxThreads));
+  grpc::ResourceQuota quota("listener");
+  if (options.transport_memory > 0) quota.Resize(options.transport_memory);
+  builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
 }
 
 }  // namespace

@@ -53,7 +53,8 @@ class CameraControlService final
   KeptSessions kept_{limits_.resume_grace, parts_.streams, parts_.stats, parts_.log};
   WorkerPool parsers_{1};   // of large messages
   WorkerPool claimers_{1};  // of sessions to resume
-  const StreamHelpers helpers_{parsers_, claimers_, kept_};
+  MessageMemory messages_{limits_.messages_memory};
+  const StreamHelpers helpers_{parsers_, claimers_, messages_, kept_};
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   std::function<bool()> ready_ = [] { return true; };

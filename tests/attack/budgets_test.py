@@ -11,20 +11,12 @@ sys.path.insert(0, STUBS)
 
 import grpc  # noqa: E402
 
-from daemon import CONTROL, DATA, END_STREAM, HEALTH, SERVICE, Daemon, Healthy, RawConnection, frame  # noqa: E402
-from scenes import empty_parts, glb, largest_tuning, many_instances, scene_of  # noqa: E402
-from sessions import info, open_session, stub, upload  # noqa: E402
+from daemon import CONTROL, DATA, END_STREAM, HEALTH, SERVICE, Daemon, FlowingConnection, Healthy, RawConnection, frame, message  # noqa: E402
+from scenes import empty_parts, glb, largest_tuning, many_instances, repeated_triangles, scene_of, varint  # noqa: E402
+from sessions import info, open_request, open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
-
-
-def varint(number):
-    parts = []
-    while number > 127:
-        parts.append(number & 127 | 128)
-        number >>= 7
-    return bytes([*parts, number])
 
 
 class Messages(unittest.TestCase):
@@ -141,7 +133,60 @@ class Scenes(unittest.TestCase):
                 self.assertEqual(session.tick(delta=SceneDelta(removed_ids=[ball.id for ball in added])).sequence, 5 + 2 * n)
 
 
+    def test_a_small_file_that_repeats_its_triangles_is_refused(self):
+        scene = repeated_triangles(3000, 60)
+        self.assertLess(len(scene), 200_000)
+        with Daemon() as daemon:
+            with self.assertRaises(grpc.RpcError) as raised:
+                upload(daemon.address, scene)
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--geometry-memory-mib", raised.exception.details())
+            self.assertLess(daemon.most_memory_mib(), 350)
+
+    def test_the_geometry_of_all_scenes_together_is_bounded(self):
+        with Daemon("--geometry-memory-mib", "8", "--kept-uploads-mib", "100") as daemon:
+            hashes = [upload(daemon.address, repeated_triangles(30_000, 1, start)).hash for start in range(2)]
+            with self.assertRaises(grpc.RpcError) as raised:
+                for start in range(2, 20):
+                    upload(daemon.address, repeated_triangles(30_000, 1, start))
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--geometry-memory-mib", raised.exception.details())
+            open_session(daemon.address, scene=scene_of(hashes[0])).close()
+
+
 class Heavy(unittest.TestCase):
+    def test_messages_that_wait_take_a_bounded_memory(self):
+        tick = message(empty_parts(200_000))
+        opening = message(camera_control_pb2.ControlRequest(open=open_request()).SerializeToString())
+        with Daemon() as daemon:
+            healthy = Healthy(daemon.address, 12)
+            attacker = FlowingConnection(daemon.address, window=0)  # what it opens waits to be read, so its ticks wait too
+            streams = [attacker.start_call(CONTROL) for _ in range(48)]
+            attacker.send_all({stream: opening for stream in streams}, 5)
+            time.sleep(1)
+            attacker.send_all({stream: tick for stream in streams}, 8)
+            result = healthy.result()
+            self.assertEqual((result["answered"], result["error"]), (result["ticks"], ""))
+            self.assertLess(daemon.most_memory_mib(), 300)
+            attacker.close()
+
+    def test_messages_that_never_end_take_a_bounded_memory(self):
+        size = (4 << 20) - 8
+        unfinished = message(bytes(size))[:-1]
+        with Daemon("--transport-memory-mib", "128") as daemon:
+            attackers = [FlowingConnection(daemon.address) for _ in range(4)]
+            sending = [threading.Thread(target=lambda of=of: of.send_all(
+                {of.start_call(SERVICE + "GetServerInfo"): unfinished for _ in range(24)}, 8)) for of in attackers]
+            for thread in sending:
+                thread.start()
+            for thread in sending:
+                thread.join()
+            self.assertLess(daemon.most_memory_mib(), 250)
+            for attacker in attackers:
+                attacker.close()
+            time.sleep(1)
+            self.assertTrue(info(daemon.address).version)
+
     def test_a_message_of_empty_parts_is_refused_before_it_is_parsed(self):
         message = empty_parts(1_900_000)
         with Daemon() as daemon:
