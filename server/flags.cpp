@@ -215,6 +215,22 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "The same for all sessions together")
       ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
       ->capture_default_str();
+  app.add_option("--geometry-memory-mib", raw.flags.geometry_memory_mib,
+                 "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one scene file may take. "
+                 "The sampler takes about as much again. Raise it for larger scenes")
+      ->check(CLI::Range(size_t{8}, size_t{1'000'000}))
+      ->capture_default_str();
+  app.add_option("--messages-memory-mib", raw.flags.messages_memory_mib,
+                 "Memory of the messages that wait, of all sessions together, in MiB; half of it for one client. Beyond it the server reads "
+                 "less, and refuses large messages. It must hold twice --max-message-memory-mib")
+      ->check(CLI::Range(size_t{16}, size_t{1'000'000}))
+      ->capture_default_str();
+  app.add_option("--transport-memory-mib", raw.flags.transport_memory_mib,
+                 "Memory of gRPC for what came from clients and is not complete, in MiB; 0 means no limit. When it runs out, gRPC ends calls of "
+                 "any client, healthy ones too. Set it where the process would otherwise be killed for its memory, such as 128 in a "
+                 "container of 512 MiB that strangers can reach")
+      ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
+      ->capture_default_str();
   app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,
                  "Largest cost of a step that a client may ask for by its settings and its targets, in milliseconds of an ordinary CPU "
                  "as the server estimates it; 0 means no limit. A step cannot be interrupted, so others wait for that long. Raise it "
@@ -232,7 +248,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-uploads", raw.flags.max_uploads,
-                 "Largest number of uploads at the same time. Together they hold at most twice --max-upload-mib. A very slow one "
+                 "Largest number of uploads at the same time, half of them for one client. Together they hold at most twice --max-upload-mib. A very slow one "
                  "makes way for a new one")
       ->check(CLI::Range(size_t{1}, size_t{48}))
       ->capture_default_str();
@@ -329,6 +345,8 @@ void add_configuration(CLI::App& app, RawFlags& raw) {
 void check_together(const Flags& flags) {
   if (flags.listen == "none" && flags.listen_unix.empty())
     throw CLI::ValidationError("--listen", "none needs --listen-unix: there is no address to listen at");
+  if (flags.messages_memory_mib < 2 * flags.max_message_memory_mib)
+    throw CLI::ValidationError("--messages-memory-mib", "must be at least twice --max-message-memory-mib");
   if (flags.tls_cert.empty() != flags.tls_key.empty())
     throw CLI::ValidationError(flags.tls_cert.empty() ? "--tls-key" : "--tls-cert", "--tls-cert and --tls-key are needed together");
   if (flags.tls_cert.empty() && !flags.tls_client_ca.empty()) throw CLI::ValidationError("--tls-client-ca", "needs --tls-cert");

@@ -39,6 +39,9 @@ struct Flags {
   size_t max_message_memory_mib = 32;
   size_t session_memory_mib = 64;
   size_t sessions_memory_mib = 256;
+  size_t geometry_memory_mib = 192;
+  size_t messages_memory_mib = 128;
+  size_t transport_memory_mib = 0;    // 0: no limit
   double max_step_cost_ms = 33.0;  // 0: no limit
   double max_maps_ms = 100.0;      // 0: no limit
   size_t max_message_mib = 4;

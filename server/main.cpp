@@ -145,6 +145,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
+  options.transport_memory = flags.transport_memory_mib << 20;
   options.gate = gate_limits(flags);
   options.tls = credentials.tls();
   options.callers_are_known = !flags.access_file.empty() || !flags.tls_client_ca.empty();
@@ -159,6 +160,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
   limits.max_message_memory = flags.max_message_memory_mib << 20;
+  limits.messages_memory = flags.messages_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;
   limits.session_idle = milliseconds(std::lround(flags.session_idle_s * 1e3));
   limits.resume_grace = milliseconds(std::lround(flags.resume_grace_s * 1e3));
@@ -276,6 +278,13 @@ void read_credentials_again(Credentials& credentials, StreamRegistry& streams, c
   const size_t ended = streams.end_unless([&](const std::string& client) { return credentials.access().still_controls(client); },
                                           {grpc::StatusCode::UNAUTHENTICATED, "this caller may no longer have a session"});
   if (ended > 0) log.info("sessions ended", {{"sessions", std::to_string(ended)}, {"reason", "their callers are no longer in the access file"}});
+}
+
+// A running daemon does not end because there is no memory to read a file again. It is tried again later.
+void without_ending(const Log& log, const std::function<void()>& work) try {
+  work();
+} catch (const std::bad_alloc&) {
+  log.error("not read again", {{"reason", "out of memory"}});
 }
 
 // Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called every kTidyPeriod.
@@ -409,9 +418,11 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
                                      .max_step_cost_ms = flags.max_step_cost_ms};
   InstanceMemory instance_memory(flags.sessions_memory_mib << 20);
-  GltfLimits gltf;
+  GltfLimits gltf = GltfLimits::within(flags.geometry_memory_mib << 20);
+  gltf.instances_flag = "--session-memory-mib";
+  gltf.memory_flag = "--geometry-memory-mib";
   gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
-  GeometryStore geometry;
+  GeometryStore geometry(flags.geometry_memory_mib << 20);
   ExtentCache extents;
   SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
@@ -458,13 +469,13 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   uint64_t losses_told = 0;
   const auto tidy_up = [&] {
     give_memory_back();
-    look_at_credentials();
+    without_ending(log, look_at_credentials);
     if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))
       log.warn("graphics context lost and built again", {{"since_the_start", std::to_string(losses)}});
   };
   wait_for_stop_signal(log, tidy_up, [&] {
-    read_configuration_again(log, parse_again);
-    look_at_credentials();
+    without_ending(log, [&] { read_configuration_again(log, parse_again); });
+    without_ending(log, look_at_credentials);
   });
   ready.remove();
   drain(state, **listener, streams, flags.drain_s, log);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "server/gate/access.h"
+#include "server/gate/frame_watch.h"
 #include "server/gate/listening_socket.h"
 #include "server/gate/tls.h"
 
@@ -29,6 +30,7 @@ struct Connection {
   std::optional<unsigned> user;  // see user_of_socket
   std::string peer;              // what gRPC calls it: ServerContext::peer()
   double since_s = 0.0;
+  std::shared_ptr<ClientFlow> flow;  // of the client, on all its connections
 
   // Used by the relay's thread. Null: the connection is not encrypted.
   std::unique_ptr<TlsStream> tls;
@@ -42,6 +44,7 @@ struct Connection {
   // The connection is cut when this time has passed. At first it is the time in which the client must greet.
   std::atomic<double> deadline_s{0.0};
   std::atomic<bool> handshake_failed{false};
+  std::atomic<bool> flooded{false};  // it was cut because the client sent too much
 
  private:
   mutable std::mutex mutex_;

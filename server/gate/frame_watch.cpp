@@ -1,6 +1,7 @@
 #include "server/gate/frame_watch.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -20,11 +21,14 @@ enum FrameType : uint8_t {
 
 }  // namespace
 
-FrameWatch::FrameWatch(const FrameLimits& limits)
+FrameWatch::FrameWatch(const FrameLimits& limits, std::shared_ptr<ClientFlow> client)
     : limits_(limits),
+      client_(std::move(client)),
       call_bucket_(limits.calls_burst, limits.calls_per_s),
       idle_frame_bucket_(limits.idle_frames_burst, limits.idle_frames_per_s),
       ping_bucket_(limits.pings_burst, limits.pings_per_s),
+      fair_calls_(limits.fair_burst, limits.fair_per_s),
+      fair_idle_frames_(limits.fair_burst, limits.fair_per_s),
       preface_left_(kPreface.size()) {}
 
 std::optional<std::string_view> FrameWatch::read(std::span<const std::byte> bytes, double now_s) {
@@ -63,22 +67,39 @@ std::optional<std::string_view> FrameWatch::begin_frame(double now_s) {
     if (const auto reason = check_header_block(length, type == kContinuation)) return reason;
     if (ends_headers) header_block_bytes_ = 0;
   }
-  if (type == kHeaders && stream > newest_stream_) {
+  const bool call = type == kHeaders && stream > newest_stream_;
+  if (call) {
     newest_stream_ = stream;
     ++calls_;
-    if (!call_bucket_.take(now_s)) return "it opens calls too fast";
   }
   if (headers || type == kData) last_call_s_ = now_s;
   const bool empty = length == 0 && (type == kData || type == kContinuation) && (byte(4) & 0x1u) == 0;
   const bool idle = empty || type == kPriority || type == kRstStream || type == kSettings;
-  if (type == kPing && !ping_bucket_.take(now_s)) return "it sends pings too fast";
-  if (idle && !idle_frame_bucket_.take(now_s)) return "it resets calls, or sends frames that carry nothing, too fast";
+  const auto reason = check_rates(call, idle, type == kPing, now_s);
+  flooded_ = reason.has_value();
+  return reason;
+}
+
+// All buckets are asked, so that each knows what passed.
+std::optional<std::string_view> FrameWatch::check_rates(bool call, bool idle, bool ping, double now_s) {
+  if (call) {
+    const bool fair = fair_calls_.take(now_s), client = !client_ || client_->take_call(now_s);
+    if (!call_bucket_.take(now_s)) return "it opens calls too fast";
+    if (!client && !fair) return "its client opens calls too fast on all connections together";
+  }
+  if (idle) {
+    const bool fair = fair_idle_frames_.take(now_s), client = !client_ || client_->take_idle_frame(now_s);
+    if (!idle_frame_bucket_.take(now_s)) return "it resets calls, or sends frames that carry nothing, too fast";
+    if (!client && !fair) return "its client resets calls, or sends frames that carry nothing, too fast on all connections together";
+  }
+  if (ping && !ping_bucket_.take(now_s)) return "it sends pings too fast";
   return {};
 }
 
 std::optional<std::string_view> FrameWatch::check_header_block(size_t length, bool continued) {
   header_block_bytes_ = continued ? header_block_bytes_ + length : length;
-  if (header_block_bytes_ > limits_.max_header_block_bytes) return "the headers of a call are too long";
+  flooded_ = header_block_bytes_ > limits_.max_header_block_bytes;
+  if (flooded_) return "the headers of a call are too long";
   return {};
 }
 

@@ -45,7 +45,7 @@ Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsig
       sockets_(std::move(sockets)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   const auto over_here = [this](const auto& connection, std::string_view reason) {
-    if (!reason.empty() && !connection->handshake_failed) note_flood(connection->client);
+    if (connection->flooded) note_flood(connection->client);
     over(connection, reason);
   };
   for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here));
@@ -103,6 +103,7 @@ double Gate::silent_s() const {
     if (!stopping_) oldest_s = beat_s_.load(std::memory_order_relaxed);
   }
   for (const auto& relay : relays_) oldest_s = std::min(oldest_s, relay->last_beat_s());
+  if (greeter_) oldest_s = std::min(oldest_s, greeter_->last_beat_s());
   return std::max(0.0, gate_now_s() - oldest_s);
 }
 
@@ -149,7 +150,13 @@ void Gate::refuse(const std::string& client, std::string_view reason) {
     const auto own = of_client_.find(client);
     counts_.refused_client += own != of_client_.end() && own->second >= limits_.max_per_client;
   }
+  tell(client, reason);
+}
+
+// A line of the log that finds no memory is lost.
+void Gate::tell(const std::string& client, std::string_view reason) noexcept try {
   notice_(client, reason);
+} catch (const std::bad_alloc&) {
 }
 
 // A handshake costs the server more than its client. Full buckets are forgotten, so the map stays as small as the number of clients that
@@ -160,9 +167,20 @@ bool Gate::may_shake_hands(const std::string& client) {
   return handshakes_.try_emplace(client, limits_.handshakes_burst, limits_.handshakes_per_s).first->second.take(now_s);
 }
 
-void Gate::note_flood(const std::string& client) {
+void Gate::note_flood(const std::string& client) try {
   const std::lock_guard lock(mutex_);
   floods_.try_emplace(client, Flood{TokenBucket(limits_.after_flood_burst, limits_.after_flood_per_s), 0.0}).first->second.last_s = gate_now_s();
+} catch (const std::bad_alloc&) {  // the connection is cut in any case
+}
+
+// A client that closes all its connections and comes again finds its buckets as they were.
+std::shared_ptr<ClientFlow> Gate::flow_of(const std::string& client) {
+  const double now_s = gate_now_s();
+  const std::lock_guard lock(mutex_);
+  std::erase_if(flows_, [&](const auto& entry) { return entry.second.use_count() == 1 && entry.second->full(now_s); });
+  std::shared_ptr<ClientFlow>& flow = flows_[client];
+  if (!flow) flow = std::make_shared<ClientFlow>(limits_.frames);
+  return flow;
 }
 
 // Each connection may do some work before it is cut for a flood. A client that floods again and again on new ones gets few of them.
@@ -181,14 +199,26 @@ void Gate::admit(FileDescriptor fd, bool encrypted) {
   if (!make_room(client)) return refuse(client, "no connection is left (--max-connections, --max-connections-per-client)");
   auto connection = connect_to_grpc(std::move(fd), std::move(client), encrypted);
   if (!connection) return;
-  {
-    const std::lock_guard lock(mutex_);
-    ++counts_.accepted;
-    ++of_client_[connection->client];
-    connections_.emplace(connection->peer, connection);
-  }
+  enter(connection);
   Relay& relay = encrypted ? *greeter_ : *relays_[next_relay_++ % relays_.size()];
-  relay.add(std::move(connection));
+  try {
+    relay.add(connection);
+  } catch (const std::bad_alloc&) {
+    cut(connection, "the server is out of memory");
+  }
+}
+
+// Both maps have the connection, or neither.
+void Gate::enter(const std::shared_ptr<Connection>& connection) {
+  const std::lock_guard lock(mutex_);
+  const auto entered = connections_.emplace(connection->peer, connection).first;
+  try {
+    ++of_client_[connection->client];
+  } catch (const std::bad_alloc&) {
+    connections_.erase(entered);
+    throw;
+  }
+  ++counts_.accepted;
 }
 
 // The client's end of the pair belongs to gRPC from now on.
@@ -202,6 +232,7 @@ std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::str
   for (const int fd : pair) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kPairBytes, sizeof(kPairBytes));
   if (encrypted && !(connection->tls = tls_->accept())) return nullptr;
   connection->client = std::move(client);
+  connection->flow = flow_of(connection->client);
   connection->user = user_of_socket(connection->outer.get());
   connection->peer = name_socket(connection->inner.get());
   if (connection->peer.empty()) return nullptr;
@@ -237,7 +268,8 @@ bool Gate::make_room(const std::string& client) {
   return victim != nullptr;
 }
 
-void Gate::cut_overdue() {
+// Without memory it is tried again in the next round.
+void Gate::cut_overdue() try {
   std::vector<std::shared_ptr<Connection>> overdue;
   {
     const std::lock_guard lock(mutex_);
@@ -247,6 +279,7 @@ void Gate::cut_overdue() {
     }
   }
   for (const auto& connection : overdue) cut(connection, "it was silent for too long");
+} catch (const std::bad_alloc&) {
 }
 
 // The relay sees the end of the socket and closes it.
@@ -265,7 +298,7 @@ void Gate::over(const std::shared_ptr<Connection>& connection, std::string_view 
     if (!reason.empty()) ++counts_.cut;
     if (connection->handshake_failed) ++counts_.failed_handshakes;
   }
-  if (!reason.empty()) notice_(connection->client, reason);
+  if (!reason.empty()) tell(connection->client, reason);
 }
 
 }  // namespace sightline

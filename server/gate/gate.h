@@ -36,7 +36,7 @@ struct GateLimits {
   double idle_s = 60.0;         // a connection without part of a call for this time may make way for a new one
   // TLS handshakes of one client at once, and how many more each second.
   double handshakes_burst = 256.0, handshakes_per_s = 32.0;
-  // For this time after a connection was cut for what was sent on it, its client gets as many new ones at once, and as many more each second.
+  // For this time after a connection was cut for a flood, its client gets as many new ones at once, and as many more each second.
   double after_flood_s = 10.0, after_flood_burst = 4.0, after_flood_per_s = 2.0;
   FrameLimits frames;
 };
@@ -85,6 +85,9 @@ class Gate {
   void admit(FileDescriptor fd, bool encrypted);
   bool may_shake_hands(const std::string& client);
   void note_flood(const std::string& client);
+  std::shared_ptr<ClientFlow> flow_of(const std::string& client);
+  void enter(const std::shared_ptr<Connection>& connection);
+  void tell(const std::string& client, std::string_view reason) noexcept;
   bool may_connect(const std::string& client);
   void refuse(const std::string& client, std::string_view reason);
   bool make_room(const std::string& client);
@@ -112,6 +115,7 @@ class Gate {
     double last_s;  // when a connection of the client was cut last
   };
   std::map<std::string, Flood> floods_;  // by client
+  std::map<std::string, std::shared_ptr<ClientFlow>> flows_;  // by client
   GateCounts counts_;
   bool stopping_ = false;
 

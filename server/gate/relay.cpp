@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <new>
 #include <utility>
 
 namespace sightline {
@@ -31,7 +32,7 @@ struct Relay::Side {
 };
 
 struct Relay::Line {
-  Line(std::shared_ptr<Connection> of, const FrameLimits& limits) : connection(std::move(of)), watch(limits) {
+  Line(std::shared_ptr<Connection> of, const FrameLimits& limits) : connection(std::move(of)), watch(limits, connection->flow) {
     client = {.line = this, .other = &grpc, .fd = connection->outer.get()};
     grpc = {.line = this, .other = &client, .fd = connection->inner.get()};
   }
@@ -66,13 +67,17 @@ Relay::~Relay() {
 }
 
 void Relay::add(std::shared_ptr<Connection> connection) {
-  adopt(std::make_unique<Line>(std::move(connection), limits_));
+  auto line = std::make_unique<Line>(std::move(connection), limits_);
+  const Line* const key = line.get();
+  Lines one;
+  one.emplace(key, std::move(line));
+  adopt(one.extract(key));
 }
 
-void Relay::adopt(OwnedLine line) {
+void Relay::adopt(Lines::node_type line) {
   {
     const std::lock_guard lock(mutex_);
-    new_.push_back(std::move(line));
+    new_.insert(std::move(line));
   }
   ::eventfd_write(wake_.get(), 1);
 }
@@ -87,15 +92,12 @@ void Relay::run() {
     for (int i = 0; i < count; ++i) {
       const epoll_event& event = events[static_cast<size_t>(i)];
       if (auto* side = static_cast<Side*>(event.data.ptr))
-        serve(*side, event.events);
+        guarded(*side->line, [&] { serve(*side, event.events); });
       else
         woken = true;
     }
     ended_.clear();
-    for (OwnedLine& line : std::exchange(leaving_, {})) {
-      line->passed_on = false;
-      next_().adopt(std::move(line));
-    }
+    hand_on_leaving();
     if (!woken) continue;
     take_new();
     const std::lock_guard lock(mutex_);
@@ -105,30 +107,45 @@ void Relay::run() {
   ended_.clear();
 }
 
+void Relay::hand_on_leaving() {
+  while (!leaving_.empty()) {
+    Lines::node_type line = leaving_.extract(leaving_.begin());
+    line.mapped()->passed_on = false;
+    next_().adopt(std::move(line));
+  }
+}
+
+// Only this connection suffers when no memory is left for it.
+void Relay::guarded(Line& line, const std::function<void()>& work) try {
+  work();
+} catch (const std::bad_alloc&) {
+  if (!line.over && lines_.contains(&line)) end(line, "the server is out of memory");
+}
+
 void Relay::take_new() {
   eventfd_t ignored = 0;
   ::eventfd_read(wake_.get(), &ignored);
-  std::vector<OwnedLine> fresh;
+  Lines fresh;
   {
     const std::lock_guard lock(mutex_);
     fresh.swap(new_);
   }
-  for (OwnedLine& owned : fresh) {
-    Line& line = *owned;
-    lines_.emplace(&line, std::move(owned));
-    bool added = true;
-    for (Side* side : {&line.client, &line.grpc}) {
-      epoll_event event{.events = side->interest = EPOLLIN, .data = {.ptr = side}};
-      added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
-    }
-    if (!added) {
-      end(line, {});
-      continue;
-    }
-    // What came with the end of the handshake is not announced again.
-    const bool well = !line.connection->tls || take_from_client(line, {});
-    !well || !line.cut_for.empty() ? end(line, line.cut_for) : settle(line);
+  while (!fresh.empty()) {
+    Line& line = *lines_.insert(fresh.extract(fresh.begin())).position->second;
+    guarded(line, [&] { begin(line); });
   }
+}
+
+void Relay::begin(Line& line) {
+  bool added = true;
+  for (Side* side : {&line.client, &line.grpc}) {
+    epoll_event event{.events = side->interest = EPOLLIN, .data = {.ptr = side}};
+    added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
+  }
+  if (!added) return end(line, {});
+  // What came with the end of the handshake is not announced again.
+  const bool well = !line.connection->tls || take_from_client(line, {});
+  !well || !line.cut_for.empty() ? end(line, line.cut_for) : settle(line);
 }
 
 void Relay::serve(Side& side, uint32_t events) {
@@ -221,17 +238,17 @@ bool Relay::send_answers(Line& line) {
 // Its events of this round may still be in the queue, but they say nothing that the next relay would not see.
 void Relay::pass_on(Line& line) {
   for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);
-  const auto at = lines_.find(&line);
-  OwnedLine owned = std::move(at->second);
-  lines_.erase(at);
-  leaving_.push_back(std::move(owned));
+  leaving_.insert(lines_.extract(&line));
 }
 
 void Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
   received_bytes_.fetch_add(bytes.size(), std::memory_order_relaxed);
   const bool greeted = line.watch.greeted();
-  if (const auto reason = line.watch.read(bytes, gate_now_s())) line.cut_for = *reason;
   Connection& connection = *line.connection;
+  if (const auto reason = line.watch.read(bytes, gate_now_s())) {
+    line.cut_for = *reason;
+    connection.flooded = line.watch.flooded();
+  }
   connection.calls.store(line.watch.calls(), std::memory_order_relaxed);
   connection.last_call_s.store(line.watch.last_call_s(), std::memory_order_relaxed);
   if (!greeted && line.watch.greeted()) connection.deadline_s = 0.0;
@@ -287,10 +304,8 @@ void Relay::end(Line& line, std::string_view reason) {
   line.over = true;
   over_(line.connection, reason);
   for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);
-  const auto at = lines_.find(&line);
   // The sockets close with the last reference, which may be in `ended_` for the rest of this round.
-  ended_.push_back(std::move(at->second));
-  lines_.erase(at);
+  ended_.insert(lines_.extract(&line));
 }
 
 }  // namespace sightline

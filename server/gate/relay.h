@@ -4,6 +4,8 @@
 // one side only when the other side has taken everything. A client that stops reading is therefore stopped by gRPC's flow control
 // as if there were no relay.
 //
+// A connection for whose bytes no memory is left is cut; the others go on.
+//
 // A connection with TLS is decrypted here, so that its frames can be watched. Its handshake takes up to a millisecond of CPU; a relay of
 // its own, the greeter, does all handshakes, so that a client that connects again and again delays no session.
 #pragma once
@@ -13,12 +15,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <span>
 #include <string_view>
 #include <thread>
-#include <unordered_map>
 #include <vector>
 
 #include "server/gate/connection.h"
@@ -57,11 +59,15 @@ class Relay {
   static constexpr size_t kMostAnswers = 4 * kMostHeld;
   struct Line;
   struct Side;
-  using OwnedLine = std::unique_ptr<Line>;
+  // Lines go from one map to another as nodes, for which no memory is needed: a line must not be lost when there is none.
+  using Lines = std::map<const Line*, std::unique_ptr<Line>>;
 
   void run();
-  void adopt(OwnedLine line);
+  void adopt(Lines::node_type line);
+  void hand_on_leaving();
   void take_new();
+  void begin(Line& line);
+  void guarded(Line& line, const std::function<void()>& work);
   void serve(Side& side, uint32_t events);
   bool read_from(Side& side);
   bool take_from_client(Line& line, std::span<const std::byte> bytes);
@@ -83,9 +89,9 @@ class Relay {
 
   // Used by the thread only.
   std::function<Relay&()> next_;  // set before the first connection
-  std::unordered_map<const Line*, OwnedLine> lines_;
-  std::vector<OwnedLine> leaving_;  // they go to the next relay after the events of this round
-  std::vector<OwnedLine> ended_;  // kept until the events of this round are served
+  Lines lines_;
+  Lines leaving_;  // they go to the next relay after the events of this round
+  Lines ended_;    // kept until the events of this round are served
   std::array<std::byte, kMostHeld> buffer_;
   std::vector<std::byte> plain_, sealed_;  // reused
 
@@ -93,8 +99,8 @@ class Relay {
   std::atomic<double> beat_s_{gate_now_s()};
 
   std::mutex mutex_;
-  std::vector<OwnedLine> new_;  // guarded by mutex_
-  bool stopping_ = false;       // guarded by mutex_
+  Lines new_;              // guarded by mutex_
+  bool stopping_ = false;  // guarded by mutex_
 
   std::thread thread_;
 };

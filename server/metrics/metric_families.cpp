@@ -137,7 +137,7 @@ void add_steps(const MetricSource& source, Families& families) {
 
 void add_limits(const MetricSource& source, const GateCounts& gate, Families& families) {
   MetricFamily& limits = family(families, "sightline_limit_hits_total",
-                                "How often a limit refused or ended something, by the flag that sets it.", MetricType::Counter);
+                                "How often a limit refused or ended something, by the flag that sets it; a fixed limit has a name of its own.", MetricType::Counter);
   for (size_t i = 0; i < kLimitNames.size(); ++i)
     counter(limits, static_cast<double>(source.parts.stats.limits.count(static_cast<Limit>(i))), {{"limit", kLimitNames[i]}});
   counter(limits, static_cast<double>(gate.refused - gate.refused_client), {{"limit", "max-connections"}});

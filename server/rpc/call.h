@@ -11,6 +11,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <new>
 #include <optional>
 #include <utility>
 
@@ -100,6 +101,8 @@ class AsyncCall {
   virtual void on_cancel() {}
   virtual void on_alarm(bool) {}  // true: the time has passed; false: the alarm was cancelled
   virtual void on_done() = 0;
+  // A reaction found no memory. Runs once for each such reaction.
+  virtual void on_no_memory() { cancel_call(); }
 
   template <typename Message>
   void start_read(Message& message) {
@@ -139,7 +142,11 @@ class AsyncCall {
    public:
     explicit Reaction(AsyncCall& call) : call_(call) {}
     void ready(bool ok) override {
-      (call_.*reaction)(ok);
+      try {
+        (call_.*reaction)(ok);
+      } catch (const std::bad_alloc&) {
+        call_.on_no_memory();
+      }
       call_.over();
     }
 

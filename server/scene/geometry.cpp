@@ -137,12 +137,52 @@ Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh) {
   return build_checked(std::move(mesh), hash, key);
 }
 
+namespace {
+
+// Of the indices and of both trees.
+constexpr size_t kBytesOfBuiltTriangle = 36;
+
+using Bytes = std::shared_ptr<std::atomic<size_t>>;
+
+// Builds a geometry for which `reserved` is counted in `bytes`. From then on its own bytes are, as long as it is in use.
+template <typename Build>
+std::shared_ptr<const Geometry> counted(size_t reserved, const Bytes& bytes, const Build& build) try {
+  std::shared_ptr<const Geometry> built = build();
+  const size_t own = built->bytes();
+  const Geometry* const plain = built.get();
+  std::shared_ptr<const Geometry> guarded(plain, [built = std::move(built), bytes, own](const Geometry*) mutable {
+    built.reset();
+    bytes->fetch_sub(own);
+  });
+  bytes->fetch_add(own);
+  bytes->fetch_sub(reserved);
+  return guarded;
+} catch (...) {
+  bytes->fetch_sub(reserved);
+  throw;
+}
+
+}  // namespace
+
+bool GeometryStore::reserve(size_t bytes) {
+  if (max_bytes_ == 0) return true;
+  if (bytes_->fetch_add(bytes) + bytes <= max_bytes_) return true;
+  bytes_->fetch_sub(bytes);
+  return false;
+}
+
 Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh) {
   const GeometryKey key = key_of(mesh);
   if (auto alive = find(key)) return alive;
   if (const Status ok = check_mesh(mesh); !ok) return tl::unexpected(ok.error());
   const ContentHash hash = hash_mesh(mesh);
-  auto built = build_checked(std::move(mesh), hash, key);
+  const size_t reserved = mesh.positions.size() * sizeof(glm::vec3) + mesh.indices.size() / 3 * kBytesOfBuiltTriangle;
+  if (!reserve(reserved))
+    return fail(ErrorCode::kResourceExhausted, "",
+                "the geometry of all scenes and shapes together takes more than " + std::to_string(max_bytes_ >> 20) +
+                    " MiB (--geometry-memory-mib)");
+  auto built = max_bytes_ == 0 ? build_checked(std::move(mesh), hash, key)
+                               : counted(reserved, bytes_, [&] { return build_checked(std::move(mesh), hash, key); });
   const std::lock_guard lock(mutex_);
   if (by_key_.size() >= forget_at_size_) forget_dead();
   std::weak_ptr<const Geometry>& kept = by_key_[key];

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -104,7 +105,10 @@ Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 // geometry in the place of another's.
 class GeometryStore {
  public:
-  // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does.
+  // The store holds at most `max_bytes`, by an estimate while a geometry is built; 0: no limit.
+  explicit GeometryStore(size_t max_bytes = 0) : max_bytes_(max_bytes) {}
+  // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does, and with kResourceExhausted
+  // when there is no room for a new one. Nothing is built then.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
   // Bytes of all geometries in use, each counted once.
   GeometryBytes live_bytes_by_part() const;
@@ -114,6 +118,11 @@ class GeometryStore {
  private:
   std::shared_ptr<const Geometry> find(const GeometryKey& key) const;
   void forget_dead();  // needs mutex_
+  bool reserve(size_t bytes);
+
+  const size_t max_bytes_;
+  // Of geometries in use and of those that are being built. Geometries can outlive the store.
+  const std::shared_ptr<std::atomic<size_t>> bytes_ = std::make_shared<std::atomic<size_t>>(0);
 
   mutable std::mutex mutex_;
   std::map<GeometryKey, std::weak_ptr<const Geometry>> by_key_;  // guarded by mutex_

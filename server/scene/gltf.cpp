@@ -1,6 +1,7 @@
 // Reads a glTF file in four steps. Each step relies on the checks of the one before.
 #include "server/scene/gltf.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "server/scene/confined_folder.h"
@@ -91,6 +92,15 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   return asset;
 }
 
+// A refusal for a limit names the flag that sets it.
+Result<std::shared_ptr<const SceneAsset>> with_flag(Result<std::shared_ptr<const SceneAsset>> asset, const GltfLimits& limits) {
+  if (asset || asset.error().code != ErrorCode::kResourceExhausted) return asset;
+  std::string& message = asset.error().message;
+  const std::string& flag = message.find("instances") != std::string::npos ? limits.instances_flag : limits.memory_flag;
+  if (!flag.empty() && message.find("(--") == std::string::npos) message += " (" + flag + ")";
+  return asset;
+}
+
 }  // namespace
 
 void GltfWarnings::add(std::string text) {
@@ -111,6 +121,21 @@ std::string gltf_path(const char* collection, size_t index) {
   return std::string(collection) + "[" + std::to_string(index) + "]";
 }
 
+GltfLimits GltfLimits::within(size_t bytes) {
+  // With what is needed while it is built: three own corners for each triangle, indices and trees.
+  constexpr size_t kBytesOfTriangle = 96;
+  // Measured, with what tinygltf and the JSON library make of them.
+  constexpr size_t kBytesOfNode = 512, kBytesOfJsonValue = 64;
+  GltfLimits limits;
+  limits.max_triangles = std::min(limits.max_triangles, bytes / kBytesOfTriangle);
+  limits.max_nodes = std::min(limits.max_nodes, bytes / kBytesOfNode);
+  limits.max_json_bytes = std::min(limits.max_json_bytes, bytes / 4);
+  limits.max_json_values = std::min(limits.max_json_values, bytes / kBytesOfJsonValue);
+  limits.max_animation_values = std::min(limits.max_animation_values, bytes / 4 / sizeof(float));
+  limits.max_unpacked_bytes = std::min(limits.max_unpacked_bytes, bytes);
+  return limits;
+}
+
 Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes,
                                                     const ExternalFile& external, GeometryStore& store,
                                                     const GltfLimits& limits) {
@@ -118,7 +143,7 @@ Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> b
     return fail(ErrorCode::kResourceExhausted, "",
                 "the file is larger than " + std::to_string(limits.max_file_bytes) + " bytes");
   try {
-    return read_document(bytes, external, store, limits);
+    return with_flag(read_document(bytes, external, store, limits), limits);
   } catch (const std::bad_alloc&) {
     return fail(ErrorCode::kResourceExhausted, "", "not enough memory to read the file");
   } catch (const std::exception& e) {  // the JSON library and tinygltf throw; nothing of ours does

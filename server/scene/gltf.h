@@ -27,6 +27,12 @@ struct GltfLimits {
   size_t max_animation_values = 50'000'000;  // numbers in all keys of all animations
   // Total memory for unpacking EXT_meshopt_compression and KHR_draco_mesh_compression.
   size_t max_unpacked_bytes = size_t{4} << 30;
+  // The flags that set the limits, for refusals: of instances, and of the others; empty: none does.
+  std::string instances_flag = {}, memory_flag = {};
+
+  // Limits for a server that has so many bytes for geometry: one file takes about as much at most while it is read. A short file can name
+  // the same data again and again, so its own size says little.
+  static GltfLimits within(size_t bytes);
 };
 
 // Returns the bytes of a file to which the document refers by relative URI. The path is percent-decoded, never absolute, and without

@@ -143,16 +143,19 @@ void SceneLibrary::keep(Asset asset, const std::string& owner) {
     return std::accumulate(kept_uploads_.begin(), kept_uploads_.end(), size_t{0},
                            [](size_t sum, const KeptUpload& kept) { return sum + kept.bytes; });
   };
-  while ((kept_uploads_.size() > kKeptUploads || all() > kept_bytes_) && drop_one_upload()) {
+  while (kept_uploads_.size() > kKeptUploads && drop_one_upload([](const KeptUpload&) { return size_t{1}; })) {
+  }
+  while (all() > kept_bytes_ && drop_one_upload([](const KeptUpload& kept) { return kept.bytes; })) {
   }
 }
 
-// An owner cannot push out the scenes of others by uploading many of its own. The newest upload stays: false when the owner has
-// no other.
-bool SceneLibrary::drop_one_upload() {
-  std::map<std::string, size_t> bytes;
-  for (const KeptUpload& kept : kept_uploads_) bytes[kept.owner] += kept.bytes;
-  const auto most = std::max_element(bytes.begin(), bytes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+// The owner who has most of what ran out loses its oldest. So an owner who has no more than its share, the limit divided by the number of
+// owners, loses nothing: somebody has more whenever the limit is exceeded. Who has most bytes can have few scenes, and the other way
+// round. The newest upload stays: false when the owner has no other.
+bool SceneLibrary::drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount) {
+  std::map<std::string, size_t> amounts;
+  for (const KeptUpload& kept : kept_uploads_) amounts[kept.owner] += amount(kept);
+  const auto most = std::max_element(amounts.begin(), amounts.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   const auto newest = std::prev(kept_uploads_.end());
   const auto oldest = std::find_if(kept_uploads_.begin(), newest,
                              [&](const KeptUpload& kept) { return kept.owner == most->first; });

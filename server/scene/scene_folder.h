@@ -2,6 +2,7 @@
 // are relative paths without "..", and the opened file must lie inside after symbolic links are resolved.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -44,8 +45,8 @@ class SceneLibrary {
   // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
-  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads or kept_bytes, the
-  // oldest one of the owner who has most of them goes. An owner is the name of a client. Equal files of two owners are two assets, which
+  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads the
+  // oldest one of the owner who has most scenes goes, and beyond kept_bytes the oldest one of the owner who has most bytes. An owner is the name of a client. Equal files of two owners are two assets, which
   // share their geometries.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
   // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
@@ -96,7 +97,7 @@ class SceneLibrary {
   static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader);
   Asset remember(Asset asset, const std::string& owner);  // needs mutex_
   void keep(Asset asset, const std::string& owner);  // needs mutex_
-  bool drop_one_upload();                            // needs mutex_
+  bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount);  // needs mutex_
 
   const std::string folder_;
   const std::optional<ConfinedFolder> opened_;  // absent when folder_ is empty or cannot be opened

@@ -5,6 +5,9 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
 
 namespace sightline {
 
@@ -22,14 +25,27 @@ enum class Limit : size_t {
   kOpenTimeout,
   kSessionIdle,
   kUploadTimeout,
+  kGeometryMemory,
+  kMessagesMemory,
+  kReflectionCalls,  // this one and the next are fixed, no flag sets them
+  kHealthWatches,
   kCount
 };
 
-// The flags that set them, without dashes, in the order of the enum.
+// The flags that set them, without dashes, in the order of the enum. Fixed limits have a name of their own.
 inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLimitNames{
     "max-sessions",     "max-sessions-per-client", "max-message-memory-mib", "session-memory-mib",
     "sessions-memory-mib", "max-step-cost-ms",     "max-maps-ms",            "max-upload-mib",
-    "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s"};
+    "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s",
+    "geometry-memory-mib", "messages-memory-mib",
+    "reflection-calls", "health-watches"};
+
+// The limit whose flag a refusal names, as "(--max-uploads)".
+inline std::optional<Limit> limit_named_in(std::string_view refusal) {
+  for (size_t i = 0; i < kLimitNames.size(); ++i)
+    if (refusal.find("(--" + std::string(kLimitNames[i]) + ")") != std::string_view::npos) return static_cast<Limit>(i);
+  return std::nullopt;
+}
 
 // Thread-safe.
 class LimitCounts {

@@ -16,6 +16,10 @@ constexpr int64_t kShortStepNs = 1'000'000;
 // read first. That is no overload, and must not count as a missed deadline.
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
+// From the moment when an end is wanted, a client has this long to take the replies and the status. A client that reads needs
+// milliseconds.
+constexpr std::chrono::milliseconds kLastWrites{3000};
+
 // A session is asked for a sign of life this often within the time that it may be silent.
 constexpr int kAlarmsInSilence = 4;
 
@@ -68,7 +72,7 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
     stream->only_resumes_ = admission;
   }
   stream->read_if_room();
-  stream->start_alarm(limits.open_timeout);
+  stream->set_alarm(limits.open_timeout);
 }
 
 ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
@@ -76,12 +80,14 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
       parsers_(helpers.parsers),
+      claimers_(helpers.claimers),
+      messages_(helpers.messages),
       kept_(helpers.kept),
       client_(reader.client),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
       driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
-      inbox_(limits.inbox_messages, limits.inbox_bytes) {}
+      inbox_(limits.inbox_messages, limits.inbox_bytes, &helpers.messages, client_) {}
 
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
@@ -119,7 +125,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
     v1::ControlRequest request;
     Status parsed;
     try {
-      parsed = parse_message(self->bytes_, self->max_message_memory_, request);
+      parsed = self->parse_large(request);
     } catch (const std::bad_alloc&) {
       parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
     }
@@ -129,11 +135,18 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
     parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
     self->read_if_room();
     self->advance();
-  });
+  }, client_);
+}
+
+Status ControlStream::parse_large(v1::ControlRequest& request) {
+  const size_t room = messages_.room(client_);
+  const Status parsed = parse_message(bytes_, std::min(room, max_message_memory_), request);
+  if (parsed || parsed.error().code != ErrorCode::kResourceExhausted || room >= max_message_memory_) return parsed;
+  return fail(ErrorCode::kResourceExhausted, "message", "finds no memory beside the messages that wait (--messages-memory-mib)");
 }
 
 void ControlStream::refuse_message(const Error& error) {
-  if (error.code == ErrorCode::kResourceExhausted) parts_.stats.limits.hit(Limit::kMaxMessageMemory);
+  if (const auto limit = limit_named_in(error.message)) parts_.stats.limits.hit(*limit);
   if (!end_status_) end_status_ = status_from_error(error);
 }
 
@@ -144,7 +157,7 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
     begin(request);
     if (request.has_resume()) return;
   }
-  silent_alarms_ = 0;
+  if (!writing_) silent_alarms_ = 0;
   if (request.has_tick()) {
     const v1::Tick& tick = request.tick();
     pace_.observe(parts_.scheduler.now_ns(),
@@ -168,7 +181,13 @@ void ControlStream::begin(const v1::ControlRequest& request) {
 void ControlStream::claim(const v1::ResumeSession& request) {
   reading_ = Reading::kResuming;
   answered_ = request.answered_sequence();
-  parsers_.post([self = self_, token = request.token()] { self->kept_.claim(token, self->client_, self); });
+  claimers_.post([self = self_, token = request.token()] {
+    try {
+      self->kept_.claim(token, self->client_, self);
+    } catch (const std::bad_alloc&) {
+      self->on_no_memory();
+    }
+  }, client_);
 }
 
 bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) {
@@ -213,6 +232,7 @@ void ControlStream::give_session_up() {
 void ControlStream::on_write(bool ok) {
   const std::lock_guard lock(mutex_);
   writing_ = false;
+  silent_alarms_ = 0;
   outbox_.pop();
   if (!ok) cancelled_ = true;
   advance();
@@ -227,7 +247,9 @@ void ControlStream::on_cancel() {
 
 void ControlStream::on_alarm(bool ran_out) {
   const std::lock_guard lock(mutex_);
-  if (finished_ || end_status_) return;
+  alarm_set_ = false;
+  if (finished_) return;
+  if (end_status_) return hurried_ && ran_out ? cancel_call() : hurry();
   if (!heard_) {
     parts_.stats.limits.hit(Limit::kOpenTimeout);
     end_status_ =
@@ -239,10 +261,23 @@ void ControlStream::on_alarm(bool ran_out) {
   silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
   if (silent_alarms_ > kAlarmsInSilence) {
     parts_.stats.limits.hit(Limit::kSessionIdle);
-    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came for too long (--session-idle-s)");
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came, or no reply was taken, for too long (--session-idle-s)");
     return advance();
   }
-  start_alarm(idle_limit_ / kAlarmsInSilence);
+  set_alarm(idle_limit_ / kAlarmsInSilence);
+}
+
+void ControlStream::set_alarm(std::chrono::milliseconds timeout) {
+  alarm_set_ = true;
+  start_alarm(timeout);
+}
+
+// There is only one alarm, so that for silence ends first: on_alarm comes back here.
+void ControlStream::hurry() {
+  if (hurried_) return;
+  if (alarm_set_) return cancel_alarm();
+  hurried_ = true;
+  set_alarm(kLastWrites);
 }
 
 void ControlStream::on_done() {
@@ -252,6 +287,18 @@ void ControlStream::on_done() {
   const std::lock_guard lock(mutex_);
   if (freed_at_the_end_) free_session(grpc::Status::OK);
   last = std::move(self_);
+}
+
+// A reaction, or a task of another thread, found no memory. What it had begun is not known, so the session ends.
+void ControlStream::on_no_memory() {
+  const std::lock_guard lock(mutex_);
+  end_without_memory();
+}
+
+void ControlStream::end_without_memory() {
+  if (finished_) return;
+  if (!end_status_) end_status_ = grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the server is out of memory");
+  advance();
 }
 
 void ControlStream::drain(const std::string& reason) {
@@ -286,18 +333,23 @@ void ControlStream::begin_turn(TurnState where) {
 }
 
 void ControlStream::advance() {
-  if (finished_ || turn_state_ != TurnState::kNone || writing_) return;
-  if (cancelled_) return close(grpc::Status::CANCELLED);
+  if (finished_ || turn_state_ != TurnState::kNone) return;
+  if (writing_) {
+    if (end_status_) hurry();
+    return;
+  }
+  if (cancelled_) return close(hurried_ ? *end_status_ : grpc::Status::CANCELLED);
   if (gives_up_) return close(kResumedElsewhere);
   if (!outbox_.empty()) {
     writing_ = true;
+    if (end_status_) hurry();
     return start_write(outbox_.front());
   }
   if (end_status_) return close(*end_status_);
   if (!inbox_.empty()) {
     begin_turn(TurnState::kOnWorker);
     if (!needs_loader_) return parts_.scheduler.post(self_, due_ns_);
-    return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); });
+    return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); }, client_);
   }
   if (reading_ == Reading::kEnded) close(driver_->status_after_last_message());
 }
@@ -382,7 +434,15 @@ void ControlStream::fill_turn() {
   read_if_room();
 }
 
-void ControlStream::finish(const TakenMaps& taken) {
+void ControlStream::finish(const TakenMaps& taken) try {
+  end_turn(taken);
+} catch (const std::bad_alloc&) {
+  const std::lock_guard lock(mutex_);
+  turn_state_ = TurnState::kNone;
+  end_without_memory();
+}
+
+void ControlStream::end_turn(const TakenMaps& taken) {
   const int64_t start_ns = parts_.scheduler.now_ns();
   const bool stepped = driver_->finish(turn_, taken);
   const std::lock_guard lock(mutex_);

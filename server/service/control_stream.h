@@ -20,6 +20,9 @@
 // in order. gRPC reports the end of the messages first. Only later it reports whether the call was cancelled, as it is when the
 // connection broke. A resumable session is therefore freed at the very end of the call.
 //
+// A client that does not read cannot hold its place: when an end is wanted, it has kLastWrites to take what is written for it. After that
+// the call is cancelled, and with it the write.
+//
 // Order of gRPC operations. At most one read and one write are under way. `finish_call` is called once, when no turn
 // and no write is under way; nothing is started after it.
 #pragma once
@@ -49,7 +52,9 @@ using ControlCall = AsyncCall<grpc::ServerAsyncReaderWriter<v1::ControlResponse,
 
 // All streams use these beside the parts. They must outlive the streams.
 struct StreamHelpers {
-  WorkerPool& parsers;  // of large messages; they also claim sessions to resume
+  WorkerPool& parsers;   // of large messages
+  WorkerPool& claimers;  // of sessions to resume, which wait for no message
+  MessageMemory& messages;
   KeptSessions& kept;
 };
 
@@ -82,6 +87,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   void on_cancel() override;
   void on_alarm(bool ran_out) override;  // the client may have been silent for too long
   void on_done() override;
+  void on_no_memory() override;
 
   // A turn on the loop's thread, or its way to the scheduler instead.
   void run_on_loop() override;
@@ -91,16 +97,21 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   TakeJob plan() override;
   void finish(const TakenMaps& taken) override;
   void fill_turn();
+  void end_turn(const TakenMaps& taken);
 
   // These need mutex_.
+  void end_without_memory();
   void take_in(v1::ControlRequest request, int64_t arrival_ns);
   void begin(const v1::ControlRequest& request);
   void claim(const v1::ResumeSession& request);
   void issue_token();
   void parse(int64_t arrival_ns);
   void parse_elsewhere(int64_t arrival_ns);
+  Status parse_large(v1::ControlRequest& request);
   void refuse_message(const Error& error);
   void advance();  // starts what comes next
+  void hurry();    // gives the client little time to take what is written, once an end is wanted
+  void set_alarm(std::chrono::milliseconds timeout);
   void read_if_room();
   void begin_turn(TurnState where);
   bool may_run_on_loop() const;
@@ -111,6 +122,8 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   // Constant after construction.
   const ServiceParts& parts_;
   WorkerPool& parsers_;
+  WorkerPool& claimers_;
+  MessageMemory& messages_;
   KeptSessions& kept_;
   const std::string client_;
   const size_t max_message_memory_;
@@ -132,7 +145,8 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   TurnState turn_state_ = TurnState::kNone;
   bool writing_ = false;      // a write is under way
   bool heard_ = false;        // a message has come
-  int silent_alarms_ = 0;     // alarms since the last message
+  int silent_alarms_ = 0;     // alarms since the last message, or since the client took the last reply if one is being written
+  bool alarm_set_ = false;    // an alarm is under way
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
   int64_t due_ns_ = 0;        // deadline of the turn
   // Resuming.
@@ -144,6 +158,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   // How the call ends.
   bool cancelled_ = false;                  // at once
   std::optional<grpc::Status> end_status_;  // with this status, once outbox_ is written
+  bool hurried_ = false;                    // the last alarm has begun; then the call is cancelled
   bool finished_ = false;                   // `finish_call` was called
   bool freed_at_the_end_ = false;           // the call is finished and the session is not freed so far
   std::shared_ptr<ControlStream> self_;     // from the start until on_done

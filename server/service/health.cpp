@@ -1,6 +1,5 @@
 #include "server/service/health.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "server/rpc/call.h"
@@ -38,8 +37,10 @@ class HealthService::Checker final : public CheckCall {
 // One call of Watch. Kept by the service until gRPC is done with it.
 class HealthService::Watcher final : public WatchCall {
  public:
-  Watcher(EventLoop& loop, std::unique_ptr<Incoming> incoming, HealthService& service)
-      : WatchCall(loop, std::move(incoming)), service_(service) {}
+  Watcher(EventLoop& loop, std::unique_ptr<Incoming> incoming, HealthService& service, std::string client)
+      : WatchCall(loop, std::move(incoming)), service_(service), client_(std::move(client)) {}
+
+  const std::string& client() const { return client_; }
 
   // Writes the current state if it has changed. From any thread.
   void update() {
@@ -76,10 +77,22 @@ class HealthService::Watcher final : public WatchCall {
   }
 
   HealthService& service_;
+  const std::string client_;
   std::mutex mutex_;  // taken before the service's
   // Guarded by mutex_.
   HealthCheckResponse message_;
   bool has_written_ = false, writing_ = false, ending_ = false, finished_ = false;
+};
+
+// A call of Watch that gets no more than a status.
+class HealthService::Refused final : public WatchCall {
+ public:
+  Refused(EventLoop& loop, std::unique_ptr<Incoming> incoming, const grpc::Status& status) : WatchCall(loop, std::move(incoming)) {
+    finish_call(status);
+  }
+
+ private:
+  void on_done() override { delete this; }
 };
 
 void HealthService::take_calls(EventLoop& loop) {
@@ -105,15 +118,31 @@ void HealthService::take_watches(EventLoop& loop) {
   };
   CallAcceptor<Incoming>::start(loop, ask, [this, &loop](std::unique_ptr<Incoming> incoming) {
     take_watches(loop);
-    admit(std::make_shared<Watcher>(loop, std::move(incoming), *this));
+    std::string client = client_of_(incoming->context);
+    if (const auto status = refusal(incoming->request.service(), client)) {
+      new Refused(loop, std::move(incoming), *status);
+      return;
+    }
+    admit(std::make_shared<Watcher>(loop, std::move(incoming), *this, std::move(client)));
   });
+}
+
+std::optional<grpc::Status> HealthService::refusal(const std::string& service, const std::string& client) {
+  if (service.size() > kLongestName)
+    return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "service: has more than " + std::to_string(kLongestName) + " bytes");
+  const std::lock_guard lock(mutex_);
+  const auto own = of_client_.find(client);
+  if (watchers_.size() < kMostWatches && (own == of_client_.end() || own->second < kMostWatchesOfClient)) return std::nullopt;
+  refused_();
+  return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too many Watch calls are open (limit health-watches)");
 }
 
 void HealthService::admit(const std::shared_ptr<Watcher>& watcher) {
   bool ended = false;
   {
     const std::lock_guard lock(mutex_);
-    watchers_.push_back(watcher);
+    watchers_.emplace(watcher.get(), watcher);
+    ++of_client_[watcher->client()];
     ended = ended_;
   }
   ended ? watcher->end() : watcher->update();
@@ -124,7 +153,7 @@ void HealthService::set(const std::string& service, bool serving) {
   {
     const std::lock_guard lock(mutex_);
     serving_[service] = serving;
-    watchers = watchers_;
+    watchers = this->watchers();
   }
   for (const auto& watcher : watchers) watcher->update();
 }
@@ -134,20 +163,27 @@ void HealthService::end_watches() {
   {
     const std::lock_guard lock(mutex_);
     ended_ = true;
-    watchers = watchers_;
+    watchers = this->watchers();
   }
   for (const auto& watcher : watchers) watcher->end();
 }
 
-// The list may hold the last reference to the watcher, which must not be destroyed under the lock.
+std::vector<std::shared_ptr<HealthService::Watcher>> HealthService::watchers() const {
+  std::vector<std::shared_ptr<Watcher>> all;
+  for (const auto& [key, watcher] : watchers_) all.push_back(watcher);
+  return all;
+}
+
+// The map may hold the last reference to the watcher, which must not be destroyed under the lock.
 void HealthService::remove(const Watcher* watcher) {
   std::shared_ptr<Watcher> removed;
   const std::lock_guard lock(mutex_);
-  const auto at = std::find_if(watchers_.begin(), watchers_.end(),
-                               [&](const auto& candidate) { return candidate.get() == watcher; });
+  const auto at = watchers_.find(watcher);
   if (at == watchers_.end()) return;
-  removed = std::move(*at);
+  removed = std::move(at->second);
   watchers_.erase(at);
+  const auto own = of_client_.find(removed->client());
+  if (--own->second == 0) of_client_.erase(own);
 }
 
 HealthService::Serving HealthService::status_of(const std::string& service) const {

@@ -2,14 +2,22 @@
 //
 // gRPC's own health service is not used, because it runs on the callback API. That API starts further threads, and every
 // message then wakes one of them in addition to the event loop. This service is answered by an event loop, so it also answers
-// when clients occupy all threads of the synchronous RPCs.
+// when clients occupy all threads of the synchronous RPCs. It answers everyone, also callers without credentials, so what it keeps for them is
+// bounded.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <unordered_map>
+#include <utility>
 #include <vector>
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/status.h>
 
 #include "grpc/health/v1/health.grpc.pb.h"
 #include "server/rpc/event_loop.h"
@@ -21,6 +29,17 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
  public:
   using Serving = grpc::health::v1::HealthCheckResponse::ServingStatus;
 
+  // Watch calls that may be open at the same time, and those of one client. A client needs one for each connection.
+  static constexpr size_t kMostWatches = 512, kMostWatchesOfClient = 384;
+  // A Watch call for a longer name is refused. The daemon's own names are shorter.
+  static constexpr size_t kLongestName = 256;
+
+  // How a client is called, and what to do when it is refused a Watch call. Set before take_calls; both run on the loop's thread.
+  using ClientOf = std::function<std::string(const grpc::ServerContext&)>;
+  void limit_watches_by(ClientOf client_of, std::function<void()> refused) {
+    client_of_ = std::move(client_of);
+    refused_ = std::move(refused);
+  }
   // `loop` takes all calls from now until the server shuts down.
   void take_calls(EventLoop& loop);
 
@@ -32,17 +51,23 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
  private:
   class Checker;
   class Watcher;
+  class Refused;
   void take_checks(EventLoop& loop);
   void take_watches(EventLoop& loop);
   // SERVICE_UNKNOWN when the service was never set.
   Serving status_of(const std::string& service) const;
+  std::optional<grpc::Status> refusal(const std::string& service, const std::string& client);
   void admit(const std::shared_ptr<Watcher>& watcher);
+  std::vector<std::shared_ptr<Watcher>> watchers() const;  // needs mutex_
   void remove(const Watcher* watcher);
 
+  ClientOf client_of_ = [](const grpc::ServerContext& context) { return context.peer(); };
+  std::function<void()> refused_ = [] {};
   mutable std::mutex mutex_;
   // Guarded by mutex_.
   std::map<std::string, bool> serving_;
-  std::vector<std::shared_ptr<Watcher>> watchers_;
+  std::unordered_map<const Watcher*, std::shared_ptr<Watcher>> watchers_;
+  std::unordered_map<std::string, size_t> of_client_;  // how many of them
   bool ended_ = false;
 };
 

@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <string>
 #include <utility>
 
+#include "server/service/message_memory.h"
 #include "sightline/v1/camera_control.pb.h"
 
 namespace sightline {
@@ -28,15 +30,21 @@ class Inbox {
     size_t bytes = 0;
   };
 
-  Inbox(size_t max_messages, size_t max_bytes) : max_messages_(max_messages), max_bytes_(max_bytes) {}
+  // `all` counts the messages of all inboxes and must outlive this one; null: nobody does. `client` is the name of the stream's client.
+  Inbox(size_t max_messages, size_t max_bytes, MessageMemory* all = nullptr, std::string client = {})
+      : max_messages_(max_messages), max_bytes_(max_bytes), all_(all), client_(std::move(client)) {}
+  ~Inbox() { clear(); }
+  Inbox(const Inbox&) = delete;
+  Inbox& operator=(const Inbox&) = delete;
 
   bool empty() const { return messages_.empty(); }
-  bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_; }
+  // An inbox with a message is also full when those of all streams take too much memory. An empty one never is, so every stream goes on.
+  bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_ || (all_ && !empty() && all_->over()); }
 
   void push(v1::ControlRequest request, int64_t arrival_ns) {
     const size_t bytes = bytes_of(request);
-    bytes_ += bytes;
     messages_.push_back({std::move(request), arrival_ns, bytes});
+    grow(bytes);
   }
 
   // The size that a message counts as.
@@ -50,7 +58,7 @@ class Inbox {
   Message take_one() {
     Message message = std::move(messages_.front());
     messages_.pop_front();
-    bytes_ -= message.bytes;
+    shrink(message.bytes);
     return message;
   }
 
@@ -58,7 +66,7 @@ class Inbox {
   // the bounds, which only say when reading stops.
   void put_back(std::deque<Message>& messages) {
     while (!messages.empty()) {
-      bytes_ += messages.back().bytes;
+      grow(messages.back().bytes);
       messages_.push_front(std::move(messages.back()));
       messages.pop_back();
     }
@@ -67,18 +75,29 @@ class Inbox {
   // Moves everything, oldest first, into `messages`, which must be empty. The two swap their memory, so nothing is
   // allocated.
   void take_all(std::deque<Message>& messages) {
-    bytes_ = 0;
+    shrink(bytes_);
     messages_.swap(messages);
   }
 
   void clear() {
-    bytes_ = 0;
+    shrink(bytes_);
     messages_.clear();
   }
 
  private:
+  void grow(size_t bytes) {
+    bytes_ += bytes;
+    if (all_) all_->add(client_, bytes);
+  }
+  void shrink(size_t bytes) {
+    bytes_ -= bytes;
+    if (all_) all_->remove(client_, bytes);
+  }
+
   const size_t max_messages_;
   const size_t max_bytes_;
+  MessageMemory* const all_;
+  const std::string client_;
   std::deque<Message> messages_;
   size_t bytes_ = 0;
 };

@@ -56,7 +56,9 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1'000);
   // The synchronous RPCs are rare, so one queue is enough for them.
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
-  builder.SetResourceQuota(grpc::ResourceQuota("listener").SetMaxThreads(kMaxThreads));
+  grpc::ResourceQuota quota("listener");
+  if (options.transport_memory > 0) quota.Resize(options.transport_memory);
+  builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
 }
 
 }  // namespace
@@ -78,6 +80,9 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   builder.RegisterService(&service);
   builder.RegisterService(&listener->health_);
   listener->reflection_.register_at(builder);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(listener->answers_.interceptors());
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
       builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD, grpc::InsecureServerCredentials());
@@ -101,11 +106,15 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
     service.take_calls(*listener->loops_.back());
   }
+  listener->answers_.use(*listener->loops_.front());
+  listener->health_.limit_watches_by([gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
+                                     [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
   listener->health_.take_calls(*listener->loops_.front());
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
   });
+  listener->reflection_.tell_refused_to([&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
   listener->reflection_.take_calls(*listener->loops_.front(),
                                     {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
   listener->set_alive(true);

@@ -12,6 +12,7 @@
 #include "server/base/error.h"
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
+#include "server/service/answer_timeout.h"
 #include "server/service/health.h"
 #include "server/service/reflection.h"
 #include "server/service/service.h"
@@ -23,6 +24,8 @@ struct ListenOptions {
   std::string unix_path;                // empty: no unix socket
   unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;
+  // Memory of gRPC for what came and is not complete. With less left, gRPC takes less in and ends calls. 0: no limit.
+  size_t transport_memory = 0;
   unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
   GateLimits gate;     // of connections
   // Connections over TCP are encrypted with these; null: they are not. Must outlive the listener.
@@ -72,6 +75,7 @@ class Listener {
   std::unique_ptr<Gate> gate_;
   HealthService health_;
   ReflectionService reflection_;
+  AnswerTimeout answers_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;

@@ -118,7 +118,8 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
       : Base(loop, std::move(incoming)), service_(service) {
     const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > kMostCalls) {
-      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many reflection calls are open"});
+      service_.refused_();
+      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "all " + std::to_string(kMostCalls) + " reflection calls are in use (limit reflection-calls)"});
     } else if (!admitted.ok()) {
       finish(admitted);
     } else {
@@ -145,7 +146,9 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
   }
   void on_cancel() override { finish(grpc::Status::CANCELLED); }
   void on_alarm(bool ran_out) override {
-    if (ran_out) finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
+    if (!ran_out) return;
+    finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
+    if (writing_) cancel_call();  // the client does not read
   }
   void on_done() override { delete this; }
 

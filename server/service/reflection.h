@@ -31,6 +31,8 @@ class ReflectionService final {
   void register_at(grpc::ServerBuilder& builder);
   // Called once, before take_calls. A call is refused with the status that `admit` gives, unless that is OK.
   void admit_by(std::function<grpc::Status(const grpc::ServerContext&)> admit) { admit_ = std::move(admit); }
+  // Called for each call that is refused because kMostCalls are open. Set before take_calls; runs on the loop's thread.
+  void tell_refused_to(std::function<void()> refused) { refused_ = std::move(refused); }
   // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed, beside those of
   // both versions of this service.
   void take_calls(EventLoop& loop, std::vector<std::string> services);
@@ -44,6 +46,7 @@ class ReflectionService final {
   void take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop);
 
   std::function<grpc::Status(const grpc::ServerContext&)> admit_ = [](const grpc::ServerContext&) { return grpc::Status::OK; };
+  std::function<void()> refused_ = [] {};
   std::vector<std::string> services_;
   std::atomic<size_t> open_{0};
   grpc::reflection::v1::ServerReflection::AsyncService v1_;

@@ -27,6 +27,8 @@ class CameraControlService final
 
   // Decides who may call. The listener tells it about the gate.
   Callers& callers() { return callers_; }
+  // How often limits refused something, for the services beside this one.
+  LimitCounts& limit_counts() { return parts_.stats.limits; }
   // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
   void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 
@@ -49,8 +51,10 @@ class CameraControlService final
   const Credentials no_credentials_;
   Callers callers_{parts_.credentials ? *parts_.credentials : no_credentials_};
   KeptSessions kept_{limits_.resume_grace, parts_.streams, parts_.stats, parts_.log};
-  WorkerPool parsers_{1};  // of large messages
-  const StreamHelpers helpers_{parsers_, kept_};
+  WorkerPool parsers_{1};   // of large messages
+  WorkerPool claimers_{1};  // of sessions to resume
+  MessageMemory messages_{limits_.messages_memory};
+  const StreamHelpers helpers_{parsers_, claimers_, messages_, kept_};
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   std::function<bool()> ready_ = [] { return true; };

@@ -25,20 +25,32 @@ bool UploadPlaces::Place::complete() {
   return !at_->displaced;
 }
 
-void UploadPlaces::take(std::optional<Place>& place, std::function<void()> cancel) {
+bool UploadPlaces::Place::late() const {
+  const std::lock_guard lock(places_.mutex_);
+  return is_late(at_->bytes, std::chrono::steady_clock::now() - at_->since);
+}
+
+size_t UploadPlaces::held_by(const std::string* client) const {
+  const auto holds = [&](const Upload& upload) { return !upload.displaced && (!client || upload.client == *client); };
+  return static_cast<size_t>(std::count_if(uploads_.begin(), uploads_.end(), holds));
+}
+
+void UploadPlaces::take(std::optional<Place>& place, const std::string& client, std::function<void()> cancel) {
   const std::lock_guard lock(mutex_);
-  const auto holds = [](const Upload& upload) { return !upload.displaced; };
-  if (static_cast<size_t>(std::count_if(uploads_.begin(), uploads_.end(), holds)) >= max_uploads_) make_room();
-  if (static_cast<size_t>(std::count_if(uploads_.begin(), uploads_.end(), holds)) >= max_uploads_) return;
-  uploads_.push_back({.cancel = std::move(cancel), .since = std::chrono::steady_clock::now()});
+  if (held_by(&client) >= max_of_client()) make_room(&client);
+  if (held_by(&client) >= max_of_client()) return;
+  if (held_by(nullptr) >= max_uploads_) make_room(nullptr);
+  if (held_by(nullptr) >= max_uploads_) return;
+  uploads_.push_back({.client = client, .cancel = std::move(cancel), .since = std::chrono::steady_clock::now()});
   place.emplace(*this, std::prev(uploads_.end()));
 }
 
-void UploadPlaces::make_room() {
+void UploadPlaces::make_room(const std::string* client) {
   const auto now = std::chrono::steady_clock::now();
   Upload* slowest = nullptr;
   double slowest_rate = kLeastBytesPerS;
   for (Upload& upload : uploads_) {
+    if (client && upload.client != *client) continue;
     if (upload.complete || upload.displaced || now - upload.since < kFirstJudged) continue;
     const double rate = static_cast<double>(upload.bytes) / std::chrono::duration<double>(now - upload.since).count();
     if (rate >= slowest_rate) continue;

@@ -17,10 +17,10 @@ namespace {
 
 constexpr std::chrono::seconds kRetryDelay{2};
 
-grpc::Status too_large(LimitCounts& counts, const std::string& what, size_t limit_bytes) {
+grpc::Status too_large(LimitCounts& counts, const std::string& what, size_t limit_bytes, const char* flag) {
   counts.hit(Limit::kMaxUpload);
   return status_from_error({ErrorCode::kResourceExhausted, "chunk",
-                            what + " is larger than " + std::to_string(limit_bytes) + " bytes"});
+                            what + " is larger than " + std::to_string(limit_bytes) + " bytes" + flag});
 }
 
 grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, LimitCounts& counts,
@@ -34,11 +34,15 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
   };
   while (next()) {
     const auto chunk = std::as_bytes(std::span(request.chunk()));
-    if (chunk.size() > limits.max_chunk_bytes) return too_large(counts, "a chunk", limits.max_chunk_bytes);
-    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large(counts, "the file", limits.max_upload_bytes);
+    if (chunk.size() > limits.max_chunk_bytes) return too_large(counts, "a chunk", limits.max_chunk_bytes, ", which is fixed");
+    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large(counts, "the file", limits.max_upload_bytes, " (--max-upload-mib)");
     if (!place.add(chunk.size())) {
       counts.hit(Limit::kMaxUpload);
       return exhausted_status("the uploads in progress hold too much memory (twice --max-upload-mib)", kRetryDelay);
+    }
+    if (place.late()) {
+      counts.hit(Limit::kMaxUploads);
+      return {grpc::StatusCode::DEADLINE_EXCEEDED, "the upload is too slow: it held one of the places of --max-uploads for too long"};
     }
     bytes.insert(bytes.end(), chunk.begin(), chunk.end());
   }
@@ -49,6 +53,7 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, c
                   v1::UploadSceneResponse& reply) try {
   const auto asset = parts.scenes.add_uploaded(bytes, client);
   if (!asset) {
+    if (const auto limit = limit_named_in(asset.error().message)) parts.stats.limits.hit(*limit);
     parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
     return status_from_error(asset.error());
   }
@@ -70,11 +75,12 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
                           const ServiceParts& parts, const ServiceLimits& limits, UploadPlaces& places,
                           const std::string& client, v1::UploadSceneResponse& reply) {
   std::optional<UploadPlaces::Place> place;
-  places.take(place, [&context] { context.TryCancel(); });
+  places.take(place, client, [&context] { context.TryCancel(); });
   LimitCounts& counts = parts.stats.limits;
   if (!place) {
     counts.hit(Limit::kMaxUploads);
-    return exhausted_status("too many uploads are in progress (--max-uploads)", kRetryDelay);
+    return exhausted_status("too many uploads are in progress, " + std::to_string(places.max_of_client()) +
+                                " at most of one client (--max-uploads)", kRetryDelay);
   }
   std::vector<std::byte> bytes;
   ReadTimeout timeout(context, limits.upload_timeout);
@@ -96,7 +102,7 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   parts.loaders.post([&] {
     status = load(parts, bytes, client, reply);
     loaded.release();
-  });
+  }, client);
   loaded.acquire();
   return status;
 }

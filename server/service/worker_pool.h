@@ -4,13 +4,16 @@
 #include <condition_variable>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
 
 namespace sightline {
 
-// Runs tasks on `threads` threads, in the order in which they were posted. The queue has no bound of its own. Every
+// Runs tasks on `threads` threads. Clients take turns: one that has many tasks delays another's by one task for each thread. The
+// tasks of one client start in the order in which they were posted. The queue has no bound of its own. Every
 // stream and upload keeps at most one task in it, and their number is limited. Thread-safe.
 class WorkerPool {
  public:
@@ -20,18 +23,23 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // Tasks must not throw.
-  void post(std::function<void()> task);
+  // Tasks must not throw. `client` is the name of the client that it is for.
+  void post(std::function<void()> task, const std::string& client = {});
   unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
 
  private:
+  using Task = std::function<void()>;
   void work();
+  Task take();  // needs mutex_, and a task
 
   std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<std::function<void()>> tasks_;  // guarded by mutex_
-  bool stopping_ = false;                    // guarded by mutex_
-  std::vector<std::thread> threads_;         // constant after construction
+  // Guarded by mutex_.
+  std::map<std::string, std::deque<Task>> tasks_;  // by client; none is empty
+  std::deque<std::string> turns_;                  // the clients of tasks_, next first
+  bool stopping_ = false;
+
+  std::vector<std::thread> threads_;  // constant after construction
 };
 
 }  // namespace sightline

@@ -11,9 +11,9 @@ sys.path.insert(0, STUBS)
 
 import grpc  # noqa: E402
 
-from daemon import CONTROL, HEALTH, SERVICE, Daemon, Healthy  # noqa: E402
-from scenes import empty_parts, glb, largest_tuning, many_instances, scene_of  # noqa: E402
-from sessions import info, open_session, stub, upload  # noqa: E402
+from daemon import CONTROL, DATA, END_STREAM, HEALTH, SERVICE, Daemon, FlowingConnection, Healthy, RawConnection, frame, message  # noqa: E402
+from scenes import empty_parts, glb, largest_tuning, many_instances, repeated_triangles, scene_of, varint  # noqa: E402
+from sessions import info, open_request, open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
@@ -133,7 +133,60 @@ class Scenes(unittest.TestCase):
                 self.assertEqual(session.tick(delta=SceneDelta(removed_ids=[ball.id for ball in added])).sequence, 5 + 2 * n)
 
 
+    def test_a_small_file_that_repeats_its_triangles_is_refused(self):
+        scene = repeated_triangles(3000, 60)
+        self.assertLess(len(scene), 200_000)
+        with Daemon() as daemon:
+            with self.assertRaises(grpc.RpcError) as raised:
+                upload(daemon.address, scene)
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--geometry-memory-mib", raised.exception.details())
+            self.assertLess(daemon.most_memory_mib(), 350)
+
+    def test_the_geometry_of_all_scenes_together_is_bounded(self):
+        with Daemon("--geometry-memory-mib", "8", "--kept-uploads-mib", "100") as daemon:
+            hashes = [upload(daemon.address, repeated_triangles(30_000, 1, start)).hash for start in range(2)]
+            with self.assertRaises(grpc.RpcError) as raised:
+                for start in range(2, 20):
+                    upload(daemon.address, repeated_triangles(30_000, 1, start))
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            self.assertIn("--geometry-memory-mib", raised.exception.details())
+            open_session(daemon.address, scene=scene_of(hashes[0])).close()
+
+
 class Heavy(unittest.TestCase):
+    def test_messages_that_wait_take_a_bounded_memory(self):
+        tick = message(empty_parts(200_000))
+        opening = message(camera_control_pb2.ControlRequest(open=open_request()).SerializeToString())
+        with Daemon() as daemon:
+            healthy = Healthy(daemon.address, 12)
+            attacker = FlowingConnection(daemon.address, window=0)  # what it opens waits to be read, so its ticks wait too
+            streams = [attacker.start_call(CONTROL) for _ in range(48)]
+            attacker.send_all({stream: opening for stream in streams}, 5)
+            time.sleep(1)
+            attacker.send_all({stream: tick for stream in streams}, 8)
+            result = healthy.result()
+            self.assertEqual((result["answered"], result["error"]), (result["ticks"], ""))
+            self.assertLess(daemon.most_memory_mib(), 300)
+            attacker.close()
+
+    def test_messages_that_never_end_take_a_bounded_memory(self):
+        size = (4 << 20) - 8
+        unfinished = message(bytes(size))[:-1]
+        with Daemon("--transport-memory-mib", "128") as daemon:
+            attackers = [FlowingConnection(daemon.address) for _ in range(4)]
+            sending = [threading.Thread(target=lambda of=of: of.send_all(
+                {of.start_call(SERVICE + "GetServerInfo"): unfinished for _ in range(24)}, 8)) for of in attackers]
+            for thread in sending:
+                thread.start()
+            for thread in sending:
+                thread.join()
+            self.assertLess(daemon.most_memory_mib(), 250)
+            for attacker in attackers:
+                attacker.close()
+            time.sleep(1)
+            self.assertTrue(info(daemon.address).version)
+
     def test_a_message_of_empty_parts_is_refused_before_it_is_parsed(self):
         message = empty_parts(1_900_000)
         with Daemon() as daemon:
@@ -169,7 +222,55 @@ class Heavy(unittest.TestCase):
                 call.cancel()
 
 
+class Health(unittest.TestCase):
+    def watch(self, channel, name, timeout=60):
+        return channel.unary_stream(HEALTH + "Watch")(b"\x0a" + varint(len(name)) + name, timeout=timeout)
+
+    def test_long_names_of_services_are_not_kept(self):
+        name = bytes(4_000_000).replace(b"\0", b"x")
+        with Daemon() as daemon, grpc.insecure_channel(daemon.address) as channel:
+            calls = [self.watch(channel, name) for _ in range(64)]
+            time.sleep(3)
+            self.assertLess(daemon.memory_mib(), 150)
+            with self.assertRaises(grpc.RpcError) as raised:
+                next(calls[0])
+            self.assertEqual(raised.exception.code(), grpc.StatusCode.INVALID_ARGUMENT)
+
+    def test_one_client_cannot_have_all_watches(self):
+        path = "/tmp/sightline-attack-%d" % id(self)
+        with Daemon("--listen-unix", path) as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            attacker = RawConnection(tcp)
+            for _ in range(1000):
+                stream, call = attacker.call(HEALTH + "Watch")
+                attacker.send(call + frame(DATA, END_STREAM, stream, b"\0" * 5))
+                time.sleep(0.001)
+            time.sleep(1)
+            with grpc.insecure_channel(tcp) as channel, self.assertRaises(grpc.RpcError) as raised:
+                next(self.watch(channel, b""))
+            self.assertEqual(raised.exception.code(), EXHAUSTED)
+            with grpc.insecure_channel(unix) as channel:
+                self.assertEqual(next(self.watch(channel, b"")), b"\x08\x01")
+            attacker.close()
+
+
 class Uploads(unittest.TestCase):
+    def test_one_client_cannot_hold_all_places_by_sending_slowly(self):
+        path = "/tmp/sightline-attack-%d" % id(self)
+        with Daemon("--listen-unix", path) as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            stopping = threading.Event()
+
+            def slowly():
+                while not stopping.wait(0.25):
+                    yield camera_control_pb2.UploadSceneRequest(chunk=bytes(5 << 10))
+            with stub(tcp) as service:
+                slow = [service.UploadScene.future(slowly()) for _ in range(4)]
+                time.sleep(3)
+                self.assertTrue(upload(unix, glb("quick")).hash)
+                stopping.set()
+                self.assertEqual(sum(call.code() == EXHAUSTED for call in slow), 2)
+
     def test_uploads_that_drip_make_way(self):
         with Daemon() as daemon:
             stopping = threading.Event()

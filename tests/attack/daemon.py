@@ -123,13 +123,14 @@ def message(payload, compressed=False):
 
 
 class RawConnection:
-    """A client that sends what it likes."""
+    """A client that sends what it likes. With a `window` of 0 it takes no message of any call."""
 
-    def __init__(self, address, greet=True):
+    def __init__(self, address, greet=True, window=None):
         self.socket = connect(address)
         self.next_stream = 1
         if greet:
-            self.send(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0))
+            settings = b"" if window is None else struct.pack(">HI", 4, window)
+            self.send(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0, settings))
             # What comes back must be read, or the daemon stops writing. Nobody needs it.
             threading.Thread(target=self._read, daemon=True).start()
 
@@ -150,6 +151,82 @@ class RawConnection:
 
     def close(self):
         self.socket.close()
+
+
+class FlowingConnection(RawConnection):
+    """Sends long messages, as far as the daemon's windows let it."""
+
+    def __init__(self, address, window=None):
+        self.room, self.initial, self.rooms = 65535, 65535, {}
+        self.changed, self.ended = threading.Condition(), False
+        super().__init__(address, window=window)
+
+    def _read(self):
+        data = b""
+        try:
+            while part := self.socket.recv(65536):
+                data += part
+                while len(data) >= 9 and len(data) >= 9 + (size := int.from_bytes(data[:3], "big")):
+                    self._take(data[3], data[4], struct.unpack(">I", data[5:9])[0], data[9:9 + size])
+                    data = data[9 + size:]
+        except OSError:
+            pass
+        with self.changed:
+            self.ended = True
+            self.changed.notify_all()
+
+    def _take(self, kind, flags, stream, payload):
+        with self.changed:
+            if kind == SETTINGS and not flags & 1:
+                for at in range(0, len(payload), 6):
+                    key, value = struct.unpack(">HI", payload[at:at + 6])
+                    if key == 4:
+                        self.rooms = {of: room + value - self.initial for of, room in self.rooms.items()}
+                        self.initial = value
+            elif kind == WINDOW_UPDATE:
+                more = struct.unpack(">I", payload)[0]
+                if stream == 0:
+                    self.room += more
+                elif stream in self.rooms:
+                    self.rooms[stream] += more
+            elif kind == RST_STREAM or (kind == HEADERS and flags & 1):
+                self.rooms.pop(stream, None)
+            self.changed.notify_all()
+
+    def start_call(self, path):
+        stream, call = self.call(path)
+        with self.changed:
+            self.rooms[stream] = self.initial
+        self.send(call)
+        return stream
+
+    def send_all(self, data_of, seconds):
+        """Sends all that `data_of` has for each stream, a frame of each in turn. Returns the bytes sent within the time."""
+        left = {stream: memoryview(data) for stream, data in data_of.items()}
+        sent, end = 0, time.monotonic() + seconds
+        while left and time.monotonic() < end and not self.ended:
+            moved = 0
+            for stream, data in list(left.items()):
+                with self.changed:
+                    size = min(len(data), self.rooms.get(stream, 0), self.room, 16384)
+                    if size <= 0:
+                        continue
+                    self.room -= size
+                    self.rooms[stream] -= size
+                try:
+                    self.send(frame(DATA, 0, stream, data[:size]))
+                except OSError:
+                    return sent
+                moved += size
+                if size == len(data):
+                    del left[stream]
+                else:
+                    left[stream] = data[size:]
+            sent += moved
+            with self.changed:
+                if not moved:
+                    self.changed.wait(0.1)
+        return sent
 
 
 def is_cut(connection, timeout=5):

@@ -26,6 +26,22 @@ def many_instances(count):
     return container(document, TRIANGLE)
 
 
+def repeated_triangles(count, meshes, start=0):
+    """So many triangles, and so many meshes: the first draws them once, the second twice, and so on. No two meshes are equal."""
+    corners = []
+    for n in range(count):
+        x, y, z = n % 97 + start, n // 97, start * 0.5
+        corners += [x, y, z, x + 1, y, z, x, y + 1, z]
+    data = struct.pack(f"<{len(corners)}f", *corners)
+    document = triangle("repeated")
+    document["buffers"][0]["byteLength"] = document["bufferViews"][0]["byteLength"] = len(data)
+    document["accessors"][0].update(count=3 * count, min=[start, 0, start * 0.5], max=[97 + start, count // 97 + 1, start * 0.5])
+    document["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}] * (n + 1)} for n in range(meshes)]
+    document["nodes"] = [{"mesh": n} for n in range(meshes)]
+    document["scenes"][0]["nodes"] = list(range(meshes))
+    return container(document, data)
+
+
 def container(document, data):
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)

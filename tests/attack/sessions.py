@@ -72,11 +72,15 @@ class Session:
         self.close()
 
 
-def open_session(address, targets=1, channel=None, **more):
+def open_request(targets=1, **more):
     request = session_pb2.OpenSession(camera=Pose3(position=Vec3(x=0, y=1.6, z=6)), targets=[Target(id=n + 1) for n in range(targets)],
                                       **more)
     request.instances.extend(boxes(targets))
-    return Session(address, request, channel)
+    return request
+
+
+def open_session(address, targets=1, channel=None, **more):
+    return Session(address, open_request(targets, **more), channel)
 
 
 @contextlib.contextmanager

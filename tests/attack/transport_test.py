@@ -88,6 +88,35 @@ class Transport(unittest.TestCase):
             self.assert_unharmed(healthy)
             self.assertLess(daemon.most_memory_mib(), 250)
 
+    def test_many_connections_of_a_client_share_a_limit(self):
+        with Daemon() as daemon:
+            healthy = Healthy(daemon.address, 6)
+            attackers = [RawConnection(daemon.address) for _ in range(32)]
+            end = time.monotonic() + 5
+            cut = 0
+            while attackers and time.monotonic() < end:
+                started = time.monotonic()
+                for attacker in list(attackers):
+                    try:  # 120 calls a second, with 60 resets, which one connection may do for ever
+                        for n in range(12):
+                            stream, call = attacker.call(CONTROL)
+                            attacker.send(call + (frame(RST_STREAM, 0, stream, struct.pack(">I", 8)) if n % 2 else b""))
+                    except OSError:
+                        attackers.remove(attacker)
+                        cut += 1
+                time.sleep(max(0.0, 0.1 - (time.monotonic() - started)))
+            self.assertGreater(cut, 24)  # those that are left do not exceed the limit any more
+            self.assert_unharmed(healthy)
+
+    def test_clients_that_speak_something_else_do_not_slow_down_others_at_their_address(self):
+        with Daemon() as daemon:
+            for _ in range(8):
+                connection = connect(daemon.address)
+                connection.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n" + bytes(100))
+                is_cut(connection)
+            fresh = [RawConnection(daemon.address) for _ in range(12)]
+            self.assertEqual(sum(not is_cut(connection, 0.5) for connection in fresh), 12)
+
     def test_what_is_not_http2_is_cut(self):
         with Daemon() as daemon:
             connection = connect(daemon.address)

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <string>
+#include <vector>
 
 namespace sightline {
 namespace {
@@ -47,6 +49,31 @@ TEST(FrameWatch, AnotherProtocolIsCut) {
   FrameWatch watch;
   EXPECT_EQ(read(watch, "GET / HTTP/1.1\r\n"), "it does not speak HTTP/2");
   EXPECT_FALSE(watch.greeted());
+}
+
+TEST(FrameWatch, OnlyAFloodIsOne) {
+  FrameWatch other, fast = greeted({.calls_burst = 1, .calls_per_s = 1});
+  EXPECT_TRUE(read(other, "GET / HTTP/1.1\r\n"));
+  EXPECT_FALSE(other.flooded());
+  EXPECT_FALSE(read(fast, call(0)));
+  EXPECT_TRUE(read(fast, call(1)));
+  EXPECT_TRUE(fast.flooded());
+}
+
+TEST(FrameWatch, TheConnectionsOfAClientShareALimit) {
+  const FrameLimits limits{.client_burst = 1000, .client_per_s = 100};
+  const auto client = std::make_shared<ClientFlow>(limits);
+  std::vector<FrameWatch> watches(10, FrameWatch(limits, client));
+  for (FrameWatch& watch : watches) ASSERT_FALSE(read(watch, kPreface + frame(4, 0, 0, 6)));
+  // Each does half of what one connection may do.
+  size_t cut = 0;
+  for (uint32_t number = 0; number < 500; ++number)
+    for (FrameWatch& watch : watches)
+      if (!watch.flooded()) cut += read(watch, call(number)).has_value();
+  EXPECT_EQ(cut, watches.size());
+  // A connection that does little is not cut for what the others did.
+  FrameWatch calm(limits, client);
+  EXPECT_FALSE(read(calm, kPreface + frame(4, 0, 0, 6) + call(0) + frame(3, 0, 1, 4)));
 }
 
 TEST(FrameWatch, CallsPassAtTheirRateAndNoFaster) {

@@ -344,6 +344,19 @@ TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
   EXPECT_EQ(a->hash, build(random_soup(1, 100))->hash);
 }
 
+TEST(GeometryStore, HasABoundedMemory) {
+  GeometryStore store(1 << 20);
+  auto first = store.intern(random_soup(1, 8'000));
+  ASSERT_TRUE(first);
+  const auto refused = store.intern(random_soup(2, 8'000));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kResourceExhausted);
+  EXPECT_NE(refused.error().message.find("(--geometry-memory-mib)"), std::string::npos);
+  EXPECT_TRUE(store.intern(random_soup(1, 8'000)));  // it is there
+  *first = nullptr;
+  EXPECT_TRUE(store.intern(random_soup(2, 8'000)));
+}
+
 TEST(GeometryStore, FreesGeometryThatNoOwnerHolds) {
   GeometryStore store;
   auto a = store.intern(random_soup(1, 100)).value();

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -183,6 +184,27 @@ TEST_F(SceneFolder, AnOwnerPushesOutItsOwnUploadsBeforeThoseOfOthers) {
     ASSERT_TRUE(library.add_uploaded(triangle_glb(200.0f + static_cast<float>(i)), "many"));
   EXPECT_FALSE(library.find(first, {"many"}));
   EXPECT_TRUE(library.find(hash, {"other"}));
+}
+
+TEST_F(SceneFolder, ManySmallUploadsDoNotPushOutALargeOneOfAnother) {
+  std::vector<float> corners;
+  for (int i = 0; i < 90'000; ++i) corners.push_back(100.0f * std::sin(static_cast<float>(i)));
+  GlbBuilder large;
+  large.mesh_node({{"attributes", {{"POSITION", large.floats(corners)}}}});
+  const ContentHash hash = (*library.add_uploaded(large.glb(), "other"))->hash;
+  for (size_t i = 0; i < 2 * SceneLibrary::kKeptUploads; ++i)
+    ASSERT_TRUE(library.add_uploaded(triangle_glb(static_cast<float>(i + 1)), "many"));
+  EXPECT_TRUE(library.find(hash, {"other"}));
+}
+
+TEST_F(SceneFolder, AnOwnerWithinItsShareOfTheBytesLosesNothing) {
+  const auto one = *library.add_uploaded(triangle_glb(100), "measured");
+  const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();
+  SceneLibrary small("", GltfLimits{}, store, false, 8 * bytes);
+  std::vector<ContentHash> hashes;
+  for (const float x : {1.0f, 2.0f, 3.0f, 4.0f}) hashes.push_back((*small.add_uploaded(triangle_glb(x), "other"))->hash);
+  for (const float x : {11.0f, 12.0f, 13.0f, 14.0f, 15.0f, 16.0f, 17.0f}) ASSERT_TRUE(small.add_uploaded(triangle_glb(x), "many"));
+  for (const ContentHash& hash : hashes) EXPECT_TRUE(small.find(hash, {"other"}));
 }
 
 TEST_F(SceneFolder, AnUploadIsFoundByItsOwnerAndByThoseWhoSeeAll) {
