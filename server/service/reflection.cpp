@@ -148,7 +148,7 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
   void on_alarm(bool ran_out) override {
     if (!ran_out) return;
     finish({grpc::StatusCode::DEADLINE_EXCEEDED, "a reflection call may take ten seconds"});
-    if (writing_) cancel_call();  // the client does not read
+    if (writing_) this->cancel_call();  // the client does not read
   }
   void on_done() override { delete this; }
 
