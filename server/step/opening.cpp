@@ -55,7 +55,7 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, Target
   const auto keep = [&](uint32_t former) { return keep_together(targets.tracked_targets, camera_m, former, std::cref(fit)); };
   uint32_t kept = keep(kept_before(targets, carried.given_up));
   if (kept == targets.steered) return;
-  // Of equal ones, the camera goes on with those that it looks at already.
+  // Among targets of equal weight, the camera keeps the one that it looks at already.
   if (carried.given_up.empty()) kept = keep(kept_before(targets, carried.not_aimed_at));
   given_up = dropped_ids(targets, kept);
   for (size_t i = 0; i < targets.ids.size(); ++i)

@@ -49,7 +49,7 @@ TEST_F(RandomCuts, OfTheHallWithTheDefaultSettingsReplayToTheBit) {
   cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .merge_every = 7, .memory_every = kMemoryEvery}).bytes, 300, 1);
 }
 
-// Of 22 s, so that cuts begin in front of the first memory, between two, and behind the last.
+// The recording is 22 s long, so that cuts begin in front of the first memory, between two, and behind the last.
 TEST_F(RandomCuts, OfTheHallWithTheDaemonsMemoriesReplayToTheBit) {
   cut_and_replay(test::record_hall(*sampler_, {.ticks = 1320, .memory_every = kDaemonsMemoryEvery}).bytes, 34, 4);
 }
