@@ -34,7 +34,7 @@ struct Flags {
   size_t max_connections_per_client = 0;  // 0: three quarters of max_connections
   double session_idle_s = 300.0;          // 0: never
   double resume_grace_s = 10.0;           // 0: no session is kept
-  size_t max_uploads = 4;
+  size_t max_uploads = 8;
   size_t kept_uploads_mib = 64;
   size_t max_message_memory_mib = 32;
   size_t session_memory_mib = 64;

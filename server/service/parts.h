@@ -49,7 +49,7 @@ struct ServiceLimits {
   size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
   size_t max_message_memory = size_t{32} << 20;  // of one message, parsed
   size_t messages_memory = size_t{128} << 20;    // of the messages that wait, of all streams together
-  size_t max_uploads = 4;                       // at the same time; they hold at most twice max_upload_bytes
+  size_t max_uploads = 8;                       // at the same time; they hold at most twice max_upload_bytes
   size_t max_upload_bytes = size_t{64} << 20;   // of one file
   size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
   // A Control call whose first message does not come in this time is ended, because it uses up one of the sessions.

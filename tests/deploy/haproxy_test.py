@@ -32,6 +32,16 @@ def free_port():
         return one.getsockname()[1]
 
 
+def wait_for_listener(port):
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=1).close()
+        except ConnectionRefusedError:
+            time.sleep(0.05)
+    raise AssertionError("HAProxy does not listen")
+
+
 class Game:
     def __init__(self, address):
         self.process = subprocess.Popen([sys.executable, str(HERE / "proxied_session.py"), address], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -66,6 +76,7 @@ class Proxy(unittest.TestCase):
         self.addCleanup(self.proxy.wait)
         self.addCleanup(self.proxy.terminate)
         self.address = f"127.0.0.1:{port}"
+        wait_for_listener(port)
 
     def sessions_of(self, i):
         return value(scrape(self.operators[i]), "sightline_sessions_open")

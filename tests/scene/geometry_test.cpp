@@ -346,15 +346,15 @@ TEST(GeometryStore, KeepsOneCopyOfEqualContent) {
 
 TEST(GeometryStore, HasABoundedMemory) {
   GeometryStore store(1 << 20);
-  auto first = store.intern(random_soup(1, 8'000));
+  auto first = store.intern(random_soup(1, 12'000));
   ASSERT_TRUE(first);
-  const auto refused = store.intern(random_soup(2, 8'000));
+  const auto refused = store.intern(random_soup(2, 12'000));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kResourceExhausted);
   EXPECT_NE(refused.error().message.find("(--geometry-memory-mib)"), std::string::npos);
-  EXPECT_TRUE(store.intern(random_soup(1, 8'000)));  // it is there
+  EXPECT_TRUE(store.intern(random_soup(1, 12'000)));  // it is there
   *first = nullptr;
-  EXPECT_TRUE(store.intern(random_soup(2, 8'000)));
+  EXPECT_TRUE(store.intern(random_soup(2, 12'000)));
 }
 
 TEST(GeometryStore, FreesGeometryThatNoOwnerHolds) {
