@@ -193,7 +193,7 @@ def dripping_uploads(daemon):
     tcp, unix = daemon.ready.read_text().split()
     first = upload(unix, glb("first")).hash
     with stub(tcp) as service:
-        slow = [service.UploadScene.future(drip()) for _ in range(4)]
+        slow = [service.UploadScene.future(drip()) for _ in range(8)]
         time.sleep(3)
         in_time = bool(upload(tcp, glb("quick")).hash)
         _, small = until_end(ATTACK_S - 3, lambda: upload(tcp, glb(f"other {time.monotonic()}")))
@@ -201,7 +201,7 @@ def dripping_uploads(daemon):
         for call in slow:
             call.cancel()
     open_session(unix, scene=scene_of(first)).close()
-    return f"an upload beside four that drip: {in_time}; another client's scene stays after {small} small uploads"
+    return f"an upload beside eight that drip: {in_time}; another client's scene stays after {small} small uploads"
 
 
 def stuck_recording(daemon):

@@ -265,7 +265,7 @@ class Uploads(unittest.TestCase):
                 while not stopping.wait(0.25):
                     yield camera_control_pb2.UploadSceneRequest(chunk=bytes(5 << 10))
             with stub(tcp) as service:
-                slow = [service.UploadScene.future(slowly()) for _ in range(4)]
+                slow = [service.UploadScene.future(slowly()) for _ in range(6)]
                 time.sleep(3)
                 self.assertTrue(upload(unix, glb("quick")).hash)
                 stopping.set()
@@ -279,7 +279,7 @@ class Uploads(unittest.TestCase):
                 while not stopping.wait(0.5):
                     yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
             with stub(daemon.address) as service:
-                slow = [service.UploadScene.future(drip()) for _ in range(4)]
+                slow = [service.UploadScene.future(drip()) for _ in range(8)]
                 time.sleep(3)
                 self.assertTrue(upload(daemon.address, glb("quick")).hash)
                 stopping.set()
