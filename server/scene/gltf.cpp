@@ -53,7 +53,7 @@ ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentH
 
 GltfBudget budget_of(const GltfLimits& limits) {
   return {limits.max_triangles, 3 * limits.max_triangles, limits.max_instances, limits.max_animation_values,
-          limits.max_unpacked_bytes};
+          limits.max_unpacked_bytes, limits.instances_flag};
 }
 
 void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
@@ -92,12 +92,11 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   return asset;
 }
 
-// A refusal for a limit names the flag that sets it.
-Result<std::shared_ptr<const SceneAsset>> with_flag(Result<std::shared_ptr<const SceneAsset>> asset, const GltfLimits& limits) {
-  if (asset || asset.error().code != ErrorCode::kResourceExhausted) return asset;
+// The limits of a file come from the memory for geometry, but for those whose refusals name another flag.
+Result<std::shared_ptr<const SceneAsset>> with_memory_flag(Result<std::shared_ptr<const SceneAsset>> asset, const std::string& flag) {
+  if (asset || asset.error().code != ErrorCode::kResourceExhausted || flag.empty()) return asset;
   std::string& message = asset.error().message;
-  const std::string& flag = message.find("instances") != std::string::npos ? limits.instances_flag : limits.memory_flag;
-  if (!flag.empty() && message.find("(--") == std::string::npos) message += " (" + flag + ")";
+  if (message.find("(--") == std::string::npos) message += " (" + flag + ")";
   return asset;
 }
 
@@ -115,6 +114,12 @@ Status GltfBudget::take(size_t& left, size_t amount, const std::string& field, c
     return fail(ErrorCode::kResourceExhausted, field, std::string("too many ") + what + " in one file");
   left -= amount;
   return {};
+}
+
+Status GltfBudget::take_instances(size_t amount, const std::string& field) {
+  Status taken = take(instances, amount, field, "instances");
+  if (!taken && !instances_flag.empty()) taken.error().message += " (" + instances_flag + ")";
+  return taken;
 }
 
 std::string gltf_path(const char* collection, size_t index) {
@@ -143,7 +148,7 @@ Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> b
     return fail(ErrorCode::kResourceExhausted, "",
                 "the file is larger than " + std::to_string(limits.max_file_bytes) + " bytes");
   try {
-    return with_flag(read_document(bytes, external, store, limits), limits);
+    return with_memory_flag(read_document(bytes, external, store, limits), limits.memory_flag);
   } catch (const std::bad_alloc&) {
     return fail(ErrorCode::kResourceExhausted, "", "not enough memory to read the file");
   } catch (const std::exception& e) {  // the JSON library and tinygltf throw; nothing of ours does

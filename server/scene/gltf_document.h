@@ -33,9 +33,11 @@ struct GltfBudget {
   size_t instances = 0;
   size_t animation_values = 0;
   size_t unpacked_bytes = 0;
+  std::string instances_flag = {};  // as GltfLimits
 
   // Takes `amount` from `left`, or says which limit (`what`) `field` would exceed.
   static Status take(size_t& left, size_t amount, const std::string& field, const char* what);
+  Status take_instances(size_t amount, const std::string& field);
 };
 
 // Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they are read.

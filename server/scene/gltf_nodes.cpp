@@ -83,7 +83,7 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
     if (count.value_or(elements) != elements)
       return invalid(attribute_field, "must be as long as the others");
     if (!count)
-      if (const Status s = GltfBudget::take(document.budget.instances, elements, field, "instances"); !s)
+      if (const Status s = document.budget.take_instances(elements, field); !s)
         return s;
     count = elements;
     auto values =
@@ -111,7 +111,7 @@ Status read_instances(GltfDocument& document, const tinygltf::Node& source, cons
   if (const auto it = source.extensions.find("EXT_mesh_gpu_instancing"); it != source.extensions.end())
     return read_gpu_instances(document, it->second, field + ".extensions.EXT_mesh_gpu_instancing",
                               node.gpu_instances);
-  return GltfBudget::take(document.budget.instances, 1, field, "instances");
+  return document.budget.take_instances(1, field);
 }
 
 // gltf_check.cpp has checked the members.

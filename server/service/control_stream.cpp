@@ -81,13 +81,13 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
       parts_(parts),
       parsers_(helpers.parsers),
       claimers_(helpers.claimers),
-      messages_(helpers.messages),
       kept_(helpers.kept),
       client_(reader.client),
+      share_(helpers.messages.of(client_)),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
       driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
-      inbox_(limits.inbox_messages, limits.inbox_bytes, &helpers.messages, client_) {}
+      inbox_(limits.inbox_messages, limits.inbox_bytes, share_) {}
 
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
 }
 
 Status ControlStream::parse_large(v1::ControlRequest& request) {
-  const size_t room = messages_.room(client_);
+  const size_t room = share_->room();
   const Status parsed = parse_message(bytes_, std::min(room, max_message_memory_), request);
   if (parsed || parsed.error().code != ErrorCode::kResourceExhausted || room >= max_message_memory_) return parsed;
   return fail(ErrorCode::kResourceExhausted, "message", "finds no memory beside the messages that wait (--messages-memory-mib)");

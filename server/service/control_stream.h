@@ -123,9 +123,9 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   const ServiceParts& parts_;
   WorkerPool& parsers_;
   WorkerPool& claimers_;
-  MessageMemory& messages_;
   KeptSessions& kept_;
   const std::string client_;
+  const std::shared_ptr<MessageMemory::Share> share_;  // of its client, in the memory for messages
   const size_t max_message_memory_;
   const std::chrono::milliseconds idle_limit_;  // 0: none
 

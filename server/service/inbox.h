@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <string>
+#include <memory>
 #include <utility>
 
 #include "server/service/message_memory.h"
@@ -30,16 +30,16 @@ class Inbox {
     size_t bytes = 0;
   };
 
-  // `all` counts the messages of all inboxes and must outlive this one; null: nobody does. `client` is the name of the stream's client.
-  Inbox(size_t max_messages, size_t max_bytes, MessageMemory* all = nullptr, std::string client = {})
-      : max_messages_(max_messages), max_bytes_(max_bytes), all_(all), client_(std::move(client)) {}
+  // The messages also count in the share of the stream's client; null: in none.
+  Inbox(size_t max_messages, size_t max_bytes, std::shared_ptr<MessageMemory::Share> share = nullptr)
+      : max_messages_(max_messages), max_bytes_(max_bytes), share_(std::move(share)) {}
   ~Inbox() { clear(); }
   Inbox(const Inbox&) = delete;
   Inbox& operator=(const Inbox&) = delete;
 
   bool empty() const { return messages_.empty(); }
   // An inbox with a message is also full when those of all streams take too much memory. An empty one never is, so every stream goes on.
-  bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_ || (all_ && !empty() && all_->over()); }
+  bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_ || (share_ && !empty() && share_->all_over()); }
 
   void push(v1::ControlRequest request, int64_t arrival_ns) {
     const size_t bytes = bytes_of(request);
@@ -87,17 +87,16 @@ class Inbox {
  private:
   void grow(size_t bytes) {
     bytes_ += bytes;
-    if (all_) all_->add(client_, bytes);
+    if (share_) share_->add(bytes);
   }
   void shrink(size_t bytes) {
     bytes_ -= bytes;
-    if (all_) all_->remove(client_, bytes);
+    if (share_) share_->remove(bytes);
   }
 
   const size_t max_messages_;
   const size_t max_bytes_;
-  MessageMemory* const all_;
-  const std::string client_;
+  const std::shared_ptr<MessageMemory::Share> share_;
   std::deque<Message> messages_;
   size_t bytes_ = 0;
 };

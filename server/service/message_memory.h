@@ -4,51 +4,57 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 
 namespace sightline {
 
-// One client has at most half of it, so that others can send large messages too. Thread-safe.
+// One client has at most half of it, so that others can send large messages too. Thread-safe. Counting takes no lock, since it happens for each
+// message.
 class MessageMemory {
  public:
+  // What the messages of one client take. It belongs to the streams of the client, and must not outlive the MessageMemory.
+  class Share {
+   public:
+    explicit Share(MessageMemory& all) : all_(all) {}
+    // Bytes that a message takes from now on, or no longer.
+    void add(size_t bytes) { own_ += bytes, all_.bytes_ += bytes; }
+    void remove(size_t bytes) { own_ -= bytes, all_.bytes_ -= bytes; }
+    // The most bytes that a further message of this client may take.
+    size_t room() const {
+      const size_t max = all_.max_bytes_;
+      return std::min(max - std::min(max, all_.bytes_.load()), max / 2 - std::min(max / 2, own_.load()));
+    }
+    // More than there should be waits: streams with something to do read nothing more.
+    bool all_over() const { return all_.over(); }
+
+   private:
+    MessageMemory& all_;
+    std::atomic<size_t> own_{0};
+  };
+
   explicit MessageMemory(size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  // The most that a further message of this client may take.
-  size_t room(const std::string& client) const {
+  // The share of a client, by its name; the same one for all its streams.
+  std::shared_ptr<Share> of(const std::string& client) {
     const std::lock_guard lock(mutex_);
-    const auto own = of_client_.find(client);
-    const size_t used = own == of_client_.end() ? 0 : own->second;
-    return std::min(max_bytes_ - std::min(max_bytes_, bytes_), max_bytes_ / 2 - std::min(max_bytes_ / 2, used));
+    std::erase_if(shares_, [](const auto& entry) { return entry.second.expired(); });
+    std::weak_ptr<Share>& known = shares_[client];
+    std::shared_ptr<Share> share = known.lock();
+    if (!share) known = share = std::make_shared<Share>(*this);
+    return share;
   }
-  // More than there should be waits: streams with something to do read nothing more.
-  bool over() const {
-    const std::lock_guard lock(mutex_);
-    return bytes_ >= max_bytes_;
-  }
-  void add(const std::string& client, size_t bytes) {
-    const std::lock_guard lock(mutex_);
-    of_client_[client] += bytes;
-    bytes_ += bytes;
-  }
-  void remove(const std::string& client, size_t bytes) {
-    const std::lock_guard lock(mutex_);
-    const auto own = of_client_.find(client);
-    if (own == of_client_.end()) return;
-    bytes_ -= bytes;
-    own->second -= bytes;
-    if (own->second == 0) of_client_.erase(own);
-  }
-  size_t max_bytes() const { return max_bytes_; }
+  bool over() const { return bytes_.load() >= max_bytes_; }
 
  private:
   const size_t max_bytes_;
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  size_t bytes_ = 0;
-  std::map<std::string, size_t> of_client_;
+  std::atomic<size_t> bytes_{0};
+  std::mutex mutex_;
+  std::map<std::string, std::weak_ptr<Share>> shares_;  // by client; guarded by mutex_
 };
 
 }  // namespace sightline

@@ -21,21 +21,30 @@ WorkerPool::~WorkerPool() {
 void WorkerPool::post(Task task, const std::string& client) {
   {
     const std::lock_guard lock(mutex_);
-    if (!tasks_.contains(client)) turns_.push_back(client);
-    tasks_[client].push_back(std::move(task));
+    const auto known = tasks_.find(client);
+    known == tasks_.end() ? begin_turns(client, std::move(task)) : known->second.push_back(std::move(task));
   }
   wake_.notify_one();
 }
 
+// Both lists have the client, or neither.
+void WorkerPool::begin_turns(const std::string& client, Task task) {
+  std::list<std::string> turn{client};
+  std::deque<Task> first;
+  first.push_back(std::move(task));
+  tasks_.emplace(client, std::move(first));
+  turns_.splice(turns_.end(), turn);
+}
+
+// Allocates nothing, since the threads of the pool have nobody to tell that there is no memory.
 WorkerPool::Task WorkerPool::take() {
   const auto of_client = tasks_.find(turns_.front());
   Task task = std::move(of_client->second.front());
   of_client->second.pop_front();
-  if (of_client->second.empty())
-    tasks_.erase(of_client);
-  else
-    turns_.push_back(turns_.front());
-  turns_.pop_front();
+  turns_.splice(turns_.end(), turns_, turns_.begin());
+  if (!of_client->second.empty()) return task;
+  tasks_.erase(of_client);
+  turns_.pop_back();
   return task;
 }
 

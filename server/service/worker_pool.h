@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <deque>
 #include <functional>
+#include <list>
 #include <map>
 #include <mutex>
 #include <string>
@@ -23,20 +24,22 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // Tasks must not throw. `client` is the name of the client that it is for.
+  // Tasks must not throw. `client` is the name of the client that it is for. Throws std::bad_alloc, and has posted nothing then.
   void post(std::function<void()> task, const std::string& client = {});
   unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
 
  private:
   using Task = std::function<void()>;
   void work();
-  Task take();  // needs mutex_, and a task
+  // These need mutex_; `take` also needs a task.
+  void begin_turns(const std::string& client, Task task);
+  Task take();
 
   std::mutex mutex_;
   std::condition_variable wake_;
   // Guarded by mutex_.
   std::map<std::string, std::deque<Task>> tasks_;  // by client; none is empty
-  std::deque<std::string> turns_;                  // the clients of tasks_, next first
+  std::list<std::string> turns_;                   // the clients of tasks_, next first
   bool stopping_ = false;
 
   std::vector<std::thread> threads_;  // constant after construction

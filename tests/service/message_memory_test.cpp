@@ -15,18 +15,19 @@ v1::ControlRequest large_tick() {
 
 TEST(MessageMemory, OneClientHasAtMostHalf) {
   MessageMemory memory(100);
-  memory.add("many", 40);
-  EXPECT_EQ(memory.room("many"), 10u);
-  EXPECT_EQ(memory.room("other"), 50u);
-  memory.add("third", 50);
-  EXPECT_EQ(memory.room("other"), 10u);
-  memory.remove("many", 40);
-  EXPECT_EQ(memory.room("many"), 50u);
+  const auto many = memory.of("many"), other = memory.of("other"), third = memory.of("third");
+  memory.of("many")->add(40);  // another stream of the same client
+  EXPECT_EQ(many->room(), 10u);
+  EXPECT_EQ(other->room(), 50u);
+  third->add(50);
+  EXPECT_EQ(other->room(), 10u);
+  many->remove(40);
+  EXPECT_EQ(many->room(), 50u);
 }
 
 TEST(MessageMemory, AnInboxWithAMessageIsFullWhenAllTakeTooMuch) {
   MessageMemory memory(1);
-  Inbox one(100, 1 << 30, &memory, "one"), empty(100, 1 << 30, &memory, "other");
+  Inbox one(100, 1 << 30, memory.of("one")), empty(100, 1 << 30, memory.of("other"));
   EXPECT_FALSE(one.full());
   one.push(large_tick(), 0);
   EXPECT_TRUE(one.full());
@@ -36,10 +37,15 @@ TEST(MessageMemory, AnInboxWithAMessageIsFullWhenAllTakeTooMuch) {
 }
 
 TEST(MessageMemory, AnInboxThatEndsTakesNothing) {
-  MessageMemory memory(1);
-  { Inbox(100, 1 << 30, &memory, "one").push(large_tick(), 0); }
-  EXPECT_FALSE(memory.over());
-  EXPECT_EQ(memory.room("one"), 0u);
+  MessageMemory memory(1 << 30);
+  const auto share = memory.of("one");
+  const size_t room = share->room();
+  {
+    Inbox inbox(100, 1 << 30, share);
+    inbox.push(large_tick(), 0);
+    EXPECT_LT(share->room(), room);
+  }
+  EXPECT_EQ(share->room(), room);
 }
 
 }  // namespace
