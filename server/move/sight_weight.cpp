@@ -24,4 +24,10 @@ double optional_share(std::span<const TrackedTarget> targets) {
   return optional > lightest_required ? kOptionalShare * (lightest_required / optional) : kOptionalShare;
 }
 
+double effective_count(std::span<const double> sight_weights) {
+  double sum = 0, sum_of_squares = 0;
+  for (const double weight : sight_weights) sum += weight, sum_of_squares += weight * weight;
+  return sum > 0 ? sum * sum / sum_of_squares : 0.0;
+}
+
 }  // namespace sightline

@@ -16,4 +16,7 @@ inline double sight_weight(const TrackedTarget& target, double optional_share) {
   return target.required ? target.weight : target.weight * optional_share;
 }
 
+// The number of equal targets that share their weight as these do: (sum w)^2 / sum w^2. Targets of little weight hardly count. 0 without a weight.
+double effective_count(std::span<const double> sight_weights);
+
 }  // namespace sightline

@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -61,12 +62,20 @@ void measure_clearances(const MoveInput& in, double body_radius_m, MoveScratch& 
 
 // ---- the flight plan ----
 
+// Hidden shares are means over the targets, so a part of one target counts the less, the more targets there are. From three targets on, this
+// factor makes up for that: a part costs as much as with two. It has a bound, because a camera with very many targets would never be calm.
+double several_factor(const TargetsNow& targets) {
+  constexpr double kMost = 2.0;
+  return std::clamp(effective_count(targets.sight_weights) / 2, 1.0, kMost);
+}
+
 class PlanPricer {
  public:
   PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
       : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
         lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
-    tolerance_ = weights_.tolerance;
+    const double factor = several_factor(in.step.targets);
+    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, in.step.input.settings.move.viewpoint_search.keep_shot_below);
   }
 
@@ -84,7 +93,7 @@ class PlanPricer {
     const std::span<float> costs = planner_.costs(slice);
     const std::span<const SharePart> shares = ahead_.shares(slice);
     const std::vector<uint32_t>& addresses = lattice_.addresses();
-    const auto occlusion = static_cast<float>(weights_.occlusion), tolerance = static_cast<float>(tolerance_);
+    const auto occlusion = static_cast<float>(occlusion_), tolerance = static_cast<float>(tolerance_);
     for (size_t i = 0; i < addresses.size(); ++i) {
       const SharePart known = shares[addresses[i]];
       const float share = known == kUnknownShare ? static_cast<float>(in_.sights.hidden[i]) : known * (1.0f / kWholeShare);
@@ -105,7 +114,7 @@ class PlanPricer {
   const HiddenAhead& ahead_;
   const Lattice& lattice_;
   const glm::dvec3 group_mps_;
-  double tolerance_ = 0;
+  double occlusion_ = 0, tolerance_ = 0;
 };
 
 FlightSettings flight_settings(const MoveInput& in) {

@@ -47,6 +47,16 @@ TEST(SightWeight, AllOptionalTargetsTogetherCountATenthOfTheLightestRequiredOneA
   EXPECT_GT(mixed, 1000);
 }
 
+TEST(SightWeight, TargetsOfLittleWeightHardlyCount) {
+  using Weights = std::vector<double>;
+  EXPECT_EQ(effective_count({}), 0.0);
+  EXPECT_EQ(effective_count(Weights{0, 0}), 0.0);
+  EXPECT_DOUBLE_EQ(effective_count(Weights{3}), 1.0);
+  EXPECT_DOUBLE_EQ(effective_count(Weights{0.5, 0.5, 0, 0.5}), 3.0);
+  EXPECT_DOUBLE_EQ(effective_count(Weights{2, 1}), 1.8);
+  EXPECT_NEAR(effective_count(Weights{1, 1, 0.01, 0.01, 0.01}), 2.0, 0.07);
+}
+
 // From one candidate a single required target is hidden, from the other all optional ones are.
 TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   CounterRandom random(24, 0, RandomPurpose::kTest);
