@@ -37,7 +37,7 @@ struct FrameLimits {
   size_t max_frame_bytes = (4 << 20) + 1024;
 };
 
-// What one client does on all its connections. Thread-safe.
+// The rates of one client over all its connections. Thread-safe.
 class ClientFlow {
  public:
   explicit ClientFlow(const FrameLimits& limits)

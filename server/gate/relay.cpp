@@ -143,7 +143,7 @@ void Relay::begin(Line& line) {
     added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
   }
   if (!added) return end(line, {});
-  // What came with the end of the handshake is not announced again.
+  // Bytes that came with the end of the handshake raise no further event.
   const bool well = !line.connection->tls || take_from_client(line, {});
   !well || !line.cut_for.empty() ? end(line, line.cut_for) : settle(line);
 }

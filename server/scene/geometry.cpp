@@ -139,12 +139,12 @@ Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh) {
 
 namespace {
 
-// Of the indices and of both trees.
+// The indices and both trees take this for each triangle.
 constexpr size_t kBytesOfBuiltTriangle = 36;
 
 using Bytes = std::shared_ptr<std::atomic<size_t>>;
 
-// Builds a geometry for which `reserved` is counted in `bytes`. From then on its own bytes are, as long as it is in use.
+// Builds a geometry. `bytes` holds the estimate `reserved` for it meanwhile, then the geometry's own bytes until nobody uses it.
 template <typename Build>
 std::shared_ptr<const Geometry> counted(size_t reserved, const Bytes& bytes, const Build& build) try {
   std::shared_ptr<const Geometry> built = build();

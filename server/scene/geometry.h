@@ -121,7 +121,7 @@ class GeometryStore {
   bool reserve(size_t bytes);
 
   const size_t max_bytes_;
-  // Of geometries in use and of those that are being built. Geometries can outlive the store.
+  // The bytes of geometries in use, and the estimates for those that are being built. Geometries can outlive the store.
   const std::shared_ptr<std::atomic<size_t>> bytes_ = std::make_shared<std::atomic<size_t>>(0);
 
   mutable std::mutex mutex_;

@@ -149,9 +149,9 @@ void SceneLibrary::keep(Asset asset, const std::string& owner) {
   }
 }
 
-// The owner who has most of what ran out loses its oldest. So an owner who has no more than its share, the limit divided by the number of
-// owners, loses nothing: somebody has more whenever the limit is exceeded. Who has most bytes can have few scenes, and the other way
-// round. The newest upload stays: false when the owner has no other.
+// The owner with the largest amount loses its oldest upload. `amount` is what one upload takes of the limit that is exceeded: one scene, or its
+// bytes. An owner within its share, the limit divided by the number of owners, loses nothing. The newest upload stays: false when the owner
+// has no other.
 bool SceneLibrary::drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount) {
   std::map<std::string, size_t> amounts;
   for (const KeptUpload& kept : kept_uploads_) amounts[kept.owner] += amount(kept);

@@ -45,9 +45,9 @@ class SceneLibrary {
   // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
-  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads the
-  // oldest one of the owner who has most scenes goes, and beyond kept_bytes the oldest one of the owner who has most bytes. An owner is the name of a client. Equal files of two owners are two assets, which
-  // share their geometries.
+  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads, the
+  // owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most bytes. An owner is the name of a client. Equal
+  // files of two owners are two assets, which share their geometries.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
   // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});

@@ -29,7 +29,7 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
  public:
   using Serving = grpc::health::v1::HealthCheckResponse::ServingStatus;
 
-  // Watch calls that may be open at the same time, and those of one client. A client needs one for each connection.
+  // The most Watch calls that may be open at the same time, of all clients and of one. A client needs one for each connection.
   static constexpr size_t kMostWatches = 512, kMostWatchesOfClient = 384;
   // A Watch call for a longer name is refused. The daemon's own names are shorter.
   static constexpr size_t kLongestName = 256;
