@@ -93,7 +93,7 @@ class Trust(unittest.TestCase):
                 self.assertEqual(self.code(client, self.daemon, roots=roots, token=OBSERVER), denied)
                 # With TLS 1.3 the refusal comes when the client's own handshake is over, and tonic has no code for that. CANCELLED: the connection closes
                 # while the client sends its call.
-    self.assertIn(self.code(client, self.mutual, roots=roots, token=SECRET), ("UNAVAILABLE", "UNKNOWN", "CANCELLED"))
+                self.assertIn(self.code(client, self.mutual, roots=roots, token=SECRET), ("UNAVAILABLE", "UNKNOWN", "CANCELLED"))
                 self.assertEqual(self.code(client, self.daemon, roots=self.stranger.certificate, token=SECRET), "UNAVAILABLE", "the daemon is a stranger")
 
     def test_a_client_does_not_send_its_token_to_everyone(self):
