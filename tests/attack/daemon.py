@@ -57,6 +57,14 @@ class Daemon:
     def log(self):
         return self.log_path.read_text(errors="replace") if self.log_path.exists() else ""
 
+    def wait_for_log(self, text, seconds=10):
+        """Waits until the log says `text`: a thread of the daemon's own writes it, some time after the event."""
+        deadline = time.monotonic() + seconds
+        while text not in self.log():
+            if time.monotonic() > deadline:
+                raise AssertionError(f"the log never says {text!r}: {self.log()}")
+            time.sleep(0.02)
+
     def log_bytes(self):
         return self.log_path.stat().st_size
 

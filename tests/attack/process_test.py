@@ -56,7 +56,7 @@ class Recordings(unittest.TestCase):
             with open_session(daemon.address) as session:
                 self.assertEqual(session.opened.recording_file, "")
                 self.assertRegex(" ".join(session.opened.warnings), "recording: no file can be written")
-            self.assertIn("nothing can be recorded", daemon.log())
+            daemon.wait_for_log("nothing can be recorded")
 
     def test_a_file_that_cannot_be_deleted_does_not_stop_the_recording(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -114,8 +114,7 @@ class Signals(unittest.TestCase):
                 daemon.process.send_signal(signal.SIGHUP)
                 time.sleep(0.3)
                 open_session(daemon.address).close()
-                time.sleep(0.2)
-                self.assertIn("session opened", daemon.log())
+                daemon.wait_for_log("session opened")
 
 
 class Configuration(unittest.TestCase):

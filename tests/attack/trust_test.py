@@ -284,8 +284,8 @@ class Tokens(Case):
         daemon = self.daemon(*self.files.all)
         self.files.access.write_text("token game\n")
         daemon.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "credentials refused" in daemon.log())
-        self.assertIn("line 1", daemon.log())
+        daemon.wait_for_log("credentials refused")
+        daemon.wait_for_log("line 1")
         self.assertTrue(Client(daemon.address, self.files, GAME).info().version)
         access = Client(daemon.address, self.files, ROOT).stats().access
         self.assertEqual((access.files_refused, access.files_taken_over), (1, 0))
@@ -314,11 +314,11 @@ class Certificates(Case):
         second = self.files.authority.sign("second")
         self.files.certificate.write_bytes(second[0].read_bytes())  # the key is still the first one's
         daemon.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "the key does not belong to the certificate" in daemon.log())
+        daemon.wait_for_log("the key does not belong to the certificate")
         self.assertEqual(served_certificate(daemon.address, self.files), first)
         self.files.use(*second)
         daemon.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "credentials taken over" in daemon.log())
+        daemon.wait_for_log("credentials taken over")
         self.assertNotEqual(served_certificate(daemon.address, self.files), first)
         self.assertEqual(session.tick().sequence, 1, "an open session stays")
         access = Client(daemon.address, self.files, ROOT).stats().access
@@ -337,7 +337,7 @@ class Certificates(Case):
         for certificate in (forged, None, self.files.authority.sign("server", use="serverAuth")):
             self.refused(grpc.StatusCode.UNAVAILABLE, Client(daemon.address, self.files, GAME, certificate=certificate).info)
         self.assertGreaterEqual(board.stats().access.failed_handshakes, 3)
-        self.assertIn("certificate", daemon.log())
+        daemon.wait_for_log("certificate")
 
     def test_a_certificate_without_an_access_file_is_an_identity(self):
         address = self.daemon(*self.files.tls, "--tls-client-ca", str(self.files.authority.certificate), "--max-sessions-per-client", "1").address
@@ -375,7 +375,7 @@ class Healthcheck(Case):
         self.files.use(*self.files.authority.sign("second", "DNS:cameras.example"))
         self.assertEqual(self.asked(daemon, *self.files.all), 0)
         daemon.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "credentials taken over" in daemon.log())
+        daemon.wait_for_log("credentials taken over")
         self.assertEqual(self.asked(daemon, *self.files.all), 0)
 
     def test_over_tls_by_the_address_alone(self):
@@ -434,7 +434,7 @@ class Floods(Case):
         sent = attack.flood(connection, resets, 8)
         self.assertLess(sent, 4 << 20)
         self.assertLess(daemon.most_memory_mib(), 200)
-        self.assertIn("connection refused", daemon.log())
+        daemon.wait_for_log("connection refused")
 
     def test_handshakes_that_never_end_leave_room(self):
         address = self.daemon(*self.files.all, "--max-connections", "16").address

@@ -304,7 +304,7 @@ class Health(unittest.TestCase):
                 self.assertEqual(get(daemon.operators, "/readyz")[0], 503)
                 self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 1)
                 self.assertEqual(healthcheck("--address", daemon.address, "--live").returncode, 1)
-                self.assertIn("threads hang", daemon.log())
+                daemon.wait_for_log("threads hang")
             until(lambda: get(daemon.operators, "/livez")[0] == 200, "alive again")
             until(lambda: healthcheck("--address", daemon.address).returncode == 0, "ready again")
 
