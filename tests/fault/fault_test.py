@@ -2,14 +2,16 @@
 """Kills streams and daemons at random while cameras film, and counts.
 
     fault_test.py SIGHTLINED STUBS [--streams N] [--daemons N] [--stops N] [--floods N] [--sessions N] [--seed N] [--most-wait-s S]
+                             [--out FILE]
 
 Each session reaches two daemons through relays of its own. A stream is cut between ticks, before a tick arrives, or before its answer does; its
 bytes are corrupted; or its network goes silent. A daemon is killed and started again at its address, or stopped for a while. A flood of calls
 that are opened and reset goes to a daemon beside. Every session must go on, and no camera may move farther in a tick than its speed limit
-allows. Without --most-wait-s the times are only printed.
+allows. Without --most-wait-s the times are only printed. The counts are printed as JSON, and written to FILE.
 """
 import argparse
 import json
+import os
 import pathlib
 import random
 import signal
@@ -26,6 +28,7 @@ parser.add_argument("stubs")
 for name, standard in (("streams", 60), ("daemons", 3), ("stops", 1), ("floods", 1), ("sessions", 4), ("seed", 1)):
     parser.add_argument("--" + name, type=int, default=standard)
 parser.add_argument("--most-wait-s", type=float)
+parser.add_argument("--out", type=pathlib.Path)
 OPTIONS = parser.parse_args()
 sys.path.insert(0, OPTIONS.stubs)
 
@@ -141,20 +144,29 @@ def share(values, part):
     return sorted(values)[min(len(values) - 1, int(part * len(values)))] if values else 0.0
 
 
+def late_ticks(waits, silent):
+    """How many ticks waited for too long. A silent network is noticed only when the client's reply timeout is over, so it may wait longer."""
+    return 0 if OPTIONS.most_wait_s is None else max(0, sum(wait > OPTIONS.most_wait_s for wait in waits) - silent)
+
+
 def verdict(sessions, counts, silent):
     """Prints the counts. Returns what went wrong."""
     waits = [wait for session in sessions for wait in session.waits_s]
-    print(json.dumps({"faults": counts, "sessions": len(sessions), "ticks": sum(session.ticks for session in sessions),
-                      "resumed": sum(session.resumes for session in sessions), "opened_again": sum(session.resyncs for session in sessions),
-                      "jumps": sum(len(session.jumps) for session in sessions),
-                      "wait_ms": {name: round(1e3 * share(waits, part)) for name, part in (("p50", 0.5), ("p99", 0.99), ("max", 1.0))}}))
+    late = late_ticks(waits, silent)
     trouble = [text for session in sessions for text in session.troubles + session.jumps]
-    if OPTIONS.most_wait_s is not None:
-        # A silent network is noticed only when the reply timeout is over.
-        allowed = OPTIONS.most_wait_s
-        late = sum(wait > allowed for wait in waits) - silent
-        if late > 0:
-            trouble.append(f"{late} of {len(waits)} ticks waited for more than {allowed} s")
+    if late > 0:
+        trouble.append(f"{late} of {len(waits)} ticks waited for more than {OPTIONS.most_wait_s} s")
+    killed = sum(counts.get(how, 0) for how in STREAM_FAULTS)
+    if killed != OPTIONS.streams:
+        trouble.append(f"only {killed} of {OPTIONS.streams} streams were killed")
+    report = json.dumps({"faults": counts, "sessions": len(sessions), "ticks": sum(session.ticks for session in sessions),
+                         "resumed": sum(session.resumes for session in sessions), "opened_again": sum(session.resyncs for session in sessions),
+                         "jumps": sum(len(session.jumps) for session in sessions), "late": late, "most_wait_s": OPTIONS.most_wait_s,
+                         "wait_ms": {name: round(1e3 * share(waits, part)) for name, part in (("p50", 0.5), ("p99", 0.99), ("max", 1.0))},
+                         "cpus": os.cpu_count(), "passed": not trouble})
+    print(report)
+    if OPTIONS.out:
+        OPTIONS.out.write_text(report + "\n")
     return trouble
 
 
@@ -171,7 +183,6 @@ def main():
         for session in sessions:
             session.opened.wait(60)
         kill_streams(sessions, networks, chance, counts)
-        killed = sum(counts.values())
         silent = counts.get("silent", 0) + OPTIONS.stops * OPTIONS.sessions
         hurt_daemons(sessions, (first, second), counts)
         for session in sessions:
@@ -179,8 +190,6 @@ def main():
         for network in networks:
             network.close()
     trouble = verdict(sessions, counts, silent)
-    if killed != OPTIONS.streams:
-        trouble.append(f"only {killed} of {OPTIONS.streams} streams were killed")
     print("\n".join(trouble[:50]))
     sys.exit(1 if trouble else 0)
 

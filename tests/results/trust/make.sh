@@ -2,15 +2,17 @@
 # Makes the page on trust: README.md in this folder. Everything on it comes from files beside it, which these runs write:
 #   tests/results/trust/make.sh                 # attacks, deltas, version skew; then the page. 10 minutes on 2 idle cores
 #   tests/results/trust/make.sh --soak HOURS    # a soak as well
+#   tests/results/trust/make.sh --faults        # 10,000 killed streams and 100 killed daemons as well; 6 minutes
 #   tests/results/trust/make.sh --fuzz MINUTES  # fuzzing as well; its executions are added to those of former runs
 #   tests/results/trust/make.sh --mutants N     # N mutants of each folder as well; hours
 #   tests/results/trust/make.sh --page          # the page alone
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
-here=tests/results/trust soak="" fuzz="" mutants="" page_only=false
+here=tests/results/trust soak="" faults=false fuzz="" mutants="" page_only=false
 while [ $# -gt 0 ]; do
   case $1 in
     --soak) soak=$2; shift 2 ;;
+    --faults) faults=true; shift ;;
     --fuzz) fuzz=$2; shift 2 ;;
     --mutants) mutants=$2; shift 2 ;;
     --page) page_only=true; shift ;;
@@ -31,6 +33,10 @@ fi
 if [ -n "$soak" ]; then
   tests/soak.sh "$soak" || status=1
   cp build/soak/soak.json "$here/soak.json"
+fi
+if $faults; then
+  tests/fault.sh || status=1
+  cp build/faults.json "$here/faults.json"
 fi
 if [ -n "$fuzz" ]; then
   tests/fuzz.sh "$fuzz" || status=1

@@ -67,6 +67,22 @@ def soak():
             f"that are closed or cut off, and uploads: {totals}.\n\n" + table(["of the daemon", "figure", ""], rows))
 
 
+def faults():
+    data = load("faults.json")
+    if not data:
+        return "Not measured yet: `tests/fault.sh`.\n"
+    wait = data["wait_ms"]
+    rows = [[name, f"{count:,}"] for name, count in data["faults"].items()]
+    return (f"`tests/fault.sh`, on {data['cpus']} CPUs: {data['sessions']} sessions that tick as fast as they are answered, {data['ticks']:,} ticks. Every "
+            f"camera must go on within {data['most_wait_s']:g} s, and never move farther in a tick than its speed limit allows. Only a network that falls silent "
+            f"and a daemon that is stopped may take longer: the client's reply timeout notices them.\n\n" +
+            table(["fault", "times"], rows) +
+            f"\n{data['resumed']:,} streams were resumed, and {data['opened_again']:,} sessions were opened again in the other daemon. After a fault the camera waited "
+            f"{wait['p50']} ms in the median, {wait['p99']} ms at the 99th percentile and {wait['max']} ms at most, silent networks included. "
+            f"{data['late']} ticks waited for too long, and {data['jumps']} cameras jumped: {verdict(data['passed'])}. "
+            "[Its page](../../fault/README.md) describes the faults.\n")
+
+
 def deltas():
     path = HERE / "deltas.txt"
     return f"`build/release/bin/delta_storm 100000`:\n\n```text\n{path.read_text().strip()}\n```\n" if path.exists() else "Not measured yet.\n"
@@ -133,7 +149,7 @@ def skew():
 
 
 def page():
-    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Soak\n\n" + soak(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
+    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Soak\n\n" + soak(), "## Faults\n\n" + faults(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
              "## Versions\n\n" + skew(), "## Mutants\n\n" + mutation(), "## What users expect of such a service\n\n" + (HERE / "promises.md").read_text()]
     return "\n".join(parts)
 
