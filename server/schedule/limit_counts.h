@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
+
+#include "server/base/error.h"
 
 namespace sightline {
 
@@ -40,10 +41,11 @@ inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLi
     "geometry-memory-mib", "messages-memory-mib",
     "reflection-calls", "health-watches"};
 
-// The limit whose flag a refusal names, as "(--max-uploads)".
-inline std::optional<Limit> limit_named_in(std::string_view refusal) {
+// The limit whose flag a refusal names, as "(--max-uploads)". Other errors, which may quote what a client sent, name none.
+inline std::optional<Limit> limit_of(const Error& refusal) {
+  if (refusal.code != ErrorCode::kResourceExhausted) return std::nullopt;
   for (size_t i = 0; i < kLimitNames.size(); ++i)
-    if (refusal.find("(--" + std::string(kLimitNames[i]) + ")") != std::string_view::npos) return static_cast<Limit>(i);
+    if (refusal.message.find("(--" + std::string(kLimitNames[i]) + ")") != std::string::npos) return static_cast<Limit>(i);
   return std::nullopt;
 }
 

@@ -146,7 +146,7 @@ Status ControlStream::parse_large(v1::ControlRequest& request) {
 }
 
 void ControlStream::refuse_message(const Error& error) {
-  if (const auto limit = limit_named_in(error.message)) parts_.stats.limits.hit(*limit);
+  if (const auto limit = limit_of(error)) parts_.stats.limits.hit(*limit);
   if (!end_status_) end_status_ = status_from_error(error);
 }
 

@@ -53,7 +53,7 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, c
                   v1::UploadSceneResponse& reply) try {
   const auto asset = parts.scenes.add_uploaded(bytes, client);
   if (!asset) {
-    if (const auto limit = limit_named_in(asset.error().message)) parts.stats.limits.hit(*limit);
+    if (const auto limit = limit_of(asset.error())) parts.stats.limits.hit(*limit);
     parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
     return status_from_error(asset.error());
   }

@@ -17,6 +17,7 @@ import grpc  # noqa: E402
 from daemon import Daemon  # noqa: E402
 from exposition import get, parse, scrape, value  # noqa: E402
 from held_thread import HeldThread  # noqa: E402
+from scenes import TRIANGLE, container, many_instances, triangle  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
@@ -228,6 +229,22 @@ class Limits(unittest.TestCase):
     def test_size_of_an_upload(self):
         hits = self.refused_by(["--max-upload-mib", "1"], lambda daemon: self.upload(daemon, [bytes(1 << 19)] * 3))
         self.assertEqual(hits, {"max-upload-mib": 1})
+
+    def test_instances_of_an_uploaded_scene(self):
+        hits = self.refused_by([], lambda daemon: self.upload(daemon, [many_instances(999_000)]))
+        self.assertEqual(hits, {"session-memory-mib": 1})
+
+    def test_a_refusal_that_quotes_the_name_of_a_limit_is_no_hit(self):
+        scene = triangle("quoting")
+        scene["extensionsRequired"] = scene["extensionsUsed"] = ["EXT (--max-uploads)"]
+
+        def upload(daemon):
+            with grpc.insecure_channel(daemon.address) as channel:
+                send = rpc(channel, "UploadScene", camera_control_pb2.UploadSceneResponse, "stream_unary")
+                with self.assertRaises(grpc.RpcError) as refused:
+                    send(iter([camera_control_pb2.UploadSceneRequest(chunk=container(scene, TRIANGLE))]))
+            self.assertIn("(--max-uploads)", refused.exception.details())
+        self.assertEqual(self.refused_by([], upload), {})
 
     def test_a_call_that_is_never_opened(self):
         def wait(daemon):
