@@ -99,6 +99,11 @@ class PageTest(Browsing):
         # Rotations cross the wire in single precision.
         self.assertLess(max(abs(a - b) for a, b in zip(ours.array("aim_m"), drives.array("aim_m"))), 1e-5)
         self.assertEqual({i["name"] for i in ours.page["instances"]}, {i["name"] for i in drives.page["instances"]})
+        # The drive was faster than real time.
+        facts = dict(ours.page["facts"])
+        self.assertEqual(facts["game time"], "5.000 s, from 0.000 s to 5.000 s")
+        self.assertRegex(facts["wall clock"], r"^[0-9.]+ s$")
+        self.assertNotEqual(facts["wall clock"], "5.00 s")
 
     def test_a_page_changes_nothing_of_the_drive(self):
         decided = [column for column in self.rows[0] if not column.endswith(("_us", "_ms")) and "true_" not in column
@@ -174,6 +179,59 @@ class PageTest(Browsing):
             self.assertAlmostEqual(float(share), 100 * float(row["occluder_share"]), delta=0.51)
         else:
             self.assertEqual(said, "")
+
+    def test_the_lanes_of_motion_are_those_of_the_trace(self):
+        columns = {name: [float(row[name]) for row in self.rows] for name in ("pose_time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "clearance_m")}
+        self.assertFalse(any(row["reason"] == "CUT" for row in self.rows))
+        time_s = columns["pose_time_s"]
+
+        def rates(values):
+            """Differences over time; the first is left out."""
+            return [None] + [None if a is None else [(q - p) / (time_s[k + 1] - time_s[k]) for p, q in zip(a, b)]
+                             for k, (a, b) in enumerate(zip(values, values[1:]))]
+
+        velocity = rates(list(zip(columns["x_m"], columns["y_m"], columns["z_m"])))
+        jerk = rates(rates(velocity))
+        rotations = list(zip(*(columns[c] for c in ("qx", "qy", "qz", "qw"))))
+        radius_m = self.driver.execute_script("return window.sightline.session.targets.map((target) => target.radius_m)")
+        for frame in (3, 10, len(self.rows) // 2, len(self.rows) - 1):
+            dot = abs(sum(a * b for a, b in zip(rotations[frame - 1], rotations[frame])))
+            row = self.rows[frame]
+            half = math.tan(float(row["vertical_fov_rad"]) / 2)
+            wanted = {
+                "Speed": math.hypot(*velocity[frame]),
+                "Turn": 2 * math.acos(min(1, dot)) / (time_s[frame] - time_s[frame - 1]),
+                "Jerk": math.hypot(*jerk[frame]),
+                "Clearance": columns["clearance_m"][frame],
+                "Shot size": max(radius_m[k] / half / float(row[f"target-{k + 1}.distance_m"]) for k in range(4)),
+            }
+            shown = dict(self.driver.execute_script(
+                "return window.sightline.timeline.lanes.filter((lane) => lane.value).map((lane) => [lane.label, lane.value(arguments[0])])", frame))
+            for lane, value in wanted.items():
+                with self.subTest(frame=frame, lane=lane):
+                    digits = len(shown[lane].split()[0].partition(".")[2])
+                    self.assertAlmostEqual(float(shown[lane].split()[0]), value, delta=0.51 * 10 ** -digits + 1e-6 * value)
+
+    def test_the_camera_is_in_the_picture_when_the_page_opens(self):
+        position, rotation, fov_degrees, aspect = self.driver.execute_script(
+            """const { outside } = window.sightline.view;
+               return [outside.position.toArray(), outside.quaternion.toArray(), outside.fov, outside.aspect]""")
+        x, y, depth = self.seen_from(position, rotation, self.view()["lens"]["position"])
+        high = math.tan(math.radians(fov_degrees) / 2)
+        self.assertGreater(depth, 0)
+        self.assertLess(abs(y / depth) / high, 0.95)
+        self.assertLess(abs(x / depth) / (high * aspect), 0.95)
+
+    @staticmethod
+    def seen_from(position, rotation, point):
+        """A point to the right of a camera, above it and before it, in metres."""
+        x, y, z, w = rotation
+        d = [p - q for p, q in zip(point, position)]
+        axes = [(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+                (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+                (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))]
+        right, up, back = (sum(a * b for a, b in zip(axis, d)) for axis in axes)
+        return right, up, -back
 
     def test_the_figures_are_those_of_the_drive(self):
         self.find("#tab-run").click()
@@ -316,15 +374,10 @@ class PageTest(Browsing):
         aim, aspect = self.driver.execute_script(
             """const { aim_m, aspect } = window.sightline.session, at = 3 * (arguments[0] * 4 + arguments[1]);
                return [[...aim_m.subarray(at, at + 3)], aspect]""", frame, k)
-        x, y, z, w = (float(row[c]) for c in ("qx", "qy", "qz", "qw"))
-        d = [aim[i] - float(row[c]) for i, c in enumerate(("x_m", "y_m", "z_m"))]
-        axes = [(1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
-                (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
-                (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))]
-        right, up, back = (sum(a * b for a, b in zip(axis, d)) for axis in axes)
+        right, up, depth = self.seen_from([float(row[c]) for c in ("x_m", "y_m", "z_m")], [float(row[c]) for c in ("qx", "qy", "qz", "qw")], aim)
         high = min(box["width"] / aspect, box["height"])
         scale = high / (2 * math.tan(float(row["vertical_fov_rad"]) / 2))
-        return [box["width"] / 2 + scale * right / -back, box["height"] / 2 - scale * up / -back]
+        return [box["width"] / 2 + scale * right / depth, box["height"] / 2 - scale * up / depth]
 
     def test_what_blocks_a_target_is_highlighted(self):
         blocked = next(i for i, row in enumerate(self.rows) if row["target-4.occluder"])

@@ -199,7 +199,7 @@ async function start() {
   player.tell();
   wireAddress(player);
   document.body.dataset.ready = 'true';
-  window.sightline = { session, player, view };
+  window.sightline = { session, player, view, timeline };
 }
 
 start().catch((trouble) => {
