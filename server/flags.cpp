@@ -215,6 +215,10 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "The same for all sessions together")
       ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
       ->capture_default_str();
+  app.add_option("--client-memory-mib", raw.flags.client_memory_mib,
+                 "The same for all sessions of one client; 0 means three quarters of --sessions-memory-mib, so that others get in")
+      ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
+      ->capture_default_str();
   app.add_option("--geometry-memory-mib", raw.flags.geometry_memory_mib,
                  "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one scene file may take. "
                  "The sampler takes about as much again. Raise it for larger scenes")

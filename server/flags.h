@@ -39,6 +39,7 @@ struct Flags {
   size_t max_message_memory_mib = 32;
   size_t session_memory_mib = 64;
   size_t sessions_memory_mib = 256;
+  size_t client_memory_mib = 0;  // 0: three quarters of sessions_memory_mib
   size_t geometry_memory_mib = 192;
   size_t messages_memory_mib = 128;
   size_t transport_memory_mib = 0;    // 0: no limit

@@ -417,7 +417,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
                                 .wall_ns = wall_ns};
   const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
                                      .max_step_cost_ms = flags.max_step_cost_ms};
-  InstanceMemory instance_memory(flags.sessions_memory_mib << 20);
+  InstanceMemory instance_memory(flags.sessions_memory_mib << 20, share_of_one(flags.client_memory_mib << 20, flags.sessions_memory_mib << 20));
   GltfLimits gltf = GltfLimits::within(flags.geometry_memory_mib << 20);
   gltf.instances_flag = "--session-memory-mib";
   gltf.memory_flag = "--geometry-memory-mib";

@@ -15,15 +15,22 @@ std::string mib(size_t bytes) {
 
 }  // namespace
 
-bool InstanceMemory::change(size_t former, size_t now) {
-  if (now <= former) {
+InstanceMemory::Answer InstanceMemory::change(const std::string& client, size_t former, size_t now) {
+  if (now == former) return Answer::kDone;
+  const std::lock_guard lock(mutex_);
+  if (now < former) {
     bytes_ -= former - now;
-    return true;
+    const auto its = clients_.find(client);
+    if ((its->second -= former - now) == 0) clients_.erase(its);
+    return Answer::kDone;
   }
   const size_t more = now - former;
-  if (bytes_.fetch_add(more) + more <= max_bytes_) return true;
-  bytes_ -= more;
-  return false;
+  if (bytes_ + more > max_bytes_) return Answer::kAllFull;
+  const auto its = clients_.find(client);
+  if ((its == clients_.end() ? 0 : its->second) + more > max_client_bytes_) return Answer::kClientFull;
+  clients_[client] += more;
+  bytes_ += more;
+  return Answer::kDone;
 }
 
 Status InstanceShare::resize(size_t instances, size_t shape_bytes, const char* field) {
@@ -35,13 +42,23 @@ Status InstanceShare::resize(size_t instances, size_t shape_bytes, const char* f
                 std::to_string(instances) + " instances and their shapes take " + mib(bytes) + "; a session may have " +
                     mib(limits_.session_bytes) + " (--session-memory-mib)");
   }
-  if (memory_ && !memory_->change(bytes_, bytes)) {
-    hit(Limit::kSessionsMemory);
-    return fail(ErrorCode::kResourceExhausted, field,
-                "the sessions together have no memory left for this many instances and shapes (--sessions-memory-mib)");
-  }
+  if (const Status changed = change(bytes, field); !changed) return changed;
   bytes_ = bytes;
   return {};
+}
+
+Status InstanceShare::change(size_t bytes, const char* field) {
+  switch (memory_ ? memory_->change(client_, bytes_, bytes) : InstanceMemory::Answer::kDone) {
+    case InstanceMemory::Answer::kDone: return {};
+    case InstanceMemory::Answer::kAllFull:
+      hit(Limit::kSessionsMemory);
+      return fail(ErrorCode::kResourceExhausted, field,
+                  "the sessions together have no memory left for this many instances and shapes (--sessions-memory-mib)");
+    case InstanceMemory::Answer::kClientFull: break;
+  }
+  hit(Limit::kClientMemory);
+  return fail(ErrorCode::kResourceExhausted, field,
+              "the sessions of this client have no memory left for this many instances and shapes (--client-memory-mib)");
 }
 
 double step_cost_ms(const StepSettings& settings, size_t targets) {

@@ -1,8 +1,10 @@
 // What one session may take of the server: the memory of its instances, and the cost of its steps.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
+#include <map>
+#include <mutex>
+#include <string>
 
 #include "server/base/error.h"
 #include "server/schedule/limit_counts.h"
@@ -18,25 +20,30 @@ struct SessionLimits {
 // About what an instance takes in the mirror and in the structures that are made from it.
 inline constexpr size_t kBytesOfInstance = 400;
 
-// The instances and shapes of all sessions together. Thread-safe.
+// The instances and shapes of all sessions together, and of those of each client. Thread-safe.
 class InstanceMemory {
  public:
-  explicit InstanceMemory(size_t max_bytes) : max_bytes_(max_bytes) {}
+  enum class Answer { kDone, kAllFull, kClientFull };
 
-  // One session goes from `former` to `now` bytes. False: there is no room, and nothing has changed.
-  bool change(size_t former, size_t now);
+  InstanceMemory(size_t max_bytes, size_t max_client_bytes) : max_bytes_(max_bytes), max_client_bytes_(max_client_bytes) {}
+
+  // One session of the client goes from `former` to `now` bytes. But for kDone nothing has changed. Throws std::bad_alloc only when it grows.
+  Answer change(const std::string& client, size_t former, size_t now);
 
  private:
-  const size_t max_bytes_;
-  std::atomic<size_t> bytes_{0};
+  const size_t max_bytes_, max_client_bytes_;
+  std::mutex mutex_;
+  // Guarded by mutex_.
+  size_t bytes_ = 0;
+  std::map<std::string, size_t> clients_;  // those that have any
 };
 
 // Counts the instances and shapes of one session in both limits until it is destroyed.
 class InstanceShare {
  public:
   // `memory` may be null: then only the session's own limit holds. `counts`, which may be null, counts refusals.
-  InstanceShare(const SessionLimits& limits, InstanceMemory* memory, LimitCounts* counts = nullptr)
-      : limits_(limits), memory_(memory), counts_(counts) {}
+  InstanceShare(const SessionLimits& limits, InstanceMemory* memory, std::string client, LimitCounts* counts = nullptr)
+      : limits_(limits), memory_(memory), client_(std::move(client)), counts_(counts) {}
   ~InstanceShare() { (void)resize(0, 0, ""); }
   InstanceShare(const InstanceShare&) = delete;
   InstanceShare& operator=(const InstanceShare&) = delete;
@@ -48,9 +55,11 @@ class InstanceShare {
   void hit(Limit limit) const {
     if (counts_) counts_->hit(limit);
   }
+  Status change(size_t bytes, const char* field);
 
   const SessionLimits& limits_;
   InstanceMemory* const memory_;
+  const std::string client_;
   LimitCounts* const counts_;
   size_t bytes_ = 0;
 };

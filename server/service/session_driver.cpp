@@ -35,7 +35,7 @@ SessionDriver::SessionDriver(const ServiceParts& parts, std::string session_id, 
       reader_(std::move(reader)),
       recording_(parts.recording, parts.clock, parts.scenes, reader_, parts.log),
       counters_(parts.stats),
-      instances_(parts.session_limits, parts.instance_memory, &parts.stats.limits) {}
+      instances_(parts.session_limits, parts.instance_memory, reader_.client, &parts.stats.limits) {}
 
 TakeJob SessionDriver::plan(Turn& turn) {
   turn.replies.clear();

@@ -1,5 +1,6 @@
 """One client that takes more than its share: budgets_test.py SIGHTLINED STUBS."""
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -109,6 +110,23 @@ class Scenes(unittest.TestCase):
                 self.assertIn("--sessions-memory-mib", raised.exception.details())
                 self.assertEqual(first.tick().sequence, 1)
             open_session(daemon.address, scene=scene_of(hash_of_scene)).close()
+
+    def test_one_client_cannot_have_all_the_memory_for_instances(self):
+        with tempfile.TemporaryDirectory() as folder:
+            socket = folder + "/socket"
+            # A user on the unix socket and the loopback address are two clients. Each session takes 38 MiB of 100.
+            with Daemon("--sessions-memory-mib", "100", "--listen-unix", socket) as daemon:
+                scene = many_instances(100_000)
+                mine, other = upload(daemon.address, scene).hash, upload("unix:" + socket, scene).hash
+                with open_session(daemon.address, scene=scene_of(mine)):
+                    with self.assertRaises(grpc.RpcError) as raised:
+                        open_session(daemon.address, scene=scene_of(mine))
+                    self.assertEqual(raised.exception.code(), EXHAUSTED)
+                    self.assertIn("--client-memory-mib", raised.exception.details())
+                    with open_session("unix:" + socket, scene=scene_of(other)) as beside:
+                        self.assertEqual(beside.tick().sequence, 1)
+                # What was given back can be used again.
+                open_session(daemon.address, scene=scene_of(mine)).close()
 
     def test_distinct_shapes_count_as_memory_while_they_are_there(self):
         from sightline.v1.scene_pb2 import NewInstance, SceneDelta, Shape

@@ -218,6 +218,10 @@ class Limits(unittest.TestCase):
         hits = self.refused_by(["--sessions-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
         self.assertEqual(hits, {"sessions-memory-mib": 1})
 
+    def test_memory_of_a_client(self):
+        hits = self.refused_by(["--client-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
+        self.assertEqual(hits, {"client-memory-mib": 1})
+
     def test_cost_of_a_step(self):
         hits = self.refused_by(["--max-step-cost-ms", "0.01"], lambda daemon: self.control(daemon, opening()))
         self.assertEqual(hits, {"max-step-cost-ms": 1})
