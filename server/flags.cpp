@@ -224,6 +224,11 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "The sampler takes about as much again. Raise it for larger scenes")
       ->check(CLI::Range(size_t{8}, size_t{1'000'000}))
       ->capture_default_str();
+  app.add_option("--client-scenes-memory-mib", raw.flags.client_scenes_memory_mib,
+                 "Largest memory of the scenes that one client has uploaded, in MiB; 0 means three quarters of --geometry-memory-mib, so that "
+                 "others can upload too")
+      ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
+      ->capture_default_str();
   app.add_option("--messages-memory-mib", raw.flags.messages_memory_mib,
                  "Memory of the messages that wait, of all sessions together, in MiB; half of it for one client. Beyond it the server reads "
                  "less, and refuses large messages. It must hold twice --max-message-memory-mib")

@@ -424,7 +424,8 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
   GeometryStore geometry(flags.geometry_memory_mib << 20);
   ExtentCache extents;
-  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20);
+  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20,
+                      share_of_one(flags.client_scenes_memory_mib << 20, flags.geometry_memory_mib << 20));
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
   Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);

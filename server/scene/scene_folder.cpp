@@ -59,13 +59,14 @@ size_t memory_of(const SceneAsset& asset) {
 }  // namespace
 
 SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store,
-                           bool keep_uploaded_bytes, size_t kept_bytes)
+                           bool keep_uploaded_bytes, size_t kept_bytes, size_t owner_bytes)
     : folder_(std::move(folder)),
       opened_(open_or_nothing(folder_)),
       limits_(limits),
       store_(store),
       keep_uploaded_bytes_(keep_uploaded_bytes),
-      kept_bytes_(kept_bytes) {}
+      kept_bytes_(kept_bytes),
+      owner_bytes_(owner_bytes) {}
 
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name) {
   if (folder_.empty()) return fail(ErrorCode::kFailedPrecondition, kField, "--scene-dir is not set");
@@ -129,10 +130,30 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
     *asset = with_bytes(std::move(*asset), kept);
   }
   const std::lock_guard lock(mutex_);
+  if (!has_room(**asset, owner))
+    return fail(ErrorCode::kResourceExhausted, "",
+                "the scenes that this client has uploaded take more than " + std::to_string(owner_bytes_ >> 20) + " MiB (--client-scenes-memory-mib)");
   Asset shared = remember(*asset, owner);
   if (kept && shared == *asset) uploaded_bytes_[{owner, shared->hash}] = kept;
   keep(shared, owner);
   return shared;
+}
+
+size_t SceneLibrary::bytes_of_others(const SceneAsset& asset, const std::string& owner) const {
+  size_t bytes = 0;
+  for (auto entry = by_hash_.lower_bound({owner, ContentHash{}}); entry != by_hash_.end() && entry->first.first == owner; ++entry)
+    if (const Asset alive = entry->second.lock(); alive && alive->hash != asset.hash) bytes += memory_of(*alive);
+  return bytes;
+}
+
+bool SceneLibrary::has_room(const SceneAsset& asset, const std::string& owner) {
+  if (owner_bytes_ == 0 || owner.empty()) return true;
+  while (bytes_of_others(asset, owner) + memory_of(asset) > owner_bytes_) {
+    const auto oldest = std::find_if(kept_uploads_.begin(), kept_uploads_.end(), [&](const KeptUpload& kept) { return kept.owner == owner; });
+    if (oldest == kept_uploads_.end()) return false;
+    kept_uploads_.erase(oldest);
+  }
+  return true;
 }
 
 void SceneLibrary::keep(Asset asset, const std::string& owner) {

@@ -35,9 +35,9 @@ class SceneLibrary {
   // With an empty `folder` nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). When the folder cannot be
   // opened, every call of load_named says so. `store` must outlive the library. With `keep_uploaded_bytes` the bytes of an upload are
   // kept as long as its asset, for files_of. `kept_bytes` is the most memory of uploads that are kept for sessions to come. The newest
-  // one is kept in any case.
+  // one is kept in any case. `owner_bytes` is the most memory of all uploads of one owner, those in use included; 0: no limit.
   SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes = false,
-               size_t kept_bytes = size_t{64} << 20);
+               size_t kept_bytes = size_t{64} << 20, size_t owner_bytes = 0);
 
   // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
   // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
@@ -47,7 +47,8 @@ class SceneLibrary {
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
   // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads, the
   // owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most bytes. An owner is the name of a client. Equal
-  // files of two owners are two assets, which share their geometries.
+  // files of two owners are two assets, which share their geometries. Fails with kResourceExhausted when the owner's uploads take more than
+  // owner_bytes although those that nobody uses were dropped, and as read_gltf does. Then no new asset is kept.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
   // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});
@@ -97,6 +98,8 @@ class SceneLibrary {
   static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader);
   Asset remember(Asset asset, const std::string& owner);  // needs mutex_
   void keep(Asset asset, const std::string& owner);  // needs mutex_
+  size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const;  // of the owner's other assets; needs mutex_
+  bool has_room(const SceneAsset& asset, const std::string& owner);  // drops the owner's kept uploads until there is; needs mutex_
   bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount);  // needs mutex_
 
   const std::string folder_;
@@ -104,7 +107,7 @@ class SceneLibrary {
   const GltfLimits limits_;
   GeometryStore& store_;
   const bool keep_uploaded_bytes_;
-  const size_t kept_bytes_;
+  const size_t kept_bytes_, owner_bytes_;
   std::mutex mutex_;
   std::map<std::string, Named> named_;                              // guarded by mutex_
   ByHash<const SceneAsset> by_hash_;                                // guarded by mutex_

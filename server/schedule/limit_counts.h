@@ -29,6 +29,7 @@ enum class Limit : size_t {
   kGeometryMemory,
   kMessagesMemory,
   kClientMemory,
+  kClientScenesMemory,
   kReflectionCalls,  // this one and the next are fixed, no flag sets them
   kHealthWatches,
   kCount
@@ -40,6 +41,7 @@ inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLi
     "sessions-memory-mib", "max-step-cost-ms",     "max-maps-ms",            "max-upload-mib",
     "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s",
     "geometry-memory-mib", "messages-memory-mib",     "client-memory-mib",
+    "client-scenes-memory-mib",
     "reflection-calls", "health-watches"};
 
 // The limit whose flag a refusal names, as "(--max-uploads)". Other errors, which may quote what a client sent, name none.

@@ -17,7 +17,7 @@ import grpc  # noqa: E402
 from daemon import Daemon  # noqa: E402
 from exposition import get, parse, scrape, value  # noqa: E402
 from held_thread import HeldThread  # noqa: E402
-from scenes import TRIANGLE, container, many_instances, triangle  # noqa: E402
+from scenes import TRIANGLE, container, many_instances, repeated_triangles, triangle  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
@@ -237,6 +237,11 @@ class Limits(unittest.TestCase):
     def test_instances_of_an_uploaded_scene(self):
         hits = self.refused_by([], lambda daemon: self.upload(daemon, [many_instances(999_000)]))
         self.assertEqual(hits, {"session-memory-mib": 1})
+
+    def test_scenes_of_a_client(self):
+        scene = repeated_triangles(30_000, 1)
+        hits = self.refused_by(["--client-scenes-memory-mib", "1"], lambda daemon: self.upload(daemon, [scene[:1 << 19], scene[1 << 19:1 << 20], scene[1 << 20:]]))
+        self.assertEqual(hits, {"client-scenes-memory-mib": 1})
 
     def test_a_refusal_that_quotes_the_name_of_a_limit_is_no_hit(self):
         scene = triangle("quoting")

@@ -207,6 +207,25 @@ TEST_F(SceneFolder, AnOwnerWithinItsShareOfTheBytesLosesNothing) {
   for (const ContentHash& hash : hashes) EXPECT_TRUE(small.find(hash, {"other"}));
 }
 
+TEST_F(SceneFolder, TheUploadsOfOneOwnerTakeABoundedMemory) {
+  const auto one = *library.add_uploaded(triangle_glb(100), "measured");
+  const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();
+  SceneLibrary small("", GltfLimits{}, store, false, size_t{64} << 20, 2 * bytes);
+  const auto first = *small.add_uploaded(triangle_glb(1), "me");
+  const ContentHash unused = (*small.add_uploaded(triangle_glb(2), "me"))->hash;
+  // The third finds room when one that nobody uses is dropped, the fourth finds none.
+  const auto third = *small.add_uploaded(triangle_glb(3), "me");
+  EXPECT_FALSE(small.find(unused, {"me"}));
+  EXPECT_EQ(*small.find(first->hash, {"me"}), first);
+  const auto fourth = small.add_uploaded(triangle_glb(4), "me");
+  ASSERT_FALSE(fourth);
+  EXPECT_EQ(fourth.error().code, ErrorCode::kResourceExhausted);
+  EXPECT_NE(fourth.error().message.find("(--client-scenes-memory-mib)"), std::string::npos);
+  // What is there already takes nothing more, and another owner has a share of its own.
+  EXPECT_TRUE(small.add_uploaded(triangle_glb(3), "me"));
+  EXPECT_TRUE(small.add_uploaded(triangle_glb(4), "you"));
+}
+
 TEST_F(SceneFolder, AnUploadIsFoundByItsOwnerAndByThoseWhoSeeAll) {
   const auto mine = library.add_uploaded(triangle_glb(100), "me");
   ASSERT_TRUE(mine);
