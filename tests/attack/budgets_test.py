@@ -161,7 +161,7 @@ class Scenes(unittest.TestCase):
             self.assertLess(daemon.most_memory_mib(), 350)
 
     def test_the_geometry_of_all_scenes_together_is_bounded(self):
-        with Daemon("--geometry-memory-mib", "8", "--kept-uploads-mib", "100") as daemon:
+        with Daemon("--geometry-memory-mib", "8", "--client-scenes-memory-mib", "100", "--kept-uploads-mib", "100") as daemon:
             hashes = [upload(daemon.address, repeated_triangles(30_000, 1, start)).hash for start in range(2)]
             with self.assertRaises(grpc.RpcError) as raised:
                 for start in range(2, 20):

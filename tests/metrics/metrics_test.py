@@ -239,8 +239,9 @@ class Limits(unittest.TestCase):
         self.assertEqual(hits, {"session-memory-mib": 1})
 
     def test_scenes_of_a_client(self):
-        scene = repeated_triangles(30_000, 1)
-        hits = self.refused_by(["--client-scenes-memory-mib", "1"], lambda daemon: self.upload(daemon, [scene[:1 << 19], scene[1 << 19:1 << 20], scene[1 << 20:]]))
+        scene = repeated_triangles(60_000, 1)
+        chunks = [scene[first:first + (1 << 19)] for first in range(0, len(scene), 1 << 19)]
+        hits = self.refused_by(["--client-scenes-memory-mib", "1"], lambda daemon: self.upload(daemon, chunks))
         self.assertEqual(hits, {"client-scenes-memory-mib": 1})
 
     def test_a_refusal_that_quotes_the_name_of_a_limit_is_no_hit(self):
