@@ -132,8 +132,15 @@ FoundInFile read_all(const Recording& recording) {
   return found;
 }
 
+std::vector<uint64_t> sequences_of(const std::vector<v1::CameraReply>& replies) {
+  std::vector<uint64_t> sequences;
+  for (const v1::CameraReply& reply : replies) sequences.push_back(reply.sequence());
+  return sequences;
+}
+
 void expect_same(const FoundInFile& found, const Heard& heard) {
   EXPECT_EQ(bytes_of(found.ticks), bytes_of(heard.sent));
+  ASSERT_EQ(sequences_of(found.replies), sequences_of(heard.replies));
   EXPECT_EQ(bytes_of(found.replies), bytes_of(heard.replies));
   EXPECT_EQ(bytes_of(found.rejections), bytes_of(heard.rejections));
   EXPECT_EQ(found.missing, 0u);

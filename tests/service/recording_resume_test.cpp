@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 #include <sstream>
 
 #include "client/recordings/commands.h"
@@ -32,9 +33,12 @@ TEST(RecordingAcrossStreams, ASessionOfSeveralStreamsIsOneRecordingThatReplays) 
   open.set_resumable(true);
   Heard heard(daemon.addresses().front(), open);
   uint64_t sequence = 0;
+  // Only the answers of the newest step are sent again, so the stream that breaks may take those of the steps before with it.
+  std::set<uint64_t> unheard;
   for (const int unanswered : {0, 1, 3}) {
     for (int i = 0; i < 15; ++i) ASSERT_TRUE(heard.ask(box_tick(++sequence)));
     for (int i = 0; i < unanswered; ++i) heard.send(box_tick(++sequence));
+    for (int i = 1; i < unanswered; ++i) unheard.insert(sequence - i);
     ASSERT_TRUE(heard.break_and_resume()) << unanswered;
     ASSERT_TRUE(heard.read_until(sequence)) << unanswered;
   }
@@ -54,7 +58,10 @@ TEST(RecordingAcrossStreams, ASessionOfSeveralStreamsIsOneRecordingThatReplays) 
   opened.clear_resume_token();
   opened.clear_resume_grace_s();
   EXPECT_EQ(recording.opened().SerializeAsString(), opened.SerializeAsString());
-  test::expect_same(test::read_all(recording), heard);
+  for (const v1::CameraReply& reply : heard.replies) unheard.erase(reply.sequence());
+  test::FoundInFile found = test::read_all(recording);
+  std::erase_if(found.replies, [&](const v1::CameraReply& reply) { return unheard.contains(reply.sequence()); });
+  test::expect_same(found, heard);
 
   std::ostringstream out, err;
   EXPECT_EQ(run_verify_command({.files = {file.string()}}, out, err), 0) << out.str() << err.str();
