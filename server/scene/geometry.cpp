@@ -144,7 +144,7 @@ constexpr size_t kBytesOfBuiltTriangle = 36;
 
 using Bytes = std::shared_ptr<std::atomic<size_t>>;
 
-// Builds a geometry. `bytes` holds the estimate `reserved` for it meanwhile, then the geometry's own bytes until nobody uses it.
+// Builds a geometry. `bytes` holds the estimate `reserved` for it meanwhile, then the geometry's own bytes until it is no longer used.
 template <typename Build>
 std::shared_ptr<const Geometry> counted(size_t reserved, const Bytes& bytes, const Build& build) try {
   std::shared_ptr<const Geometry> built = build();

@@ -130,7 +130,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
     *asset = with_bytes(std::move(*asset), kept);
   }
   const std::lock_guard lock(mutex_);
-  if (!has_room(**asset, owner))
+  if (!make_room(**asset, owner))
     return fail(ErrorCode::kResourceExhausted, "",
                 "the scenes that this client has uploaded take more than " + std::to_string(owner_bytes_ >> 20) + " MiB (--client-scenes-memory-mib)");
   Asset shared = remember(*asset, owner);
@@ -146,13 +146,19 @@ size_t SceneLibrary::bytes_of_others(const SceneAsset& asset, const std::string&
   return bytes;
 }
 
-bool SceneLibrary::has_room(const SceneAsset& asset, const std::string& owner) {
+bool SceneLibrary::make_room(const SceneAsset& asset, const std::string& owner) {
   if (owner_bytes_ == 0 || owner.empty()) return true;
-  while (bytes_of_others(asset, owner) + memory_of(asset) > owner_bytes_) {
-    const auto oldest = std::find_if(kept_uploads_.begin(), kept_uploads_.end(), [&](const KeptUpload& kept) { return kept.owner == owner; });
-    if (oldest == kept_uploads_.end()) return false;
-    kept_uploads_.erase(oldest);
-  }
+  const auto unused = [&](const KeptUpload& kept) { return kept.owner == owner && kept.asset.use_count() == 1 && kept.asset->hash != asset.hash; };
+  size_t bytes = bytes_of_others(asset, owner) + memory_of(asset);
+  size_t spare = 0;
+  for (const KeptUpload& kept : kept_uploads_)
+    if (unused(kept)) spare += kept.bytes;
+  if (bytes > owner_bytes_ + spare) return false;
+  std::erase_if(kept_uploads_, [&](const KeptUpload& kept) {
+    if (bytes <= owner_bytes_ || !unused(kept)) return false;
+    bytes -= kept.bytes;
+    return true;
+  });
   return true;
 }
 

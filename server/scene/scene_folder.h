@@ -47,8 +47,8 @@ class SceneLibrary {
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
   // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads, the
   // owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most bytes. An owner is the name of a client. Equal
-  // files of two owners are two assets, which share their geometries. Fails with kResourceExhausted when the owner's uploads take more than
-  // owner_bytes although those that nobody uses were dropped, and as read_gltf does. Then no new asset is kept.
+  // files of two owners are two assets, which share their geometries. When the owner's uploads take more than owner_bytes, it loses
+  // its oldest ones that no session uses. Fails with kResourceExhausted when that does not suffice, and as read_gltf does; nothing has changed then.
   Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
   // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});
@@ -99,7 +99,7 @@ class SceneLibrary {
   Asset remember(Asset asset, const std::string& owner);  // needs mutex_
   void keep(Asset asset, const std::string& owner);  // needs mutex_
   size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const;  // of the owner's other assets; needs mutex_
-  bool has_room(const SceneAsset& asset, const std::string& owner);  // drops the owner's kept uploads until there is; needs mutex_
+  bool make_room(const SceneAsset& asset, const std::string& owner);  // false: there is none, and nothing was dropped; needs mutex_
   bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount);  // needs mutex_
 
   const std::string folder_;

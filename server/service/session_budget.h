@@ -5,6 +5,7 @@
 #include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 
 #include "server/base/error.h"
 #include "server/schedule/limit_counts.h"
@@ -27,7 +28,8 @@ class InstanceMemory {
 
   InstanceMemory(size_t max_bytes, size_t max_client_bytes) : max_bytes_(max_bytes), max_client_bytes_(max_client_bytes) {}
 
-  // One session of the client goes from `former` to `now` bytes. But for kDone nothing has changed. Throws std::bad_alloc only when it grows.
+  // One session of the client goes from `former` to `now` bytes. With any other answer than kDone nothing has changed. Throws std::bad_alloc only when
+  // it grows, and has changed nothing then.
   Answer change(const std::string& client, size_t former, size_t now);
 
  private:

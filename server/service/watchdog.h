@@ -2,8 +2,8 @@
 //
 // A thread hangs when it has not gone round for the limit: an event loop or a thread of the gate that does not come back to wait for
 // the next event, or a stepping thread that is still at the same round of steps. A hung daemon fails its liveness, so that what runs it can
-// restart it. The threads that read scenes and open sessions (WorkerPool) are not watched: a large scene on a small share of a CPU may take
-// longer than the limit, and a restart would lose every session without helping the next attempt.
+// restart it. The threads that read scenes and open sessions (WorkerPool) are not watched. On a small share of a CPU a large scene may take
+// longer than the limit. A restart would then lose every session, and the next attempt would be no faster.
 #pragma once
 
 #include <chrono>

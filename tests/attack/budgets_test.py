@@ -125,7 +125,7 @@ class Scenes(unittest.TestCase):
                     self.assertIn("--client-memory-mib", raised.exception.details())
                     with open_session("unix:" + socket, scene=scene_of(other)) as beside:
                         self.assertEqual(beside.tick().sequence, 1)
-                # What was given back can be used again.
+                # Memory that was given back can be used again.
                 open_session(daemon.address, scene=scene_of(mine)).close()
 
     def test_distinct_shapes_count_as_memory_while_they_are_there(self):

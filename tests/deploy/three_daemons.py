@@ -56,5 +56,11 @@ class ThreeDaemons(contextlib.ExitStack):
         self.address = f"127.0.0.1:{port}"
         wait_for_listener(port)
 
+    def wait_until_moved(self, sessions):
+        """Waits until the second and the third daemon have this many sessions."""
+        deadline = time.monotonic() + 30
+        while self.sessions_of(1) + self.sessions_of(2) < sessions and time.monotonic() < deadline:
+            time.sleep(0.05)
+
     def sessions_of(self, i):
         return value(scrape(self.operators[i]), "sightline_sessions_open")

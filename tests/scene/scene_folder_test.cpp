@@ -213,7 +213,7 @@ TEST_F(SceneFolder, TheUploadsOfOneOwnerTakeABoundedMemory) {
   SceneLibrary small("", GltfLimits{}, store, false, size_t{64} << 20, 2 * bytes);
   const auto first = *small.add_uploaded(triangle_glb(1), "me");
   const ContentHash unused = (*small.add_uploaded(triangle_glb(2), "me"))->hash;
-  // The third finds room when one that nobody uses is dropped, the fourth finds none.
+  // The third upload takes the room of the unused one. The fourth finds no room.
   const auto third = *small.add_uploaded(triangle_glb(3), "me");
   EXPECT_FALSE(small.find(unused, {"me"}));
   EXPECT_EQ(*small.find(first->hash, {"me"}), first);
@@ -221,9 +221,22 @@ TEST_F(SceneFolder, TheUploadsOfOneOwnerTakeABoundedMemory) {
   ASSERT_FALSE(fourth);
   EXPECT_EQ(fourth.error().code, ErrorCode::kResourceExhausted);
   EXPECT_NE(fourth.error().message.find("(--client-scenes-memory-mib)"), std::string::npos);
-  // What is there already takes nothing more, and another owner has a share of its own.
+  // A file that is loaded already takes no more memory. Another owner has a share of its own.
   EXPECT_TRUE(small.add_uploaded(triangle_glb(3), "me"));
   EXPECT_TRUE(small.add_uploaded(triangle_glb(4), "you"));
+}
+
+TEST_F(SceneFolder, ARefusedUploadCostsItsOwnerNoOther) {
+  const auto one = *library.add_uploaded(triangle_glb(100), "measured");
+  const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();
+  SceneLibrary small("", GltfLimits{}, store, false, size_t{64} << 20, 2 * bytes);
+  const ContentHash unused = (*small.add_uploaded(triangle_glb(1), "me"))->hash;
+  std::vector<float> corners;
+  for (int i = 0; i < 9'000; ++i) corners.push_back(100.0f * std::sin(static_cast<float>(i)));
+  GlbBuilder large;
+  large.mesh_node({{"attributes", {{"POSITION", large.floats(corners)}}}});
+  EXPECT_FALSE(small.add_uploaded(large.glb(), "me"));
+  EXPECT_TRUE(small.find(unused, {"me"}));
 }
 
 TEST_F(SceneFolder, AnUploadIsFoundByItsOwnerAndByThoseWhoSeeAll) {

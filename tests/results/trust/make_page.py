@@ -73,7 +73,7 @@ def faults():
         return "Not measured yet: `tests/fault.sh`.\n"
     wait = data["wait_ms"]
     rows = [[name, f"{count:,}"] for name, count in data["faults"].items()]
-    return (f"`tests/fault.sh`, on {data['cpus']} CPUs: {data['sessions']} sessions that tick as fast as they are answered, {data['ticks']:,} ticks. Every "
+    return (f"`tests/fault.sh`, on {data['cpus']} CPUs: {data['sessions']} sessions that tick at 60 Hz at most, {data['ticks']:,} ticks. Every "
             f"camera must go on within {data['most_wait_s']:g} s, and never move farther in a tick than its speed limit allows. Only a network that falls silent "
             f"and a daemon that is stopped may take longer: the client's reply timeout notices them.\n\n" +
             table(["fault", "times"], rows) +
