@@ -180,6 +180,8 @@ class Source:
         at = begin = start + opening.end()
         level = 1
         while level:
+            if at >= end:
+                return  # a parenthesis in a literal confuses the count
             letter = self.text[at:at + 1]
             level += (letter in b"([{") - (letter in b")]}")
             if letter == b";" and level == 1:

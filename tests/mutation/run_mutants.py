@@ -7,8 +7,8 @@
 BUILD was made from sources that instrument.py has rewritten. First every test program of the folders (nearest.py) runs without a mutant, to
 learn which tests come past which mutants, and how long each takes. Then N mutants of each folder, drawn with the seed, are tried: the tests
 run from the quickest to the slowest, as many as fit into the budget of seconds. A mutant is killed when a test fails, crashes or takes
-five times as long as usual, and does so again: some tests run real daemons, which a busy machine can make late. With --programs only the first N programs of each folder count. With --again only those mutants run that
-survived in these results.
+five times as long as usual, and does so again: some tests run real daemons, which a busy machine can make late. With --programs only the
+first N programs of each folder count. With --again only those mutants run that survived in these results.
 """
 import argparse
 import collections
@@ -104,6 +104,7 @@ def key(mutant):
 
 
 def write(options, results):
+    """Replaces the file of results. It is written after every mutant, so that a run that is stopped keeps what it has found."""
     mutants = [{name: value for name, value in result.items() if name != "id"} for result in results]
     pathlib.Path(options.out).write_text(json.dumps({"seed": options.seed, "mutants": mutants}, indent=0) + "\n")
 

@@ -128,7 +128,7 @@ TEST(UploadScene, AChunkOverTheLimitIsRefused) {
   EXPECT_EQ(upload(world, bytes, nullptr, bytes.size()).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
 }
 
-// Nothing tells the client which of two uploads the server takes first, so a try in which the second one came first does not count.
+// The server may take the second upload first and end it before it takes the first one. Then both succeed, and the test tries again.
 TEST(UploadScene, TooManyAtATimeAreToldToTryAgain) {
   const ServiceWorld world({.limits = {.max_uploads = 1}});
   grpc::Status refused;
