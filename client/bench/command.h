@@ -31,7 +31,7 @@ struct BenchOptions {
   ConnectionFlags connection = {};  // to the daemon at `address`
   pid_t daemon_pid = 0;      // the process at `address`, to watch its CPU time and memory; 0: not watched
   std::string daemon;        // program to start; empty: sightlined beside `program`
-  std::string daemon_flags;  // for it, separated by blanks
+  std::string daemon_flags;  // for it, separated by blanks; it has room for all sessions unless they say otherwise
   bool tcp = false;          // it listens at TCP, not at a unix socket
   std::string program;       // the path of this program
 

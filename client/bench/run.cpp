@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <sstream>
 #include <thread>
@@ -23,7 +24,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr size_t kDaemonSessions = 64;  // the daemon's own limit, unless a flag changes it
+constexpr size_t kDaemonSessions = 64;  // that the started daemon allows, unless the load or a flag asks for more
 constexpr auto kStartTimeout = 60s;
 constexpr auto kOpenTimeout = 60s;
 constexpr auto kSettleTimeout = 5s;  // for the answers to the last ticks
@@ -134,11 +135,17 @@ class Bench {
       flags.push_back("127.0.0.1:0");
     else
       flags.insert(flags.end(), {"none", "--listen-unix", folder / "daemon.sock"});
-    if (options_.world.sessions > kDaemonSessions &&
-        options_.daemon_flags.find("--max-sessions") == std::string::npos)
-      flags.insert(flags.end(), {"--max-sessions", std::to_string(options_.world.sessions)});
-    std::istringstream given(options_.daemon_flags);
-    for (std::string word; given >> word;) flags.push_back(word);
+    // All sessions are one client's. A flag that is given keeps its value.
+    std::istringstream words(options_.daemon_flags);
+    const std::vector<std::string> given_flags{std::istream_iterator<std::string>(words), {}};
+    const auto unless_given = [&](const std::string& flag) {
+      const auto names_it = [&](const std::string& word) { return word == flag || word.starts_with(flag + "="); };
+      if (std::ranges::none_of(given_flags, names_it))
+        flags.insert(flags.end(), {flag, std::to_string(std::max(options_.world.sessions, kDaemonSessions))});
+    };
+    unless_given("--max-sessions");
+    unless_given("--max-sessions-per-client");
+    flags.insert(flags.end(), given_flags.begin(), given_flags.end());
     auto process = ChildProcess::start(program, flags, folder / "daemon.log");
     if (!process) return tl::unexpected(process.error());
     daemon_ = std::move(*process);

@@ -293,6 +293,15 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   expect_error("/nowhere/bench.json");
 }
 
+// By default a daemon lets one client open fewer.
+TEST_F(BenchCommandTest, TheStartedDaemonHasRoomForAllSessions) {
+  options_.world.sessions = 100;
+  ASSERT_EQ(run(), 0) << err_.str();
+  const Json result = json();
+  EXPECT_EQ(result.at("load").at("sessions"), 100);
+  expect_ticks_add_up(result.at("ticks"));
+}
+
 TEST_F(BenchCommandTest, SessionsThatAreRefusedForWantOfRoomAreNamed) {
   options_.world.sessions = 3;
   options_.daemon_flags.append(" --max-sessions 2");
