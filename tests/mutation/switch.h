@@ -3,6 +3,7 @@
 //   SIGHTLINE_MUTANT=N         mutant N is on; without it none is
 //   SIGHTLINE_REACHED=FILE     a byte for each mutant, set to 1 when the program comes past it; processes may share the file
 #pragma once
+#pragma GCC system_header  // a constant of another sign than its neighbour is no error here either
 
 #include <fcntl.h>
 #include <sys/mman.h>

@@ -3,6 +3,8 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <latch>
+#include <memory>
 #include <stdexcept>
 #include <thread>
 
@@ -152,7 +154,13 @@ v1::GetServerStatsResponse server_stats(const std::shared_ptr<grpc::Channel>& ch
 
 HeldLoaders::HeldLoaders(WorkerPool& loaders) {
   const std::shared_future<void> released(let_go_.get_future());
-  for (unsigned i = 0; i < loaders.threads(); ++i) loaders.post([released] { released.wait(); });
+  const auto free = std::make_shared<std::latch>(loaders.threads());
+  for (unsigned i = 0; i < loaders.threads(); ++i)
+    loaders.post([released, free] {
+      free->count_down();
+      released.wait();
+    });
+  free->wait();  // the pool is fair: another caller's task would go before the second of these
 }
 
 // --- one call

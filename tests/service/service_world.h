@@ -119,7 +119,7 @@ class ServiceWorld {
   std::unique_ptr<Listener> listener;
 };
 
-// Blocks the loaders of a service until this object is destroyed.
+// Blocks all loaders of a service, from the constructor's return until this object is destroyed. The loaders must not be held already.
 class HeldLoaders {
  public:
   explicit HeldLoaders(WorkerPool& loaders);
