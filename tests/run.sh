@@ -9,6 +9,8 @@ preset=${PRESET:-release}
 # For the sanitizers: undefined behaviour fails the test, and reports from inside gRPC are suppressed.
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-halt_on_error=1:print_stacktrace=1}
 export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/service/tsan.supp}
+# This script installs Mesa, so tests of OpenGL must find a context here.
+export SIGHTLINE_REQUIRE_EGL=1
 
 deploy/install-packages.sh test
 cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null

@@ -25,23 +25,22 @@ std::string own_cgroup() {
   return {};
 }
 
-// The tightest quota from our own group up to the root that we can see.
-std::optional<double> cgroup_quota() {
+}  // namespace
+
+std::optional<double> cgroup_cpu_quota(const std::string& root, std::string group) {
   std::optional<double> tightest;
   const auto consider = [&](const std::optional<double>& quota) {
     if (quota && (!tightest || *quota < *tightest)) tightest = quota;
   };
-  for (std::string group = own_cgroup();;) {
-    consider(parse_cpu_max(read_all("/sys/fs/cgroup" + group + "/cpu.max")));
+  while (true) {
+    consider(parse_cpu_max(read_all(root + group + "/cpu.max")));
     if (group.empty()) break;
-    group.resize(group.find_last_of('/') == std::string::npos ? 0 : group.find_last_of('/'));
+    const size_t slash = group.find_last_of('/');
+    group.resize(slash == std::string::npos ? 0 : slash);
   }
-  consider(parse_cpu_max(read_all("/sys/fs/cgroup/cpu/cpu.cfs_quota_us") + " " +
-                         read_all("/sys/fs/cgroup/cpu/cpu.cfs_period_us")));
+  consider(parse_cpu_max(read_all(root + "/cpu/cpu.cfs_quota_us") + " " + read_all(root + "/cpu/cpu.cfs_period_us")));
   return tightest;
 }
-
-}  // namespace
 
 std::optional<double> parse_cpu_max(const std::string& text) {
   std::istringstream words(text);
@@ -55,7 +54,7 @@ int cpu_budget() {
   CPU_ZERO(&allowed);
   // Fails on machines with more CPUs than the fixed-size set holds; then only the quota limits.
   const int by_affinity = sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : CPU_SETSIZE;
-  const std::optional<double> quota = cgroup_quota();
+  const std::optional<double> quota = cgroup_cpu_quota("/sys/fs/cgroup", own_cgroup());
   const int by_quota = quota ? static_cast<int>(std::ceil(std::min(*quota, 1e6))) : by_affinity;
   return std::max(1, std::min(by_affinity, by_quota));
 }

@@ -2,6 +2,10 @@
 #include "server/base/cpu_budget.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
 
 namespace sightline {
 namespace {
@@ -12,6 +16,41 @@ TEST(CpuBudgetTest, ReadsCpuQuotas) {
   for (const char* none : {"max 100000\n", "", "-1 100000", "100000", "100000 0", "x y"})
     EXPECT_FALSE(parse_cpu_max(none)) << none;
   EXPECT_GE(cpu_budget(), 1);
+}
+
+// A folder as the kernel shows control groups.
+class ControlGroups : public testing::Test {
+ protected:
+  ControlGroups() : root_(std::filesystem::temp_directory_path() / ("sightline-cgroup-" + std::to_string(::getpid()))) {}
+  ~ControlGroups() override { std::filesystem::remove_all(root_); }
+  void write(const std::string& file, const std::string& text) const {
+    std::filesystem::create_directories((root_ / file).parent_path());
+    std::ofstream(root_ / file) << text;
+  }
+  std::optional<double> quota(const std::string& group) const { return cgroup_cpu_quota(root_, group); }
+
+  const std::filesystem::path root_;
+};
+
+TEST_F(ControlGroups, TheTightestOfAGroupAndItsParentsCounts) {
+  write("pod/game/cpu.max", "400000 100000\n");
+  EXPECT_EQ(quota("/pod/game"), 4.0);
+  write("pod/cpu.max", "150000 100000\n");
+  EXPECT_EQ(quota("/pod/game"), 1.5);
+  write("cpu.max", "max 100000\n");
+  EXPECT_EQ(quota("/pod/game"), 1.5);
+  write("pod/game/cpu.max", "50000 100000\n");
+  EXPECT_EQ(quota("/pod/game"), 0.5);
+  EXPECT_EQ(quota("/pod"), 1.5) << "a child's quota is not the parent's";
+  EXPECT_EQ(quota("/other"), std::nullopt);
+}
+
+TEST_F(ControlGroups, Version1HasItsQuotaInTwoFiles) {
+  write("cpu/cpu.cfs_quota_us", "250000\n");
+  write("cpu/cpu.cfs_period_us", "100000\n");
+  EXPECT_EQ(quota(""), 2.5);
+  write("cpu/cpu.cfs_quota_us", "-1\n");
+  EXPECT_EQ(quota(""), std::nullopt);
 }
 
 }  // namespace

@@ -56,6 +56,20 @@ class CommandLineTest(unittest.TestCase):
                 self.assertEqual(result.returncode, 0)
                 self.assertGreater(len(result.stdout.splitlines()), 3)
 
+    def test_help_lists_the_flags_of_the_page_with_their_defaults(self):
+        page = (pathlib.Path(__file__).parents[2] / "deploy/COMMAND_LINE.md").read_text()
+        page = page[page.index("\n## sightline\n"):]
+        for command in COMMANDS:
+            section = page.split(f"\n### sightline {command}\n")[1].split("\n#")[0]
+            rows = [[cell.strip() for cell in line.split(" | ")] for line in section.splitlines() if line.startswith("| `--")]
+            self.assertTrue(rows, command)
+            shown = run(command, "--help").stdout
+            for names, _, default, *_ in rows:
+                with self.subTest(command=command, flag=names):
+                    for name in names.strip("| ").split(", "):
+                        self.assertIn(name.strip("`"), shown)
+                    self.assertIn(default, shown)
+
     def test_a_flag_that_no_sub_command_has_is_an_error_that_names_it(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for command in COMMANDS:

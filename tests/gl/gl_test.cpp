@@ -29,6 +29,12 @@ TEST(EglContextTest, HasOpenGl45AndSaysWhatItIs) {
   EXPECT_FALSE(context->was_reset());
 }
 
+// tests/run.sh installs Mesa and sets the variable. Without this test, a defect that finds no context would skip every test of OpenGL.
+TEST(EglContextTest, IsThereWhereItIsRequired) {
+  if (!std::getenv("SIGHTLINE_REQUIRE_EGL")) GTEST_SKIP() << "SIGHTLINE_REQUIRE_EGL is not set";
+  EXPECT_NE(any_context(), nullptr);
+}
+
 TEST(EglContextTest, IsRefusedToASecondThreadWhileItIsCurrentOnOne) {
   const auto context = any_context();
   if (!context) GTEST_SKIP() << "no EGL context";

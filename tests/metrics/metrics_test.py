@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """metrics_test.py SIGHTLINED SIGHTLINE PYTHON_FOLDER [PROMTOOL]: what the daemon says of itself, beside what a client has counted."""
+import re
 import json
 import pathlib
 import queue
@@ -93,6 +94,13 @@ class Exposition(unittest.TestCase):
             self.assertTrue(family.samples, name)
         self.assertEqual({key for family in before.values() for key in family.samples},
                          {key for family in after.values() for key in family.samples})
+
+    def test_they_are_those_of_the_page_about_metrics(self):
+        page = (pathlib.Path(__file__).parents[2] / "deploy/METRICS.md").read_text()
+        listed = dict(re.findall(r"^\| `(\w+)` \| (counter|gauge|histogram) \|", page, re.MULTILINE))
+        with start() as daemon:
+            exported = {name: family.kind for name, family in scrape(daemon.operators).items()}
+        self.assertEqual(exported, listed)
 
     def test_only_known_pages_are_answered_and_only_read(self):
         with start() as daemon:

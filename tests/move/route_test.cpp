@@ -192,6 +192,26 @@ TEST(Route, AClearanceAtTheLimitFitsAndASumAtTheLengthDoesNot) {
   EXPECT_EQ(finder.length_m()[1], 1.0);
 }
 
+// The balls of both nodes overlap, but between them is too little room for the body. Only the callback knows whether it fits.
+TEST(Route, TheFirstLegIsAskedForUnlessTheClearancesHoldTheBodyAllTheWay) {
+  Nodes nodes;
+  nodes.add({0, 0, 0}, {0, 0, 0}, 2.5), nodes.add({1, 0, 0}, {3.5, 0, 0}, 2.5);
+  for (const bool free : {false, true}) {
+    RouteNodes view = nodes.view();
+    int asked = 0;
+    view.first_leg_is_free = [&](uint32_t) { return ++asked, free; };
+    Ways ways;
+    ways.find(view, 0, 1.5);
+    EXPECT_GT(asked, 0);
+    EXPECT_EQ(ways.length_m()[1], free ? 3.5 : kUnreachable);
+  }
+  RouteNodes view = nodes.view();
+  view.first_leg_is_free = [](uint32_t) { return ADD_FAILURE() << "the clearances say it", false; };
+  Ways ways;
+  ways.find(view, 0, 0.5);
+  EXPECT_EQ(ways.length_m()[1], 3.5);
+}
+
 TEST(Route, OneNodeIsItsOwnRoute) {
   Nodes nodes;
   nodes.add({-40'000, 7, 40'000}, {-10'000, 2, 10'000}, 0.0);

@@ -87,11 +87,17 @@ class Build:
 
 
 def chosen_tests(mutant, tests, budget_s):
-    """The tests of the folder that come past the mutant: unit tests before wider ones, quick ones first, within the budget."""
+    """The tests that come past the mutant: those of its folder, unit tests before wider ones, then all others. Quick ones are first, and each of
+    the two groups has the budget."""
     order = {program: place for place, program in enumerate(NEAREST[mutant["folder"]])}
-    near = sorted((t for t in tests if t.program in order and mutant["id"] in t.reaches), key=lambda t: (order[t.program], t.seconds))
+    reaching = [t for t in tests if mutant["id"] in t.reaches]
+    near = sorted((t for t in reaching if t.program in order), key=lambda t: (order[t.program], t.seconds))
+    return within(near, budget_s) + within(sorted((t for t in reaching if t.program not in order), key=lambda t: t.seconds), budget_s)
+
+
+def within(tests, budget_s):
     out, spent = [], 0.0
-    for test in near:
+    for test in tests:
         if out and spent + test.seconds > budget_s or len(out) >= 400:
             continue
         out.append(test)

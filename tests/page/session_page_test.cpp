@@ -287,12 +287,14 @@ TEST(SessionPage, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].stage_us.push_back(1); }), "frames[0].stage_us");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].chosen_cell = 0; }), "frames[0].chosen_cell");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[2].time_s = 0; }), "frames[2].time_s");
+  EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].time_s = 1; }), "frames[1].time_s");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].camera.position_m.x = kPageUnknown; }), "frames[1]");
   EXPECT_EQ(changed([](SessionPage& s) { s.instances[1].geometry.reset(); }), "instances[1].geometry");
   EXPECT_EQ(changed([](SessionPage& s) { s.aspect = 0; }), "aspect");
   EXPECT_EQ(changed([](SessionPage& s) { s.movers[0].instance = 3; }), "movers[0]");
   EXPECT_EQ(changed([](SessionPage& s) { s.targets.resize(33); }), "targets");
   EXPECT_EQ(changed([](SessionPage& s) { s.flags.resize(33); }), "flags");
+  EXPECT_NE(changed([](SessionPage& s) { s.flags.resize(32); }), "flags") << "as many as a number has bits";
   EXPECT_EQ(changed([](SessionPage& s) { s.pictures.push_back({3, "image/png", {}}); }), "pictures[0].frame");
   EXPECT_EQ(changed([](SessionPage& s) { s.columns.clear(); }), "figures[0].values");
   EXPECT_EQ(changed([](SessionPage& s) { s.settings[1].json = "{"; }), "settings[1].json");

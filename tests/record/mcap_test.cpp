@@ -229,6 +229,24 @@ TEST(Mcap, VerifyFindsNothingInASoundFileAndCountsItsTopics) {
   EXPECT_EQ(verdict.topics.at("/tick").longest_silence_ns, kSecondNs / 5);
 }
 
+TEST(Mcap, VerifyCountsChunksWithoutACrc) {
+  test::SmallFile file = test::make_small_file();
+  auto& bytes = file.bytes;
+  size_t chunks = 0;
+  for (size_t at = 8; at + 9 <= bytes.size() - 8;) {  // records, each of an opcode, a length and its content
+    uint64_t length = 0;
+    for (size_t k = 8; k >= 1; --k) length = length << 8 | static_cast<uint8_t>(bytes[at + k]);
+    if (static_cast<uint8_t>(bytes[at]) == 6) {
+      ++chunks;
+      for (size_t k = 0; k < 4; ++k) bytes[at + 9 + 24 + k] = {};  // behind two times and the size
+    }
+    at += 9 + length;
+  }
+  ASSERT_GT(chunks, 0u);
+  const MemorySource source(bytes);
+  EXPECT_EQ(verify_mcap(source, {}).value().chunks_without_crc, chunks);
+}
+
 TEST(Mcap, VerifyCountsMissingNumbersAndSilences) {
   MemorySink sink;
   McapWriter writer(sink, {});

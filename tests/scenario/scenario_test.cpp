@@ -219,6 +219,16 @@ TEST(ScenarioMotion, VelocityIsTheSlopeOfThePathAndZeroAtRest) {
   EXPECT_EQ(glm::length(scenario->motion_at(3.0, 1.0 / 60)[0].velocity_mps), 0.0);
 }
 
+// At a corner of the path, as much time before it counts as after it.
+TEST(ScenarioMotion, VelocityAtACornerIsTheMeanOfBothSlopes) {
+  Asset asset;
+  const int anna = asset.add("anna", role("target"));
+  asset.animate(anna, AssetChannel::Path::kTranslation, {0, 1, 2}, {0, 0, 0, 1, 0, 0, 4, 0, 0});
+  const auto scenario = asset.read();
+  ASSERT_TRUE(scenario);
+  EXPECT_LT(glm::distance(scenario->motion_at(1.0, 0.1)[0].velocity_mps, glm::dvec3(2, 0, 0)), 1e-4);
+}
+
 TEST(ScenarioMotion, WithoutAnAnimationEveryoneStands) {
   Asset asset;
   const int anna = asset.add("anna", role("target"));

@@ -132,6 +132,20 @@ TEST(Cut, SeesTheHeaviestTargetsWhereNotAllCanBeSeen) {
   EXPECT_GT(stage.last.targets[1].visible_share, 0.5);
 }
 
+// At first no target can be seen from any place. Then one of the two, which has a small weight, can be seen.
+TEST(Cut, TakesAViewOfALightTargetAfterRoundsThatFoundNothing) {
+  Stage stage;
+  stage.add_target(2, {6, 1, 0}, true, 0.5);
+  stage.add_box(300, {0, 1, 0}, {1, 1.5, 1});
+  stage.add_box(310, {6, 1, 0}, {1, 1.5, 1});
+  stage.add_room(200, {3, 1.7, 14}, {2, 1.6, 2});
+  stage.place({3, 1.6, 14}, {3, 1, 0});
+  EXPECT_EQ(stage.play(6.0), 0);
+  stage.move(310, {6, -20, 0});
+  EXPECT_EQ(stage.play(3.0), 1);
+  EXPECT_GT(stage.last.targets[1].visible_share, 0.5);
+}
+
 // Targets that jump about among many blocks. Embree says whether the camera's body is free and the target is seen.
 TEST(Cut, NeverLeadsIntoGeometryAndSeesTheTarget) {
   EmbreeDevice device;

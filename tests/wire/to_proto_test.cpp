@@ -305,6 +305,23 @@ TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
   EXPECT_EQ(lean.depth_maps_size(), 0);
 }
 
+// The camera goes to a candidate when it sees more from there. With the default settings it flies to places of its plan instead.
+TEST(ToProto, TheChosenCandidateIsToldWhereOneIsChosen) {
+  v1::OpenSession open = make_open();
+  open.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
+  Wire wire(open);
+  int chosen_times = 0;
+  for (uint64_t sequence = 1; sequence <= 40; ++sequence) {
+    v1::Tick tick = make_tick(sequence);
+    for (int i = 0; i < tick.transforms().ids_size(); ++i)
+      if (tick.transforms().ids(i) == 1) tick.mutable_transforms()->set_positions(3 * i + 2, -0.3 * static_cast<double>(sequence));
+    const int chosen = wire.play(tick, {true, true}).candidates().chosen_index();
+    EXPECT_EQ(chosen, wire.session->dump().decision.chosen_candidate);
+    chosen_times += chosen >= 0;
+  }
+  EXPECT_GT(chosen_times, 0);
+}
+
 TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   v1::OpenSession open = make_open();
   open.mutable_tuning()->mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_PAIR);
@@ -381,6 +398,15 @@ TEST(StatusFromError, WithoutAFieldHasNoDetails) {
   EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(status.error_message(), "the device was lost");
   EXPECT_TRUE(status.error_details().empty());
+}
+
+// Headers have little room.
+TEST(StatusFromError, AMessageOfMoreThanAThousandBytesIsCutBetweenCharacters) {
+  const auto sent = [](const std::string& message) { return status_from_error({ErrorCode::kUnavailable, "", message}).error_message(); };
+  const std::string fits(1000, 'x');
+  EXPECT_EQ(sent(fits), fits);
+  EXPECT_EQ(sent(fits + "y"), fits + "...");
+  EXPECT_EQ(sent(fits.substr(0, 999) + "\u00e9"), fits.substr(0, 999) + "...") << "a character of two bytes";
 }
 
 TEST(StatusFromError, UnusableInputIsTheSendersFault) {

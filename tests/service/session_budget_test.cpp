@@ -1,0 +1,93 @@
+// The memory of instances, and the cost of steps, that one session, one client and all sessions may have.
+#include "server/service/session_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+namespace sightline {
+namespace {
+
+using Answer = InstanceMemory::Answer;
+
+TEST(InstanceMemoryTest, RefusesWhatAClientOrAllWouldHaveTooMuchAndChangesNothingThen) {
+  InstanceMemory memory(100, 60);
+  EXPECT_EQ(memory.change("a", 0, 60), Answer::kDone) << "up to the limit";
+  EXPECT_EQ(memory.change("a", 0, 1), Answer::kClientFull);
+  EXPECT_EQ(memory.change("b", 0, 41), Answer::kAllFull);
+  EXPECT_EQ(memory.change("b", 0, 40), Answer::kDone);
+  EXPECT_EQ(memory.change("c", 0, 1), Answer::kAllFull);
+}
+
+TEST(InstanceMemoryTest, WhatIsGivenBackIsFree) {
+  InstanceMemory memory(100, 60);
+  ASSERT_EQ(memory.change("a", 0, 50), Answer::kDone);
+  ASSERT_EQ(memory.change("b", 0, 50), Answer::kDone);
+  EXPECT_EQ(memory.change("b", 50, 60), Answer::kAllFull);
+  EXPECT_EQ(memory.change("a", 50, 20), Answer::kDone);
+  EXPECT_EQ(memory.change("b", 50, 60), Answer::kDone);
+  EXPECT_EQ(memory.change("a", 20, 0), Answer::kDone);
+  EXPECT_EQ(memory.change("a", 0, 40), Answer::kDone);
+  EXPECT_EQ(memory.change("a", 40, 40), Answer::kDone) << "no change needs no room";
+}
+
+class InstanceShareTest : public testing::Test {
+ protected:
+  static constexpr size_t kMib = size_t{1} << 20;
+  // The limit that is hit, if any.
+  std::optional<Limit> hit_by(InstanceShare& share, size_t instances, size_t shape_bytes) {
+    const Status changed = share.resize(instances, shape_bytes, "open.instances");
+    if (changed) return std::nullopt;
+    EXPECT_EQ(changed.error().code, ErrorCode::kResourceExhausted);
+    EXPECT_EQ(changed.error().field, "open.instances");
+    const std::optional<Limit> named = limit_of(changed.error());
+    EXPECT_TRUE(named && counts_.count(*named) == 1) << changed.error().message;
+    return named;
+  }
+
+  const SessionLimits limits_{.session_bytes = 4 * kMib};
+  InstanceMemory memory_{8 * kMib, 6 * kMib};
+  LimitCounts counts_;
+};
+
+TEST_F(InstanceShareTest, InstancesAndShapesCountTogether) {
+  InstanceShare share(limits_, &memory_, "a", &counts_);
+  const size_t most = 4 * kMib / kBytesOfInstance;
+  EXPECT_EQ(hit_by(share, most, 0), std::nullopt);
+  EXPECT_EQ(hit_by(share, most, kBytesOfInstance), Limit::kSessionMemory);
+  EXPECT_EQ(hit_by(share, most / 2, 2 * kMib), std::nullopt) << "fewer instances make room for shapes";
+}
+
+TEST_F(InstanceShareTest, TheClientAndAllSessionsHaveLimitsOfTheirOwn) {
+  InstanceShare a(limits_, &memory_, "a", &counts_), other_of_a(limits_, &memory_, "a", &counts_), b(limits_, &memory_, "b", &counts_);
+  EXPECT_EQ(hit_by(a, 0, 4 * kMib), std::nullopt);
+  EXPECT_EQ(hit_by(other_of_a, 0, 3 * kMib), Limit::kClientMemory);
+  EXPECT_EQ(hit_by(other_of_a, 0, 2 * kMib), std::nullopt);
+  EXPECT_EQ(hit_by(b, 0, 3 * kMib), Limit::kSessionsMemory);
+  EXPECT_EQ(hit_by(b, 0, 2 * kMib), std::nullopt);
+}
+
+TEST_F(InstanceShareTest, ASessionThatEndsGivesAllBack) {
+  for (int round = 0; round < 3; ++round) {
+    InstanceShare share(limits_, &memory_, "a", &counts_);
+    EXPECT_EQ(hit_by(share, 100, 3 * kMib), std::nullopt);
+  }
+  InstanceShare all(limits_, &memory_, "a", &counts_);
+  EXPECT_EQ(hit_by(all, 0, 4 * kMib), std::nullopt);
+}
+
+TEST(StepCost, GrowsWithTargetsAndSettingsAndIsRefusedAboveTheLimitOnly) {
+  StepSettings settings;
+  const double one_ms = step_cost_ms(settings, 1);
+  EXPECT_GT(one_ms, 0.0);
+  EXPECT_DOUBLE_EQ(step_cost_ms(settings, 4), 4 * one_ms);
+  EXPECT_TRUE(check_step_cost(settings, 4, {.max_step_cost_ms = 4 * one_ms}, "open.settings"));
+  EXPECT_TRUE(check_step_cost(settings, 4, {.max_step_cost_ms = 0.0}, "open.settings")) << "no limit";
+  const Status refused = check_step_cost(settings, 4, {.max_step_cost_ms = 3.9 * one_ms}, "open.settings");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().field, "open.settings");
+  EXPECT_EQ(limit_of(refused.error()), Limit::kMaxStepCost);
+}
+
+}  // namespace
+}  // namespace sightline
