@@ -54,7 +54,22 @@ class Build:
         return ["ctest", "--test-dir", str(self.path), "-R", f"^{program}$", "-Q"]
 
     def reach(self, program, count):
-        """The tests of a program, with the mutants that each comes past."""
+        """The tests of a program, with the mutants that each comes past. What was found for the same build is kept."""
+        kept, stamp = self.path / "reach" / f"{program}.json", self.stamp(program)
+        if kept.exists() and (found := json.loads(kept.read_text()))["stamp"] == stamp:
+            return [Test(name, program, seconds, set(reaches)) for name, seconds, reaches in found["tests"]]
+        tests, good = self.measured_reach(program, count)
+        if good:
+            kept.parent.mkdir(exist_ok=True)
+            kept.write_text(json.dumps({"stamp": stamp, "tests": [[t.name, t.seconds, sorted(t.reaches)] for t in tests]}))
+        return tests
+
+    def stamp(self, program):
+        """Changes when the program is built again. A change of any mutant changes the sources, and so the programs."""
+        names = [program] if is_program(program) else ["sightlined", "sightline"]
+        return [(self.path / "bin" / name).stat().st_mtime_ns for name in names]
+
+    def measured_reach(self, program, count):
         with tempfile.TemporaryDirectory(dir=self.path) as folder:
             reached, report = pathlib.Path(folder, "reached"), pathlib.Path(folder, "report")
             reached.write_bytes(bytes(count))
@@ -68,7 +83,7 @@ class Build:
                 lines = [line.split() for line in report.read_text().splitlines()] if report.exists() else []
                 tests = [Test(line[1], program, float(line[0]), set(map(int, line[2:]))) for line in lines if line[-1] != "failed"]
         print(f"{program}: {len(tests)} tests, {seconds:.0f} s{'' if good else ', of which some fail by themselves'}", flush=True)
-        return tests
+        return tests, good
 
     def survives(self, mutant, tests):
         """The name of the program whose tests kill the mutant, or None."""
