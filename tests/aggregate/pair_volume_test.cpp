@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -198,6 +199,23 @@ TEST(PairVolume, CandidatesAreThePointsInTheBallAndCompareAtTheirOwnTexels) {
   composer.set_positions(general.position_m);
   composer.visibility({maps, ranges, ranges}, 0.001, general.visible_targets);
   EXPECT_EQ(general.visible_targets, pair.visible_targets);
+}
+
+// Left and right are the same, so a column that one target's window left out would be missing on one side.
+TEST(PairVolume, CandidatesOfASymmetricSceneAreSymmetric) {
+  const auto bound = ball({0, 0, 5}, 0.5);
+  const PairVolume volume = make_pair_volume({-1, 0, 0}, {1, 0, 0}, bound, 7);
+  const auto views = pair_views(volume, {0.5, 0.5});
+  const DepthMap map_a{views[0], std::vector<float>(49, 100.0f), std::vector<uint32_t>(49, 0)};
+  const DepthMap map_b{views[1], std::vector<float>(49, 100.0f), std::vector<uint32_t>(49, 0)};
+  CandidateSet pair;
+  compose_pair(volume, map_a, map_b, bound, 0.001, pair);
+  ASSERT_GT(pair.size(), 20u);
+  for (const glm::dvec3 p : pair.position_m) {
+    double nearest_m = 1e9;
+    for (const glm::dvec3 q : pair.position_m) nearest_m = std::min(nearest_m, glm::distance(q, glm::dvec3(-p.x, p.y, p.z)));
+    EXPECT_LT(nearest_m, 1e-4) << p.x << ' ' << p.y << ' ' << p.z;
+  }
 }
 
 }  // namespace

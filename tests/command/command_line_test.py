@@ -1,5 +1,7 @@
 """The command `sightline` as typed: command_line_test.py SIGHTLINE."""
+import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -69,6 +71,15 @@ class CommandLineTest(unittest.TestCase):
                     for name in names.strip("| ").split(", "):
                         self.assertIn(name.strip("`"), shown)
                     self.assertIn(default, shown)
+
+    def test_describe_names_the_sub_commands_and_their_flags(self):
+        commands = {command["name"]: command for command in json.loads(run("--describe").stdout)["commands"]}
+        self.assertEqual(set(commands), set(COMMANDS))
+        for name, command in commands.items():
+            names = {name for flag in command["flags"] if not flag["positional"] for name in flag["names"]}
+            self.assertLessEqual({"-h", "--help"}, names, name)
+            shown = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", run(name, "--help").stdout))
+            self.assertLessEqual(names, shown, name)
 
     def test_a_flag_that_no_sub_command_has_is_an_error_that_names_it(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:

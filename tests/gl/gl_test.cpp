@@ -25,6 +25,7 @@ TEST(EglContextTest, HasOpenGl45AndSaysWhatItIs) {
   ASSERT_TRUE(current);
   EXPECT_GE(epoxy_gl_version(), 45);
   EXPECT_FALSE(context->info().renderer.empty());
+  EXPECT_EQ(context->info().platform, context->info().index == kSurfacelessIndex ? "surfaceless" : "device");
   EXPECT_EQ(context->info().software, is_software_renderer(context->info().renderer));
   EXPECT_FALSE(context->was_reset());
 }

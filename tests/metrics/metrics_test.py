@@ -102,6 +102,11 @@ class Exposition(unittest.TestCase):
             exported = {name: family.kind for name, family in scrape(daemon.operators).items()}
         self.assertEqual(exported, listed)
 
+    def test_steps_are_counted_for_each_level_of_quality_and_for_no_other(self):
+        with start() as daemon:
+            _, text = get(daemon.operators, "/metrics")
+        self.assertEqual(re.findall(r'^sightline_steps_total\{level="(\w+)"\}', text, re.MULTILINE), [str(level) for level in range(6)])
+
     def test_only_known_pages_are_answered_and_only_read(self):
         with start() as daemon:
             self.assertEqual(get(daemon.operators, "/metrics/more")[0], 404)

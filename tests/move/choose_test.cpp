@@ -359,5 +359,22 @@ TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
   EXPECT_GT(outside, 5000);
 }
 
+TEST(BrokenLimits, AreThoseOfDistanceAndOfBothElevations) {
+  std::vector<TrackedTarget> targets(1);
+  targets[0].weight = 1.0;
+  MoveSettings settings;
+  settings.min_elevation_rad = -0.2, settings.max_elevation_rad = 0.8;
+  settings.min_distance_m = 1, settings.max_distance_m = 10;
+  const auto broken = [&](double elevation_rad, double distance_m) {
+    return broken_limits(distance_m * glm::dvec3(std::cos(elevation_rad), std::sin(elevation_rad), 0), targets, settings);
+  };
+  for (const double inside_rad : {-0.19, 0.0, 0.79}) {
+    EXPECT_FALSE(broken(inside_rad, 5).elevation) << inside_rad;
+    EXPECT_FALSE(broken(inside_rad, 5).distance) << inside_rad;
+  }
+  for (const double outside_rad : {-0.21, 0.81}) EXPECT_TRUE(broken(outside_rad, 5).elevation) << outside_rad;
+  for (const double outside_m : {0.9, 10.1}) EXPECT_TRUE(broken(0.0, outside_m).distance) << outside_m;
+}
+
 }  // namespace
 }  // namespace sightline

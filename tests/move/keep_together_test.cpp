@@ -67,6 +67,12 @@ TEST(KeepTogether, TheGreatestWeightOfRequiredTargetsIsKeptThenOfOptionalOnes) {
   EXPECT_GT(gave_up, 1000);
 }
 
+// Each required target fits together with an optional one that stands before it in the list.
+TEST(KeepTogether, RequiredTargetsJoinBeforeOptionalOnes) {
+  const std::vector<TrackedTarget> targets = {at(-4, 1, false), at(11, 1, false), at(0), at(7)};
+  EXPECT_EQ(keep_together(targets, {}, kAllBefore, fit), 0b1100u);
+}
+
 TEST(KeepTogether, OfEqualChoicesTheNearestToTheCameraIsTaken) {
   const std::vector<TrackedTarget> targets = {at(0), at(20)};
   EXPECT_EQ(keep_together(targets, {18, 0, 0}, kAllBefore, fit), 0b10u);

@@ -2,7 +2,7 @@
 ctest, the others are programs of gtest. The golden recording is not among them: it notices every change of a bit, right or wrong. A mutant that they leave alive meets the tests of the other
 folders that come past it."""
 NEAREST = {
-    "server": ("daemon_test", "Attack_process", "Attack_budgets", "Attack_trust", "CommandLine"),
+    "server": ("daemon_test", "Fault_injected", "Attack_process", "Attack_budgets", "Attack_trust", "CommandLine"),
     "server/aggregate": ("aggregate_test", "step_test"),
     "server/base": ("base_test", "wire_test", "step_test"),
     "server/bound": ("bound_test", "step_test"),

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -74,6 +75,36 @@ TEST(ViewerChannels, ACompoundIsShownPartByPart) {
   near(shown.spheres(1).pose().position(), 0, -0.4, 1);
   near(shown.spheres(2).pose().position(), 0, 0.4, 1);
   near(shown.cylinders(0).pose().position(), 0, 0, 1);
+}
+
+TEST(ViewerChannels, AnInstanceThatTurnsIsShownTurned) {
+  std::vector<foxglove::Quaternion> shown;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic != RecordTopic::kFrames) return;
+    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms()) shown.push_back(frame.rotation());
+  };
+  v1::OpenSession open;
+  v1::NewInstance& instance = *open.add_instances();
+  instance.set_id(1);
+  instance.mutable_shape()->mutable_sphere()->set_radius(1.0);
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open(open);
+  viewers.take_open(open);
+  const glm::dquat turned = glm::normalize(glm::dquat(0.8, 0.1, 0.3, -0.5));
+  v1::Tick tick;
+  tick.set_sequence(1);
+  tick.mutable_transforms()->add_ids(1);
+  for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_positions(1.0);
+  for (const double value : {turned.x, turned.y, turned.z, turned.w}) tick.mutable_transforms()->add_rotations(static_cast<float>(value));
+  session.take_tick(tick, {});
+  v1::CameraReply reply;
+  reply.set_sequence(1);
+  session.take_reply(reply);
+  viewers.take_reply(reply, 1, emit);
+  EXPECT_TRUE(std::any_of(shown.begin(), shown.end(), [&](const foxglove::Quaternion& q) {
+    return glm::length(glm::dquat(q.w(), q.x(), q.y(), q.z()) - glm::dquat(turned.w, turned.z, turned.x, turned.y)) < 1e-6;
+  })) << "the axis is permuted as every vector is";
 }
 
 TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
