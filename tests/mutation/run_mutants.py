@@ -149,9 +149,9 @@ def main():
     for folder, programs in NEAREST.items():
         NEAREST[folder] = programs[:options.programs]
     build = Build(options.build)
-    tests = []
-    for program in dict.fromkeys(program for folder in options.folders for program in NEAREST[folder]):
-        tests += build.reach(program, len(mutants))
+    programs = list(dict.fromkeys(program for folder in options.folders for program in NEAREST[folder]))
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        tests = [test for found in pool.map(lambda program: build.reach(program, len(mutants)), programs) for test in found]
 
     former = json.loads(pathlib.Path(options.again).read_text()) if options.again else None
     survivors = {key(m) for m in former["mutants"] if m["by"] is None} if former else set()
