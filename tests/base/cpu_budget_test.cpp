@@ -2,10 +2,11 @@
 #include "server/base/cpu_budget.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "tests/support/temporary_folder.h"
 
 namespace sightline {
 namespace {
@@ -21,15 +22,13 @@ TEST(CpuBudgetTest, ReadsCpuQuotas) {
 // A folder as the kernel shows control groups.
 class ControlGroups : public testing::Test {
  protected:
-  ControlGroups() : root_(std::filesystem::temp_directory_path() / ("sightline-cgroup-" + std::to_string(::getpid()))) {}
-  ~ControlGroups() override { std::filesystem::remove_all(root_); }
   void write(const std::string& file, const std::string& text) const {
     std::filesystem::create_directories((root_ / file).parent_path());
     std::ofstream(root_ / file) << text;
   }
-  std::optional<double> quota(const std::string& group) const { return cgroup_cpu_quota(root_, group); }
+  std::optional<double> quota(const std::string& group) const { return cgroup_cpu_quota(root_.path(), group); }
 
-  const std::filesystem::path root_;
+  const test::TemporaryFolder root_;
 };
 
 TEST_F(ControlGroups, TheTightestOfAGroupAndItsParentsCounts) {
