@@ -65,9 +65,12 @@ class Build:
         return tests
 
     def stamp(self, program):
-        """Changes when the program is built again. A change of any mutant changes the sources, and so the programs."""
-        names = [program] if is_program(program) else ["sightlined", "sightline"]
-        return [(self.path / "bin" / name).stat().st_mtime_ns for name in names]
+        """Changes when the program is built again, and for a test in Python when any script of the tests changes. A change of any mutant changes the
+        sources, and so the programs."""
+        if is_program(program):
+            return [(self.path / "bin" / program).stat().st_mtime_ns]
+        scripts = [script.stat().st_mtime_ns for script in self.path.parents[1].glob("tests/**/*.py")]
+        return [*((self.path / "bin" / name).stat().st_mtime_ns for name in ("sightlined", "sightline")), len(scripts), max(scripts)]
 
     def measured_reach(self, program, count):
         with tempfile.TemporaryDirectory(dir=self.path) as folder:
