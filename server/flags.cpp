@@ -1,11 +1,13 @@
 #include "server/flags.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <sstream>
 
+#include "server/base/memory_budget.h"
 #include "server/command_table.h"
 #include "server/config_file.h"
 #include "server/service/server_info.h"
@@ -198,21 +200,33 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Largest number of open connections of one client; 0 means three quarters of --max-connections")
       ->check(CLI::Range(size_t{0}, size_t{100'000}))
       ->capture_default_str();
+  app.add_option("--max-health-watches", raw.flags.max_health_watches,
+                 "Largest number of Watch calls of the health service, three quarters of them for one client. A client needs one for each "
+                 "connection, so raise it together with --max-connections")
+      ->check(CLI::Range(size_t{1}, size_t{100'000}))
+      ->capture_default_str();
+  app.add_option("--max-reflection-calls", raw.flags.max_reflection_calls,
+                 "Largest number of reflection calls at the same time, of 10 s each. Tools such as grpcurl make them; raise it when very many do")
+      ->check(CLI::Range(size_t{1}, size_t{1000}))
+      ->capture_default_str();
   app.add_option("--max-message-mib", raw.flags.max_message_mib,
                  "Largest message that is accepted, in MiB; a larger one ends its call. Raise it for ticks with very many "
                  "instances")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-message-memory-mib", raw.flags.max_message_memory_mib,
-                 "Largest memory that one message may take when it is parsed, in MiB; a larger one ends its call")
+                 "Largest memory that one message may take when it is parsed, in MiB; a larger one ends its call. In a "
+                 "small container the default is smaller")
       ->check(CLI::Range(size_t{8}, size_t{4096}))
       ->capture_default_str();
   app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
-                 "Largest memory of the instances of one session and of their distinct shapes, in MiB. An instance takes about 400 bytes, a distinct sphere or capsule 20 KB. Raise it for very large scenes")
+                 "Largest memory of one session, in MiB: its instances, their distinct shapes, and what its steps keep. An instance takes about 400 bytes, a "
+                 "distinct sphere or capsule 20 KB, the steps 0.5 MiB and 0.23 MiB for each target with the default settings. Raise it for very "
+                 "large scenes. In a small container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--sessions-memory-mib", raw.flags.sessions_memory_mib,
-                 "The same for all sessions together")
+                 "The same for all sessions together. In a small container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--client-memory-mib", raw.flags.client_memory_mib,
@@ -221,7 +235,9 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
   app.add_option("--geometry-memory-mib", raw.flags.geometry_memory_mib,
                  "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one scene file may take. "
-                 "The sampler takes about as much again. Raise it for larger scenes")
+                 "The sampler takes about as much again. Raise it for larger scenes. In a container with less than 1,134 MiB of memory (memory.max of its "
+                 "control group) the default is smaller. So is that of the other flags of memory, so that all of them fit together; --print-config "
+                 "shows them")
       ->check(CLI::Range(size_t{8}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--client-scenes-memory-mib", raw.flags.client_scenes_memory_mib,
@@ -231,13 +247,13 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
   app.add_option("--messages-memory-mib", raw.flags.messages_memory_mib,
                  "Memory of the messages that wait, of all sessions together, in MiB; half of it for one client. Beyond it the server reads "
-                 "less, and refuses large messages. It must hold twice --max-message-memory-mib")
+                 "less, and refuses large messages. It must hold twice --max-message-memory-mib. In a small container the default is smaller")
       ->check(CLI::Range(size_t{16}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--transport-memory-mib", raw.flags.transport_memory_mib,
                  "Memory of gRPC for what came from clients and is not complete, in MiB; 0 means no limit. When it runs out, gRPC ends calls of "
-                 "any client, healthy ones too. Set it where the process would otherwise be killed for its memory, such as 128 in a "
-                 "container of 512 MiB that strangers can reach")
+                 "any client, healthy ones too. In a container with less than 1,134 MiB the default is an eighth of its memory, because the process would "
+                 "otherwise be killed. Set it in larger ones that strangers can reach")
       ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,
@@ -253,7 +269,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib,
                  "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
-                 "while it is read")
+                 "while it is read. In a small container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-uploads", raw.flags.max_uploads,
@@ -262,7 +278,8 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{1}, size_t{48}))
       ->capture_default_str();
   app.add_option("--kept-uploads-mib", raw.flags.kept_uploads_mib,
-                 "Memory for uploaded scenes that no session has opened yet, in MiB; beyond it the oldest is dropped")
+                 "Memory for uploaded scenes that no session has opened yet, in MiB; beyond it the oldest is dropped. In a small "
+                 "container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--open-timeout-s", raw.flags.open_timeout_s,
@@ -350,6 +367,26 @@ void add_configuration(CLI::App& app, RawFlags& raw) {
   add_describe_flag(app);
 }
 
+// Where a control group limits the memory, flags that are not set get a default that fits.
+void fit_memory(CLI::App& app, Flags& flags, const MemoryBudgets& budgets) {
+  const auto fit = [&](const char* name, size_t& value, size_t fitting) {
+    CLI::Option& option = *app.get_option(name);
+    if (option.count() > 0) return;
+    value = fitting;
+    option.default_str(std::to_string(fitting));
+  };
+  fit("--geometry-memory-mib", flags.geometry_memory_mib, budgets.geometry);
+  fit("--sessions-memory-mib", flags.sessions_memory_mib, budgets.sessions);
+  fit("--session-memory-mib", flags.session_memory_mib, budgets.session);
+  fit("--max-message-memory-mib", flags.max_message_memory_mib, budgets.max_message_memory);
+  // A message that is allowed to be larger needs its room.
+  const size_t most = MemoryBudgets().messages;
+  fit("--messages-memory-mib", flags.messages_memory_mib, std::max(budgets.messages, std::min(2 * flags.max_message_memory_mib, most)));
+  fit("--max-upload-mib", flags.max_upload_mib, budgets.max_upload);
+  fit("--kept-uploads-mib", flags.kept_uploads_mib, budgets.kept_uploads);
+  fit("--transport-memory-mib", flags.transport_memory_mib, budgets.transport);
+}
+
 // Throws CLI::ValidationError for flags that are wrong only together.
 void check_together(const Flags& flags) {
   if (flags.listen == "none" && flags.listen_unix.empty())
@@ -418,6 +455,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   try {
     app.parse(argc, argv);
     if (demo->parsed()) return BecomeDemo{demo->remaining()};
+    fit_memory(app, raw.flags, memory_budgets(memory_limit(own_control_groups())));
     if (!devices->parsed() && !raw.print_config) check_together(raw.flags);
   } catch (const CLI::ValidationError& error) {
     const CLI::ValidationError placed("", error.what() + config->place_of(error.what()));

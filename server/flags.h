@@ -34,8 +34,11 @@ struct Flags {
   size_t max_connections_per_client = 0;  // 0: three quarters of max_connections
   double session_idle_s = 300.0;          // 0: never
   double resume_grace_s = 10.0;           // 0: no session is kept
+  size_t max_health_watches = 512;
+  size_t max_reflection_calls = 16;
   size_t max_uploads = 8;
   size_t kept_uploads_mib = 64;
+  // The flags of memory have smaller defaults where a control group limits the memory (base/memory_budget.h).
   size_t max_message_memory_mib = 32;
   size_t session_memory_mib = 64;
   size_t sessions_memory_mib = 256;

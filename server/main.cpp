@@ -145,6 +145,8 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
   options.unix_path = flags.listen_unix;
   options.unix_mode = flags.unix_mode;
   options.max_message_bytes = flags.max_message_mib << 20;
+  options.max_health_watches = flags.max_health_watches;
+  options.max_reflection_calls = flags.max_reflection_calls;
   options.transport_memory = flags.transport_memory_mib << 20;
   options.gate = gate_limits(flags);
   options.tls = credentials.tls();
@@ -159,6 +161,7 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
 
 ServiceLimits service_limits(const Flags& flags) {
   ServiceLimits limits;
+  limits.max_message_bytes = flags.max_message_mib << 20;
   limits.max_message_memory = flags.max_message_memory_mib << 20;
   limits.messages_memory = flags.messages_memory_mib << 20;
   limits.max_uploads = flags.max_uploads;

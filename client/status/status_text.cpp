@@ -27,6 +27,11 @@ std::string kept_text(const v1::GetServerStatsResponse& stats) {
          grouped(stats.expired_sessions()) + " not in time, " + grouped(stats.refused_resumes()) + " refused";
 }
 
+std::string access_text(const v1::AccessStats& access) {
+  return grouped(access.refused_calls()) + " calls and " + grouped(access.failed_handshakes()) + " handshakes refused; changed files: " +
+         grouped(access.files_taken_over()) + " taken over, " + grouped(access.files_refused()) + " refused";
+}
+
 std::string recording_text(const v1::GetServerStatsResponse& stats) {
   if (!stats.has_recording()) return "off";
   const v1::RecordingStats& recording = stats.recording();
@@ -62,6 +67,7 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "connections   " << grouped(stats.open_connections()) << '\n'
       << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry " << bytes_text(stats.geometry_bytes()) << '\n'
       << "limits hit    " << limits_text(stats) << '\n'
+      << "credentials   " << access_text(stats.access()) << '\n'
       << "recording     " << recording_text(stats) << '\n';
 }
 

@@ -4,41 +4,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <sstream>
+#include <utility>
+
+#include "server/base/control_group.h"
 
 namespace sightline {
-namespace {
-
-std::string read_all(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-// "/a/b" from the line "0::/a/b" of /proc/self/cgroup; empty under version 1.
-std::string own_cgroup() {
-  std::ifstream file("/proc/self/cgroup");
-  for (std::string line; std::getline(file, line);)
-    if (line.starts_with("0::")) return line.substr(3);
-  return {};
-}
-
-}  // namespace
 
 std::optional<double> cgroup_cpu_quota(const std::string& root, std::string group) {
   std::optional<double> tightest;
   const auto consider = [&](const std::optional<double>& quota) {
     if (quota && (!tightest || *quota < *tightest)) tightest = quota;
   };
-  while (true) {
-    consider(parse_cpu_max(read_all(root + group + "/cpu.max")));
-    if (group.empty()) break;
-    const size_t slash = group.find_last_of('/');
-    group.resize(slash == std::string::npos ? 0 : slash);
-  }
-  consider(parse_cpu_max(read_all(root + "/cpu/cpu.cfs_quota_us") + " " + read_all(root + "/cpu/cpu.cfs_period_us")));
+  visit_control_groups(root, std::move(group), "cpu.max", [&](const std::string& text) { consider(parse_cpu_max(text)); });
+  consider(parse_cpu_max(text_of_file(root + "/cpu/cpu.cfs_quota_us") + " " + text_of_file(root + "/cpu/cpu.cfs_period_us")));
   return tightest;
 }
 
@@ -54,7 +33,7 @@ int cpu_budget() {
   CPU_ZERO(&allowed);
   // Fails on machines with more CPUs than the fixed-size set holds; then only the quota limits.
   const int by_affinity = sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? CPU_COUNT(&allowed) : CPU_SETSIZE;
-  const std::optional<double> quota = cgroup_cpu_quota("/sys/fs/cgroup", own_cgroup());
+  const std::optional<double> quota = cgroup_cpu_quota(kControlGroupRoot, own_control_groups().unified);
   const int by_quota = quota ? static_cast<int>(std::ceil(std::min(*quota, 1e6))) : by_affinity;
   return std::max(1, std::min(by_affinity, by_quota));
 }

@@ -21,13 +21,14 @@ Result<std::unique_ptr<Credentials>> Credentials::load(const CredentialFiles& fi
 
 std::vector<Credentials::Change> Credentials::reload() {
   std::vector<Change> changes;
-  const auto note = [&](const char* what, const Result<bool>& changed) {
+  const auto note = [&](const char* what, FileCounts& counts, const Result<bool>& changed) {
     if (changed && !*changed) return;
-    changed ? ++taken_over_ : ++refused_;
+    changed ? ++counts.taken_over : ++counts.refused;
+    counts.current = changed.has_value();
     changes.push_back({what, changed ? std::nullopt : std::optional(changed.error())});
   };
-  note("access file", access_->reload());
-  if (tls_) note("certificate", tls_->reload());
+  note("access file", access_file_, access_->reload());
+  if (tls_) note("certificate", certificate_, tls_->reload());
   return changes;
 }
 

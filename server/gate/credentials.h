@@ -38,14 +38,21 @@ class Credentials {
   // Reads all files again, and takes over those that have changed.
   std::vector<Change> reload();
 
-  // Since the start: changes that came into use, and those that could not be used.
-  uint64_t taken_over() const { return taken_over_; }
-  uint64_t refused() const { return refused_; }
+  // What became of the contents of a file since the start. The certificate stands for its key and the authority of clients too.
+  struct FileCounts {
+    std::atomic<uint64_t> taken_over{0}, refused{0};  // changes that came into use, and those that could not be used
+    std::atomic<bool> current{true};                  // false: the newest contents could not be used
+  };
+  const FileCounts& access_file() const { return access_file_; }
+  const FileCounts& certificate() const { return certificate_; }
+  // Of both.
+  uint64_t taken_over() const { return access_file_.taken_over + certificate_.taken_over; }
+  uint64_t refused() const { return access_file_.refused + certificate_.refused; }
 
  private:
   std::unique_ptr<Access> access_;
   std::unique_ptr<TlsKeys> tls_;
-  std::atomic<uint64_t> taken_over_{0}, refused_{0};
+  FileCounts access_file_, certificate_;
 };
 
 }  // namespace sightline

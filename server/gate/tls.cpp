@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <ctime>
 #include <string_view>
 #include <utility>
 
@@ -267,6 +268,14 @@ Result<TlsKeys::Context> TlsKeys::make(const Contents& contents) {
   if (contents.client_ca.empty()) return context;
   if (Status ok = use_client_ca(context.get(), contents.client_ca); !ok) return tl::unexpected(std::move(ok.error()));
   return context;
+}
+
+int64_t TlsKeys::expires_s() const {
+  const std::lock_guard lock(mutex_);
+  const X509* const certificate = SSL_CTX_get0_certificate(context_.get());
+  std::tm end{};
+  if (!certificate || ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) != 1) return 0;
+  return ::timegm(&end);
 }
 
 std::unique_ptr<TlsStream> TlsKeys::accept() const {

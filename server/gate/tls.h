@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -83,6 +84,8 @@ class TlsKeys {
   Result<bool> reload();
   // For a new connection. Null when memory has run out.
   std::unique_ptr<TlsStream> accept() const;
+  // When the certificate for new connections stops being valid, in seconds since 1970.
+  int64_t expires_s() const;
   // Clients must show a certificate.
   bool asks_for_certificates() const { return !files_.client_ca.empty(); }
 

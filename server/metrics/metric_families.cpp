@@ -137,11 +137,8 @@ void add_steps(const MetricSource& source, Families& families) {
 
 void add_limits(const MetricSource& source, const GateCounts& gate, Families& families) {
   MetricFamily& limits = family(families, "sightline_limit_hits_total",
-                                "How often a limit refused or ended something, by the flag that sets it; a fixed limit has a name of its own.", MetricType::Counter);
-  for (size_t i = 0; i < kLimitNames.size(); ++i)
-    counter(limits, static_cast<double>(source.parts.stats.limits.count(static_cast<Limit>(i))), {{"limit", kLimitNames[i]}});
-  counter(limits, static_cast<double>(gate.refused - gate.refused_client), {{"limit", "max-connections"}});
-  counter(limits, static_cast<double>(gate.refused_client), {{"limit", "max-connections-per-client"}});
+                                "How often a limit refused or ended something, by the flag that sets it.", MetricType::Counter);
+  for (const auto& [name, count] : limit_hits(source.parts, gate)) counter(limits, static_cast<double>(count), {{"limit", std::string(name)}});
 }
 
 void add_connections(const GateCounts& gate, Families& families) {
@@ -151,6 +148,31 @@ void add_connections(const GateCounts& gate, Families& families) {
   add_counter(families, "sightline_connections_cut_total", "Connections cut for what the client sent, or for silence.", gate.cut);
   add_counter(families, "sightline_received_bytes_total", "Bytes from clients, with the framing of HTTP/2.", gate.received_bytes);
   add_counter(families, "sightline_sent_bytes_total", "Bytes to clients, with the framing of HTTP/2.", gate.sent_bytes);
+}
+
+// `credentials` may be null.
+void add_credentials(const Credentials* credentials, const GateCounts& gate, Families& families) {
+  static const Credentials::FileCounts kNone;
+  const auto of = [&](const auto& get) -> const Credentials::FileCounts& { return credentials ? get(*credentials) : kNone; };
+  const std::pair<const char*, const Credentials::FileCounts&> files[] = {
+      {"access", of([](const Credentials& all) -> auto& { return all.access_file(); })},
+      {"certificate", of([](const Credentials& all) -> auto& { return all.certificate(); })}};
+  MetricFamily& changes = family(families, "sightline_credential_changes_total",
+                                 "Times that a file of credentials had new contents, by file, and by outcome: taken over, or refused because they cannot be used.",
+                                 MetricType::Counter);
+  for (const auto& [file, counts] : files) {
+    counter(changes, static_cast<double>(counts.taken_over), {{"file", file}, {"outcome", "taken_over"}});
+    counter(changes, static_cast<double>(counts.refused), {{"file", file}, {"outcome", "refused"}});
+  }
+  MetricFamily& current = family(families, "sightline_credentials_current",
+                                 "1 while the newest contents of the file are in use, 0 while former ones are because the newest cannot be used.", MetricType::Gauge);
+  for (const auto& [file, counts] : files) gauge(current, counts.current, {{"file", file}});
+  const TlsKeys* const tls = credentials ? credentials->tls() : nullptr;
+  add_gauge(families, "sightline_certificate_expiry_timestamp_seconds",
+            "When the certificate for new connections stops being valid, in seconds since 1970; 0 without TLS.", tls ? tls->expires_s() : 0);
+  add_counter(families, "sightline_calls_refused_total", "Calls refused because their credentials are missing, unknown, or do not allow the call.",
+              credentials ? credentials->access().refused() : 0);
+  add_counter(families, "sightline_handshakes_failed_total", "Connections on which no TLS connection could be set up.", gate.failed_handshakes);
 }
 
 void add_memory(const MetricSource& source, Families& families) {
@@ -200,6 +222,7 @@ std::vector<prometheus::MetricFamily> metric_families(const MetricSource& source
   add_steps(source, families);
   add_limits(source, gate, families);
   add_connections(gate, families);
+  add_credentials(source.parts.credentials, gate, families);
   add_memory(source, families);
   add_recording(source, families);
   add_process(families);

@@ -157,6 +157,7 @@ bool SceneLibrary::make_room(const SceneAsset& asset, const std::string& owner) 
   std::erase_if(kept_uploads_, [&](const KeptUpload& kept) {
     if (bytes <= owner_bytes_ || !unused(kept)) return false;
     bytes -= kept.bytes;
+    ++dropped_uploads_.for_owner;
     return true;
   });
   return true;
@@ -187,6 +188,7 @@ bool SceneLibrary::drop_one_upload(const std::function<size_t(const KeptUpload&)
   const auto oldest = std::find_if(kept_uploads_.begin(), newest,
                              [&](const KeptUpload& kept) { return kept.owner == most->first; });
   if (oldest == newest) return false;
+  if (oldest->asset.use_count() == 1) ++dropped_uploads_.for_all;
   kept_uploads_.erase(oldest);
   return true;
 }

@@ -2,6 +2,8 @@
 // are relative paths without "..", and the opened file must lie inside after symbolic links are resolved.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -61,6 +63,13 @@ class SceneLibrary {
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
   std::vector<std::string> names(const std::string& after, size_t limit) const;
 
+  // Uploads that no session had open and that made way for newer ones, since the start: to those of all clients, and to those of their own
+  // owner within owner_bytes.
+  struct DroppedUploads {
+    std::atomic<uint64_t> for_all{0}, for_owner{0};
+  };
+  const DroppedUploads& dropped_uploads() const { return dropped_uploads_; }
+
   static constexpr size_t kKeptUploads = 256;
   const GltfLimits& limits() const { return limits_; }
 
@@ -108,6 +117,7 @@ class SceneLibrary {
   GeometryStore& store_;
   const bool keep_uploaded_bytes_;
   const size_t kept_bytes_, owner_bytes_;
+  DroppedUploads dropped_uploads_;
   std::mutex mutex_;
   std::map<std::string, Named> named_;                              // guarded by mutex_
   ByHash<const SceneAsset> by_hash_;                                // guarded by mutex_

@@ -12,10 +12,12 @@
 
 namespace sightline {
 
-// The limits that have no counter elsewhere. Those of connections are counted by the gate (GateCounts).
+// The limits that have no counter elsewhere. Those of connections are counted by the gate (GateCounts), and uploads that make way by
+// the scene library (SceneLibrary::DroppedUploads).
 enum class Limit : size_t {
   kMaxSessions,
   kMaxSessionsPerClient,
+  kMaxMessage,
   kMaxMessageMemory,
   kSessionMemory,
   kSessionsMemory,
@@ -30,19 +32,19 @@ enum class Limit : size_t {
   kMessagesMemory,
   kClientMemory,
   kClientScenesMemory,
-  kReflectionCalls,  // this one and the next are fixed, no flag sets them
+  kReflectionCalls,
   kHealthWatches,
   kCount
 };
 
-// The flags that set them, without dashes, in the order of the enum. Fixed limits have a name of their own.
+// The flags that set them, without dashes, in the order of the enum.
 inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLimitNames{
-    "max-sessions",     "max-sessions-per-client", "max-message-memory-mib", "session-memory-mib",
+    "max-sessions",     "max-sessions-per-client", "max-message-mib",        "max-message-memory-mib", "session-memory-mib",
     "sessions-memory-mib", "max-step-cost-ms",     "max-maps-ms",            "max-upload-mib",
     "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s",
     "geometry-memory-mib", "messages-memory-mib",     "client-memory-mib",
     "client-scenes-memory-mib",
-    "reflection-calls", "health-watches"};
+    "max-reflection-calls", "max-health-watches"};
 
 // The limit whose flag a refusal names, as "(--max-uploads)". Other errors, which may quote what a client sent, name none.
 inline std::optional<Limit> limit_of(const Error& refusal) {

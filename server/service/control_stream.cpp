@@ -42,6 +42,11 @@ void note_refusal(Admission admission, const std::string& client, const ServiceP
   if (admission == Admission::kClientFull) parts.stats.limits.hit(Limit::kMaxSessionsPerClient);
 }
 
+Error too_large(size_t bytes, size_t most) {
+  return {ErrorCode::kResourceExhausted, "message",
+          "has " + std::to_string(bytes) + " bytes; " + std::to_string(most) + " are allowed (--max-message-mib)"};
+}
+
 // The tick that a reply answers; 0: it answers none.
 uint64_t answered_by(const v1::ControlResponse& reply) {
   return reply.has_camera() ? reply.camera().sequence() : reply.tick_error().sequence();
@@ -85,6 +90,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
       kept_(helpers.kept),
       client_(reader.client),
       share_(helpers.messages.of(client_)),
+      max_message_bytes_(limits.max_message_bytes),
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
       driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
@@ -111,6 +117,7 @@ void ControlStream::on_read(bool ok) {
 }
 
 void ControlStream::parse(int64_t arrival_ns) {
+  if (bytes_.Length() > max_message_bytes_) return refuse_message(too_large(bytes_.Length(), max_message_bytes_));
   if (bytes_.Length() > kParsedOnLoop) return parse_elsewhere(arrival_ns);
   v1::ControlRequest request;
   if (const Status parsed = parse_message(bytes_, max_message_memory_, request))

@@ -126,7 +126,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   KeptSessions& kept_;
   const std::string client_;
   const std::shared_ptr<MessageMemory::Share> share_;  // of its client, in the memory for messages
-  const size_t max_message_memory_;
+  const size_t max_message_bytes_, max_message_memory_;
   const std::chrono::milliseconds idle_limit_;  // 0: none
 
   // Used by the turn while there is one, otherwise guarded by mutex_.

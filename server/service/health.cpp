@@ -132,9 +132,10 @@ std::optional<grpc::Status> HealthService::refusal(const std::string& service, c
     return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "service: has more than " + std::to_string(kLongestName) + " bytes");
   const std::lock_guard lock(mutex_);
   const auto own = of_client_.find(client);
-  if (watchers_.size() < kMostWatches && (own == of_client_.end() || own->second < kMostWatchesOfClient)) return std::nullopt;
+  const size_t most_of_client = most_watches_ - most_watches_ / 4;
+  if (watchers_.size() < most_watches_ && (own == of_client_.end() || own->second < most_of_client)) return std::nullopt;
   refused_();
-  return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too many Watch calls are open (limit health-watches)");
+  return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too many Watch calls are open (--max-health-watches)");
 }
 
 void HealthService::admit(const std::shared_ptr<Watcher>& watcher) {

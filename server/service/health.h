@@ -29,14 +29,14 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
  public:
   using Serving = grpc::health::v1::HealthCheckResponse::ServingStatus;
 
-  // The most Watch calls that may be open at the same time, of all clients and of one. A client needs one for each connection.
-  static constexpr size_t kMostWatches = 512, kMostWatchesOfClient = 384;
   // A Watch call for a longer name is refused. The daemon's own names are shorter.
   static constexpr size_t kLongestName = 256;
 
-  // How a client is called, and what to do when it is refused a Watch call. Set before take_calls; both run on the loop's thread.
+  // The most Watch calls that may be open at the same time, three quarters of them of one client, which needs one for each connection. How a
+  // client is called, and what to do when it is refused a call. Set before take_calls; both run on the loop's thread.
   using ClientOf = std::function<std::string(const grpc::ServerContext&)>;
-  void limit_watches_by(ClientOf client_of, std::function<void()> refused) {
+  void limit_watches_by(size_t most, ClientOf client_of, std::function<void()> refused) {
+    most_watches_ = most;
     client_of_ = std::move(client_of);
     refused_ = std::move(refused);
   }
@@ -61,6 +61,7 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
   std::vector<std::shared_ptr<Watcher>> watchers() const;  // needs mutex_
   void remove(const Watcher* watcher);
 
+  size_t most_watches_ = 512;
   ClientOf client_of_ = [](const grpc::ServerContext& context) { return context.peer(); };
   std::function<void()> refused_ = [] {};
   mutable std::mutex mutex_;

@@ -11,6 +11,8 @@ namespace sightline {
 namespace {
 
 // Bounds how far one client can fill the server's queues.
+// How much larger than allowed a message may be to be refused by us.
+constexpr size_t kRoomToRefuse = size_t{1} << 20;
 constexpr int kMaxCallsPerConnection = 1024;
 // Synchronous RPCs occupy one thread each.
 constexpr int kMaxThreads = 64;
@@ -41,7 +43,9 @@ Status check_exposure(const ListeningSocket& socket, const ListenOptions& option
 }
 
 void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
-  builder.SetMaxReceiveMessageSize(static_cast<int>(options.max_message_bytes));
+  // gRPC's own refusal does not name the flag, and the daemon does not learn of it. So a message that is a little too large gets through to
+  // ControlStream, which refuses it. gRPC refuses a far larger one by its announced length, and takes none of it in.
+  builder.SetMaxReceiveMessageSize(static_cast<int>(options.max_message_bytes + kRoomToRefuse));
   // A compressed message is unpacked before its size is checked, so half a megabyte can take half a gigabyte.
   builder.AddChannelArgument(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, 1 << GRPC_COMPRESS_NONE);
   // No bandwidth probe: with it a client could send 4 MB ahead, which is seconds of ticks; without it 64 KB.
@@ -107,14 +111,15 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     service.take_calls(*listener->loops_.back());
   }
   listener->answers_.use(*listener->loops_.front());
-  listener->health_.limit_watches_by([gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
+  listener->health_.limit_watches_by(options.max_health_watches,
+                                     [gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
                                      [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
   listener->health_.take_calls(*listener->loops_.front());
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
   });
-  listener->reflection_.tell_refused_to([&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
+  listener->reflection_.limit_calls_to(options.max_reflection_calls, [&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
   listener->reflection_.take_calls(*listener->loops_.front(),
                                     {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
   listener->set_alive(true);

@@ -47,6 +47,7 @@ struct ServiceParts {
 struct ServiceLimits {
   size_t inbox_messages = 256;                  // a stream stops reading when this many messages wait,
   size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
+  size_t max_message_bytes = size_t{4} << 20;    // of one message of a Control call
   size_t max_message_memory = size_t{32} << 20;  // of one message, parsed
   size_t messages_memory = size_t{128} << 20;    // of the messages that wait, of all streams together
   size_t max_uploads = 8;                       // at the same time; they hold at most twice max_upload_bytes

@@ -117,9 +117,9 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
   Call(EventLoop& loop, std::unique_ptr<Incoming> incoming, ReflectionService& service)
       : Base(loop, std::move(incoming)), service_(service) {
     const grpc::Status admitted = service_.admit_(this->incoming().context);
-    if (++service_.open_ > kMostCalls) {
+    if (++service_.open_ > service_.most_calls_) {
       service_.refused_();
-      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "all " + std::to_string(kMostCalls) + " reflection calls are in use (limit reflection-calls)"});
+      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "all " + std::to_string(service_.most_calls_) + " reflection calls are in use (--max-reflection-calls)"});
     } else if (!admitted.ok()) {
       finish(admitted);
     } else {

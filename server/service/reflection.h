@@ -23,16 +23,19 @@ namespace sightline {
 // Thread-safe, as gRPC asks. It must outlive the gRPC server and the loops.
 class ReflectionService final {
  public:
-  // A further call is refused; calls of both versions count together. A call ends after kMostTime.
-  static constexpr size_t kMostCalls = 16;
+  // A call ends after this time.
   static constexpr std::chrono::seconds kMostTime{10};
 
   // Called once, before the server starts.
   void register_at(grpc::ServerBuilder& builder);
   // Called once, before take_calls. A call is refused with the status that `admit` gives, unless that is OK.
   void admit_by(std::function<grpc::Status(const grpc::ServerContext&)> admit) { admit_ = std::move(admit); }
-  // Called for each call that is refused because kMostCalls are open. Set before take_calls; runs on the loop's thread.
-  void tell_refused_to(std::function<void()> refused) { refused_ = std::move(refused); }
+  // The most calls at the same time, of both versions together. `refused` is called for each further one. Set before take_calls; it runs on the
+  // loop's thread.
+  void limit_calls_to(size_t most, std::function<void()> refused) {
+    most_calls_ = most;
+    refused_ = std::move(refused);
+  }
   // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed, beside those of
   // both versions of this service.
   void take_calls(EventLoop& loop, std::vector<std::string> services);
@@ -46,6 +49,7 @@ class ReflectionService final {
   void take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop);
 
   std::function<grpc::Status(const grpc::ServerContext&)> admit_ = [](const grpc::ServerContext&) { return grpc::Status::OK; };
+  size_t most_calls_ = 16;
   std::function<void()> refused_ = [] {};
   std::vector<std::string> services_;
   std::atomic<size_t> open_{0};

@@ -1,7 +1,6 @@
 #include "server/service/server_info.h"
 
 #include <algorithm>
-#include <string_view>
 
 #include "server/base/process_figures.h"
 #include "server/record/recorder.h"
@@ -28,13 +27,6 @@ void set(const DurationCounts& counts, v1::DurationHistogram& out) {
   out.set_sum_s(counts.sum_s());
 }
 
-void add_limit(std::string_view name, uint64_t count, v1::GetServerStatsResponse& stats) {
-  if (count == 0) return;
-  v1::LimitCount& limit = *stats.add_limits();
-  limit.set_limit(name.data(), name.size());
-  limit.set_count(count);
-}
-
 void set(const StepStats& counts, v1::GetServerStatsResponse& stats) {
   stats.set_steps(counts.steps);
   stats.set_degraded_steps(counts.degraded);
@@ -59,16 +51,12 @@ void set(const StepStats& counts, v1::GetServerStatsResponse& stats) {
   }
   for (const auto& sessions : counts.sessions_at_level)
     stats.add_sessions_at_level(static_cast<uint64_t>(std::max<int64_t>(0, sessions)));
-  for (size_t i = 0; i < kLimitNames.size(); ++i)
-    add_limit(kLimitNames[i], counts.limits.count(static_cast<Limit>(i)), stats);
 }
 
 void set(const GateCounts& counts, v1::GetServerStatsResponse& stats) {
   stats.set_open_connections(counts.open);
   stats.set_received_bytes(counts.received_bytes);
   stats.set_sent_bytes(counts.sent_bytes);
-  add_limit("max-connections", counts.refused - counts.refused_client, stats);
-  add_limit("max-connections-per-client", counts.refused_client, stats);
 }
 
 }  // namespace
@@ -81,6 +69,17 @@ void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info)
   info.set_max_sessions(static_cast<uint32_t>(parts.streams.max_streams()));
 }
 
+std::vector<std::pair<std::string_view, uint64_t>> limit_hits(const ServiceParts& parts, const GateCounts& gate) {
+  const SceneLibrary::DroppedUploads& dropped = parts.scenes.dropped_uploads();
+  std::vector<std::pair<std::string_view, uint64_t>> hits;
+  for (size_t i = 0; i < kLimitNames.size(); ++i) hits.emplace_back(kLimitNames[i], parts.stats.limits.count(static_cast<Limit>(i)));
+  hits[static_cast<size_t>(Limit::kClientScenesMemory)].second += dropped.for_owner;
+  hits.emplace_back("kept-uploads-mib", dropped.for_all);
+  hits.emplace_back("max-connections", gate.refused - gate.refused_client);
+  hits.emplace_back("max-connections-per-client", gate.refused_client);
+  return hits;
+}
+
 void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::GetServerStatsResponse& stats) {
   stats.set_open_sessions(static_cast<uint32_t>(parts.streams.size()));
   stats.set_geometry_count(parts.geometry.live_count());
@@ -88,7 +87,14 @@ void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::Get
   stats.set_cluster_bytes(parts.geometry.live_bytes_by_part().clusters);
   stats.set_sampler_bytes(parts.sampler.geometry_bytes());
   set(parts.stats, stats);
-  set(callers.connections(), stats);
+  const GateCounts gate = callers.connections();
+  set(gate, stats);
+  for (const auto& [name, count] : limit_hits(parts, gate)) {
+    if (count == 0) continue;
+    v1::LimitCount& limit = *stats.add_limits();
+    limit.set_limit(name.data(), name.size());
+    limit.set_count(count);
+  }
   const ProcessFigures process = process_figures();
   stats.set_uptime_s(process.uptime_s);
   stats.set_resident_bytes(process.resident_bytes);

@@ -9,6 +9,10 @@ namespace {
 // Measured with 32 targets, the largest maps and the most candidates; smaller steps cost less for each.
 constexpr double kMsOfRay = 150e-6, kMsOfLookup = 57e-6;
 
+// The estimate was compared with the memory of 24 sessions of 1 to 32 targets, 100 to 32,768 candidates and maps of 7 to 64 texels a side. It is
+// between a tenth below that memory and three quarters above it.
+constexpr size_t kBytesOfSession = 512 << 10, kBytesOfCandidate = 340, kBytesOfTexel = 16;
+
 std::string mib(size_t bytes) {
   return std::to_string(bytes >> 20) + " MiB";
 }
@@ -33,13 +37,13 @@ InstanceMemory::Answer InstanceMemory::change(const std::string& client, size_t 
   return Answer::kDone;
 }
 
-Status InstanceShare::resize(size_t instances, size_t shape_bytes, const char* field) {
-  const size_t bytes = instances * kBytesOfInstance + shape_bytes;
+Status InstanceShare::resize(size_t instances, size_t shape_bytes, size_t state_bytes, const char* field) {
+  const size_t bytes = instances * kBytesOfInstance + shape_bytes + state_bytes;
   const bool grows = bytes > bytes_;
   if (grows && limits_.session_bytes > 0 && bytes > limits_.session_bytes) {
     hit(Limit::kSessionMemory);
     return fail(ErrorCode::kResourceExhausted, field,
-                std::to_string(instances) + " instances and their shapes take " + mib(bytes) + "; a session may have " +
+                std::to_string(instances) + " instances, their shapes and the state of the steps take " + mib(bytes) + "; a session may have " +
                     mib(limits_.session_bytes) + " (--session-memory-mib)");
   }
   if (const Status changed = change(bytes, field); !changed) return changed;
@@ -53,12 +57,18 @@ Status InstanceShare::change(size_t bytes, const char* field) {
     case InstanceMemory::Answer::kAllFull:
       hit(Limit::kSessionsMemory);
       return fail(ErrorCode::kResourceExhausted, field,
-                  "the sessions together have no memory left for this many instances and shapes (--sessions-memory-mib)");
+                  "the sessions together have no memory left for these instances, shapes and targets (--sessions-memory-mib)");
     case InstanceMemory::Answer::kClientFull: break;
   }
   hit(Limit::kClientMemory);
   return fail(ErrorCode::kResourceExhausted, field,
-              "the sessions of this client have no memory left for this many instances and shapes (--client-memory-mib)");
+              "the sessions of this client have no memory left for these instances, shapes and targets (--client-memory-mib)");
+}
+
+size_t session_state_bytes(const StepSettings& settings, size_t targets) {
+  const auto candidates = static_cast<size_t>(std::max(settings.aggregate.candidates, 0));
+  const auto points = static_cast<size_t>(std::max(settings.sample.points, 1)), side = static_cast<size_t>(settings.sample.resolution);
+  return kBytesOfSession + targets * (candidates * kBytesOfCandidate + points * side * side * kBytesOfTexel);
 }
 
 double step_cost_ms(const StepSettings& settings, size_t targets) {

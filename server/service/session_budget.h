@@ -1,4 +1,4 @@
-// What one session may take of the server: the memory of its instances, and the cost of its steps.
+// What one session may take of the server: the memory of its instances and of what its steps keep, and the cost of its steps.
 #pragma once
 
 #include <cstddef>
@@ -14,14 +14,14 @@
 namespace sightline {
 
 struct SessionLimits {
-  size_t session_bytes = 0;       // of the instances and shapes of one session; 0: no limit
+  size_t session_bytes = 0;       // of the instances, the shapes and the state of one session; 0: no limit
   double max_step_cost_ms = 0.0;  // see step_cost_ms; 0: no limit
 };
 
 // About what an instance takes in the mirror and in the structures that are made from it.
 inline constexpr size_t kBytesOfInstance = 400;
 
-// The instances and shapes of all sessions together, and of those of each client. Thread-safe.
+// The instances, shapes and states of all sessions together, and of those of each client. Thread-safe.
 class InstanceMemory {
  public:
   enum class Answer { kDone, kAllFull, kClientFull };
@@ -40,18 +40,19 @@ class InstanceMemory {
   std::map<std::string, size_t> clients_;  // those that have any
 };
 
-// Counts the instances and shapes of one session in both limits until it is destroyed.
+// Counts the instances, the shapes and the state of one session in both limits until it is destroyed.
 class InstanceShare {
  public:
   // `memory` may be null: then only the session's own limit holds. `counts`, which may be null, counts refusals.
   InstanceShare(const SessionLimits& limits, InstanceMemory* memory, std::string client, LimitCounts* counts = nullptr)
       : limits_(limits), memory_(memory), client_(std::move(client)), counts_(counts) {}
-  ~InstanceShare() { (void)resize(0, 0, ""); }
+  ~InstanceShare() { (void)resize(0, 0, 0, ""); }
   InstanceShare(const InstanceShare&) = delete;
   InstanceShare& operator=(const InstanceShare&) = delete;
 
-  // Fails with kResourceExhausted, and `field`; then nothing has changed. `shape_bytes`: of the distinct shapes, each once.
-  Status resize(size_t instances, size_t shape_bytes, const char* field);
+  // Fails with kResourceExhausted, and `field`; then nothing has changed. `shape_bytes`: of the distinct shapes, each once. `state_bytes`: as
+  // session_state_bytes.
+  Status resize(size_t instances, size_t shape_bytes, size_t state_bytes, const char* field);
 
  private:
   void hit(Limit limit) const {
@@ -65,6 +66,9 @@ class InstanceShare {
   LimitCounts* const counts_;
   size_t bytes_ = 0;
 };
+
+// About what a session keeps from step to step, in bytes: maps, and what is known of each candidate for each target.
+size_t session_state_bytes(const StepSettings& settings, size_t targets);
 
 // A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It counts the
 // rays of the maps and the lookups of the candidates in them.

@@ -77,7 +77,7 @@ grpc::Status SessionDriver::status_after_last_message() const {
 void SessionDriver::close(const grpc::Status& status) {
   if (session_) counters_.closed(status.error_code());
   session_.reset();
-  (void)instances_.resize(0, 0, "");
+  (void)instances_.resize(0, 0, 0, "");
   shapes_ = {};
   recording_.close();
   const double full_cost_us = quality_ ? quality_->full_cost_ns() * 1e-3 : 0.0;
@@ -132,19 +132,20 @@ void SessionDriver::open(Turn& turn) {
 Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
   // Before the shapes are built, which takes the memory.
   const size_t named = static_cast<size_t>(request.instances_size());
-  if (Status ok = instances_.resize(named, bytes_of_shapes(request.instances()), "open.instances"); !ok) return ok;
+  if (Status ok = instances_.resize(named, bytes_of_shapes(request.instances()), 0, "open.instances"); !ok) return ok;
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
   if (Status ok = check_cost(options->settings, options->targets.size(), "open.settings"); !ok) return ok;
   const size_t count = options->instances.size();
-  if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), "open.instances"); !ok) return ok;
+  state_bytes_ = session_state_bytes(options->settings, options->targets.size());
+  if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), state_bytes_, "open.instances"); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
   session_ = std::move(*session);
   shapes_.add(request.instances(), session_->mirror());
-  (void)instances_.resize(count, shapes_.bytes(), "");
+  (void)instances_.resize(count, shapes_.bytes(), state_bytes_, "");
   BudgetRules rules = parts_.budget;
   rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
   quality_.emplace(rules, parts_.shares, reader_.client);
@@ -220,24 +221,25 @@ Status SessionDriver::apply(const Inbox::Message& message) {
   counters_.tick();
   recording_.tick(message.request.tick(), message.arrival_ns);
   const v1::SceneDelta& delta = message.request.tick().delta();
-  if (Status ok = check_memory(delta); !ok) return ok;
+  const bool adds = !delta.added_instances().empty();
+  if (Status ok = adds ? check_memory(delta, state_bytes_, "tick.delta.added_instances") : Status(); !ok) return ok;
   auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_});
-  Status applied = tick ? check_budgets(*tick) : tl::unexpected(std::move(tick.error()));
+  Status applied = tick ? check_budgets(*tick, delta) : tl::unexpected(std::move(tick.error()));
   if (applied) {
     tick->arrival_ns = message.arrival_ns;
     applied = session_->apply(*tick);
     if (applied) account_memory(delta);
   }
-  // A delta may have been refused, or have removed more than it added.
-  if (message.request.tick().has_delta()) (void)instances_.resize(session_->mirror().size(), shapes_.bytes(), "");
+  // A tick may have been refused, or have removed more than it added.
+  state_bytes_ = session_state_bytes(session_->settings(), session_->targets().size());
+  (void)instances_.resize(session_->mirror().size(), shapes_.bytes(), state_bytes_, "");
   return applied;
 }
 
 // Before the shapes of the delta are built, which takes the memory.
-Status SessionDriver::check_memory(const v1::SceneDelta& delta) {
-  if (delta.added_instances().empty()) return {};
+Status SessionDriver::check_memory(const v1::SceneDelta& delta, size_t state_bytes, const char* field) {
   const size_t count = session_->mirror().size() + static_cast<size_t>(delta.added_instances_size());
-  return instances_.resize(count, shapes_.bytes() + bytes_of_shapes(delta.added_instances()), "tick.delta.added_instances");
+  return instances_.resize(count, shapes_.bytes() + bytes_of_shapes(delta.added_instances()), state_bytes, field);
 }
 
 void SessionDriver::account_memory(const v1::SceneDelta& delta) {
@@ -245,13 +247,13 @@ void SessionDriver::account_memory(const v1::SceneDelta& delta) {
   shapes_.add(delta.added_instances(), session_->mirror());
 }
 
-Status SessionDriver::check_budgets(const TickInput& tick) {
-  if (tick.settings || tick.targets) {
-    const StepSettings& settings = tick.settings ? *tick.settings : session_->settings();
-    const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
-    if (Status ok = check_cost(settings, targets, tick.settings ? "tick.settings" : "tick.targets"); !ok) return ok;
-  }
-  return {};
+Status SessionDriver::check_budgets(const TickInput& tick, const v1::SceneDelta& delta) {
+  if (!tick.settings && !tick.targets) return {};
+  const StepSettings& settings = tick.settings ? *tick.settings : session_->settings();
+  const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
+  const char* const field = tick.settings ? "tick.settings" : "tick.targets";
+  if (Status ok = check_cost(settings, targets, field); !ok) return ok;
+  return check_memory(delta, session_state_bytes(settings, targets), field);
 }
 
 Status SessionDriver::check_cost(const StepSettings& settings, size_t targets, const char* field) {

@@ -80,8 +80,8 @@ class SessionDriver {
   TakeJob begin_step(Turn& turn);
   std::optional<uint64_t> apply_ticks(Turn& turn);
   Status apply(const Inbox::Message& message);
-  Status check_budgets(const TickInput& tick);
-  Status check_memory(const v1::SceneDelta& delta);
+  Status check_budgets(const TickInput& tick, const v1::SceneDelta& delta);
+  Status check_memory(const v1::SceneDelta& delta, size_t state_bytes, const char* field);
   void account_memory(const v1::SceneDelta& delta);
   Status check_cost(const StepSettings& settings, size_t targets, const char* field);
   void note_step_control(const v1::StepControl& step);
@@ -101,6 +101,7 @@ class SessionDriver {
   SessionCounters counters_;
   InstanceShare instances_;
   ShapeMemory shapes_;
+  size_t state_bytes_ = 0;  // as session_state_bytes, with its settings and targets
 
   // Requests of the ticks since the last step.
   uint32_t merges_asked_ = 0;        // number of ticks that asked to be merged

@@ -1,6 +1,8 @@
 """A daemon in a container of 512 MiB, and attacks on its memory: container_test.py SIGHTLINED STUBS."""
 import contextlib
+import re
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -67,14 +69,26 @@ def resets_and_watches(address):
 
 
 class Container(unittest.TestCase):
+    def setUp(self):
+        attack.in_containers(MIB)
+        if not Daemon.memory_limit_mib:
+            self.skipTest("no control group with a limit of memory can be made here")
+
+    def test_the_budgets_fit_it_together(self):
+        with MemoryCgroup(MIB) as group:
+            text = subprocess.run([Daemon.path, "--print-config", "--sessions-memory-mib=300"], capture_output=True, text=True, preexec_fn=group.join).stdout
+        budgets = {name: int(number) for name, number in re.findall(r"^([a-z-]+-mib)=(\d+)$", text, re.MULTILINE)}
+        self.assertEqual(budgets["sessions-memory-mib"], 300, "what is set stays")
+        self.assertGreater(budgets["transport-memory-mib"], 0)
+        most = 2 * budgets["geometry-memory-mib"] + budgets["messages-memory-mib"] + 2 * budgets["max-upload-mib"] + budgets["transport-memory-mib"]
+        self.assertLess(most, MIB - 150)
+        without = subprocess.run([Daemon.path, "--print-config"], capture_output=True, text=True).stdout
+        self.assertIn("transport-memory-mib=0\n", without)
+        self.assertIn("geometry-memory-mib=192\n", without)
+
     def test_no_attack_on_memory_ends_it(self):
         with contextlib.ExitStack() as stack:
-            try:
-                group = stack.enter_context(MemoryCgroup(MIB))
-            except OSError as trouble:
-                self.skipTest(f"no control group with a limit of memory can be made here: {trouble}")
-            daemon = stack.enter_context(Daemon("--transport-memory-mib", "128"))
-            group.add(daemon.pid)
+            daemon = stack.enter_context(Daemon())
             for attempt in (unfinished_messages, messages_that_wait, repeated_scenes, resets_and_watches):
                 with self.subTest(attempt.__name__):
                     healthy = Healthy(daemon.address, 16)

@@ -11,6 +11,8 @@ import tempfile
 import threading
 import time
 
+from memory_cgroup import MemoryCgroup
+
 DATA, HEADERS, PRIORITY, RST_STREAM, SETTINGS, PUSH, PING, GOAWAY, WINDOW_UPDATE, CONTINUATION = range(10)
 END_STREAM, END_HEADERS = 1, 4
 SERVICE = "/sightline.v1.CameraControlService/"
@@ -22,14 +24,19 @@ class Daemon:
     """sightlined as a child process. `limits` are of setrlimit: {resource.RLIMIT_NOFILE: 1024}. Use it in a `with` statement."""
 
     path = None  # of the program; the test's main sets it
+    # Each daemon gets a control group with so much memory, as a container has; None: none does. A test's main sets it by `in_containers`.
+    memory_limit_mib = None
 
     def __init__(self, *arguments, limits=None, listen=("--listen", "127.0.0.1:0"), stderr=None, wait=True):
+        self.group = MemoryCgroup(self.memory_limit_mib) if self.memory_limit_mib else None
         self.folder = tempfile.TemporaryDirectory(prefix="sightline-attack-")
         self.ready = pathlib.Path(self.folder.name, "ready")
         self.log_path = pathlib.Path(self.folder.name, "log")
         self.stderr = stderr if stderr is not None else open(self.log_path, "wb")
 
         def limit():
+            if self.group:
+                self.group.join()
             for what, value in (limits or {}).items():
                 resource.setrlimit(what, (value, value))
 
@@ -97,7 +104,18 @@ class Daemon:
             self.process.wait()
         if hasattr(self.stderr, "close"):
             self.stderr.close()
+        if self.group:
+            self.group.close()
         self.folder.cleanup()
+
+
+def in_containers(mib=512):
+    """From now on each daemon has no more memory than this. Prints the reason where that cannot be."""
+    try:
+        MemoryCgroup(mib).close()
+        Daemon.memory_limit_mib = mib
+    except OSError as trouble:
+        print(f"The daemons run without a limit of memory: no control group can be made here: {trouble}", file=sys.stderr)
 
 
 def connect(address, timeout=10):

@@ -1,8 +1,11 @@
 """A control group with a limit of memory, as a container has one. Linux offers it in two versions, and often only to root."""
+import itertools
 import os
 import pathlib
+import time
 
 ROOT = pathlib.Path("/sys/fs/cgroup")
+NUMBERS = itertools.count()
 
 
 class MemoryCgroup:
@@ -10,7 +13,7 @@ class MemoryCgroup:
 
     def __init__(self, mib):
         second = (ROOT / "cgroup.controllers").exists()
-        self.path = (ROOT if second else ROOT / "memory") / f"sightline-attack-{os.getpid()}"
+        self.path = (ROOT if second else ROOT / "memory") / f"sightline-attack-{os.getpid()}-{next(NUMBERS)}"
         self.path.mkdir()
         try:
             (self.path / ("memory.max" if second else "memory.limit_in_bytes")).write_text(str(mib << 20))
@@ -18,14 +21,24 @@ class MemoryCgroup:
             if swap.exists():
                 swap.write_text("0")
         except OSError:
-            self.path.rmdir()
+            self.close()
             raise
 
-    def add(self, pid):
-        (self.path / "cgroup.procs").write_text(str(pid))
+    def join(self):
+        """The calling process, for what it starts next."""
+        (self.path / "cgroup.procs").write_text("0")
+
+    def close(self):
+        # The kernel may need a moment to see that the last process has ended.
+        for _ in range(100):
+            try:
+                return self.path.rmdir()
+            except OSError:
+                time.sleep(0.02)
+        self.path.rmdir()
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
-        self.path.rmdir()
+        self.close()

@@ -16,7 +16,8 @@ os.environ.setdefault("GRPC_VERBOSITY", "NONE")  # refused handshakes are expect
 import daemon as attack  # noqa: E402
 
 attack.Daemon.path, STUBS = sys.argv[1:3]
-sys.path.insert(0, STUBS)
+attack.in_containers()
+sys.path[:0] = [STUBS, str(pathlib.Path(__file__).parents[1] / "metrics")]
 
 import grpc  # noqa: E402
 from sightline.v1 import camera_control_pb2, server_pb2, session_pb2  # noqa: E402
@@ -24,6 +25,7 @@ from sightline.v1.scene_pb2 import SceneRef, Target  # noqa: E402
 
 from certificates import Authority  # noqa: E402
 from daemon import Daemon  # noqa: E402
+from exposition import scrape, value  # noqa: E402
 from service_stub import CameraControlServiceStub  # noqa: E402
 from sessions import Session, boxes  # noqa: E402
 from sightline.v1.camera_pb2 import Pose3, Vec3  # noqa: E402
@@ -281,7 +283,7 @@ class Tokens(Case):
         self.assertEqual(other.tick().sequence, 1)
 
     def test_a_broken_access_file_changes_nothing(self):
-        daemon = self.daemon(*self.files.all)
+        daemon = self.daemon(*self.files.all, "--metrics-listen", "127.0.0.1:0")
         self.files.access.write_text("token game\n")
         daemon.process.send_signal(signal.SIGHUP)
         daemon.wait_for_log("credentials refused")
@@ -289,6 +291,12 @@ class Tokens(Case):
         self.assertTrue(Client(daemon.address, self.files, GAME).info().version)
         access = Client(daemon.address, self.files, ROOT).stats().access
         self.assertEqual((access.files_refused, access.files_taken_over), (1, 0))
+        families = scrape(operators(daemon))
+        self.assertEqual(value(families, "sightline_credentials_current", file="access"), 0)
+        self.assertEqual(value(families, "sightline_credential_changes_total", file="access", outcome="refused"), 1)
+        with self.assertRaises(grpc.RpcError):
+            Client(daemon.address, self.files, "unknown" * 4).info()
+        self.assertEqual(value(scrape(operators(daemon)), "sightline_calls_refused_total"), 1)
 
 
 def served_certificate(address, files, **more):
@@ -306,9 +314,20 @@ def served_certificate(address, files, **more):
         return connection.getpeercert()["serialNumber"]
 
 
+def operators(daemon):
+    daemon.wait_for_log("metrics=")
+    return daemon.log().split("metrics=")[1].split()[0]
+
+
 class Certificates(Case):
     def test_a_new_pair_is_taken_over_and_a_broken_one_is_not(self):
-        daemon = self.daemon(*self.files.all)
+        daemon = self.daemon(*self.files.all, "--metrics-listen", "127.0.0.1:0")
+
+        def told(file="certificate"):
+            families = scrape(operators(daemon))
+            changes = [value(families, "sightline_credential_changes_total", file=file, outcome=outcome) for outcome in ("refused", "taken_over")]
+            return (*changes, value(families, "sightline_credentials_current", file=file))
+        self.assertEqual(told(), (0, 0, 1))
         first = served_certificate(daemon.address, self.files)
         session = Client(daemon.address, self.files, GAME).session()
         second = self.files.authority.sign("second")
@@ -316,10 +335,14 @@ class Certificates(Case):
         daemon.process.send_signal(signal.SIGHUP)
         daemon.wait_for_log("the key does not belong to the certificate")
         self.assertEqual(served_certificate(daemon.address, self.files), first)
+        self.assertEqual(told(), (1, 0, 0))
         self.files.use(*second)
         daemon.process.send_signal(signal.SIGHUP)
         daemon.wait_for_log("credentials taken over")
         self.assertNotEqual(served_certificate(daemon.address, self.files), first)
+        self.assertEqual((told(), told("access")), ((1, 1, 1), (0, 0, 1)))
+        expiry = value(scrape(operators(daemon)), "sightline_certificate_expiry_timestamp_seconds")
+        self.assertAlmostEqual(expiry, time.time() + 2 * 86400, delta=600)
         self.assertEqual(session.tick().sequence, 1, "an open session stays")
         access = Client(daemon.address, self.files, ROOT).stats().access
         self.assertEqual((access.files_refused, access.files_taken_over), (1, 1))

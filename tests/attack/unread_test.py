@@ -10,6 +10,7 @@ import unittest
 import daemon as attack
 
 attack.Daemon.path, STUBS = sys.argv[1:3]
+attack.in_containers()
 sys.path.insert(0, STUBS)
 
 import grpc  # noqa: E402

@@ -7,6 +7,7 @@ import queue
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 
@@ -15,10 +16,11 @@ sys.path[:0] = [sys.argv[3], str(pathlib.Path(__file__).parents[1] / "attack")]
 PROMTOOL = sys.argv[4] if len(sys.argv) > 4 and not sys.argv[4].endswith("NOTFOUND") else None
 
 import grpc  # noqa: E402
-from daemon import Daemon  # noqa: E402
+from daemon import CONTROL, HEALTH, Daemon, FlowingConnection, message  # noqa: E402
 from exposition import get, parse, scrape, value  # noqa: E402
 from held_thread import HeldThread  # noqa: E402
-from scenes import TRIANGLE, container, many_instances, repeated_triangles, triangle  # noqa: E402
+from scenes import TRIANGLE, container, empty_parts, many_instances, repeated_triangles, triangle  # noqa: E402
+from sessions import open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
@@ -199,6 +201,9 @@ class Limits(unittest.TestCase):
             families = scrape(daemon.operators)
         return {dict(labels)["limit"]: number for (_, labels), number in families["sightline_limit_hits_total"].samples.items() if number}
 
+    def hits(self, daemon):
+        return any(scrape(daemon.operators)["sightline_limit_hits_total"].samples.values())
+
     def open_twice(self, daemon):
         with camera(daemon):
             with self.assertRaises(Exception):
@@ -242,6 +247,129 @@ class Limits(unittest.TestCase):
     def test_memory_of_a_message(self):
         hits = self.refused_by(["--max-message-memory-mib", "8"], lambda daemon: self.control(daemon, opening(70_000)))
         self.assertEqual(hits, {"max-message-memory-mib": 1})
+
+    def test_size_of_a_message(self):
+        message = opening()
+        message.open.label = "x" * (5 << 19)  # 2.5 MiB
+
+        def send(daemon):
+            with grpc.insecure_channel(daemon.address) as channel, self.assertRaises(grpc.RpcError) as refused:
+                next(control(channel, iter([message])))
+            self.assertEqual(refused.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED)
+            self.assertIn("(--max-message-mib)", refused.exception.details())
+        self.assertEqual(self.refused_by(["--max-message-mib", "2"], send), {"max-message-mib": 1})
+
+    def test_memory_of_the_messages_of_all_clients(self):
+        """A session takes no replies, so its ticks wait; half of the memory is for one client."""
+        def send(daemon):
+            tick = empty_parts(20_000)
+            attacker = FlowingConnection(daemon.address, window=0)
+            streams = [attacker.start_call(CONTROL) for _ in range(16)]
+            attacker.send_all({stream: message(opening().SerializeToString()) for stream in streams}, 10)
+            attacker.send_all({stream: message(tick) for stream in streams}, 20)
+            until(lambda: self.hits(daemon), "a hit")
+            attacker.close()
+        hits = self.refused_by(["--messages-memory-mib", "16", "--max-message-memory-mib", "8"], send)
+        self.assertEqual(set(hits), {"messages-memory-mib"})
+
+    def test_time_of_the_maps_of_a_step(self):
+        from google.protobuf import json_format
+        from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
+        largest = json_format.ParseDict({"sample": {"points": 16, "resolution": 64}}, Tuning())
+
+        def send(daemon):
+            with open_session(daemon.address, targets=32) as session:
+                session.sends(tuning=largest)
+                self.assertIn("--max-maps-ms", session.reads().tick_error.message)
+        self.assertEqual(self.refused_by(["--max-maps-ms", "2", "--max-step-cost-ms", "0"], send), {"max-maps-ms": 1})
+
+    def test_a_session_that_is_idle(self):
+        def wait(daemon):
+            with open_session(daemon.address) as session:
+                self.assertEqual(session.status().code(), grpc.StatusCode.DEADLINE_EXCEEDED)
+        self.assertEqual(self.refused_by(["--session-idle-s", "0.4"], wait), {"session-idle-s": 1})
+
+    def test_number_of_uploads(self):
+        """Half of the places are for one client."""
+        def upload_twice(daemon):
+            stopping = threading.Event()
+
+            def slowly():
+                yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
+                stopping.wait(60)
+            with stub(daemon.address) as service:
+                first = service.UploadScene.future(slowly())
+                time.sleep(0.5)
+                with self.assertRaises(grpc.RpcError) as refused:
+                    service.UploadScene(iter([camera_control_pb2.UploadSceneRequest(chunk=b"x")]))
+                self.assertIn("--max-uploads", refused.exception.details())
+                first.cancel()
+                stopping.set()
+        self.assertEqual(self.refused_by(["--max-uploads", "2"], upload_twice), {"max-uploads": 1})
+
+    def test_an_upload_that_pauses(self):
+        def pause(daemon):
+            stopping = threading.Event()
+
+            def slowly():
+                yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
+                stopping.wait(60)
+            with stub(daemon.address) as service, self.assertRaises(grpc.RpcError):
+                service.UploadScene(slowly())
+            stopping.set()
+        self.assertEqual(self.refused_by(["--upload-timeout-s", "0.2"], pause), {"upload-timeout-s": 1})
+
+    def test_memory_of_the_geometry(self):
+        def load(daemon):
+            for start in range(20):
+                upload(daemon.address, repeated_triangles(30_000, 1, start))
+
+        def send(daemon):
+            with self.assertRaises(grpc.RpcError) as refused:
+                load(daemon)
+            self.assertIn("--geometry-memory-mib", refused.exception.details())
+        hits = self.refused_by(["--geometry-memory-mib", "8", "--client-scenes-memory-mib", "100", "--kept-uploads-mib", "100"], send)
+        self.assertEqual(hits, {"geometry-memory-mib": 1})
+
+    def test_uploads_that_make_way_before_they_are_opened(self):
+        def send(daemon):
+            for start in range(4):
+                upload(daemon.address, repeated_triangles(30_000, 1, start))
+        for limit, other in (("kept-uploads-mib", "client-scenes-memory-mib"), ("client-scenes-memory-mib", "kept-uploads-mib")):
+            self.assertEqual(set(self.refused_by([f"--{limit}", "2", f"--{other}", "100"], send)), {limit})
+        self.assertEqual(self.refused_by(["--kept-uploads-mib", "100"], send), {})
+
+    def test_reflection_calls(self):
+        def hold(daemon):
+            stopping = threading.Event()
+
+            def silent():
+                yield b"\x3a\x01*"
+                stopping.wait(60)
+            with grpc.insecure_channel(daemon.address) as channel:
+                method = "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"
+                first = channel.stream_stream(method)(silent())
+                next(first)
+                with self.assertRaises(grpc.RpcError) as refused:
+                    next(channel.stream_stream(method)(silent()))
+                self.assertIn("--max-reflection-calls", refused.exception.details())
+                stopping.set()
+                first.cancel()
+        self.assertEqual(self.refused_by(["--max-reflection-calls", "1"], hold), {"max-reflection-calls": 1})
+
+    def test_watches_of_the_health_service(self):
+        """Three quarters of them are for one client."""
+        def hold(daemon):
+            with grpc.insecure_channel(daemon.address) as channel:
+                calls = [channel.unary_stream(HEALTH + "Watch")(b"") for _ in range(3)]
+                for call in calls:
+                    next(call)
+                with self.assertRaises(grpc.RpcError) as refused:
+                    next(channel.unary_stream(HEALTH + "Watch")(b""))
+                self.assertIn("--max-health-watches", refused.exception.details())
+                for call in calls:
+                    call.cancel()
+        self.assertEqual(self.refused_by(["--max-health-watches", "4"], hold), {"max-health-watches": 1})
 
     def test_size_of_an_upload(self):
         hits = self.refused_by(["--max-upload-mib", "1"], lambda daemon: self.upload(daemon, [bytes(1 << 19)] * 3))
@@ -287,6 +415,23 @@ class Limits(unittest.TestCase):
                 with socket.create_connection((host, int(port)), timeout=10) as second:
                     self.assertEqual(second.recv(1), b"")  # it is refused at once
         self.assertEqual(set(self.refused_by(["--max-connections-per-client", "1"], connect)), {"max-connections-per-client"})
+
+    def test_connections(self):
+        import socket
+
+        def connect(daemon):
+            with camera(daemon) as one:
+                one.tick(0.1, {})
+                host, port = daemon.address.split(":")
+                with socket.create_connection((host, int(port)), timeout=10) as second:
+                    self.assertEqual(second.recv(1), b"")  # it is refused at once
+        self.assertEqual(set(self.refused_by(["--max-connections", "1", "--max-connections-per-client", "2"], connect)), {"max-connections"})
+
+    def test_every_limit_that_can_be_hit_has_a_test_here(self):
+        with start() as daemon:
+            limits = {dict(labels)["limit"] for _, labels in scrape(daemon.operators)["sightline_limit_hits_total"].samples}
+        page = pathlib.Path(__file__).read_text()
+        self.assertEqual({limit for limit in limits if f'"{limit}"' not in page}, set())
 
 
 class Health(unittest.TestCase):

@@ -228,6 +228,13 @@ TEST(ControlInput, ATickThatComesTwiceIsRefusedOnce) {
   EXPECT_EQ(refusals, 1);
 }
 
+uint64_t hits_of(const ServiceWorld& world, const std::string& limit) {
+  const v1::GetServerStatsResponse stats = world.stats();
+  for (const v1::LimitCount& hit : stats.limits())
+    if (hit.limit() == limit) return hit.count();
+  return 0;
+}
+
 TEST(ControlInput, AnOversizeMessageEndsItsCallOnly) {
   const ServiceWorld world({.max_message_bytes = 64 << 10});
   Stream good(world.channel()), oversize(world.channel());
@@ -235,6 +242,23 @@ TEST(ControlInput, AnOversizeMessageEndsItsCallOnly) {
   oversize.open(open_with_boxes(2));
   v1::Tick huge = move_tick(1, 1, 0.0);
   for (int i = 0; i < 40'000; ++i) huge.mutable_transforms()->add_positions(0.0);
+  oversize.send(huge);
+  const grpc::Status status = oversize.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_NE(status.error_message().find("65536 are allowed (--max-message-mib)"), std::string::npos) << status.error_message();
+  EXPECT_EQ(hits_of(world, "max-message-mib"), 1u);
+  good.send(move_tick(1, 1, 0.1));
+  EXPECT_TRUE(good.read()->has_camera());
+}
+
+// gRPC refuses it by its length, without taking it in.
+TEST(ControlInput, AMessageFarOverTheLimitEndsItsCallOnly) {
+  const ServiceWorld world({.max_message_bytes = 64 << 10});
+  Stream good(world.channel()), oversize(world.channel());
+  good.open(open_with_boxes(2));
+  oversize.open(open_with_boxes(2));
+  v1::Tick huge = move_tick(1, 1, 0.0);
+  for (int i = 0; i < 400'000; ++i) huge.mutable_transforms()->add_positions(0.0);
   oversize.send(huge);
   EXPECT_EQ(oversize.finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   good.send(move_tick(1, 1, 0.1));

@@ -81,6 +81,16 @@ Status GatedDevice::pass() {
   return tl::unexpected(error);
 }
 
+namespace {
+
+ServiceLimits limits_of(const WorldOptions& options) {
+  ServiceLimits limits = options.limits;
+  limits.max_message_bytes = options.max_message_bytes;
+  return limits;
+}
+
+}  // namespace
+
 // --- the service
 // -------------------------------------------------------------------------------------------------
 
@@ -93,7 +103,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
       service_(
           ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_,
                        log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
-          options.limits) {
+          limits_of(options)) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
   listen.unix_path = options.unix_path;

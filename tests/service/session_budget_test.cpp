@@ -35,8 +35,8 @@ class InstanceShareTest : public testing::Test {
  protected:
   static constexpr size_t kMib = size_t{1} << 20;
   // The limit that is hit, if any.
-  std::optional<Limit> hit_by(InstanceShare& share, size_t instances, size_t shape_bytes) {
-    const Status changed = share.resize(instances, shape_bytes, "open.instances");
+  std::optional<Limit> hit_by(InstanceShare& share, size_t instances, size_t shape_bytes, size_t state_bytes = 0) {
+    const Status changed = share.resize(instances, shape_bytes, state_bytes, "open.instances");
     if (changed) return std::nullopt;
     EXPECT_EQ(changed.error().code, ErrorCode::kResourceExhausted);
     EXPECT_EQ(changed.error().field, "open.instances");
@@ -49,6 +49,26 @@ class InstanceShareTest : public testing::Test {
   InstanceMemory memory_{8 * kMib, 6 * kMib};
   LimitCounts counts_;
 };
+
+TEST_F(InstanceShareTest, TheStateOfTheStepsCountsToo) {
+  InstanceShare share(limits_, &memory_, "a", &counts_), other(limits_, &memory_, "a", &counts_);
+  EXPECT_EQ(hit_by(share, 0, kMib, 3 * kMib), std::nullopt);
+  EXPECT_EQ(hit_by(share, 0, kMib, 3 * kMib + 1), Limit::kSessionMemory);
+  EXPECT_EQ(hit_by(other, 0, 0, 2 * kMib + 1), Limit::kClientMemory);
+}
+
+TEST(SessionState, GrowsWithTargetsCandidatesAndTexels) {
+  StepSettings settings;
+  const size_t two = session_state_bytes(settings, 2);
+  EXPECT_GT(two, size_t{800} << 10);
+  EXPECT_LT(two, size_t{1100} << 10) << "a session with the default settings and two targets takes 0.9 MiB";
+  const size_t of_target = session_state_bytes(settings, 3) - two;
+  EXPECT_EQ(session_state_bytes(settings, 32), two + 30 * of_target);
+  settings.aggregate.candidates *= 2;
+  EXPECT_GT(session_state_bytes(settings, 2), two + of_target);
+  settings.sample.resolution = 64;
+  EXPECT_GT(session_state_bytes(settings, 2), two + of_target + (size_t{1} << 20));
+}
 
 TEST_F(InstanceShareTest, InstancesAndShapesCountTogether) {
   InstanceShare share(limits_, &memory_, "a", &counts_);

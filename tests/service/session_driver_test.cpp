@@ -101,7 +101,7 @@ TEST_F(SessionDriverTest, AClosedSessionHasLeftTheShares) {
   driver.close(grpc::Status::OK);
   EXPECT_FALSE(driver.opened());
   EXPECT_EQ(geometry.live_count(), 0u);
-  EXPECT_EQ(shares.join(), 0u);  // its slot is free
+  EXPECT_EQ(shares.join(""), 0u);  // its slot is free
 }
 
 }  // namespace
