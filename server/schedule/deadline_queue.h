@@ -12,6 +12,9 @@
 // start tag served so far. One that asks for less than an equal share therefore goes ahead of those that ask for more. One
 // that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits can still be
 // late in the order of service.
+//
+// No order helps against steps that are under way, since they are not interrupted. While several clients step, the long steps of one
+// of them therefore never take all threads: one thread is left for the others.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +32,9 @@ class DeadlineQueue {
   class Client;
 
  public:
+  // A tick at 60 Hz: nobody waits longer for a shorter step.
+  static constexpr int64_t kLongStepNs = 16'666'667;
+
   // The queue's record of one session. It must not move while it waits.
   class Flow {
    public:
@@ -41,6 +47,9 @@ class DeadlineQueue {
     int64_t popped_deadline_ns_ = 0;  // of the step that was popped last
     int64_t start_ns_ = 0;            // start tag of the step that it waits for
     int64_t served_ns_ = 0;           // finish tag: start tag of its last step and the cost of that step
+    // The largest of the last steps; it decays. The first step counts as a long one, since it builds what the sampler needs of the scene.
+    int64_t recent_cost_ns_ = kLongStepNs + 1;
+    int long_rounds_ = 0;             // steps that were popped as long ones, and not charged so far
     uint64_t number_ = 0;
     bool waits_ = false;
   };
@@ -53,12 +62,25 @@ class DeadlineQueue {
   // steps already were. When a hundred sessions walked to a corner together, half as many ticks again were late.
   static constexpr int64_t kClaimNs = 3'000'000;
 
+  // A client counts as stepping for this time after its last step.
+  static constexpr int64_t kActiveForNs = 1'000'000'000;
+
+  // `threads` pop at the same time. One alone cannot be kept free of long steps.
+  explicit DeadlineQueue(size_t threads = 1) : most_long_(threads > 1 ? threads - 1 : 1) {}
+
   // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a name.
   void join(Flow& flow, const std::string& client);
   // `flow` must not be waiting, and must live until it was popped.
   void push(Flow& flow, int64_t deadline_ns);
-  // Removes and returns the flow that steps next; null when the queue is empty.
+  // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their steps are long, and would
+  // take the last thread.
   Flow* pop(int64_t now_ns);
+  // Removes a flow that waits, whatever the order.
+  void take(Flow& flow, int64_t now_ns);
+  // `pop` would return a flow.
+  bool ready(int64_t now_ns) const { return !empty() && next(now_ns) != nullptr; }
+  // No flow is held from now on.
+  void hold_none() { most_long_ = SIZE_MAX; }
   // Reports the cost of a flow's step that is done; a cost <= 0 counts as none. The flow may be waiting again already.
   void charge(Flow& flow, int64_t cost_ns, int64_t now_ns);
 
@@ -85,12 +107,17 @@ class DeadlineQueue {
     int64_t virtual_ns = 0;  // the largest start tag of its flows that was popped
     int64_t fair_until_ns = INT64_MIN;
     int64_t start_ns = 0, served_ns = 0;  // tags as those of a flow
+    size_t long_rounds = 0;               // of its flows together
     uint64_t number = 0;                  // of the push since which it waits
   };
   void insert(Flow& flow);
   void remove(Flow& flow);
   void charge(Client& client, int64_t cost_ns);
-  Flow& next(int64_t now_ns) const;
+  Flow* next(int64_t now_ns) const;
+  Flow* next_of(const Client& client, int64_t now_ns) const;
+  bool held(const Flow& flow, int64_t now_ns) const;
+  void note_step(const Client& client, int64_t now_ns);
+  void note_cost(Flow& flow, int64_t cost_ns);
   void check_deadline(const Flow& flow, int64_t deadline_ns, int64_t now_ns);
 
   std::map<std::string, std::weak_ptr<Client>> clients_;
@@ -99,6 +126,10 @@ class DeadlineQueue {
   int64_t virtual_ns_ = 0;  // the largest start tag of a client that was popped
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
+  size_t most_long_;  // long steps of one client at the same time, while others step
+  const void* newest_client_ = nullptr;  // whose step was popped last; it may be gone
+  int64_t newest_ns_ = INT64_MIN / 2;    // when that was
+  int64_t others_ns_ = INT64_MIN / 2;    // when the last step of any other client was popped
 };
 
 }  // namespace sightline

@@ -8,7 +8,7 @@
 namespace sightline {
 
 Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
-    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), running_since_ns_(threads, kNotRunning) {
+    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), queue_(threads), running_since_ns_(threads, kNotRunning) {
   threads_.reserve(threads);
   for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }
@@ -17,6 +17,7 @@ Scheduler::~Scheduler() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
+    queue_.hold_none();  // a thread that waits for a held task would not see the end
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
@@ -50,15 +51,16 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   Round round;
   {
     const std::lock_guard lock(mutex_);
-    if (best_batch_ > 1 || stopping_ || !queue_.empty() || running_ >= threads_.size()) return false;
+    const int64_t now_ns = clock_();
+    if (best_batch_ > 1 || stopping_ || queue_.ready(now_ns) || running_ >= threads_.size()) return false;
     if (!spare_rounds_.empty()) {
       round = std::move(spare_rounds_.back());
       spare_rounds_.pop_back();
     }
     starts(round);
-    // The task passes through the empty queue, so that the round is charged against its own deadline.
+    // The task passes through the queue, in which nothing else may step, so that the round is charged against its own deadline.
     queue_.push(task, deadline_ns);
-    queue_.pop(clock_());
+    queue_.take(task, now_ns);
   }
   round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
   run(round);
@@ -127,8 +129,11 @@ void Scheduler::work() {
 void Scheduler::choose(Round& round) {
   const int64_t now_ns = clock_();
   const size_t part = (queue_.size() + threads() - 1) / std::max(threads(), 1u);
-  for (size_t left = std::min(best_batch_, part); left > 0; --left)
-    round.tasks.push_back(std::move(static_cast<Scheduled*>(queue_.pop(now_ns))->self_));
+  for (size_t left = std::min(best_batch_, part); left > 0; --left) {
+    DeadlineQueue::Flow* const flow = queue_.pop(now_ns);
+    if (!flow) return;  // the others are held
+    round.tasks.push_back(std::move(static_cast<Scheduled*>(flow)->self_));
+  }
 }
 
 // The cost of the maps is divided among the tasks in proportion to the number of maps that they asked for.

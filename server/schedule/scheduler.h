@@ -89,7 +89,7 @@ class Scheduler {
   void choose(Round& round);  // needs mutex_
   void run(Round& round);
   void charge(const Round& round);  // needs mutex_
-  bool may_run() const { return !queue_.empty() && running_ < threads_.size(); }  // needs mutex_
+  bool may_run() const { return running_ < threads_.size() && queue_.ready(clock_()); }  // needs mutex_
   int64_t take(Round& round, std::exception_ptr& trouble);
 
   SamplerDevice& device_;

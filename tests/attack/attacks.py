@@ -17,7 +17,7 @@ from typing import Callable
 import grpc
 from daemon import (CONTINUATION, CONTROL, HEADERS, HEALTH, RST_STREAM, Daemon, RawConnection, connect, flood, frame, is_cut,
                     request_headers)
-from scenes import dear_tuning, empty_parts, glb, largest_tuning, many_instances, scene_of
+from scenes import crowd_tuning, dear_tuning, empty_parts, glb, largest_tuning, many_instances, scene_of, stacked_plates
 from sessions import Crowd, info, open_session, status_of, stub, upload
 
 ATTACK_S = 8
@@ -279,11 +279,17 @@ def labels(daemon):
 
 
 def crowd_of_one_client(daemon):
-    with Crowd(daemon.ready.read_text().split()[0], 256, targets=32, tuning=dear_tuning()) as crowd:
+    with Crowd(daemon.ready.read_text().split()[0], 256, targets=8, tuning=crowd_tuning()) as crowd:
         before = crowd.answers
         time.sleep(ATTACK_S)
         answers = crowd.answers - before
-    return f"{len(crowd.sessions)} sessions with 32 targets, then {crowd.told}; {answers} of their ticks answered"
+    return f"{len(crowd.sessions)} sessions with 8 targets, then {crowd.told}; {answers} of their ticks answered"
+
+
+def long_steps(daemon):
+    with Crowd(daemon.ready.read_text().split()[0], 6, targets=16, instances=stacked_plates(15_000)) as crowd:
+        time.sleep(ATTACK_S)
+    return f"{crowd.answers} steps of {len(crowd.sessions)} sessions with 16 targets and 15,000 large plates at one place"
 
 
 def nothing(daemon):
@@ -337,6 +343,8 @@ ATTACKS = [
     Attack(15, "`[x`, `nan` and unknown keys in the configuration", "valid, or refused without a line", wrong_configurations),
     Attack(16, "allocation failure", "UNKNOWN, or an abort without a word", no_memory, flags=("--max-upload-mib", "1024")),
     Attack(17, "control characters in labels; an unusable record folder", "bare in the log; a file is promised", labels),
-    Attack(18, "one client plays all sessions that it may open", "others' p99 176 to 439 ms in five runs",
+    Attack(18, "one client plays all sessions that it may open", "others' p99 474 to 2,700 ms in three runs",
            crowd_of_one_client, options=unix_socket_too, beside_is_another_client=True),
+    Attack(19, "steps of 20 to 130 ms, by a scene of overlapping instances", "others' p99 316 to 698 ms in three runs",
+           long_steps, options=unix_socket_too, beside_is_another_client=True),
 ]

@@ -79,11 +79,27 @@ def empty_parts(count):
     return part(field(ControlRequest, "tick"), part(delta, inner))
 
 
+def stacked_plates(count):
+    """Instances of one large plate, all at almost the same place below the targets: a ray that goes down has to try very many."""
+    from sightline.v1.camera_pb2 import Pose3, Vec3
+    from sightline.v1.scene_pb2 import NewInstance, Shape
+    plate = Shape(box=Shape.Box(half_extent=Vec3(x=40, y=0.01, z=40)))
+    return [NewInstance(id=1000 + n, shape=plate, pose=Pose3(position=Vec3(x=60 * (n * 0.618 % 1) - 30, y=-5 - 0.01 * (n * 0.414 % 1),
+                                                                           z=60 * (n * 0.732 % 1) - 30))) for n in range(count)]
+
+
 def dear_tuning():
     """The dearest settings that pass with 32 targets."""
     from google.protobuf import json_format
     from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
     return json_format.ParseDict({"sample": {"points": 8, "resolution": 12}, "aggregate": {"candidates": 700}}, Tuning())
+
+
+def crowd_tuning():
+    """Dear steps of sessions that take little memory, so that very many of them can be open."""
+    from google.protobuf import json_format
+    from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
+    return json_format.ParseDict({"sample": {"points": 16, "resolution": 24}, "aggregate": {"candidates": 100}}, Tuning())
 
 
 def largest_tuning():

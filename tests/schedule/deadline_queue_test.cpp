@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <deque>
 #include <memory>
 #include <optional>
@@ -129,6 +130,97 @@ TEST(DeadlineQueue, WhileNothingIsLateDeadlinesDecideBetweenClients) {
   EXPECT_EQ(queue.pop(0), &fresh);
 }
 
+constexpr int64_t kLong = 2 * DeadlineQueue::kLongStepNs;
+
+// Two clients on two threads. The steps of three sessions of the first are known to be long.
+struct LongSteps : testing::Test {
+  LongSteps() {
+    for (Flow& flow : of_long) {
+      queue.join(flow, "long");
+      serve(queue, flow, kLong);
+    }
+    queue.join(of_other, "other");
+  }
+  // The other client steps.
+  void other_steps(int64_t now_ns) {
+    queue.push(of_other, now_ns + kMs);
+    ASSERT_EQ(queue.pop(now_ns), &of_other);
+    queue.charge(of_other, kMs / 10, now_ns);
+  }
+
+  DeadlineQueue queue{2};
+  std::array<Flow, 3> of_long;
+  Flow of_other;
+};
+
+TEST_F(LongSteps, OneClientLeavesTheLastThreadToTheOthers) {
+  other_steps(kMs);
+  for (Flow& flow : of_long) queue.push(flow, kMs + 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_long[0]);
+  EXPECT_FALSE(queue.ready(2 * kMs));
+  EXPECT_EQ(queue.pop(2 * kMs), nullptr) << "although two wait";
+  other_steps(3 * kMs);
+  queue.charge(of_long[0], kLong, 4 * kMs);
+  EXPECT_TRUE(queue.ready(4 * kMs));
+  EXPECT_EQ(queue.pop(4 * kMs), &of_long[1]);
+  EXPECT_EQ(queue.pop(4 * kMs), nullptr);
+}
+
+TEST_F(LongSteps, AClientThatStepsAloneHasAllThreads) {
+  for (Flow& flow : of_long) queue.push(flow, kMs + 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_long[0]);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_long[1]);
+}
+
+TEST_F(LongSteps, ASilentClientHoldsNothingBack) {
+  other_steps(kMs);
+  for (Flow& flow : of_long) queue.push(flow, 20'000 * kMs);
+  const int64_t later_ns = kMs + DeadlineQueue::kActiveForNs;
+  EXPECT_EQ(queue.pop(later_ns - 1), &of_long[0]);
+  EXPECT_EQ(queue.pop(later_ns - 1), nullptr);
+  EXPECT_EQ(queue.pop(later_ns), &of_long[1]);
+}
+
+TEST_F(LongSteps, AreKnownBeforeTheyAreOver) {
+  other_steps(kMs);
+  queue.push(of_long[0], 20 * kMs);
+  ASSERT_EQ(queue.pop(2 * kMs), &of_long[0]);
+  queue.push(of_long[0], 20 * kMs);  // before its cost is known
+  EXPECT_EQ(queue.pop(2 * kMs), nullptr);
+  queue.charge(of_long[0], kLong, 3 * kMs);
+  EXPECT_EQ(queue.pop(3 * kMs), &of_long[0]);
+  queue.charge(of_long[0], kLong, 4 * kMs);
+  queue.push(of_long[1], 20 * kMs);
+  EXPECT_EQ(queue.pop(4 * kMs), &of_long[1]) << "none is counted twice";
+}
+
+TEST_F(LongSteps, AShortOneBetweenThemChangesNothing) {
+  serve(queue, of_long[1], kMs);
+  other_steps(kMs);
+  queue.push(of_long[0], 20 * kMs), queue.push(of_long[1], 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_long[0]);
+  EXPECT_EQ(queue.pop(2 * kMs), nullptr);
+}
+
+TEST_F(LongSteps, TheFirstStepCountsAsOne) {
+  other_steps(kMs);
+  std::array<Flow, 2> fresh;
+  for (Flow& flow : fresh) queue.join(flow, "long"), queue.push(flow, 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &fresh[0]);
+  EXPECT_EQ(queue.pop(2 * kMs), nullptr);
+  queue.charge(fresh[0], kMs, 3 * kMs);
+  queue.push(fresh[0], 20 * kMs);
+  EXPECT_EQ(queue.pop(3 * kMs), &fresh[1]);
+  EXPECT_EQ(queue.pop(3 * kMs), &fresh[0]) << "it was short";
+}
+
+TEST_F(LongSteps, AreNotHeldAtTheEnd) {
+  other_steps(kMs);
+  for (Flow& flow : of_long) queue.push(flow, 20 * kMs);
+  queue.hold_none();
+  for (Flow& flow : of_long) EXPECT_EQ(queue.pop(2 * kMs), &flow);
+}
+
 // --- a machine that steps
 
 enum class Policy { kQueue, kFirstCome };
@@ -150,7 +242,7 @@ struct Player {
 class Machine {
  public:
   Machine(std::vector<Player>& players, unsigned threads, Policy policy = Policy::kQueue)
-      : players_(players), free_at_ns_(threads, 0), running_(threads, nullptr), policy_(policy) {
+      : players_(players), free_at_ns_(threads, 0), running_(threads, nullptr), policy_(policy), queue_(threads) {
     for (Player& player : players_) queue_.join(player.flow, player.client);
   }
 
@@ -294,6 +386,20 @@ TEST_P(Overload, ManySessionsOfOneClientTakeNothingFromAnother) {
     EXPECT_GE(players[i].steps, 4000u / 16 - 1) << i;
     EXPECT_LE(players[i].longest_wait_ns, 4 * kMs) << "one step of the others, and two of its own client";
   }
+}
+
+TEST_P(Overload, LongStepsOfOneClientDoNotMakeAnotherWait) {
+  const unsigned threads = GetParam();
+  if (threads == 1) GTEST_SKIP() << "one thread is busy with a step that is not interrupted";
+  std::vector<Player> players;
+  for (unsigned i = 0; i < 6; ++i) players.push_back({16 * kMs, 80 * kMs, 0, "long"});
+  players.push_back({16 * kMs, kMs, 5 * kMs, "short"});
+  Machine(players, threads).run(4000 * kMs);
+  EXPECT_LE(players.back().late, 3u) << "until it is known that the steps are long";
+  EXPECT_GE(players.back().steps, 4000u / 16 - 20);
+  uint64_t long_steps = 0;
+  for (unsigned i = 0; i < 6; ++i) long_steps += players[i].steps;
+  EXPECT_GE(long_steps, (threads - 1) * 45u) << "of 50 for each thread";
 }
 
 TEST_P(Overload, ClientsGetEqualSharesWhateverTheNumberOfTheirSessions) {

@@ -197,6 +197,26 @@ TEST(Scheduler, RunsAllWaitingTasksBeforeItEnds) {
   EXPECT_EQ(events.after(0).size(), 100u);
 }
 
+// Each look at this clock takes longer than a step may to be a short one. So all steps are long, and of those that wait some are held.
+TEST(Scheduler, RunsTasksThatAreHeldBeforeItEnds) {
+  EventLog events;
+  CountingDevice device(1);
+  std::atomic<int64_t> now_ns{0};
+  {
+    Scheduler scheduler(2, device, [&] { return now_ns += 2 * DeadlineQueue::kLongStepNs; });
+    std::vector<std::shared_ptr<Task>> tasks;
+    for (int i = 0; i < 8; ++i) {
+      tasks.push_back(std::make_shared<Task>(events, "task", 1));
+      scheduler.join(*tasks.back(), i < 6 ? "long" : "other");
+    }
+    for (size_t round = 1; round <= 5; ++round) {
+      for (const auto& task : tasks) scheduler.post(task, kLater);
+      if (round < 5) events.after(16 * round);
+    }
+  }
+  EXPECT_EQ(events.after(0).size(), 5u * 16);
+}
+
 int64_t no_time() {
   return 0;
 }
