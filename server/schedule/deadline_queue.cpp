@@ -61,34 +61,29 @@ void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_
     if (now_ns >= *until_ns) *until_ns = now_ns + kFairForNs;
 }
 
-bool DeadlineQueue::held(const Flow& flow, int64_t now_ns) const {
-  if (flow.recent_cost_ns_ <= kLongStepNs || flow.client_->long_rounds < most_long_) return false;
-  const int64_t others_ns = flow.client_.get() == newest_client_ ? others_ns_ : newest_ns_;
+bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
+  if (now_ns >= client.long_until_ns || client.rounds < most_long_) return false;
+  const int64_t others_ns = &client == newest_client_ ? others_ns_ : newest_ns_;
   return now_ns - others_ns < kActiveForNs;
 }
 
 DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
   if (!overloaded(now_ns)) {
-    const auto found = std::find_if(by_deadline_.begin(), by_deadline_.end(), [&](const Flow* flow) { return !held(*flow, now_ns); });
+    const auto found =
+        std::find_if(by_deadline_.begin(), by_deadline_.end(), [&](const Flow* flow) { return !held(*flow->client_, now_ns); });
     return found == by_deadline_.end() ? nullptr : *found;
   }
-  for (const Client* client : by_service_)
-    if (Flow* const flow = next_of(*client, now_ns)) return flow;
-  return nullptr;
+  const auto found = std::find_if(by_service_.begin(), by_service_.end(), [&](const Client* client) { return !held(*client, now_ns); });
+  if (found == by_service_.end()) return nullptr;
+  const Client& client = **found;
+  return now_ns < client.fair_until_ns ? *client.by_service.begin() : *client.by_deadline.begin();
 }
 
-DeadlineQueue::Flow* DeadlineQueue::next_of(const Client& client, int64_t now_ns) const {
-  const auto first = [&](const auto& flows) -> Flow* {
-    const auto found = std::find_if(flows.begin(), flows.end(), [&](const Flow* flow) { return !held(*flow, now_ns); });
-    return found == flows.end() ? nullptr : *found;
-  };
-  return now_ns < client.fair_until_ns ? first(client.by_service) : first(client.by_deadline);
-}
-
-void DeadlineQueue::note_step(const Client& client, int64_t now_ns) {
+void DeadlineQueue::note_step(Client& client, int64_t now_ns) {
   if (newest_client_ != &client) others_ns_ = newest_ns_;
   newest_client_ = &client;
   newest_ns_ = now_ns;
+  ++client.rounds;
 }
 
 DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
@@ -102,9 +97,6 @@ DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
 void DeadlineQueue::take(Flow& flow, int64_t now_ns) {
   Client& client = *flow.client_;
   note_step(client, now_ns);
-  const bool is_long = flow.recent_cost_ns_ > kLongStepNs;
-  flow.long_rounds_ += is_long;
-  client.long_rounds += is_long;
   remove(flow);
   flow.waits_ = false;
   flow.popped_deadline_ns_ = flow.deadline_ns_;
@@ -117,7 +109,7 @@ void DeadlineQueue::take(Flow& flow, int64_t now_ns) {
 
 void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
   check_deadline(flow, flow.popped_deadline_ns_, now_ns);
-  note_cost(flow, cost_ns);
+  note_cost(*flow.client_, cost_ns, now_ns);
   if (cost_ns <= 0) return;
   charge(*flow.client_, cost_ns);
   flow.served_ns_ += cost_ns;
@@ -127,10 +119,9 @@ void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
   insert(flow);
 }
 
-void DeadlineQueue::note_cost(Flow& flow, int64_t cost_ns) {
-  if (flow.long_rounds_ > 0) --flow.long_rounds_, --flow.client_->long_rounds;
-  // A short step after a long one does not make the next one short.
-  flow.recent_cost_ns_ = std::max(cost_ns, flow.recent_cost_ns_ - flow.recent_cost_ns_ / 8);
+void DeadlineQueue::note_cost(Client& client, int64_t cost_ns, int64_t now_ns) {
+  if (client.rounds > 0) --client.rounds;
+  if (cost_ns > kLongStepNs || client.long_until_ns == INT64_MAX) client.long_until_ns = now_ns + kLongForNs;
 }
 
 void DeadlineQueue::charge(Client& client, int64_t cost_ns) {

@@ -13,8 +13,9 @@
 // that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits can still be
 // late in the order of service.
 //
-// No order helps against steps that are under way, since they are not interrupted. While several clients step, the long steps of one
-// of them therefore never take all threads: one thread is left for the others.
+// No order helps against steps that are under way, since they are not interrupted. While several clients step, a client with long steps
+// therefore never takes all threads: one is left for the others. How long a step takes is known only afterwards. So a client counts as one with long
+// steps for kLongForNs after each, and after its first step.
 #pragma once
 
 #include <cstddef>
@@ -47,9 +48,6 @@ class DeadlineQueue {
     int64_t popped_deadline_ns_ = 0;  // of the step that was popped last
     int64_t start_ns_ = 0;            // start tag of the step that it waits for
     int64_t served_ns_ = 0;           // finish tag: start tag of its last step and the cost of that step
-    // The largest of the last steps; it decays. The first step counts as a long one, since it builds what the sampler needs of the scene.
-    int64_t recent_cost_ns_ = kLongStepNs + 1;
-    int long_rounds_ = 0;             // steps that were popped as long ones, and not charged so far
     uint64_t number_ = 0;
     bool waits_ = false;
   };
@@ -64,16 +62,17 @@ class DeadlineQueue {
 
   // A client counts as stepping for this time after its last step.
   static constexpr int64_t kActiveForNs = 1'000'000'000;
+  static constexpr int64_t kLongForNs = 5'000'000'000;
 
-  // `threads` pop at the same time. One alone cannot be kept free of long steps.
-  explicit DeadlineQueue(size_t threads = 1) : most_long_(threads > 1 ? threads - 1 : 1) {}
+  // `threads` pop at the same time, each one flow. With one thread nothing is held, since none can be left to the others.
+  explicit DeadlineQueue(size_t threads = 1) : most_long_(threads > 1 ? threads - 1 : SIZE_MAX) {}
 
   // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a name.
   void join(Flow& flow, const std::string& client);
   // `flow` must not be waiting, and must live until it was popped.
   void push(Flow& flow, int64_t deadline_ns);
-  // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their steps are long, and would
-  // take the last thread.
+  // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their clients have long steps, and
+  // they would take the last thread.
   Flow* pop(int64_t now_ns);
   // Removes a flow that waits, whatever the order.
   void take(Flow& flow, int64_t now_ns);
@@ -107,17 +106,17 @@ class DeadlineQueue {
     int64_t virtual_ns = 0;  // the largest start tag of its flows that was popped
     int64_t fair_until_ns = INT64_MIN;
     int64_t start_ns = 0, served_ns = 0;  // tags as those of a flow
-    size_t long_rounds = 0;               // of its flows together
+    size_t rounds = 0;                    // steps of its flows that were popped and not charged so far
+    int64_t long_until_ns = INT64_MAX;    // it counts as a client with long steps; INT64_MAX before its first step
     uint64_t number = 0;                  // of the push since which it waits
   };
   void insert(Flow& flow);
   void remove(Flow& flow);
   void charge(Client& client, int64_t cost_ns);
   Flow* next(int64_t now_ns) const;
-  Flow* next_of(const Client& client, int64_t now_ns) const;
-  bool held(const Flow& flow, int64_t now_ns) const;
-  void note_step(const Client& client, int64_t now_ns);
-  void note_cost(Flow& flow, int64_t cost_ns);
+  bool held(const Client& client, int64_t now_ns) const;
+  void note_step(Client& client, int64_t now_ns);
+  void note_cost(Client& client, int64_t cost_ns, int64_t now_ns);
   void check_deadline(const Flow& flow, int64_t deadline_ns, int64_t now_ns);
 
   std::map<std::string, std::weak_ptr<Client>> clients_;
@@ -126,7 +125,7 @@ class DeadlineQueue {
   int64_t virtual_ns_ = 0;  // the largest start tag of a client that was popped
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
-  size_t most_long_;  // long steps of one client at the same time, while others step
+  size_t most_long_;  // steps of a client with long ones at the same time, while others step
   const void* newest_client_ = nullptr;  // whose step was popped last; it may be gone
   int64_t newest_ns_ = INT64_MIN / 2;    // when that was
   int64_t others_ns_ = INT64_MIN / 2;    // when the last step of any other client was popped

@@ -8,7 +8,7 @@
 namespace sightline {
 
 Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
-    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), queue_(threads), running_since_ns_(threads, kNotRunning) {
+    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), queue_(best_batch_ > 1 ? 1 : threads), running_since_ns_(threads, kNotRunning) {
   threads_.reserve(threads);
   for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }

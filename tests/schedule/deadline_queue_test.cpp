@@ -202,16 +202,20 @@ TEST_F(LongSteps, AShortOneBetweenThemChangesNothing) {
   EXPECT_EQ(queue.pop(2 * kMs), nullptr);
 }
 
-TEST_F(LongSteps, TheFirstStepCountsAsOne) {
-  other_steps(kMs);
+TEST_F(LongSteps, AreExpectedOfANewClientAndForAWhileAfterTheLast) {
   std::array<Flow, 2> fresh;
-  for (Flow& flow : fresh) queue.join(flow, "long"), queue.push(flow, 20 * kMs);
-  EXPECT_EQ(queue.pop(2 * kMs), &fresh[0]);
-  EXPECT_EQ(queue.pop(2 * kMs), nullptr);
-  queue.charge(fresh[0], kMs, 3 * kMs);
-  queue.push(fresh[0], 20 * kMs);
-  EXPECT_EQ(queue.pop(3 * kMs), &fresh[1]);
-  EXPECT_EQ(queue.pop(3 * kMs), &fresh[0]) << "it was short";
+  for (Flow& flow : fresh) queue.join(flow, "new");
+  const int64_t forgotten_ns = 2 * kMs + DeadlineQueue::kLongForNs;
+  for (const int64_t now_ns : {kMs, forgotten_ns - 1, forgotten_ns}) {
+    other_steps(now_ns);
+    for (Flow& flow : fresh) queue.push(flow, now_ns + 20 * kMs);
+    EXPECT_EQ(queue.pop(now_ns), &fresh[0]);
+    EXPECT_EQ(queue.pop(now_ns), now_ns < forgotten_ns ? nullptr : &fresh[1]);
+    queue.charge(fresh[0], kMs, now_ns == kMs ? 2 * kMs : now_ns);
+    if (now_ns == forgotten_ns) break;
+    EXPECT_EQ(queue.pop(now_ns), &fresh[1]);
+    queue.charge(fresh[1], kMs, now_ns);
+  }
 }
 
 TEST_F(LongSteps, AreNotHeldAtTheEnd) {

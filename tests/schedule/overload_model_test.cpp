@@ -194,7 +194,7 @@ class Model {
   const BudgetRules rules_;
   CounterRandom random_{1, 0, RandomPurpose::kTest};
   FairShares shares_;
-  DeadlineQueue queue_;
+  DeadlineQueue queue_{kSteppers};
   std::vector<std::unique_ptr<Player>> players_;
   Player* stepping_[kSteppers] = {};
   std::deque<Transfer> transfers_;  // for the event loop
