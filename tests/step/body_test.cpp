@@ -316,8 +316,9 @@ TEST(Body, ItsPartsGoTheWayThatIsPredictedForTheTarget) {
   PuppetWorld world(puppet_after(0));
   world.settings = Filming().settings;
   world.settings.sample.points = 8;
+  world.settings.move.turn_probability = 0;
   world.place({0, 1.5, 7}, {0, 1, 0});
-  size_t ahead = 0, beyond_hips = 0;
+  size_t ahead = 0, beyond_hips = 0, in_slices = 0;
   for (int i = 0; i < 60; ++i) {
     const Puppet puppet = puppet_after(i * kTick);
     world.show(puppet, velocity_mps);
@@ -328,9 +329,17 @@ TEST(Body, ItsPartsGoTheWayThatIsPredictedForTheTarget) {
       EXPECT_TRUE(lies_on(puppet, point, plan.ahead_s * velocity_mps));
       ++ahead, beyond_hips += !lies_on(std::span(puppet).first(1), point, plan.ahead_s * velocity_mps);
     }
+    if (i < 5) continue;  // the motion is not known yet
+    for (const SampledSlice& slice : plan.slices)
+      for (const glm::dvec3& point : slice.sampled.points_m) {
+        const double ahead_s = std::min(slice.due.ahead_s, world.settings.move.prediction_s);
+        EXPECT_TRUE(lies_on(puppet, point, ahead_s * velocity_mps)) << ahead_s;
+        ++in_slices;
+      }
   }
   EXPECT_GT(ahead, 60u);
   EXPECT_GT(beyond_hips, ahead / 2);
+  EXPECT_GT(in_slices, 100u);
 }
 
 }  // namespace
