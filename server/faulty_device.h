@@ -24,7 +24,7 @@ struct FaultPlan {
   uint64_t every = 1;  // each n-th call for maps meets the fault
 };
 
-inline constexpr int kHangSeconds = 3;
+inline constexpr int kHangSeconds = 6;
 
 // "context-loss:100". Fails with kInvalidArgument, field "--inject-fault".
 Result<FaultPlan> parse_fault_plan(const std::string& text);

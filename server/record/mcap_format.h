@@ -17,6 +17,7 @@ namespace sightline::mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 inline constexpr uint64_t kRecordHeadBytes = 9;  // opcode and length
+inline constexpr uint64_t kDataEndBytes = kRecordHeadBytes + sizeof(uint32_t);  // a whole DataEnd record
 inline constexpr uint64_t kFooterContentBytes = 20;
 // A whole Footer record and the magic after it, the end of a finished file.
 inline constexpr uint64_t kTailBytes = kRecordHeadBytes + kFooterContentBytes + kMagic.size();

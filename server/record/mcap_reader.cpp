@@ -59,6 +59,12 @@ bool learn(const mcap::RecordView& record, McapInfo& info, uint64_t& room) {
   return true;
 }
 
+// It covers the footer up to its last field, the CRC itself.
+uint32_t summary_crc(std::string_view summary, std::string_view tail) {
+  constexpr uint64_t kCheckedOfFooter = mcap::kRecordHeadBytes + mcap::kFooterContentBytes - sizeof(uint32_t);
+  return mcap::crc32_of(tail.substr(0, kCheckedOfFooter), mcap::crc32_of(summary));
+}
+
 void count_message(const mcap::Message& message, mcap::Statistics& statistics) {
   const bool first = statistics.message_count == 0;
   statistics.start_time_ns =
@@ -186,32 +192,38 @@ Result<bool> McapReader::take_summary() {
   return true;
 }
 
-Result<bool> McapReader::read_summary(McapInfo& out) const {
+Result<McapReader::Tail> McapReader::read_tail() const {
   const uint64_t size = source_->size();
   if (size < mcap::kMagic.size() + mcap::kTailBytes) return tl::unexpected(broken("footer", "there is none"));
-  const uint64_t footer_start = size - mcap::kTailBytes;
-  Result<std::string> tail = load(*source_, footer_start, mcap::kTailBytes, mcap::kTailBytes);
-  if (!tail) return tl::unexpected(tail.error());
-  std::string_view rest = *tail;
+  Tail tail;
+  tail.start = size - mcap::kTailBytes;
+  Result<std::string> bytes = load(*source_, tail.start, mcap::kTailBytes, mcap::kTailBytes);
+  if (!bytes) return tl::unexpected(bytes.error());
+  tail.bytes = std::move(*bytes);
+  std::string_view rest = tail.bytes;
   mcap::RecordView record;
-  mcap::Footer footer;
   if (!mcap::take_record(rest, record) || rest != mcap::kMagic || record.opcode != Opcode::kFooter ||
-      !mcap::decode(record.content, footer))
+      !mcap::decode(record.content, tail.footer))
     return tl::unexpected(broken("footer", "there is none"));
+  return tail;
+}
+
+Result<bool> McapReader::read_summary(McapInfo& out) const {
+  const Result<Tail> tail = read_tail();
+  if (!tail) return tl::unexpected(tail.error());
+  const mcap::Footer& footer = tail->footer;
   if (footer.summary_start == 0) return false;
-  if (footer.summary_start < mcap::kMagic.size() || footer.summary_start > footer_start)
+  if (footer.summary_start < mcap::kMagic.size() || footer.summary_start > tail->start)
     return tl::unexpected(broken("footer.summary_start", "points to no summary"));
 
   Result<std::string> summary =
-      load(*source_, footer.summary_start, footer_start - footer.summary_start, limits_.max_summary_bytes);
+      load(*source_, footer.summary_start, tail->start - footer.summary_start, limits_.max_summary_bytes);
   if (!summary) return tl::unexpected(summary.error());
-  constexpr uint64_t kCheckedOfFooter = mcap::kRecordHeadBytes + mcap::kFooterContentBytes - sizeof(uint32_t);
-  const uint32_t crc =
-      mcap::crc32_of(std::string_view(*tail).substr(0, kCheckedOfFooter), mcap::crc32_of(*summary));
-  if (footer.summary_crc != 0 && footer.summary_crc != crc)
+  if (footer.summary_crc != 0 && footer.summary_crc != summary_crc(*summary, tail->bytes))
     return tl::unexpected(broken("footer.summary_crc", "is not the CRC of the summary"));
 
-  rest = *summary;
+  std::string_view rest = *summary;
+  mcap::RecordView record;
   uint64_t room = limits_.max_definition_bytes;
   while (mcap::take_record(rest, record)) {
     bool sound = learn(record, out, room);
@@ -271,6 +283,19 @@ Status McapReader::check_summary(const McapInfo& summary) const {
   return {};
 }
 
+// Schemas and channels of chunks that were lost. `start`: where the summary stands, behind the data. Its offsets may be wrong in a damaged file, so
+// only its CRC counts.
+void McapReader::learn_from_summary(uint64_t start, uint64_t& room) {
+  const Result<Tail> tail = read_tail();
+  if (!tail || start > tail->start) return;
+  const Result<std::string> summary = load(*source_, start, tail->start - start, limits_.max_summary_bytes);
+  if (!summary || tail->footer.summary_crc != summary_crc(*summary, tail->bytes)) return;
+  std::string_view rest = *summary;
+  mcap::RecordView record;
+  while (mcap::take_record(rest, record))
+    if (!learn(record, info_, room)) info_.loss.note(start, broken("summary", kUnfit));
+}
+
 void McapReader::go_through() {
   McapScanner scanner(*source_, limits_, false);
   ScannedRecord record;
@@ -316,6 +341,7 @@ void McapReader::go_through() {
       take({record.opcode, record.content}, record.offset, unproven);
     }
   }
+  if (scanner.finished()) learn_from_summary(scanner.data_end() + mcap::kDataEndBytes, room);
   info_.schemas.merge(unproven.schemas);
   info_.channels.merge(unproven.channels);
   info_.has_statistics = true;

@@ -86,11 +86,20 @@ class McapReader {
  private:
   McapReader(const ByteSource& source, McapLimits limits) : source_(&source), limits_(limits) {}
 
+  // The last record of a finished file.
+  struct Tail {
+    uint64_t start = 0;
+    mcap::Footer footer;
+    std::string bytes;  // with the magic
+  };
+
   Result<bool> take_summary();
+  Result<Tail> read_tail() const;
   Result<bool> read_summary(McapInfo& out) const;
   Status check_summary(const McapInfo& summary) const;
   Status read_header(McapInfo& out) const;
   void go_through();
+  void learn_from_summary(uint64_t start, uint64_t& room);
   void read_chunks(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,
                    McapReadReport& report) const;
   void read_through(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,

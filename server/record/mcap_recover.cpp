@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "server/record/mcap_reader.h"
 #include "server/record/mcap_scanner.h"
 
 namespace sightline {
@@ -12,8 +13,8 @@ using mcap::Opcode;
 // The copy, which has its own ids.
 class Copy {
  public:
-  Copy(ByteSink& sink, McapWriterOptions options, uint64_t room, McapRecovery& done)
-      : sink_(sink), options_(std::move(options)), room_(room), done_(done) {}
+  Copy(const ByteSource& source, ByteSink& sink, McapLimits limits, McapWriterOptions options, McapRecovery& done)
+      : source_(source), sink_(sink), limits_(limits), options_(std::move(options)), room_(limits.max_definition_bytes), done_(done) {}
 
   Status take(const mcap::RecordView& record, uint64_t offset) {
     offset_ = offset;
@@ -62,8 +63,8 @@ class Copy {
     return {};
   }
 
-  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and the chunk that first
-  // uses one repeats it.
+  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and in files of earlier versions
+  // the chunk that first uses one repeats it.
   Status take_schema(std::string_view content) {
     mcap::Schema schema;
     if (!mcap::decode(content, schema) || content.size() > room_) return lose("a schema that does not fit");
@@ -82,29 +83,40 @@ class Copy {
     return {};
   }
 
+  // Null: no sound part of the source has it. A lost chunk may have held the only record in the data; the summary repeats it.
+  template <typename Record>
+  const Record* find(uint16_t id, const std::map<uint16_t, Record>& known, std::map<uint16_t, Record> McapInfo::*repeated) {
+    if (const auto found = known.find(id); found != known.end()) return &found->second;
+    const McapInfo* whole = whole_source();
+    if (whole == nullptr) return nullptr;
+    const auto found = (whole->*repeated).find(id);
+    return found == (whole->*repeated).end() ? nullptr : &found->second;
+  }
+  // Opened once, when a definition is missing: without a summary it scans the whole source. Null: it cannot be opened.
+  const McapInfo* whole_source() {
+    if (!whole_) whole_.emplace(McapReader::open(source_, limits_));
+    return *whole_ ? &(*whole_)->info() : nullptr;
+  }
+
   // The copy's ids.
   Result<uint16_t> schema_of(uint16_t id) {
     if (id == 0) return uint16_t{0};
     if (const auto done = schemas_.find(id); done != schemas_.end()) return done->second;
-    const auto known = known_schemas_.find(id);
-    if (known == known_schemas_.end())
-      return fail(ErrorCode::kDataLoss, "schema", "a channel without its schema");
-    const mcap::Schema& schema = known->second;
-    const Result<uint16_t> made = writer().add_schema(schema.name, schema.encoding, schema.data);
+    const mcap::Schema* schema = find(id, known_schemas_, &McapInfo::schemas);
+    if (schema == nullptr) return fail(ErrorCode::kDataLoss, "schema", "a channel without its schema");
+    const Result<uint16_t> made = writer().add_schema(schema->name, schema->encoding, schema->data);
     if (made) schemas_[id] = *made;
     return made;
   }
 
   Result<uint16_t> channel_of(uint16_t id) {
     if (const auto done = channels_.find(id); done != channels_.end()) return done->second;
-    const auto known = known_channels_.find(id);
-    if (known == known_channels_.end())
-      return fail(ErrorCode::kDataLoss, "channel", "a message without its channel");
-    const mcap::Channel& channel = known->second;
-    const Result<uint16_t> schema = schema_of(channel.schema_id);
+    const mcap::Channel* channel = find(id, known_channels_, &McapInfo::channels);
+    if (channel == nullptr) return fail(ErrorCode::kDataLoss, "channel", "a message without its channel");
+    const Result<uint16_t> schema = schema_of(channel->schema_id);
     if (!schema) return schema;
     const Result<uint16_t> made =
-        writer().add_channel(channel.topic, *schema, channel.message_encoding, channel.metadata);
+        writer().add_channel(channel->topic, *schema, channel->message_encoding, channel->metadata);
     if (made) channels_[id] = *made;
     return made;
   }
@@ -141,11 +153,14 @@ class Copy {
     return {};
   }
 
+  const ByteSource& source_;
   ByteSink& sink_;
+  const McapLimits limits_;
   McapWriterOptions options_;
   uint64_t room_;                                   // bytes of schemas and channels that may still be kept
   std::map<uint16_t, mcap::Schema> known_schemas_;  // the newest, by the source's id
   std::map<uint16_t, mcap::Channel> known_channels_;
+  std::optional<Result<McapReader>> whole_;
   McapRecovery& done_;
   std::optional<McapWriter> writer_;
   std::map<uint16_t, uint16_t> schemas_;  // written: id in the copy by id in the source
@@ -158,7 +173,7 @@ class Copy {
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
                                   McapWriterOptions options, const RecoveryNote& note) {
   McapRecovery done;
-  Copy copy(sink, std::move(options), limits.max_definition_bytes, done);
+  Copy copy(source, sink, limits, std::move(options), done);
   McapScanner scanner(source, limits, true);
   ScannedRecord record;
   while (scanner.next(record)) {

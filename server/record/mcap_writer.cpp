@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -25,6 +26,15 @@ void append_group(std::string& summary, uint64_t summary_start, mcap::Opcode opc
   const size_t start = summary.size();
   for (const auto& record : records) mcap::append_record(summary, record);
   if (summary.size() > start) offsets.push_back({opcode, summary_start + start, summary.size() - start});
+}
+
+// The records that are in the data, and so belong into the summary.
+template <typename State, typename Record>
+std::vector<Record> written(const std::vector<State>& states, Record State::*record) {
+  std::vector<Record> found;
+  for (const State& state : states)
+    if (state.written) found.push_back(state.*record);
+  return found;
 }
 
 }  // namespace
@@ -58,8 +68,7 @@ Result<uint16_t> McapWriter::add_schema(std::string name, std::string encoding, 
   if (!trouble_) return tl::unexpected(trouble_.error());
   if (schemas_.size() == kMaxIds) return tl::unexpected(too_many("schemas"));
   const uint16_t id = static_cast<uint16_t>(schemas_.size() + 1);
-  schemas_.push_back({id, std::move(name), std::move(encoding), std::move(data)});
-  mcap::append_record(pending_, schemas_.back());
+  schemas_.push_back({{id, std::move(name), std::move(encoding), std::move(data)}});
   return id;
 }
 
@@ -71,7 +80,6 @@ Result<uint16_t> McapWriter::add_channel(std::string topic, uint16_t schema_id, 
   const uint16_t id = static_cast<uint16_t>(channels_.size() + 1);
   ChannelState state;
   state.channel = {id, schema_id, std::move(topic), std::move(message_encoding), std::move(metadata)};
-  mcap::append_record(pending_, state.channel);
   channels_.push_back(std::move(state));
   return id;
 }
@@ -97,7 +105,7 @@ Status McapWriter::write(const mcap::Message& message) {
   if (open_chunk_.size() + message.data.size() > kMaxMessageBytes)
     if (Status ok = end_chunk(); !ok) return ok;
 
-  if (!state->in_chunks) introduce(*state);
+  introduce(*state);
   note_time(message.log_time_ns);
   state->open_index.emplace_back(message.log_time_ns, open_chunk_.size());
   mcap::append_record(open_chunk_, message);
@@ -107,10 +115,13 @@ Status McapWriter::write(const mcap::Message& message) {
   return open_chunk_.size() >= options_.chunk_bytes ? end_chunk() : Status{};
 }
 
+// The format's own tools warn of a schema or channel that stands twice in the data.
 void McapWriter::introduce(ChannelState& state) {
-  if (state.channel.schema_id != 0) mcap::append_record(open_chunk_, schemas_[state.channel.schema_id - 1]);
-  mcap::append_record(open_chunk_, state.channel);
-  state.in_chunks = true;
+  if (state.channel.schema_id != 0) {
+    SchemaState& schema = schemas_[state.channel.schema_id - 1];
+    if (!std::exchange(schema.written, true)) mcap::append_record(open_chunk_, schema.schema);
+  }
+  if (!std::exchange(state.written, true)) mcap::append_record(open_chunk_, state.channel);
 }
 
 void McapWriter::note_time(uint64_t log_time_ns) {
@@ -125,7 +136,7 @@ void McapWriter::note_time(uint64_t log_time_ns) {
 
 Status McapWriter::end_chunk() {
   if (!trouble_) return trouble_;
-  if (open_messages_ == 0) return pending_.empty() ? Status{} : put_pending();
+  if (open_messages_ == 0) return {};
   mcap::Chunk chunk;
   chunk.start_time_ns = least_time_ns_;
   chunk.end_time_ns = greatest_time_ns_;
@@ -182,21 +193,20 @@ Status McapWriter::add_metadata(const mcap::Metadata& metadata) {
 }
 
 std::string McapWriter::summary(mcap::Footer& footer) const {
+  const std::vector<mcap::Schema> schemas = written(schemas_, &SchemaState::schema);
+  const std::vector<mcap::Channel> channels = written(channels_, &ChannelState::channel);
   mcap::Statistics statistics = statistics_;
-  statistics.schema_count = static_cast<uint16_t>(schemas_.size());
-  statistics.channel_count = static_cast<uint32_t>(channels_.size());
+  statistics.schema_count = static_cast<uint16_t>(schemas.size());
+  statistics.channel_count = static_cast<uint32_t>(channels.size());
   statistics.attachment_count = static_cast<uint32_t>(attachments_.size());
   statistics.metadata_count = static_cast<uint32_t>(metadata_.size());
   statistics.chunk_count = static_cast<uint32_t>(chunks_.size());
-  std::vector<mcap::Channel> channels;
-  for (const ChannelState& state : channels_) {
-    channels.push_back(state.channel);
+  for (const ChannelState& state : channels_)
     if (state.messages > 0) statistics.channel_message_counts[state.channel.id] = state.messages;
-  }
 
   std::string out;
   std::vector<mcap::SummaryOffset> offsets;
-  append_group(out, position_, mcap::Opcode::kSchema, schemas_, offsets);
+  append_group(out, position_, mcap::Opcode::kSchema, schemas, offsets);
   append_group(out, position_, mcap::Opcode::kChannel, channels, offsets);
   append_group(out, position_, mcap::Opcode::kStatistics, std::vector{statistics}, offsets);
   append_group(out, position_, mcap::Opcode::kChunkIndex, chunks_, offsets);

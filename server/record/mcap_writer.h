@@ -8,8 +8,8 @@
 //
 // Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages. The file ends with a summary:
 // schemas, channels, statistics, and the indexes of chunks, attachments and metadata. A file that is cut off before
-// finish() lacks only the summary and the open chunk. Schemas and channels stand both in the chunk that first uses them and
-// before it, so that a damaged chunk does not lose them.
+// finish() lacks only the summary and the open chunk. A schema or channel stands once in the data, in the chunk that first uses it,
+// where a CRC covers it; the summary repeats it. One that no message uses is not in the file.
 #pragma once
 
 #include <chrono>
@@ -78,11 +78,15 @@ class McapWriter {
   uint64_t bytes_written() const { return position_; }
 
  private:
+  struct SchemaState {
+    mcap::Schema schema;
+    bool written = false;  // its record is in a chunk
+  };
   struct ChannelState {
     mcap::Channel channel;
     uint64_t messages = 0;
     uint32_t last_sequence = 0;
-    bool in_chunks = false;                                 // its record is in a chunk, and its schema's
+    bool written = false;                                   // its record is in a chunk
     std::vector<std::pair<uint64_t, uint64_t>> open_index;  // of the open chunk
   };
 
@@ -102,7 +106,7 @@ class McapWriter {
   uint32_t data_crc_ = 0;
   std::string pending_;  // records on their way to the sink
 
-  std::vector<mcap::Schema> schemas_;   // id - 1
+  std::vector<SchemaState> schemas_;    // id - 1
   std::vector<ChannelState> channels_;  // id - 1
   std::vector<mcap::ChunkIndex> chunks_;
   std::vector<mcap::AttachmentIndex> attachments_;

@@ -15,49 +15,91 @@ bool DeadlineQueue::LessServed::operator()(const Flow* a, const Flow* b) const {
          std::tie(b->start_ns_, b->deadline_ns_, b->number_);
 }
 
+bool DeadlineQueue::LessServedClient::operator()(const Client* a, const Client* b) const {
+  return std::tie(a->start_ns, a->number) < std::tie(b->start_ns, b->number);
+}
+
+void DeadlineQueue::join(Flow& flow, const std::string& client) {
+  assert(!flow.client_);
+  std::erase_if(clients_, [](const auto& known) { return known.second.expired(); });
+  std::weak_ptr<Client>& known = clients_[client];
+  flow.client_ = known.lock();
+  if (!flow.client_) known = flow.client_ = std::make_shared<Client>();
+}
+
 void DeadlineQueue::insert(Flow& flow) {
   by_deadline_.insert(&flow);
-  by_service_.insert(&flow);
+  flow.client_->by_deadline.insert(&flow);
+  flow.client_->by_service.insert(&flow);
 }
 
 void DeadlineQueue::remove(Flow& flow) {
   by_deadline_.erase(&flow);
-  by_service_.erase(&flow);
+  flow.client_->by_deadline.erase(&flow);
+  flow.client_->by_service.erase(&flow);
 }
 
 void DeadlineQueue::push(Flow& flow, int64_t deadline_ns) {
   assert(!flow.waits_);
+  if (!flow.client_) join(flow, "");
+  Client& client = *flow.client_;
   flow.deadline_ns_ = deadline_ns;
-  flow.start_ns_ = std::max(flow.served_ns_, virtual_ns_ - kClaimNs);
+  flow.start_ns_ = std::max(flow.served_ns_, client.virtual_ns - kClaimNs);
   flow.number_ = ++pushes_;
   flow.waits_ = true;
+  if (client.by_deadline.empty()) {
+    client.start_ns = std::max(client.served_ns, virtual_ns_ - kClaimNs);
+    client.number = flow.number_;
+    by_service_.insert(&client);
+  }
   insert(flow);
 }
 
-void DeadlineQueue::check_deadline(int64_t deadline_ns, int64_t now_ns) {
-  if (deadline_ns < now_ns && !overloaded(now_ns)) fair_until_ns_ = now_ns + kFairForNs;
+void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_t now_ns) {
+  if (deadline_ns >= now_ns) return;
+  for (int64_t* const until_ns : {&fair_until_ns_, &flow.client_->fair_until_ns})
+    if (now_ns >= *until_ns) *until_ns = now_ns + kFairForNs;
+}
+
+DeadlineQueue::Flow& DeadlineQueue::next(int64_t now_ns) const {
+  if (!overloaded(now_ns)) return **by_deadline_.begin();
+  const Client& client = **by_service_.begin();
+  return now_ns < client.fair_until_ns ? **client.by_service.begin() : **client.by_deadline.begin();
 }
 
 DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
   if (empty()) return nullptr;
-  check_deadline((*by_deadline_.begin())->deadline_ns_, now_ns);
-  Flow& flow = overloaded(now_ns) ? **by_service_.begin() : **by_deadline_.begin();
+  check_deadline(**by_deadline_.begin(), (*by_deadline_.begin())->deadline_ns_, now_ns);
+  Flow& flow = next(now_ns);
+  Client& client = *flow.client_;
   remove(flow);
   flow.waits_ = false;
   flow.popped_deadline_ns_ = flow.deadline_ns_;
   flow.served_ns_ = flow.start_ns_;
-  virtual_ns_ = std::max(virtual_ns_, flow.start_ns_);
+  client.virtual_ns = std::max(client.virtual_ns, flow.start_ns_);
+  client.served_ns = client.start_ns;
+  virtual_ns_ = std::max(virtual_ns_, client.start_ns);
+  if (client.by_deadline.empty()) by_service_.erase(&client);
   return &flow;
 }
 
 void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
-  check_deadline(flow.popped_deadline_ns_, now_ns);
+  check_deadline(flow, flow.popped_deadline_ns_, now_ns);
   if (cost_ns <= 0) return;
+  charge(*flow.client_, cost_ns);
   flow.served_ns_ += cost_ns;
   if (!flow.waits_) return;
   remove(flow);
   flow.start_ns_ = std::max(flow.start_ns_, flow.served_ns_);
   insert(flow);
+}
+
+void DeadlineQueue::charge(Client& client, int64_t cost_ns) {
+  client.served_ns += cost_ns;
+  if (client.by_deadline.empty()) return;
+  by_service_.erase(&client);
+  client.start_ns = std::max(client.start_ns, client.served_ns);
+  by_service_.insert(&client);
 }
 
 }  // namespace sightline

@@ -4,23 +4,30 @@
 // "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973). It is exact to within one step, because
 // a step is not interrupted.
 //
-// After a missed deadline the order changes for kFairForNs, since by deadlines alone the session that asks for most
-// would get most. The session that was served least goes first then: start-time fair queueing (Goyal, Vin & Cheng,
-// 1996). A session's start tag is the service that it has had, but at most kClaimNs less than the largest start tag
-// served so far. A session that asks for less than an equal share therefore goes ahead of those that ask for more. A
-// session that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits
-// can still be late in the order of service.
+// After a missed deadline the order changes for kFairForNs, since by deadlines alone those who ask for most would get most.
+// The client that was served least goes first then, whatever the number of its sessions. Among the sessions of one client the
+// earliest deadline still goes first, unless that client missed a deadline itself: then it is its session that was served
+// least. Both orders are start-time fair queueing (Goyal, Vin & Cheng, 1996; the two levels are those of their section 3 for
+// hierarchical sharing). A start tag is the service that a client or session has had, but at most kClaimNs less than the largest
+// start tag served so far. One that asks for less than an equal share therefore goes ahead of those that ask for more. One
+// that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits can still be
+// late in the order of service.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <memory>
 #include <set>
+#include <string>
 
 namespace sightline {
 
 // Times are nanoseconds of one monotonic clock. Not thread-safe. Deterministic: ties go to the flow that was pushed
 // first.
 class DeadlineQueue {
+  class Client;
+
  public:
   // The queue's record of one session. It must not move while it waits.
   class Flow {
@@ -29,6 +36,7 @@ class DeadlineQueue {
 
    private:
     friend class DeadlineQueue;
+    std::shared_ptr<Client> client_;  // null until it joined or was pushed
     int64_t deadline_ns_ = 0;         // of the step that it waits for
     int64_t popped_deadline_ns_ = 0;  // of the step that was popped last
     int64_t start_ns_ = 0;            // start tag of the step that it waits for
@@ -45,6 +53,8 @@ class DeadlineQueue {
   // steps already were. When a hundred sessions walked to a corner together, half as many ticks again were late.
   static constexpr int64_t kClaimNs = 3'000'000;
 
+  // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a name.
+  void join(Flow& flow, const std::string& client);
   // `flow` must not be waiting, and must live until it was popped.
   void push(Flow& flow, int64_t deadline_ns);
   // Removes and returns the flow that steps next; null when the queue is empty.
@@ -54,7 +64,7 @@ class DeadlineQueue {
 
   size_t size() const { return by_deadline_.size(); }
   bool empty() const { return by_deadline_.empty(); }
-  // A deadline was missed less than kFairForNs ago: the order is that of service.
+  // A deadline was missed less than kFairForNs ago: the order between clients is that of service.
   bool overloaded(int64_t now_ns) const { return now_ns < fair_until_ns_; }
 
  private:
@@ -64,13 +74,29 @@ class DeadlineQueue {
   struct LessServed {
     bool operator()(const Flow* a, const Flow* b) const;
   };
+  struct LessServedClient {
+    bool operator()(const Client* a, const Client* b) const;
+  };
+  // The sessions of one client. It is in by_service_ while one of them waits.
+  class Client {
+   public:
+    std::set<Flow*, EarlierDeadline> by_deadline;
+    std::set<Flow*, LessServed> by_service;
+    int64_t virtual_ns = 0;  // the largest start tag of its flows that was popped
+    int64_t fair_until_ns = INT64_MIN;
+    int64_t start_ns = 0, served_ns = 0;  // tags as those of a flow
+    uint64_t number = 0;                  // of the push since which it waits
+  };
   void insert(Flow& flow);
   void remove(Flow& flow);
-  void check_deadline(int64_t deadline_ns, int64_t now_ns);
+  void charge(Client& client, int64_t cost_ns);
+  Flow& next(int64_t now_ns) const;
+  void check_deadline(const Flow& flow, int64_t deadline_ns, int64_t now_ns);
 
+  std::map<std::string, std::weak_ptr<Client>> clients_;
   std::set<Flow*, EarlierDeadline> by_deadline_;
-  std::set<Flow*, LessServed> by_service_;
-  int64_t virtual_ns_ = 0;  // the largest start tag that was popped
+  std::set<Client*, LessServedClient> by_service_;
+  int64_t virtual_ns_ = 0;  // the largest start tag of a client that was popped
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
 };

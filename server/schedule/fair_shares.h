@@ -1,12 +1,14 @@
 // How much of the threads' time each session may use.
 //
-// While all demands fit, there is no limit. Otherwise every session gets an equal share, and what a session with a
-// smaller demand leaves over goes to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2).
+// While all demands fit, there is no limit. Otherwise every client gets an equal share, and what a client with a
+// smaller demand leaves over goes to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2). The
+// share of a client is divided among its sessions in the same way. More sessions do not give a client more time.
 //
 // The time that can be shared out is not known in advance, because the transport and other processes use the same CPUs.
 // It is estimated: while steps are late the estimate shrinks by a factor, otherwise it grows by a constant (additive
 // increase, multiplicative decrease; Chiu & Jain, "Analysis of the increase and decrease algorithms for congestion
-// avoidance in computer networks", 1989).
+// avoidance in computer networks", 1989). A client that asks for more than an equal part of all time, beside others, has an
+// estimate of its own: its late steps are no reason to give others less.
 #pragma once
 
 #include <cstddef>
@@ -14,6 +16,7 @@
 #include <limits>
 #include <mutex>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace sightline {
@@ -28,7 +31,7 @@ class FairShares {
   using Slot = size_t;
   static constexpr int64_t kRenewedEveryNs = 100'000'000;      // period of the estimate and of the share
   static constexpr int64_t kForgottenAfterNs = 1'000'000'000;  // a demand that is not reported again counts for so long
-  // A renewal shrinks the estimate to kDecrease of itself when more than kLateShare of the steps since the last one were
+  // A renewal shrinks an estimate to kDecrease of itself when more than kLateShare of the steps since the last one were
   // late, and at least kLeastLate of them. Otherwise the estimate grows by kIncrease of the capacity, up to all of it.
   // Without an estimate, a hundred sessions whose steps alone fit the threads are late in one tick of ten
   // (tests/schedule/overload_model_test.cpp). With kLeastLate = 1, a stall of the machine each second degrades a sixth of
@@ -40,30 +43,49 @@ class FairShares {
   // `capacity`, in threads, is the time to share out when nothing else runs.
   explicit FairShares(double capacity) : capacity_(capacity) {}
 
-  Slot join();
+  // Adds a session of this client.
+  Slot join(const std::string& client);
   void leave(Slot slot);
   // Called after each step with the demand of the session at `slot` (what it would use at quality level 0), and
   // whether the step was late. Returns the session's share. `now_ns` never goes back by much.
   double report(Slot slot, double demand, bool late, int64_t now_ns);
 
  private:
+  // A share of capacity_, and the steps since the last renewal that it is renewed by.
+  struct Estimate {
+    double share = 1.0;
+    int steps = 0, late = 0;
+    void count(bool was_late) { ++steps, late += was_late; }
+    void renew();
+  };
   struct Demand {
+    size_t client = 0;  // in clients_
     double threads = 0.0;
     int64_t reported_ns = 0;
     bool taken = false;
   };
+  struct Client {
+    std::string name;
+    size_t sessions = 0;  // 0: the place is free
+    double threads = 0.0;     // demand of its sessions together, at the last renewal
+    bool greedy = false;      // it asked for more than an equal part of the capacity, beside others
+    Estimate estimate;        // used while it is greedy
+    double share = std::numeric_limits<double>::infinity();  // of each of its sessions
+  };
+  size_t place_of(const std::string& client);
+  bool counts(const Demand& demand, int64_t now_ns) const;
   void renew(int64_t now_ns);
-  void renew_estimate();
+  double sum_demands(int64_t now_ns);
+  double share_within(size_t client, double room, int64_t now_ns);
 
   const double capacity_;
   std::mutex mutex_;
   // Guarded by mutex_.
-  double estimate_ = 1.0;     // of the time to share out, as a share of capacity_
-  int steps_ = 0, late_ = 0;  // since the last renewal
+  Estimate estimate_;  // of all clients that are not greedy
   std::vector<Demand> demands_;
   std::vector<Slot> free_;
+  std::vector<Client> clients_;
   std::vector<double> scratch_;
-  double share_ = std::numeric_limits<double>::infinity();
   int64_t renewed_ns_ = std::numeric_limits<int64_t>::min() / 2;
 };
 

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "server/schedule/fair_shares.h"
 #include "server/schedule/step_budget.h"
@@ -16,9 +17,9 @@ namespace sightline {
 // Deterministic apart from the shares of the other sessions. Not thread-safe.
 class QualityControl {
  public:
-  // Joins `shares`, which must outlive it, and leaves them when it is destroyed.
-  QualityControl(const BudgetRules& rules, FairShares& shares)
-      : budget_(rules), shares_(shares), slot_(shares.join()) {}
+  // Joins `shares`, which must outlive it, as a session of this client, and leaves them when it is destroyed.
+  QualityControl(const BudgetRules& rules, FairShares& shares, const std::string& client)
+      : budget_(rules), shares_(shares), slot_(shares.join(client)) {}
   ~QualityControl() { shares_.leave(slot_); }
   QualityControl(const QualityControl&) = delete;
   QualityControl& operator=(const QualityControl&) = delete;

@@ -22,6 +22,11 @@ Scheduler::~Scheduler() {
   for (std::thread& thread : threads_) thread.join();
 }
 
+void Scheduler::join(Scheduled& task, const std::string& client) {
+  const std::lock_guard lock(mutex_);
+  queue_.join(task, client);
+}
+
 // A busy thread looks at the queue before it waits, so only a waiting thread needs to be woken.
 void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
   bool wakes = false;

@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <span>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -54,6 +55,8 @@ class Scheduler {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
+  // Names the client whose session `task` is, once and before it is posted. Tasks of one client share its part of the time.
+  void join(Scheduled& task, const std::string& client);
   // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is kept
   // alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are limited.
   void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);

@@ -71,6 +71,7 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
     }
     stream->only_resumes_ = admission;
   }
+  parts.scheduler.join(*stream, client);
   stream->read_if_room();
   stream->set_alarm(limits.open_timeout);
 }

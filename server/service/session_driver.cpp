@@ -147,7 +147,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   (void)instances_.resize(count, shapes_.bytes(), "");
   BudgetRules rules = parts_.budget;
   rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
-  quality_.emplace(rules, parts_.shares);
+  quality_.emplace(rules, parts_.shares, reader_.client);
   counters_.opened();
   opened_to_proto(*session_, opened);
   opened.set_session_id(session_id_);

@@ -13,8 +13,8 @@ sys.path.insert(0, STUBS)
 import grpc  # noqa: E402
 
 from daemon import CONTROL, DATA, END_STREAM, HEALTH, SERVICE, Daemon, FlowingConnection, Healthy, RawConnection, frame, message  # noqa: E402
-from scenes import empty_parts, glb, largest_tuning, many_instances, repeated_triangles, scene_of, varint  # noqa: E402
-from sessions import info, open_request, open_session, stub, upload  # noqa: E402
+from scenes import dear_tuning, empty_parts, glb, largest_tuning, many_instances, repeated_triangles, scene_of, varint  # noqa: E402
+from sessions import Crowd, info, open_request, open_session, stub, upload  # noqa: E402
 from sightline.v1 import camera_control_pb2  # noqa: E402
 
 EXHAUSTED = grpc.StatusCode.RESOURCE_EXHAUSTED
@@ -51,6 +51,23 @@ class Sessions(unittest.TestCase):
                 self.assertEqual(other.tick().sequence, 1)
             for session in held:
                 session.close()
+
+    def test_many_sessions_of_one_client_take_no_time_from_another(self):
+        with tempfile.TemporaryDirectory() as folder, Daemon("--listen-unix", folder + "/socket") as daemon:
+            tcp, unix = daemon.ready.read_text().split()
+            with Crowd(tcp, 256, targets=32, tuning=dear_tuning()) as crowd:
+                self.assertEqual(len(crowd.sessions), 192, crowd.told)
+                with open_session(unix, targets=32, tuning=dear_tuning()) as other:
+                    other.tick()
+                    before = crowd.answers
+                    for _ in range(20):
+                        other.tick()
+                    # Two clients share the threads equally. If all 193 sessions did, 192 steps of the crowd would pass in each of these 20.
+                    self.assertLess(crowd.answers - before, 20 * 20)
+                healthy = Healthy(unix, 4).result()
+            self.assertEqual((healthy["answered"], healthy["error"]), (healthy["ticks"], ""))
+            self.assertGreater(healthy["replies"], 0.6 * healthy["ticks"], "the others were merged, because they waited for so long")
+            self.assertGreater(crowd.answers, before)
 
     def test_idle_sessions_end(self):
         with Daemon("--session-idle-s", "3") as daemon, open_session(daemon.address) as busy:

@@ -272,7 +272,7 @@ class Healthy:
         assert self.process.stdout.readline().strip() == "opened"
 
     def result(self):
-        """{"ticks", "answered", "p50_ms", "p99_ms", "max_ms", "error"}"""
+        """{"ticks", "answered", "replies", "p50_ms", "p99_ms", "max_ms", "error"}"""
         import json
         out, _ = self.process.communicate(timeout=120)
         return json.loads(out)

@@ -28,12 +28,13 @@ def main(address, seconds):
     requests.put(opening())
     next(replies)
     print("opened", flush=True)
-    due, waits, trouble = {}, [], []
+    due, waits, trouble, answers = {}, [], [], []
 
     def receive():
         try:
             for reply in replies:
                 answered = reply.camera.sequence
+                answers.append(answered)
                 # A reply may answer several ticks that were merged.
                 for sequence in [s for s in due if s <= answered]:
                     waits.append(time.monotonic() - due.pop(sequence))
@@ -55,7 +56,7 @@ def main(address, seconds):
     reader.join(20)
     waits.sort()
     at = lambda share: round(1e3 * waits[min(len(waits) - 1, int(share * len(waits)))], 2) if waits else None
-    print(json.dumps({"ticks": sequence, "answered": len(waits), "p50_ms": at(0.5), "p99_ms": at(0.99), "max_ms": at(1),
+    print(json.dumps({"ticks": sequence, "answered": len(waits), "replies": len(answers), "p50_ms": at(0.5), "p99_ms": at(0.99), "max_ms": at(1),
                       "error": "; ".join(trouble)}))
 
 

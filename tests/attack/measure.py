@@ -44,7 +44,7 @@ def measured(one):
         daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits,
                                             stderr=more.get("stderr")))
         daemon.recordings = more.get("recordings")
-        address = daemon.address
+        address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
         before = daemon.memory_mib()
         healthy = Healthy(address, options.seconds + 1)

@@ -79,6 +79,13 @@ def empty_parts(count):
     return part(field(ControlRequest, "tick"), part(delta, inner))
 
 
+def dear_tuning():
+    """The dearest settings that pass with 32 targets."""
+    from google.protobuf import json_format
+    from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
+    return json_format.ParseDict({"sample": {"points": 8, "resolution": 12}, "aggregate": {"candidates": 700}}, Tuning())
+
+
 def largest_tuning():
     """The dearest settings that the contract allows."""
     from google.protobuf import json_format

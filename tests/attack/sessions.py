@@ -1,6 +1,7 @@
 """Sessions and other calls of a well-behaved client, for tests. The stubs must be on sys.path."""
 import contextlib
 import queue
+import threading
 
 import grpc
 from service_stub import CameraControlServiceStub
@@ -81,6 +82,42 @@ def open_request(targets=1, **more):
 
 def open_session(address, targets=1, channel=None, **more):
     return Session(address, open_request(targets, **more), channel)
+
+
+class Crowd:
+    """As many sessions of one client as the daemon opens, at most `most`. Each ticks again as soon as it is answered, and refuses reduced quality.
+    Use it in a `with` statement."""
+
+    def __init__(self, address, most, **more):
+        self.answers, self.playing, self.told = 0, True, ""
+        self.channels = [grpc.insecure_channel(address, options=[("grpc.use_local_subchannel_pool", 1)]) for _ in range(8)]
+        self.sessions = []
+        for n in range(most):
+            try:
+                self.sessions.append(open_session(address, channel=self.channels[n % len(self.channels)],
+                                                  degradation_policy=session_pb2.DEGRADATION_POLICY_NEVER, **more))
+            except grpc.RpcError as error:
+                self.told = f"{error.code().name}: {error.details()}"
+                break
+        self.players = [threading.Thread(target=self._play, args=(session,)) for session in self.sessions]
+        for player in self.players:
+            player.start()
+
+    def _play(self, session):
+        with contextlib.suppress(grpc.RpcError, StopIteration):
+            while self.playing:
+                session.tick()
+                self.answers += 1
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.playing = False
+        for channel in self.channels:
+            channel.close()
+        for player in self.players:
+            player.join()
 
 
 @contextlib.contextmanager

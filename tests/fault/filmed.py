@@ -5,6 +5,7 @@ import threading
 import time
 
 from sightline_client import Camera, Connection, Failed, box, capsule
+from waits import ORDINARY_S, Wait
 
 RATE_HZ = 60.0
 SPEED_LIMIT_MPS = 6.0
@@ -26,7 +27,8 @@ class Filmed(threading.Thread):
         self.addresses, self.number = addresses, number
         self.connection = Connection(reply_timeout_s=reply_timeout_s, give_up_after_s=60.0)
         self.ticks = self.resumes = self.resyncs = 0
-        self.waits_s = []  # of the ticks that met trouble
+        self.fault = "none"  # what befell this session last; those who do it say so before
+        self.waits = []  # of the ticks that met trouble, or took long without
         self.troubles = []
         self.jumps = []
         self.stopping = threading.Event()
@@ -58,10 +60,11 @@ class Filmed(threading.Thread):
         lost = camera.resumes + camera.resyncs
         limits = {"limits": {"max_speed_mps": SPEED_LIMIT_MPS}} if self.ticks == 1 else {}
         reply = camera.tick(time_s, places(time_s, self.phase), **limits)
+        fault = self.fault  # before the others see that the session has gone on
         self.resumes, self.resyncs = camera.resumes, camera.resyncs
         waited = time.monotonic() - before
-        if camera.resumes + camera.resyncs > lost:
-            self.waits_s.append(waited)
+        if camera.resumes + camera.resyncs > lost or waited > ORDINARY_S:
+            self.waits.append(Wait(fault, waited))
         self._look_for_jump(reply)
         time.sleep(max(0.0, 1 / RATE_HZ - waited))
 

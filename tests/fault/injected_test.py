@@ -12,7 +12,7 @@ sys.path[:0] = [STUBS, str(HERE.parent / "attack"), str(HERE.parent / "metrics")
 
 import grpc  # noqa: E402
 from daemon import Daemon  # noqa: E402
-from exposition import scrape, value  # noqa: E402
+from exposition import get, scrape, value  # noqa: E402
 from sightline_client import Camera, Connection, Failed, Refused, box, capsule  # noqa: E402
 
 Daemon.path = SIGHTLINED
@@ -37,6 +37,14 @@ def camera(daemon, connection=AT_ONCE):
 
 def tick(one, n):
     return one.tick(n / 60, {1: (-1 + n / 100, 0.9, 0)})
+
+
+def until(condition, what, seconds=30):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            raise AssertionError("never: " + what)
+        time.sleep(0.02)
 
 
 def has_egl():
@@ -98,12 +106,19 @@ class Injected(unittest.TestCase):
                 for n in range(1, 10):
                     tick(healthy, n)
                 hit._stream.send(_request(1))
+                until(lambda: get(daemon.operators, "/livez") == (503, "does not answer: step\n"), "the watchdog says that a step hangs")
+                self.assertEqual(get(daemon.operators, "/readyz")[0], 503)
+                self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 1)
+                daemon.wait_for_log("threads hang threads=step")
                 for n in range(10, 19):
                     self.assertEqual(tick(healthy, n).sequence, n)
                 # The other one is answered in the end.
                 while not (response := hit._stream.receive(60)).HasField("camera"):
                     pass
                 self.assertEqual(response.camera.sequence, 1)
+            until(lambda: get(daemon.operators, "/livez") == (200, "ok\n"), "alive again")
+            self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 0)
+            daemon.wait_for_log("threads answer again")
 
     def test_a_fault_that_does_not_exist_is_refused_by_name_and_the_flag_is_not_in_the_help(self):
         wrong = subprocess.run([SIGHTLINED, "--inject-fault", "fire:1"], capture_output=True, text=True, timeout=60)

@@ -80,6 +80,9 @@ class ReportTest(Browsing):
         self.assertAlmostEqual(self.number("fov"), self.file.fov_degrees(frame), delta=0.0051)
         speed = math.hypot(*(reply["velocity"][axis] for axis in "xyz")) / 100
         self.assertAlmostEqual(self.number("speed"), speed, delta=0.0051)
+        # The nearest collider is the floor, which lies at height 0, or something nearer.
+        self.assertGreater(self.number("clearance"), 0)
+        self.assertLess(self.number("clearance"), self.file.position(frame)[1] + 0.0051)
         for field, prefix in (("status", "TRACKING_STATUS_"), ("reason", "MOVE_REASON_")):
             self.assertEqual(self.text(field), words(reply[field], prefix))
         for field in ("all_visible", "some_visible", "none_visible"):

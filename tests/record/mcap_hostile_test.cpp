@@ -141,6 +141,42 @@ TEST(McapHostile, DamageInOneChunkCostsThatChunkAndSaysHowMuch) {
   EXPECT_FALSE(verify_mcap(source, {}).value().sound());
 }
 
+// The first chunk holds the only schemas and channels of the data. `damage` gets the file and the middle of that chunk.
+void first_chunk_is_lost_alone(void (*damage)(std::string& bytes, size_t middle)) {
+  const test::SmallFile file = test::make_small_file();
+  const MemorySource whole(file.bytes);
+  const mcap::ChunkIndex first = McapReader::open(whole, {}).value().info().chunks.at(0);
+  const std::vector<PlainMessage> later(file.messages.begin() + static_cast<long>(messages_of(file, first)), file.messages.end());
+  std::string damaged = file.bytes;
+  damage(damaged, first.chunk_start + first.chunk_length / 2);
+  EXPECT_EQ(read_every_way(damaged).messages, later);
+  EXPECT_EQ(recovered(damaged), later);
+}
+
+TEST(McapHostile, TheSummaryHasTheTopicsOfALostChunk) {
+  first_chunk_is_lost_alone([](std::string& bytes, size_t middle) { bytes[middle] ^= 0x10; });
+}
+
+TEST(McapHostile, TheSummaryHasTheTopicsOfALostChunkThoughItsOffsetsAreWrong) {
+  first_chunk_is_lost_alone([](std::string& bytes, size_t middle) { bytes.insert(middle, "five!"); });
+  first_chunk_is_lost_alone([](std::string& bytes, size_t middle) { bytes.erase(middle, 7); });
+}
+
+TEST(McapHostile, ADamagedSummaryNamesNoTopics) {
+  const test::SmallFile file = test::make_small_file();
+  const MemorySource whole(file.bytes);
+  const mcap::ChunkIndex first = McapReader::open(whole, {}).value().info().chunks.at(0);
+  std::string damaged = file.bytes;
+  damaged[first.chunk_start + first.chunk_length / 2] ^= 0x10;
+  damaged[damaged.rfind("/tick") + 1] = 'x';  // in the summary
+  const Readings readings = read_every_way(damaged);
+  EXPECT_TRUE(readings.messages.empty());
+  EXPECT_EQ(readings.lost_messages, file.messages.size());
+  McapRecovery done;
+  EXPECT_TRUE(recovered(damaged, &done).empty());
+  EXPECT_EQ(done.loss.messages, file.messages.size());
+}
+
 TEST(McapHostile, ADamagedAttachmentIsNotGivenOut) {
   const test::SmallFile file = test::make_small_file();
   const size_t at = file.bytes.find(file.attachment);

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "server/record/mcap_recover.h"
+#include "server/record/mcap_scanner.h"
 #include "server/record/mcap_verify.h"
 #include "tests/record/small_file.h"
 #include "tests/support/temporary_folder.h"
@@ -294,6 +295,75 @@ TEST(Mcap, TheWorkedExampleOfTheFormatPageIsExact) {
     for (std::string pair; digits >> pair;) bytes.push_back(static_cast<char>(std::stoi(pair, nullptr, 16)));
   }
   EXPECT_EQ(bytes, sink.bytes());
+}
+
+// Schemas and channels in the data section, in the order of the file: those outside chunks, then those in chunks.
+struct Definitions {
+  std::vector<std::string> outside, inside;
+};
+
+Definitions definitions_in(const std::string& bytes) {
+  const auto name_of = [](const mcap::RecordView& record) {
+    mcap::Schema schema;
+    mcap::Channel channel;
+    if (record.opcode == mcap::Opcode::kSchema && mcap::decode(record.content, schema)) return "schema " + schema.name;
+    if (record.opcode == mcap::Opcode::kChannel && mcap::decode(record.content, channel)) return "channel " + channel.topic;
+    return std::string();
+  };
+  Definitions found;
+  const MemorySource source(bytes);
+  McapScanner scanner(source, {}, false);
+  ScannedRecord record;
+  mcap::RecordView part;
+  while (scanner.next(record)) {
+    if (const auto name = name_of({record.opcode, record.content}); !name.empty()) found.outside.push_back(name);
+    while (record.opcode == mcap::Opcode::kChunk && mcap::take_record(record.records, part))
+      if (const auto name = name_of(part); !name.empty()) found.inside.push_back(name);
+  }
+  return found;
+}
+
+TEST(Mcap, ADefinitionStandsOnceInTheDataAndOnlyWhenAMessageUsesIt) {
+  MemorySink sink;
+  McapWriter writer(sink, {.chunk_bytes = 1});  // a chunk for each message
+  const uint16_t shared = writer.add_schema("shared", "e", "d").value();
+  const uint16_t unused = writer.add_schema("unused", "e", "d").value();
+  const uint16_t a = writer.add_channel("/a", shared, "", {}).value();
+  ASSERT_TRUE(writer.add_channel("/unused", unused, "", {}));
+  const uint16_t b = writer.add_channel("/b", shared, "", {}).value();
+  for (const uint16_t channel : {a, b, a, b}) ASSERT_TRUE(writer.write(channel, 1, 1, "m"));
+  ASSERT_TRUE(writer.finish());
+
+  const Definitions found = definitions_in(sink.bytes());
+  EXPECT_TRUE(found.outside.empty());
+  EXPECT_EQ(found.inside, (std::vector<std::string>{"schema shared", "channel /a", "channel /b"}));
+  const MemorySource source(sink.bytes());
+  const McapReader reader = McapReader::open(source, {}).value();
+  EXPECT_EQ(reader.info().schemas.size(), 1u);
+  EXPECT_EQ(reader.info().channels.size(), 2u);
+  EXPECT_EQ(reader.info().statistics.schema_count, 1u);
+  EXPECT_EQ(reader.info().statistics.channel_count, 2u);
+  EXPECT_TRUE(verify_mcap(source, {}).value().sound());
+}
+
+// Earlier versions wrote definitions outside chunks, and again in the chunk that first used them.
+TEST(Mcap, DefinitionsMayAlsoStandBeforeTheirChunk) {
+  const test::SmallFile file = test::make_small_file({.chunk_time = std::chrono::seconds(1)}, false);
+  const MemorySource plain(file.bytes);
+  const McapReader told = McapReader::open(plain, {}).value();
+  const uint64_t first_chunk = told.info().chunks.at(0).chunk_start;
+  std::string repeated;
+  for (const auto& [id, schema] : told.info().schemas) mcap::append_record(repeated, schema);
+  for (const auto& [id, channel] : told.info().channels) mcap::append_record(repeated, channel);
+  std::string bytes = file.bytes;
+  bytes.insert(first_chunk, repeated);
+
+  EXPECT_EQ(definitions_in(bytes).outside, definitions_in(bytes).inside);
+  const MemorySource source(bytes);
+  EXPECT_EQ(test::read_all(McapReader::open(source, {}).value()), file.messages);
+  MemorySink sink;
+  EXPECT_EQ(recover_mcap(source, sink, {}, {}).value().messages, file.messages.size());
+  EXPECT_TRUE(definitions_in(sink.bytes()).outside.empty());
 }
 
 TEST(Mcap, FilesOnDiskAreNewOnes) {

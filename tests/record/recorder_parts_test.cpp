@@ -248,7 +248,7 @@ TEST(RecorderHead, ALostHeadCountsNoMessages) {
 // Every tick is small, but all their changes together are larger than a message may be.
 TEST(Recorder, APartWithATooLargeSnapshotReportsAGapInstead) {
   constexpr uint64_t kInstances = 200;
-  Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
+  Studio studio({.limits = {.max_file_bytes = 20'000, .free_reserve_bytes = 0},
                  .chunk_bytes = 500,
                  .max_message_bytes = 3000,
                  .for_viewers = false});

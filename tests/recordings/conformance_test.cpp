@@ -159,11 +159,14 @@ TEST_F(Conformance, InfoAndDumpGoThroughEveryFile) {
     const Json info = Json::parse(out.str());
     EXPECT_EQ(info["lost"]["troubles"], 0);
     EXPECT_EQ(info["attachments"].size(), expected(told, "Attachment").size());
-    // The messages have an encoding of their own, so each line has an error in the place of the message.
+    // The messages have an encoding of their own, so each line has an error in the place of the message, and the command fails.
     std::ostringstream lines, dump_err;
-    run_dump_command({.file = path.string()}, lines, dump_err);
+    const int status = run_dump_command({.file = path.string()}, lines, dump_err);
     const std::string text = lines.str();
-    EXPECT_EQ(static_cast<size_t>(std::count(text.begin(), text.end(), '\n')), expected(told, "Message").size());
+    const size_t messages = expected(told, "Message").size();
+    EXPECT_EQ(static_cast<size_t>(std::count(text.begin(), text.end(), '\n')), messages);
+    EXPECT_EQ(status, messages > 0 ? 1 : 0) << dump_err.str();
+    EXPECT_EQ(dump_err.str().find("cannot be decoded") != std::string::npos, messages > 0) << dump_err.str();
   });
 }
 

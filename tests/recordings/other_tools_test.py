@@ -10,6 +10,8 @@ import tempfile
 import unittest
 
 from mcap.reader import NonSeekingReader, SeekingReader
+from mcap.records import Channel, DataEnd, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 MAKE_RECORDING, SIGHTLINE = sys.argv[1:3]
@@ -69,6 +71,19 @@ class OtherTools(unittest.TestCase):
         self.assertEqual(times, sorted(times))
         self.assertEqual(messages[0][1].topic, "/sightline/info")
         self.assertEqual(messages[0][2].log_time, messages[1][2].log_time)
+
+    def test_a_schema_or_channel_stands_once_in_the_data(self):
+        # `mcap doctor` warns of duplicates.
+        names = []
+        with open(self.path, "rb") as stream:
+            for record in StreamReader(stream).records:
+                if isinstance(record, DataEnd):
+                    break
+                if isinstance(record, (Schema, Channel)):
+                    names.append((type(record).__name__, record.id))
+        self.assertEqual(sorted(names), sorted(set(names)))
+        told = json.loads(run("info", "--json", self.path).stdout)
+        self.assertEqual([name for name, _ in names].count("Channel"), len(told["topics"]))
 
     def test_sorted(self):
         self.replays_equal(self.copy(messages_of(self.path, by_time=True)))

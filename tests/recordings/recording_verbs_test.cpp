@@ -47,6 +47,31 @@ TEST_F(Verbs, InfoSaysWhatASessionWas) {
   for (const json& topic : told["topics"]) EXPECT_EQ(topic["messages"], counts.at(topic["topic"]));
 }
 
+// The game's clock runs ten times as fast as the wall clock, and the last reply comes long after the last tick.
+TEST_F(Verbs, InfoTellsTheGamesTimeBesideTheWallClocks) {
+  Told told;
+  for (uint64_t i = 0; i <= 70; ++i) {
+    v1::Tick tick;
+    tick.set_sequence(i + 1);
+    tick.set_time_s(100.0 + 0.05 * static_cast<double>(i));
+    told.put(tick);
+  }
+  told.log_ns += 6'000'000'000;
+  told.reply(71, 70);
+  const std::string file = put("slow.mcap", told.finish());
+  EXPECT_THAT(info({file}).out, HasSubstr("game time   3.500 s, from 100.000 s to 103.500 s\n"));
+  const json game = json::parse(info({file}, true).out)["game_time"];
+  EXPECT_DOUBLE_EQ(game["start_s"].get<double>(), 100.0);
+  EXPECT_DOUBLE_EQ(game["end_s"].get<double>(), 103.5);
+  EXPECT_DOUBLE_EQ(game["duration_s"].get<double>(), 3.5);
+}
+
+TEST_F(Verbs, InfoOfASessionWithoutATickHasNoGameTime) {
+  const std::string file = put("opened.mcap", Told().finish());
+  EXPECT_THAT(info({file}).out, Not(HasSubstr("game time")));
+  EXPECT_TRUE(json::parse(info({file}, true).out)["game_time"].is_null());
+}
+
 TEST_F(Verbs, InfoTellsWhatIsMissingAndWhy) {
   Told told;
   told.tick(1), told.reply(1);

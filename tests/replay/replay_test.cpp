@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <sstream>
 
 #include "client/recordings/check.h"
@@ -329,6 +330,19 @@ TEST_F(ReplayCommand, SaysEqualAndWritesWhatItAnswered) {
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
   EXPECT_EQ(run({.file = file, .out = again}), 1);  // the file exists already
   EXPECT_THAT(err_.str(), HasSubstr("again.mcap"));
+}
+
+TEST_F(ReplayCommand, SpeedIsToldByTheWallClockAndByTheGames) {
+  const auto double_time = [](int i, const v1::CameraReply&, v1::Tick& tick) { tick.set_time_s(i / 30.0); };
+  const std::string file = keep("hall.mcap", record_hall(*sampler_, {.change = double_time}).bytes);
+  ASSERT_EQ(run({.file = file}), 0) << err_.str();
+  const std::string said = out_.str();
+  std::smatch speed;
+  ASSERT_TRUE(std::regex_search(said, speed, std::regex(R"(, ([\d.]+) times the wall clock of the recording, ([\d.]+) times the game's clock)")))
+      << said;
+  const double wall = std::stod(speed[1]), game = std::stod(speed[2]);
+  EXPECT_GT(game, wall);
+  EXPECT_NEAR(game, 2 * wall, 0.05 * game + 0.16) << "each has one decimal, and the game's clock begins with the first tick";
 }
 
 TEST_F(ReplayCommand, StepsByHandFromTheStartThatIsAskedFor) {

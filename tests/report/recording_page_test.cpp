@@ -191,6 +191,27 @@ TEST_F(ReportPage, InstancesComeGoHideAndMoveInTheirFrames) {
   EXPECT_GE(pillar[1]->end_frame, page.frames.size());
 }
 
+double distance_to_box_m(const glm::dvec3& point_m, const glm::dvec3& centre_m, const glm::dvec3& half_extent_m) {
+  return glm::length(glm::max(glm::abs(point_m - centre_m) - half_extent_m, glm::dvec3(0)));
+}
+
+// The floor, the wall and the pillar of the yard, before anything else comes.
+double distance_to_yard_m(const glm::dvec3& point_m) {
+  return std::min({distance_to_box_m(point_m, {0, -0.1, 0}, {20, 0.1, 20}), distance_to_box_m(point_m, {0, 2, -6}, {4, 2, 0.2}),
+                   distance_to_box_m(point_m, {1.5, 2, 3}, {0.5, 2, 0.5})});
+}
+
+TEST_F(ReportPage, TheNearestColliderIsMeasuredFromTheCameraOfEachFrame) {
+  const RecordedYard yard = record_yard(*sampler_);
+  const SessionPage page = page_of(yard.bytes);
+  for (size_t i = 0; i < frame_of(yard, kYardCrateComes); ++i)
+    EXPECT_NEAR(page.frames[i].clearance_m, distance_to_yard_m(page.frames[i].camera.position_m), 1e-4) << i;
+  for (const PageFrame& frame : page.frames) {
+    EXPECT_GT(frame.clearance_m, 0);
+    EXPECT_LT(frame.clearance_m, page.clearance_reach_m);
+  }
+}
+
 TEST_F(ReportPage, TargetsThatChangeAreAllThereEachInItsFrames) {
   const RecordedYard yard = record_yard(*sampler_);
   const SessionPage page = page_of(yard.bytes);

@@ -86,12 +86,56 @@ TEST(DeadlineQueue, ACostThatIsKnownLateStillCounts) {
   EXPECT_EQ(queue.pop(10), &a);
 }
 
+// --- clients
+
+// Lets the flow be served so long.
+void serve(DeadlineQueue& queue, Flow& flow, int64_t cost_ns) {
+  queue.push(flow, 1);
+  ASSERT_EQ(queue.pop(0), &flow);
+  queue.charge(flow, cost_ns, 0);
+}
+
+TEST(DeadlineQueue, AfterAMissedDeadlineTheLeastServedClientGoesFirst) {
+  DeadlineQueue queue;
+  Flow first_of_many, second_of_many, of_one;
+  queue.join(first_of_many, "many"), queue.join(second_of_many, "many"), queue.join(of_one, "one");
+  serve(queue, first_of_many, 9 * kMs);
+  serve(queue, of_one, 5 * kMs);
+  // The second session was never served, but its client was.
+  queue.push(second_of_many, 10 * kMs), queue.push(of_one, 30 * kMs);
+  EXPECT_EQ(queue.pop(11 * kMs), &of_one);
+  EXPECT_EQ(queue.pop(11 * kMs), &second_of_many);
+}
+
+TEST(DeadlineQueue, AClientThatIsInTimeKeepsTheOrderOfItsDeadlines) {
+  DeadlineQueue queue;
+  Flow late, served, fresh;
+  queue.join(late, "late"), queue.join(served, "in time"), queue.join(fresh, "in time");
+  serve(queue, served, 2 * kMs);
+  queue.push(late, 10 * kMs), queue.push(served, 20 * kMs), queue.push(fresh, 30 * kMs);
+  EXPECT_EQ(queue.pop(11 * kMs), &late) << "it was served least";
+  queue.charge(late, 9 * kMs, 11 * kMs);
+  EXPECT_EQ(queue.pop(11 * kMs), &served) << "the client missed no deadline";
+  EXPECT_EQ(queue.pop(11 * kMs), &fresh);
+}
+
+TEST(DeadlineQueue, WhileNothingIsLateDeadlinesDecideBetweenClients) {
+  DeadlineQueue queue;
+  Flow served, fresh;
+  queue.join(served, "a"), queue.join(fresh, "b");
+  serve(queue, served, 50 * kMs);
+  queue.push(served, 20 * kMs), queue.push(fresh, 30 * kMs);
+  EXPECT_EQ(queue.pop(0), &served);
+  EXPECT_EQ(queue.pop(0), &fresh);
+}
+
 // --- a machine that steps
 
 enum class Policy { kQueue, kFirstCome };
 
 struct Player {
   int64_t interval_ns, cost_ns, phase_ns;
+  const char* client = "";
   // Results:
   uint64_t steps = 0, late = 0;
   int64_t used_ns = 0, longest_wait_ns = 0;
@@ -106,7 +150,9 @@ struct Player {
 class Machine {
  public:
   Machine(std::vector<Player>& players, unsigned threads, Policy policy = Policy::kQueue)
-      : players_(players), free_at_ns_(threads, 0), running_(threads, nullptr), policy_(policy) {}
+      : players_(players), free_at_ns_(threads, 0), running_(threads, nullptr), policy_(policy) {
+    for (Player& player : players_) queue_.join(player.flow, player.client);
+  }
 
   void run(int64_t until_ns) {
     constexpr int64_t kGrainNs = 10'000;
@@ -234,6 +280,31 @@ TEST_P(Overload, HugeStepsDelayTheOthersByOneOfThemAndNoMore) {
     else
       EXPECT_GE(players[i].steps, 4000u / 52 - 2) << i;
   }
+}
+
+TEST_P(Overload, ManySessionsOfOneClientTakeNothingFromAnother) {
+  const unsigned threads = GetParam();
+  std::vector<Player> players;
+  for (unsigned i = 0; i < 150; ++i) players.push_back({kMs, 2 * kMs, 0, "many"});
+  for (unsigned i = 0; i < 3; ++i) players.push_back({16 * kMs, kMs, 5 * i * kMs, "few"});
+  Machine(players, threads).run(4000 * kMs);
+  for (size_t i = 0; i < players.size(); ++i) {
+    EXPECT_GT(players[i].steps, 0u) << i;
+    if (i < 150) continue;
+    EXPECT_GE(players[i].steps, 4000u / 16 - 1) << i;
+    EXPECT_LE(players[i].longest_wait_ns, 4 * kMs) << "one step of the others, and two of its own client";
+  }
+}
+
+TEST_P(Overload, ClientsGetEqualSharesWhateverTheNumberOfTheirSessions) {
+  const unsigned threads = GetParam();
+  std::vector<Player> players;
+  for (unsigned i = 0; i < 40 * threads; ++i) players.push_back({16 * kMs, 4 * kMs, 0, "many"});
+  for (unsigned i = 0; i < 8 * threads; ++i) players.push_back({16 * kMs, 4 * kMs, 0, "few"});
+  Machine(players, threads).run(4000 * kMs);
+  int64_t many_ns = 0;
+  for (unsigned i = 0; i < 40 * threads; ++i) many_ns += players[i].used_ns;
+  EXPECT_NEAR(static_cast<double>(many_ns), 2000.0 * kMs * threads, 40.0 * kMs * threads);
 }
 
 INSTANTIATE_TEST_SUITE_P(Threads, Overload, testing::Values(1u, 2u, 4u));

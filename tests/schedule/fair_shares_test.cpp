@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "server/base/random.h"
 
@@ -49,7 +50,7 @@ constexpr int64_t kRenewed = FairShares::kRenewedEveryNs;
 
 TEST(FairShares, ASmallDemandLeavesTheRestToTheOthers) {
   FairShares shares(1.0);
-  const auto light = shares.join(), heavy = shares.join(), other = shares.join();
+  const auto light = shares.join("a"), heavy = shares.join("a"), other = shares.join("a");
   shares.report(light, 0.1, false, 0);
   shares.report(heavy, 1.0, false, 1);
   shares.report(other, 1.0, false, 2);
@@ -58,7 +59,7 @@ TEST(FairShares, ASmallDemandLeavesTheRestToTheOthers) {
 
 TEST(FairShares, ASessionThatLeavesOrFallsSilentIsForgotten) {
   FairShares shares(1.0);
-  const auto a = shares.join(), b = shares.join();
+  const auto a = shares.join("a"), b = shares.join("a");
   shares.report(a, 0.8, false, 0), shares.report(b, 0.8, false, 0);
   EXPECT_NEAR(shares.report(a, 0.8, false, kRenewed), 0.5, 1e-12);
   EXPECT_EQ(shares.report(a, 0.8, false, FairShares::kForgottenAfterNs), std::numeric_limits<double>::infinity());
@@ -67,7 +68,7 @@ TEST(FairShares, ASessionThatLeavesOrFallsSilentIsForgotten) {
   shares.leave(b);
   EXPECT_EQ(shares.report(a, 0.8, false, FairShares::kForgottenAfterNs + 2 * kRenewed),
             std::numeric_limits<double>::infinity());
-  EXPECT_EQ(shares.join(), b);  // its place is free
+  EXPECT_EQ(shares.join("a"), b);  // its place is free
 }
 
 // Two sessions whose demands fit the capacity.
@@ -81,7 +82,7 @@ class Contended : public testing::Test {
   }
 
   FairShares shares_{1.0};
-  const FairShares::Slot a_ = shares_.join(), b_ = shares_.join();
+  const FairShares::Slot a_ = shares_.join("a"), b_ = shares_.join("a");
   int64_t now_ns_ = 0;
   double share_ = 0;
 };
@@ -110,6 +111,62 @@ TEST_F(Contended, AHiccupIsForgottenWithinSeconds) {
   for (const FairShares::Slot slot : {a_, b_}) EXPECT_TRUE(std::isinf(shares_.report(slot, 0.495, false, now_ns_)));
   now_ns_ += kRenewed;
   EXPECT_TRUE(std::isinf(shares_.report(a_, 0.495, false, now_ns_)));
+}
+
+// --- clients
+
+// One client with a hundred sessions and one with two, on two threads.
+class Crowd : public testing::Test {
+ protected:
+  Crowd() {
+    for (int i = 0; i < 100; ++i) many_.push_back(shares_.join("many"));
+    for (int i = 0; i < 2; ++i) few_.push_back(shares_.join("few"));
+  }
+  // One renewal period: each session reports ten steps with this demand.
+  void renew(double of_many, double of_few, bool many_late = false, bool few_late = false) {
+    for (int step = 0; step < 10; ++step) {
+      for (const FairShares::Slot slot : many_) share_of_many_ = shares_.report(slot, of_many, many_late, now_ns_);
+      for (const FairShares::Slot slot : few_) share_of_few_ = shares_.report(slot, of_few, few_late, now_ns_);
+    }
+    now_ns_ += kRenewed;
+  }
+
+  FairShares shares_{2.0};
+  std::vector<FairShares::Slot> many_, few_;
+  int64_t now_ns_ = 0;
+  double share_of_many_ = 0, share_of_few_ = 0;
+};
+
+TEST_F(Crowd, SessionsDoNotGiveAClientMoreTime) {
+  for (int i = 0; i < 3; ++i) renew(1.0, 1.0);
+  EXPECT_NEAR(share_of_many_, 0.01, 1e-9) << "half of two threads, divided by a hundred";
+  EXPECT_NEAR(share_of_few_, 0.5, 1e-9);
+}
+
+TEST_F(Crowd, WhatAClientLeavesOverGoesToTheOthers) {
+  for (int i = 0; i < 3; ++i) renew(1.0, 0.1);
+  EXPECT_NEAR(share_of_many_, 0.018, 1e-9);
+  EXPECT_TRUE(std::isinf(share_of_few_));
+}
+
+TEST_F(Crowd, LateStepsOfAGreedyClientLeaveTheOthersAlone) {
+  for (int i = 0; i < 40; ++i) renew(1.0, 0.4, true);
+  EXPECT_LT(share_of_many_, 0.2 * 0.012) << "its own estimate shrinks";
+  EXPECT_TRUE(std::isinf(share_of_few_));
+}
+
+TEST_F(Crowd, LateStepsOfOthersShrinkWhatTheyMayUse) {
+  for (int i = 0; i < 40; ++i) renew(1.0, 0.4, false, true);
+  EXPECT_LT(share_of_few_, 0.2);
+  EXPECT_NEAR(share_of_many_, 0.012, 1e-9);
+}
+
+TEST_F(Crowd, NothingIsLeftOfAClientThatWent) {
+  for (int i = 0; i < 40; ++i) renew(1.0, 0.4, true);
+  for (FairShares::Slot& slot : many_) shares_.leave(slot);
+  for (FairShares::Slot& slot : many_) slot = shares_.join("others");
+  for (int i = 0; i < 3; ++i) renew(1.0, 0.4);
+  EXPECT_NEAR(share_of_many_, 0.012, 1e-9);
 }
 
 }  // namespace

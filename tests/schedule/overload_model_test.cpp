@@ -36,16 +36,17 @@ struct Load {
   double hard_factor = 1.0;   // from second 5 to 12 all steps cost so many times as much
   size_t greedy = 0;          // sessions whose steps cost greedy_factor times as much
   double greedy_factor = 60;
+  size_t crowd = 0;           // sessions that belong to one client; the others belong to another
   double seconds = 20;
 };
 
 struct Outcome {
   double ticks = 0, late = 0, steps = 0, degraded = 0, level_changes = 0;
-  double modest_late = 0, modest_degraded = 0;  // of the sessions that are not greedy
+  double modest_late = 0, modest_degraded = 0;  // of the sessions that are neither greedy nor of the crowd
 };
 
 struct Player : DeadlineQueue::Flow {
-  Player(FairShares& shares, const BudgetRules& rules) : quality(rules, shares) {}
+  Player(FairShares& shares, const BudgetRules& rules, const char* client) : quality(rules, shares, client) {}
   QualityControl quality;
   TickPace pace;
   int64_t next_tick_ns = 0;
@@ -61,10 +62,11 @@ class Model {
  public:
   explicit Model(const Load& load) : load_(load), shares_(kSteppers * rules_.largest_share) {
     for (size_t i = 0; i < load.sessions; ++i) {
-      auto& player = *players_.emplace_back(std::make_unique<Player>(shares_, rules_));
+      auto& player = *players_.emplace_back(std::make_unique<Player>(shares_, rules_, i < load.crowd ? "crowd" : ""));
+      if (i < load.crowd) queue_.join(player, "crowd");
       player.next_tick_ns = static_cast<int64_t>(i) * kIntervalNs / static_cast<int64_t>(load.sessions);
-      player.greedy = i < load.greedy;
-      player.cost_factor = random_.next_in(0.7, 1.3) * (player.greedy ? load.greedy_factor : 1.0);
+      player.greedy = i < std::max(load.greedy, load.crowd);
+      player.cost_factor = random_.next_in(0.7, 1.3) * (i < load.greedy ? load.greedy_factor : 1.0);
       player.swing_phase = random_.next_in(0.0, 6.0);
     }
   }
@@ -236,6 +238,14 @@ TEST(OverloadModel, GreedySessionsDoNotTakeTimeFromModestOnes) {
   const Outcome outcome = Model({.sessions = 40, .step_us = 150, .greedy = 4}).run();
   print("greedy", outcome);
   EXPECT_LT(outcome.modest_late, 0.005 * outcome.ticks);
+  EXPECT_EQ(outcome.modest_degraded, 0);
+  EXPECT_GT(outcome.degraded, 0);
+}
+
+TEST(OverloadModel, ACrowdOfOneClientTakesNothingFromAnotherClient) {
+  const Outcome outcome = Model({.sessions = 104, .step_us = 1500, .transport_us = 20, .crowd = 100}).run();
+  print("crowd", outcome);
+  EXPECT_LT(outcome.modest_late, 0.01 * outcome.ticks * 4 / 104);
   EXPECT_EQ(outcome.modest_degraded, 0);
   EXPECT_GT(outcome.degraded, 0);
 }

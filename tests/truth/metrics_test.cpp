@@ -93,6 +93,19 @@ TEST(Percentile, IsTheNearestRank) {
   EXPECT_EQ(percentile({4, 1, 3, 2}, 0.0), 1.0);
 }
 
+TEST(HiddenShare, IsOfTheTargetsThatHaveAPixelInThePicture) {
+  constexpr uint64_t kAnna = 1, kBen = 2;
+  std::vector<FrameTruth> truths(3);
+  truths[0].picture.emplace().targets = {{kAnna, 100, 50, true}, {kBen, 100, 100, true}};
+  truths[1].picture.emplace().targets = {{kAnna, 100, 100, true}, {kBen, 0, 0, false}};  // beside the picture, not hidden
+  const std::vector<CameraFrame> frames{at(0, {}), at(1, {}), at(2, {})};
+  const std::vector<TargetMetrics> targets{{.id = kAnna, .name = "anna"}, {.id = kBen, .name = "ben"}};
+  const RunMetrics metrics = summarize(targets, frames, truths, CameraLimits{});
+  EXPECT_EQ(metrics.pictures, 2u);
+  EXPECT_DOUBLE_EQ(metrics.mean_hidden_share, 0.5 / 3);
+  EXPECT_DOUBLE_EQ(metrics.targets[1].mean_visible_share, 0.5) << "this one counts a picture without the target";
+}
+
 // Two people and a wall that slides in front of both half-way through.
 class Stage {
  public:

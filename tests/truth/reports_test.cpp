@@ -19,6 +19,33 @@ FrameTruth picture(uint32_t anna, uint32_t ben) {
   return truth;
 }
 
+// ---- shares ----
+
+TEST(ReportsAgainstTruth, OneHalfIsVisibleAsReportedAndInTruth) {
+  const std::vector<std::vector<ReportedShare>> reports{{{kAnna, 0.5, 0.499}, {kBen, 0.499, 0.5}}};
+  const ReportMetrics seen = judge_reports(std::vector{picture(50, 50)}, reports);
+  EXPECT_EQ(seen.pairs, 2u);
+  EXPECT_EQ(seen.hidden_pairs, 0u);
+  for (const ReportErrors& errors : {seen.visible, seen.filtered}) {
+    EXPECT_EQ(errors.false_visible, 0.0);
+    EXPECT_EQ(errors.false_occluded, 0.5);
+    EXPECT_NEAR(errors.mean_absolute_error, 0.0005, 1e-12);
+  }
+  const ReportMetrics hidden = judge_reports(std::vector{picture(49, 49)}, reports);
+  EXPECT_EQ(hidden.hidden_pairs, 2u);
+  for (const ReportErrors& errors : {hidden.visible, hidden.filtered}) {
+    EXPECT_EQ(errors.false_visible, 0.5);
+    EXPECT_EQ(errors.false_occluded, 0.0);
+  }
+}
+
+TEST(ReportsAgainstTruth, ATargetWithoutPixelsOrWithoutAReportIsNoPair) {
+  std::vector<FrameTruth> truths{picture(100, 100)};
+  truths[0].picture->targets[1] = {kBen, 0, 0, false};
+  EXPECT_EQ(judge_reports(truths, std::vector<std::vector<ReportedShare>>{{{kAnna, 1, 1}, {kBen, 1, 1}}}).pairs, 1u);
+  EXPECT_EQ(judge_reports(truths, std::vector<std::vector<ReportedShare>>{{{kBen, 1, 1}}}).pairs, 0u);
+}
+
 // ---- status ----
 
 TEST(StatusAgainstTruth, SharesAreOfThePicturesWithAStatus) {

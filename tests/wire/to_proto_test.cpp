@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 #include <utility>
 
 #include "google/rpc/error_details.pb.h"
@@ -303,6 +306,72 @@ TEST(ToProto, DiagnosticsComeWhenAskedForAndGoAgain) {
   const v1::CameraReply& lean = wire.play(unity_tick(2));
   EXPECT_FALSE(lean.has_candidates());
   EXPECT_EQ(lean.depth_maps_size(), 0);
+}
+
+void add_box(v1::OpenSession& open, uint64_t id, const glm::dvec3& center, const glm::dvec3& half_extent) {
+  v1::NewInstance& instance = *open.add_instances();
+  instance.set_id(id);
+  set(instance.mutable_shape()->mutable_box()->mutable_half_extent(), half_extent.x, half_extent.y, half_extent.z);
+  set(instance.mutable_pose()->mutable_position(), center.x, center.y, center.z);
+}
+
+// A wall of four boxes between the people and the camera. Its near side is at z = 1.9, and the boxes meet at x = 0, y = 1.2.
+v1::OpenSession open_with_quartered_wall() {
+  v1::OpenSession open = make_open();
+  for (const int right : {0, 1})
+    for (const int above : {0, 1})
+      add_box(open, static_cast<uint64_t>(701 + right + 2 * above), {right ? 10 : -10, above ? 11.2 : -8.8, 2}, {10, 10, 0.1});
+  return open;
+}
+
+// The distances from the eye of a map to the plane z = 1.9 along the four corners of a texel, and the boxes that these corners show. The ray of the
+// texel is somewhere between them.
+struct TexelOnWall {
+  TexelOnWall(const v1::DepthMap& map, int index) {
+    const int x = index % static_cast<int>(map.width()), y = index / static_cast<int>(map.width());
+    for (const int right : {0, 1})
+      for (const int above : {0, 1}) {
+        const glm::dvec3 in_view(map.left() + (x + right) * (map.right() - map.left()) / map.width(),
+                                 map.bottom() + (y + above) * (map.top() - map.bottom()) / map.height(), -1);
+        const glm::dvec3 ray = glm::normalize(quat(map.view().rotation()) * in_view);
+        const double distance_m = (1.9 - map.view().position().z()) / ray.z;
+        const glm::dvec3 hit = vec(map.view().position()) + ray * distance_m;
+        least_m = std::min(least_m, distance_m), most_m = std::max(most_m, distance_m);
+        towards_wall = towards_wall && ray.z > 0.2;
+        boxes.insert(static_cast<uint64_t>(701 + (hit.x > 0) + 2 * (hit.y > 1.2)));
+      }
+  }
+  double least_m = 1e9, most_m = 0;
+  bool towards_wall = true;
+  std::set<uint64_t> boxes;
+};
+
+TEST(ToProto, ADepthMapHasTheDistanceAndTheIdOfEachTexelsOccluder) {
+  Wire wire(open_with_quartered_wall());
+  const v1::CameraReply& reply = wire.play(make_tick(1), {true, true});
+  std::map<uint64_t, int> texels_of;
+  for (const v1::DepthMap& map : reply.depth_maps())
+    for (int i = 0; i < map.distances_m_size(); ++i) {
+      EXPECT_EQ(map.occluder_ids(i) == 0, std::isinf(map.distances_m(i)));
+      const TexelOnWall texel(map, i);
+      if (!texel.towards_wall || map.occluder_ids(i) == 1 || map.occluder_ids(i) == 2) continue;  // a person may stand before the wall
+      EXPECT_GT(map.distances_m(i), texel.least_m - 0.02);
+      EXPECT_LT(map.distances_m(i), texel.most_m + 0.02);
+      EXPECT_TRUE(texel.boxes.contains(map.occluder_ids(i))) << map.occluder_ids(i);
+      texels_of[map.occluder_ids(i)] += texel.boxes.size() == 1;
+    }
+  for (const uint64_t id : {701, 702, 703, 704}) EXPECT_GT(texels_of[id], 0) << id;
+}
+
+TEST(ToProto, DepthMapsThatNothingHidesHaveNoOccluder) {
+  Wire wire(make_open());
+  int free_texels = 0;
+  for (const v1::DepthMap& map : wire.play(make_tick(1), {true, true}).depth_maps())
+    for (int i = 0; i < map.occluder_ids_size(); ++i) {
+      EXPECT_TRUE(map.occluder_ids(i) <= 2);
+      free_texels += map.occluder_ids(i) == 0 && std::isinf(map.distances_m(i));
+    }
+  EXPECT_GT(free_texels, 0);
 }
 
 // The camera goes to a candidate when it sees more from there. With the default settings it flies to places of its plan instead.

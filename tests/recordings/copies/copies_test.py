@@ -2,7 +2,7 @@
 
 usage: copies_test.py LANGUAGE TOOL BUILD_FOLDER MAKE_RECORDING SIGHTLINE
 
-LANGUAGE is node or rust, and TOOL is its package client: npm or cargo. The program in the folder of that name copies
+LANGUAGE is node, rust or go, and TOOL is its package client: npm, cargo or go. The program in the folder of that name copies
 recordings. Each copy must be sound and replay equal. The test is skipped where the library cannot be downloaded."""
 import json
 import pathlib
@@ -17,9 +17,11 @@ SOURCE = pathlib.Path(__file__).resolve().parent / LANGUAGE
 
 # The library's own way to fetch, then to build, then to run.
 FETCH = {"node": ["ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"],
-         "rust": ["fetch", "--locked"]}
-MAKE = {"node": None, "rust": ["build", "--release", "--locked", "--target-dir", BUILD / "target"]}
-PROGRAM = {"node": ["node", BUILD / "source" / "copies.mjs"], "rust": [BUILD / "target/release/copies"]}
+         "rust": ["fetch", "--locked"],
+         "go": ["mod", "download"]}
+MAKE = {"node": None, "rust": ["build", "--release", "--locked", "--target-dir", BUILD / "target"],
+        "go": ["build", "-mod=readonly", "-buildvcs=false", "-o", BUILD / "copies", "."]}
+PROGRAM = {"node": ["node", BUILD / "source" / "copies.mjs"], "rust": [BUILD / "target/release/copies"], "go": [BUILD / "copies"]}
 NAMES = {"sorted", "filtered", "zstd", "lz4", "none", "unchunked", "unindexed"}
 NOT_WRITTEN = {"node": {"lz4"}}  # what the library cannot write
 
@@ -52,6 +54,13 @@ def check(path, original):
         assert info[part] == original[part], (path, part, info[part], original[part])
 
 
+def examine(recording):
+    """As strict as `mcap doctor --strict-message-order`, which cannot be had as a package."""
+    run(*PROGRAM["go"], "examine", recording)
+    earlier = SOURCE.parents[2] / "replay/golden/hall.mcap"  # has every schema twice, as all recordings of its version
+    run(*PROGRAM["go"], "examine", earlier, status=1)
+
+
 def main():
     build()
     with tempfile.TemporaryDirectory() as folder:
@@ -60,6 +69,8 @@ def main():
         for recording in ("yard", "hall"):
             out = folder / f"copies-of-{recording}"
             out.mkdir()
+            if LANGUAGE == "go":
+                examine(folder / f"{recording}.mcap")
             names = run(*PROGRAM[LANGUAGE], folder / f"{recording}.mcap", out).split()
             assert set(names) == NAMES - NOT_WRITTEN.get(LANGUAGE, set()), names
             original = json.loads(run(SIGHTLINE, "info", "--json", folder / f"{recording}.mcap"))
