@@ -76,6 +76,7 @@ void CameraSnapshot::forget_in_targets(uint64_t id) {
   for (v1::Target& target : *terms_.mutable_targets()->mutable_targets()) {
     erase_id(*target.mutable_attached_ids(), id);
     erase_id(*target.mutable_ignored_ids(), id);
+    erase_id(*target.mutable_part_ids(), id);
   }
 }
 

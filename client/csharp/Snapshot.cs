@@ -97,6 +97,7 @@ internal sealed class Snapshot {
         foreach (var target in terms.Targets.Targets) {
             while (target.AttachedIds.Remove(id)) { }
             while (target.IgnoredIds.Remove(id)) { }
+            while (target.PartIds.Remove(id)) { }
         }
     }
 

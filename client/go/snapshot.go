@@ -122,6 +122,7 @@ func (s *snapshot) forgetInTargets(id uint64) {
 	for _, target := range s.terms.GetTargets().GetTargets() {
 		target.AttachedIds = slices.DeleteFunc(target.AttachedIds, isIt)
 		target.IgnoredIds = slices.DeleteFunc(target.IgnoredIds, isIt)
+		target.PartIds = slices.DeleteFunc(target.PartIds, isIt)
 	}
 }
 

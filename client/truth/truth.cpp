@@ -7,15 +7,32 @@
 namespace sightline {
 namespace {
 
+std::vector<uint32_t> slots_of(const SceneMirror& mirror, std::span<const uint64_t> ids) {
+  std::vector<uint32_t> slots;
+  for (const uint64_t id : ids)
+    if (const auto slot = mirror.slot_of(id)) slots.push_back(*slot);
+  return slots;
+}
+
 // The slots of the instances that never occlude the target, in ascending order.
 std::vector<uint32_t> see_through_slots(const SceneMirror& mirror, const Target& target) {
-  std::vector<uint32_t> slots;
-  for (const auto* ids : {&target.attached_ids, &target.ignored_ids})
-    for (const uint64_t id : *ids)
-      if (const auto slot = mirror.slot_of(id)) slots.push_back(*slot);
+  std::vector<uint32_t> slots = slots_of(mirror, target.attached_ids);
+  const std::vector<uint32_t> ignored = slots_of(mirror, target.ignored_ids);
+  slots.insert(slots.end(), ignored.begin(), ignored.end());
   std::sort(slots.begin(), slots.end());
   slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
   return slots;
+}
+
+// The slots of the instances that the target's body consists of: those of its own instance and its parts that are switched on, else
+// the first alone.
+std::vector<uint32_t> body_slots(const SceneMirror& mirror, const Target& target) {
+  const uint32_t own = *mirror.slot_of(target.instance_id);
+  std::vector<uint32_t> slots = slots_of(mirror, target.part_ids);
+  slots.insert(slots.begin(), own);
+  if (slots.size() == 1) return slots;
+  std::erase_if(slots, [&](uint32_t slot) { return !mirror.instances()[slot].attributes.visible; });
+  return slots.empty() ? std::vector{own} : slots;
 }
 
 struct Eye {
@@ -65,16 +82,19 @@ class TargetLook {
   TargetLook(const EmbreeScene& scene, const SceneMirror& mirror, const Target& target, const Eye& eye)
       : scene_(scene),
         eye_(eye),
-        slot_(*mirror.slot_of(target.instance_id)),
+        instances_(mirror.instances()),
+        instance_(*mirror.find(target.instance_id)),
         layer_mask_(target.layer_mask),
-        instance_(mirror.instances()[slot_]),
-        see_through_(see_through_slots(mirror, target)) {}
+        body_(body_slots(mirror, target)),
+        see_through_(see_through_slots(mirror, target)) {
+    for (const uint32_t slot : body_) own_is_drawn_ &= (instances_[slot].attributes.layers & layer_mask_) != 0;
+  }
 
   TargetTruth take() {
     TargetTruth truth;
     truth.id = instance_.id;
     truth.in_frame = center_in_frame();
-    const PixelBox box = instance_pixels(eye_.pose, eye_.lens, instance_, eye_.size);
+    const PixelBox box = body_pixels();
     for (int y = box.y0; y < box.y1; ++y)
       for (int x = box.x0; x < box.x1; ++x) count(x, y, truth);
     return truth;
@@ -89,22 +109,45 @@ class TargetLook {
     others.layer_mask = layer_mask_;
     others.ignored_slots = see_through_;
     const RayHit first = scene_.trace(eye_.pose.position_m, direction, near(), reach, others);
-    const bool own_is_drawn = instance_.attributes.layers & layer_mask_;
-    if (first.slot == UINT32_MAX && own_is_drawn) return;
-    RayFilter alone;
-    alone.only_slot = slot_;
-    const RayHit own =
-        first.slot == slot_ ? first : scene_.trace(eye_.pose.position_m, direction, near(), reach, alone);
-    if (own.slot != slot_) return;
+    if (first.slot == UINT32_MAX && own_is_drawn_) return;
+    const bool own_is_first = std::ranges::find(body_, first.slot) != body_.end();
+    const RayHit own = own_is_first ? first : trace_alone(direction, reach);
+    if (own.slot == UINT32_MAX) return;
     ++truth.alone_pixels;
     if (own.distance_m <= first.distance_m) ++truth.visible_pixels;
   }
 
+  // The first hit with the body, as if nothing else were there.
+  RayHit trace_alone(const glm::vec3& direction, float reach) const {
+    RayHit nearest;
+    for (const uint32_t slot : body_) {
+      RayFilter alone;
+      alone.only_slot = slot;
+      const RayHit hit = scene_.trace(eye_.pose.position_m, direction, near(), reach, alone);
+      if (hit.distance_m < nearest.distance_m) nearest = hit;
+    }
+    return nearest;
+  }
+
+  PixelBox body_pixels() const {
+    PixelBox all;
+    for (const uint32_t slot : body_) {
+      const PixelBox box = instance_pixels(eye_.pose, eye_.lens, instances_[slot], eye_.size);
+      if (box.x0 >= box.x1 || box.y0 >= box.y1) continue;
+      const bool is_first = all.x0 >= all.x1;
+      all = is_first ? box
+                     : PixelBox{std::min(all.x0, box.x0), std::min(all.y0, box.y0), std::max(all.x1, box.x1), std::max(all.y1, box.y1)};
+    }
+    return all;
+  }
+
   float near() const { return static_cast<float>(eye_.lens.near_m); }
 
-  // No ray meets the target beyond its bounding sphere; the limit spares Embree the search.
+  // No ray meets the target beyond its bounding spheres; the limit spares Embree the search.
   float reach_beyond_target(const glm::vec3& direction) const {
-    const double far = glm::distance(instance_.center_m, eye_.pose.position_m) + instance_.radius_m;
+    double far = 0;
+    for (const uint32_t slot : body_)
+      far = std::max(far, glm::distance(instances_[slot].center_m, eye_.pose.position_m) + instances_[slot].radius_m);
     return static_cast<float>(1.001 * far / glm::length(direction));
   }
 
@@ -116,9 +159,11 @@ class TargetLook {
 
   const EmbreeScene& scene_;
   const Eye& eye_;
-  const uint32_t slot_, layer_mask_;
+  const std::span<const Instance> instances_;
   const Instance& instance_;
-  const std::vector<uint32_t> see_through_;
+  const uint32_t layer_mask_;
+  const std::vector<uint32_t> body_, see_through_;
+  bool own_is_drawn_ = true;
 };
 
 // The interval of tangents (coordinate / depth) that a circle at (coordinate, depth) covers, seen from the origin. False when the

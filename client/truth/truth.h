@@ -6,7 +6,7 @@
 // It sees what lies beyond the near plane. Below, a "pixel" is one such sample. Each target has two counts:
 //   Alone pixels    pixels that the target would cover if nothing else were drawn.
 //   Visible pixels  those alone pixels at which no occluder is nearer than the target.
-// Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; a target that the
+// The pixels of a target with parts (Target::part_ids) are those of its whole body. Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; a target that the
 // picture's edge cuts is judged by the part inside. Other targets occlude. A target that does not occlude (Instance::occludes) is
 // never drawn and has no pixels.
 //

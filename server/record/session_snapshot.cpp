@@ -229,7 +229,7 @@ v1::Tick SessionSnapshot::tick() const {
   return out;
 }
 
-// A list of targets may only name existing instances, but instances that it attaches or ignores may have been removed since.
+// A list of targets may only name existing instances, but its parts, and instances that it attaches or ignores, may have been removed since.
 void SessionSnapshot::add_targets(v1::Tick& out) const {
   if (!targets_) return;
   v1::TargetList& list = *out.mutable_targets();
@@ -243,8 +243,10 @@ void SessionSnapshot::add_targets(v1::Tick& out) const {
     listed = target;
     listed.clear_attached_ids();
     listed.clear_ignored_ids();
+    listed.clear_part_ids();
     keep(target.attached_ids(), *listed.mutable_attached_ids());
     keep(target.ignored_ids(), *listed.mutable_ignored_ids());
+    keep(target.part_ids(), *listed.mutable_part_ids());
   }
 }
 

@@ -45,6 +45,12 @@ class Picture {
   // A point of the frame, both coordinates in [0, 1].
   glm::dvec2 at(const glm::dvec2& unit) const { return frame_.low + unit * (frame_.high - frame_.low); }
 
+  // In m^2, on a plane across the direction through the centre.
+  double frame_area_m2() const {
+    const glm::dvec2 size = frame_.high - frame_.low;
+    return size.x * size.y * (parallel_ ? 1.0 : distance_ * distance_) * radius_ * radius_;
+  }
+
   SurfaceHit cast(const RayCaster& caster, const glm::dvec2& image) const {
     const glm::dvec3 eye(0.0, 0.0, distance_), across(image, 0.0);
     const glm::dvec3 origin = parallel_ ? eye + across : eye, forward(0.0, 0.0, -1.0);
@@ -91,16 +97,20 @@ std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& pi
   return std::nullopt;
 }
 
+struct Followed {
+  size_t found = 0, rays = 0;
+};
+
 // Finds hits along the sequence from `start`; fewer than requested when the rays run out.
-size_t follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
-              std::span<glm::vec3> points) {
-  size_t found = 0;
-  for (size_t ray = 0; ray < kMaxRays && found < points.size(); ++ray) {
+Followed follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
+                std::span<glm::vec3> points) {
+  Followed out;
+  for (; out.rays < kMaxRays && out.found < points.size(); ++out.rays) {
     const SurfaceHit hit =
-        picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(ray))));
-    if (hit.hit()) points[found++] = glm::vec3(hit.point_m);
+        picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(out.rays))));
+    if (hit.hit()) points[out.found++] = glm::vec3(hit.point_m);
   }
-  return found;
+  return out;
 }
 
 // Fibonacci lattice (Swinbank & Purser, "Fibonacci grids: a novel approach to global modelling", 2006).
@@ -122,21 +132,25 @@ size_t nearest_distance(double inverse) {
 
 }  // namespace
 
-void sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
-                   std::span<glm::vec3> points) {
+double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
+                     std::span<glm::vec3> points) {
   const Geometry& geometry = caster.geometry();
-  size_t found = 0;
+  Followed followed;
+  double frame_m2 = 0;
   if (geometry.triangle_count() > 0) {
     const Picture picture(geometry, view);
+    frame_m2 = picture.frame_area_m2();
     if (const auto start = first_point(caster, picture, random))
-      found = follow(caster, picture, *start, points);
+      followed = follow(caster, picture, *start, points);
   }
+  const size_t found = followed.found;
   if (found == 0) std::ranges::fill(points, geometry.center);
   for (size_t i = found; found > 0 && i < points.size(); ++i) points[i] = points[i - found];
+  return found > 0 ? frame_m2 * static_cast<double>(found) / static_cast<double>(followed.rays) : 0.0;
 }
 
 ExtentTable::ExtentTable(const Geometry& geometry)
-    : center_m_(geometry.center), radius_m_(geometry.radius_m), points_m_(kExtentViews * kExtentPoints) {
+    : center_m_(geometry.center), radius_m_(geometry.radius_m), points_m_(kExtentViews * kExtentPoints), areas_m2_(kExtentViews) {
   for (size_t i = 0; i < kExtentDirections; ++i) directions_[i] = lattice_direction(i);
 }
 
@@ -145,8 +159,8 @@ std::shared_ptr<const ExtentTable> ExtentTable::build(const Geometry& geometry, 
   const RayCaster caster(geometry);
   for (size_t index = 0; index < kExtentViews; ++index) {
     CounterRandom random(seed ^ geometry.hash.low, index, RandomPurpose::kExtentPoints);
-    sample_extent(caster, view(index), random,
-                  std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints));
+    table->areas_m2_[index] = sample_extent(caster, view(index), random,
+                                            std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints));
   }
   return table;
 }

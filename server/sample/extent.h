@@ -57,7 +57,10 @@ struct ExtentView {
 // The first point is random; the others follow it on the R2 sequence (Roberts, "The unreasonable effectiveness of quasirandom
 // sequences", 2018) around a torus, without those that miss. A translation of a torus preserves areas, and so does its first-return map
 // on the part that is hit: a uniform start makes every later point uniform too.
-void sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
+//
+// Returns the area of the image, estimated by the share of the rays that hit, in m^2 at the distance of the sphere's centre; 0 without
+// a hit. With 64 points it errs by a few percent.
+double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
                    std::span<glm::vec3> points);
 
 // Immutable: any number of threads may read one.
@@ -79,9 +82,11 @@ class ExtentTable {
   // Views by index, 0 to kExtentViews - 1.
   size_t view_index(const glm::dvec3& viewer_mesh_m) const;
   std::span<const glm::vec3> points_of_view(size_t index) const;
+  // See sample_extent. Divided by the squared distance of the viewer it is about the solid angle that the shape fills.
+  double area_of_view_m2(size_t index) const { return areas_m2_[index]; }
   static ExtentView view(size_t index);
 
-  size_t bytes() const { return sizeof(ExtentTable) + points_m_.size() * sizeof(points_m_[0]); }
+  size_t bytes() const { return sizeof(ExtentTable) + points_m_.size() * sizeof(points_m_[0]) + areas_m2_.size() * sizeof(areas_m2_[0]); }
 
  private:
   explicit ExtentTable(const Geometry& geometry);
@@ -89,6 +94,7 @@ class ExtentTable {
   double radius_m_;
   std::array<glm::dvec3, kExtentDirections> directions_;
   std::vector<glm::vec3> points_m_;  // kExtentPoints a view
+  std::vector<double> areas_m2_;     // by view
 };
 
 // The points of one tick, in round robin: `count` consecutive ones (the paper takes 1), so that every point is used once in

@@ -47,4 +47,9 @@ class RayCaster {
   std::array<std::vector<float>, 9> rows_;
 };
 
+// True if the geometry's surface crosses the straight line between two points, given in its frame. Either side of any triangle counts, the
+// see-through ones included. A crossing within a millionth of the line's length of `to_m` does not. It needs no RayCaster, and tests
+// triangles one by one.
+bool crosses(const Geometry& geometry, const glm::dvec3& from_m, const glm::dvec3& to_m);
+
 }  // namespace sightline

@@ -9,6 +9,7 @@
 namespace sightline {
 
 inline constexpr size_t kMaxTargets = 32;  // visibility of a candidate is one bit a target in a uint32_t
+inline constexpr size_t kMaxTargetParts = 64;  // of one target
 
 struct Target {
   uint64_t instance_id = 0;
@@ -19,12 +20,15 @@ struct Target {
   uint32_t layer_mask = 0xFFFFFFFF;     // only instances with a layer in this mask occlude the target
   std::vector<uint64_t> attached_ids;   // instances that are part of it (shield, vehicle): never occlude it
   std::vector<uint64_t> ignored_ids;    // instances that never occlude this target, including other targets' own
+  // Further instances that its body consists of (capsules on bones): judged like its own instance, and never occlude it. At most
+  // kMaxTargetParts. Those that the mirror does not hold, or that are not visible, do not count.
+  std::vector<uint64_t> part_ids;
 };
 
 // A target as a step uses it: its position and size in the scene of this step, and its weight.
 struct TrackedTarget {
   glm::dvec3 aim_m{0.0};         // the point to look at, world
-  double radius_m = 0.0;         // of its bounding sphere
+  double radius_m = 0.0;         // of its bounding sphere; with parts, of a sphere around aim_m that encloses them too
   glm::dvec3 velocity_mps{0.0};  // world
   double weight = 1.0;           // as Target::weight
   bool required = true;          // as Target::required

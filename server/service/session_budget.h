@@ -4,10 +4,12 @@
 #include <cstddef>
 #include <map>
 #include <mutex>
+#include <span>
 #include <string>
 #include <utility>
 
 #include "server/base/error.h"
+#include "server/scene/target.h"
 #include "server/schedule/limit_counts.h"
 #include "server/settings/step_settings.h"
 
@@ -71,9 +73,10 @@ class InstanceShare {
 size_t session_state_bytes(const StepSettings& settings, size_t targets);
 
 // A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It counts the
-// rays of the maps and the lookups of the candidates in them.
-double step_cost_ms(const StepSettings& settings, size_t targets);
+// rays of the maps, the lookups of the candidates in them, and the spreading of points over the parts of targets (`parts`: of all
+// targets together).
+double step_cost_ms(const StepSettings& settings, size_t targets, size_t parts = 0);
 // Fails with kResourceExhausted, and `field`, when a step would cost too much.
-Status check_step_cost(const StepSettings& settings, size_t targets, const SessionLimits& limits, const char* field);
+Status check_step_cost(const StepSettings& settings, std::span<const Target> targets, const SessionLimits& limits, const char* field);
 
 }  // namespace sightline

@@ -136,7 +136,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   std::vector<std::string> warnings;
   auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
-  if (Status ok = check_cost(options->settings, options->targets.size(), "open.settings"); !ok) return ok;
+  if (Status ok = check_cost(options->settings, options->targets, "open.settings"); !ok) return ok;
   const size_t count = options->instances.size();
   state_bytes_ = session_state_bytes(options->settings, options->targets.size());
   if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), state_bytes_, "open.instances"); !ok) return ok;
@@ -250,13 +250,13 @@ void SessionDriver::account_memory(const v1::SceneDelta& delta) {
 Status SessionDriver::check_budgets(const TickInput& tick, const v1::SceneDelta& delta) {
   if (!tick.settings && !tick.targets) return {};
   const StepSettings& settings = tick.settings ? *tick.settings : session_->settings();
-  const size_t targets = (tick.targets ? *tick.targets : session_->targets()).size();
+  const std::vector<Target>& targets = tick.targets ? *tick.targets : session_->targets();
   const char* const field = tick.settings ? "tick.settings" : "tick.targets";
   if (Status ok = check_cost(settings, targets, field); !ok) return ok;
-  return check_memory(delta, session_state_bytes(settings, targets), field);
+  return check_memory(delta, session_state_bytes(settings, targets.size()), field);
 }
 
-Status SessionDriver::check_cost(const StepSettings& settings, size_t targets, const char* field) {
+Status SessionDriver::check_cost(const StepSettings& settings, std::span<const Target> targets, const char* field) {
   Status ok = check_step_cost(settings, targets, parts_.session_limits, field);
   if (!ok) counters_.hit(Limit::kMaxStepCost);
   return ok;

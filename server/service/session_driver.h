@@ -14,6 +14,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "server/schedule/quality_control.h"
@@ -83,7 +84,7 @@ class SessionDriver {
   Status check_budgets(const TickInput& tick, const v1::SceneDelta& delta);
   Status check_memory(const v1::SceneDelta& delta, size_t state_bytes, const char* field);
   void account_memory(const v1::SceneDelta& delta);
-  Status check_cost(const StepSettings& settings, size_t targets, const char* field);
+  Status check_cost(const StepSettings& settings, std::span<const Target> targets, const char* field);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
   void reject(Turn& turn, const Error& error, uint64_t sequence);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string_view>
+#include <unordered_map>
 
 #include "server/base/check.h"
 #include "server/session/session.h"
@@ -42,7 +43,27 @@ Status check_target(const Target& target, const IdsAfter& ids, const std::string
   if (target.aim_offset_m && !is_within(*target.aim_offset_m, kMaxCoordinateM))
     return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m");
   if (Status ok = check_known(target.attached_ids, ids, field + ".attached_ids"); !ok) return ok;
-  return check_known(target.ignored_ids, ids, field + ".ignored_ids");
+  if (Status ok = check_known(target.ignored_ids, ids, field + ".ignored_ids"); !ok) return ok;
+  if (target.part_ids.size() > kMaxTargetParts)
+    return fail(ErrorCode::kResourceExhausted, field + ".part_ids",
+                "at most " + std::to_string(kMaxTargetParts) + " parts, got " + std::to_string(target.part_ids.size()));
+  return check_known(target.part_ids, ids, field + ".part_ids");
+}
+
+// Every instance belongs to one body at most.
+Status check_parts(const std::vector<Target>& targets, const std::string& list) {
+  if (std::ranges::all_of(targets, [](const Target& target) { return target.part_ids.empty(); })) return {};
+  std::unordered_map<uint64_t, size_t> target_of;  // by instance of a body
+  for (size_t i = 0; i < targets.size(); ++i) target_of.emplace(targets[i].instance_id, i);
+  for (size_t i = 0; i < targets.size(); ++i)
+    for (size_t j = 0; j < targets[i].part_ids.size(); ++j) {
+      const auto [known, is_new] = target_of.emplace(targets[i].part_ids[j], i);
+      if (is_new) continue;
+      const size_t of = known->second;
+      const bool is_target = targets[of].instance_id == targets[i].part_ids[j];
+      return invalid(indexed(indexed(list, i) + ".part_ids", j), (is_target ? "is " : "is a part of ") + indexed(list, of) + " already");
+    }
+  return {};
 }
 
 // "poses[3].rotation" -> 3.
@@ -82,7 +103,7 @@ Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, co
     if (std::any_of(targets.begin(), targets.begin() + static_cast<ptrdiff_t>(i), same))
       return invalid(indexed(list, i) + ".id", "named twice");
   }
-  return {};
+  return check_parts(targets, list);
 }
 
 bool is_unit(const glm::dquat& rotation) {

@@ -91,11 +91,19 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
 void Session::take_extents() {
   extents_.clear();
   extent_views_.clear();
+  part_extent_views_.clear();
   if (!options_.extents || options_.settings.sample.points == 0) return;
   for (const Target& target : options_.targets) {
-    extents_.push_back(options_.extents->get(mirror_.find(target.instance_id)->geometry));
-    extent_views_.push_back(extents_.back().get());
+    extent_views_.push_back(extent_of(*mirror_.find(target.instance_id)));
+    for (const uint64_t id : target.part_ids) {
+      const Instance* part = mirror_.find(id);
+      part_extent_views_.push_back(part ? extent_of(*part) : nullptr);
+    }
   }
+}
+
+const ExtentTable* Session::extent_of(const Instance& instance) {
+  return extents_.emplace_back(options_.extents->get(instance.geometry)).get();
 }
 
 bool Session::lacks_table(uint64_t instance_id) const {
@@ -305,7 +313,7 @@ TakeJob Session::begin_step(int quality_level) {
   if (quality_level_ > 0) degraded_ = degrade(options_.settings, quality_level_);
   const StepSettings& settings = quality_level_ > 0 ? degraded_ : options_.settings;
   const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
-                        options_.seed, steps_,           pending_dt_s_,   extent_views_};
+                        options_.seed, steps_,           pending_dt_s_,   extent_views_, part_extent_views_};
   const MapOrder order = stepper_.begin(input, clock_);
   take_start_ns_ = clock_();
   return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = order.requests, .maps = order.maps, .taken = {}};

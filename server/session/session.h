@@ -180,6 +180,7 @@ class Session {
   void stop_unnamed(const IdsAfter& ids);
   void commit(const TickInput& tick);
   void take_extents();
+  const ExtentTable* extent_of(const Instance& instance);
   void hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets);
   void remember_derived(const TickInput& tick, double dt_s);
   void observe(const ObservedCamera& observed, double dt_s);
@@ -188,8 +189,8 @@ class Session {
   SessionOptions options_;  // with the newest targets, lens, settings and limits
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
-  std::vector<std::shared_ptr<const ExtentTable>> extents_;  // by target
-  std::vector<const ExtentTable*> extent_views_;             // the same, as a step takes them
+  std::vector<std::shared_ptr<const ExtentTable>> extents_;        // of the shapes of targets and parts
+  std::vector<const ExtentTable*> extent_views_, part_extent_views_;  // the same, as a step takes them
   SceneMirror mirror_;
   Stepper stepper_;
   StepSettings degraded_;       // settings of the present step, which refers to them

@@ -214,8 +214,8 @@ struct StateFields {
   }
   template <typename A, SameAs<Target> T>
   static void each(A& archive, T& target) {
-    auto& [id, weight, required, aim_offset, layers, attached, ignored] = target;
-    archive(id, weight, required, aim_offset, layers, attached, ignored);
+    auto& [id, weight, required, aim_offset, layers, attached, ignored, parts] = target;
+    archive(id, weight, required, aim_offset, layers, attached, ignored, parts);
   }
 
   // An instance that has moved: where it is, to the bit.

@@ -85,6 +85,8 @@ void Aggregation::mark_what_passes() {
   scratch_.passes.assign(step_.input.scene.instances().size(), 0);
   for (const uint32_t slot : step_.input.scene.moving_slots()) scratch_.passes[slot] = 1;
   for (const uint64_t id : step_.targets.ids) scratch_.passes[*step_.input.scene.slot_of(id)] = 0;
+  for (const std::vector<TargetPiece>& pieces : step_.targets.pieces)
+    for (const TargetPiece& piece : pieces) scratch_.passes[piece.slot] = 0;
 }
 
 uint32_t Aggregation::seen_from_own_position() const {

@@ -91,17 +91,16 @@ void gather_round(const SampleInput& in, CutScratch& scratch) {
                            farthest_m + 2 * (swept_radius_m(step.input.limits, step.lens) + kBodySkinM), {});
 }
 
-void pick_sights(const SampleInput& in, std::vector<glm::vec3>& picked, CutPlace& place) {
+void pick_sights(const SampleInput& in, TargetPicker& picker, CutPlace& place) {
+  const StepInput& input = in.step.input;
   place.sights_m.clear();
   place.sights_of_target.clear();
   for (size_t i = 0; i < in.step.target_count(); ++i) {
     const auto first = static_cast<uint32_t>(place.sights_m.size());
-    const Instance& instance = *in.step.input.scene.find(in.step.targets.ids[i]);
-    if (const ExtentTable* table = table_of(in.step.input, i)) {
-      pick_points(table->points(transform_point(inverse(instance.world_from_instance), place.position_m)), in.step.input.tick,
-                  static_cast<size_t>(in.step.input.settings.sample.points), picked);
-      for (const glm::vec3& p : picked)
-        place.sights_m.push_back(transform_point(instance.world_from_instance, glm::dvec3(p)));
+    const TargetView view{.viewer_m = place.position_m, .round = input.tick, .count = static_cast<size_t>(input.settings.sample.points)};
+    if (samples_surface(in.step, i)) {
+      for (const TargetPoint& p : picker.pick(input.scene, in.step.targets.pieces[i], view))
+        place.sights_m.push_back(transform_point(input.scene.instances()[p.slot].world_from_instance, glm::dvec3(p.at_m)));
     } else {
       place.sights_m.push_back(in.step.targets.tracked_targets[i].aim_m);
     }
@@ -176,8 +175,8 @@ glm::dvec3 first_velocity_mps(const MoveInput& in, const Pose& pose, ClearanceFi
 
 }  // namespace
 
-void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_jumped, std::vector<glm::vec3>& picked,
-              CutScratch& scratch, SamplePlan& plan) {
+void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_jumped, TargetPicker& picker, CutScratch& scratch,
+              SamplePlan& plan) {
   CutPlan& cut = plan.cut;
   cut.places.clear();
   cut.due = is_due(in.step, carried.cut, target_jumped);
@@ -194,7 +193,7 @@ void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_ju
     CutPlace& added = cut.places[cut.places.size() - 1];
     added.position_m = in.step.center_m() + offset_m;
     added.viewpoint = place == kWantedShot ? std::nullopt : std::optional(place);
-    pick_sights(in, picked, added);
+    pick_sights(in, picker, added);
     request_sights(in, added, plan);
   }
   cut.next_rank = rank;

@@ -328,6 +328,8 @@ class GoalSearch {
     std::vector<uint32_t>& slots = scratch_.target_slots;
     slots.clear();
     for (const uint64_t id : in_.step.targets.ids) slots.push_back(*in_.step.input.scene.slot_of(id));
+    for (const std::vector<TargetPiece>& pieces : in_.step.targets.pieces)
+      for (const TargetPiece& piece : pieces) slots.push_back(piece.slot);
     std::sort(slots.begin(), slots.end());
     scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachM, slots);
     WayPoints found_m;  // where nothing is found, the former way still leads nearer

@@ -25,9 +25,10 @@ glm::dvec2 texel_jitter(const StepInput& input) {
   return {x, y};
 }
 
-void add_points(std::vector<glm::dvec3>& points_m, std::span<const glm::vec3> points,
-                const Affine& world_from_instance) {
-  for (const glm::vec3& p : points) points_m.push_back(transform_point(world_from_instance, glm::dvec3(p)));
+// `world_from` gives the transform of the instance in a mirror slot.
+template <typename WorldFrom>
+void add_points(std::vector<glm::dvec3>& points_m, std::span<const TargetPoint> points, WorldFrom world_from) {
+  for (const TargetPoint& p : points) points_m.push_back(transform_point(world_from(p.slot), glm::dvec3(p.at_m)));
 }
 
 // The range from `first` to the end of a list.
@@ -76,10 +77,10 @@ void decide_ahead(const SampleInput& in, SamplePlan& plan) {
 // Picks the points of one target at a time.
 class PointPicker {
  public:
-  PointPicker(const SampleInput& in, std::vector<glm::vec3>& picked, SamplePlan& plan)
+  PointPicker(const SampleInput& in, TargetPicker& picker, SamplePlan& plan)
       : in_(in),
         random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kViewBlend),
-        picked_(picked),
+        picker_(picker),
         now_(plan.now),
         ahead_(plan.ahead),
         ahead_s_(plan.ahead_s) {}
@@ -90,8 +91,8 @@ class PointPicker {
     const Affine later =
         ahead_s_ > 0 ? world_from_instance_at(past_of(in_.pasts, instance.id).predictor.at(ahead_s_).pose, instance)
                      : instance.world_from_instance;
-    if (const ExtentTable* table = table_of(in_.step.input, i))
-      pick_surface_points(*table, instance, later);
+    if (samples_surface(in_.step, i))
+      pick_surface_points(in_.step.targets.pieces[i], instance, later);
     else
       pick_aim_point(in_.step.targets.tracked_targets[i].aim_m, instance, later);
     now_.points_of_target.push_back(run_from(first, now_.points_m));
@@ -100,17 +101,19 @@ class PointPicker {
   }
 
  private:
-  void pick_surface_points(const ExtentTable& table, const Instance& instance, const Affine& later) {
-    const Affine mesh_from_world = inverse(instance.world_from_instance);
+  void pick_surface_points(std::span<const TargetPiece> pieces, const Instance& instance, const Affine& later) {
     const double x = random_.next_unit(), y = random_.next_unit();
-    pick(table.points_blended(transform_point(mesh_from_world, position_on_course_m(in_.step)), {x, y}));
-    add_points(now_.sights_m, picked_, instance.world_from_instance);
-    pick(table.points(transform_point(mesh_from_world, in_.bound.center_m)));
+    const auto now = [&](uint32_t slot) { return in_.step.input.scene.instances()[slot].world_from_instance; };
+    add_points(now_.sights_m, pick(pieces, {.viewer_m = position_on_course_m(in_.step), .blend = glm::dvec2(x, y)}), now);
+    const std::span<const TargetPoint> picked = pick(pieces, {.viewer_m = in_.bound.center_m});
     // A flight plan adds up the maps of many steps, so it needs fewer of them in each.
-    const size_t mapped = weighs_hidden(in_.step.input) ? (picked_.size() + 1) / 2 : picked_.size();
-    add_points(now_.points_m, std::span(picked_).first(mapped), instance.world_from_instance);
+    const size_t mapped = weighs_hidden(in_.step.input) ? (picked.size() + 1) / 2 : picked.size();
+    add_points(now_.points_m, picked.first(mapped), now);
     if (ahead_s_ <= 0) return;
-    add_points(ahead_.points_m, std::span(picked_).first(std::min(kPointsAhead, picked_.size())), later);
+    // The parts go the way of the target's own instance.
+    const Affine way = compose(later, inverse(instance.world_from_instance));
+    const auto then = [&](uint32_t slot) { return &in_.step.input.scene.instances()[slot] == &instance ? later : compose(way, now(slot)); };
+    add_points(ahead_.points_m, picked.first(std::min(kPointsAhead, picked.size())), then);
   }
   void pick_aim_point(const glm::dvec3& aim_m, const Instance& instance, const Affine& later) {
     now_.points_m.push_back(aim_m);
@@ -118,14 +121,15 @@ class PointPicker {
     if (ahead_s_ <= 0) return;
     ahead_.points_m.push_back(transform_point(later, transform_point(inverse(instance.world_from_instance), aim_m)));
   }
-  void pick(std::span<const glm::vec3> of_view) {
+  std::span<const TargetPoint> pick(std::span<const TargetPiece> pieces, TargetView view) {
     const StepInput& input = in_.step.input;
-    pick_points(of_view, input.tick, static_cast<size_t>(input.settings.sample.points), picked_);
+    view.round = input.tick, view.count = static_cast<size_t>(input.settings.sample.points);
+    return picker_.pick(input.scene, pieces, view);
   }
 
   const SampleInput& in_;
   CounterRandom random_;
-  std::vector<glm::vec3>& picked_;  // mesh frame
+  TargetPicker& picker_;
   Sampled &now_, &ahead_;
   const double ahead_s_;
 };
@@ -174,17 +178,20 @@ class SlicePicker {
     }
   }
   void pick_points_of(size_t i, const MotionPredictor& predictor, SampledSlice& slice) {
-    const Instance& instance = *in_.step.input.scene.find(in_.step.targets.ids[i]);
     const glm::dvec3 aim_m = in_.step.targets.tracked_targets[i].aim_m;
     const double ahead_s = std::min(slice.due.ahead_s, in_.step.input.settings.move.prediction_s);
     const glm::dvec3 way_m = free_way(aim_m, turned(predictor.at(ahead_s).pose.position_m - predictor.at(0).pose.position_m, turns_rad_[slice.due.slice]));
-    const ExtentTable* table = table_of(in_.step.input, i);
-    if (!table) return slice.sampled.points_m.push_back(aim_m + way_m);
-    Affine then = instance.world_from_instance;
-    then[3] += way_m;
-    pick_points(table->points(transform_point(inverse(then), in_.bound.center_m)), in_.step.input.tick + slice.due.slice,
-                std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points)), scratch_.picked);
-    add_points(slice.sampled.points_m, scratch_.picked, then);
+    if (!samples_surface(in_.step, i)) return slice.sampled.points_m.push_back(aim_m + way_m);
+    const SceneMirror& scene = in_.step.input.scene;
+    const TargetView view{.viewer_m = in_.bound.center_m,
+                        .moved_m = way_m,
+                        .round = in_.step.input.tick + slice.due.slice,
+                        .count = std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points))};
+    add_points(slice.sampled.points_m, scratch_.picker.pick(scene, in_.step.targets.pieces[i], view), [&](uint32_t slot) {
+      Affine then = scene.instances()[slot].world_from_instance;
+      then[3] += way_m;
+      return then;
+    });
   }
   // The part of a predicted way that leads through no wall.
   glm::dvec3 free_way(const glm::dvec3& from_m, const glm::dvec3& way_m) const {
@@ -303,15 +310,14 @@ void clear(SamplePlan& plan) {
 
 }  // namespace
 
-const ExtentTable* table_of(const StepInput& input, size_t target) {
-  if (input.settings.sample.points == 0 || target >= input.extents.size()) return nullptr;
-  return input.extents[target];
+bool samples_surface(const StepContext& step, size_t target) {
+  return step.input.settings.sample.points > 0 && sampled_pieces(step.targets.pieces[target]) > 0;
 }
 
 void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
   clear(plan);
   decide_ahead(in, plan);
-  PointPicker picker(in, scratch.picked, plan);
+  PointPicker picker(in, scratch.picker, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
   const glm::dvec2 jitter = texel_jitter(in.step.input);
   chain_pairs(in, plan);

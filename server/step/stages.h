@@ -16,6 +16,7 @@
 #include "server/move/groups.h"
 #include "server/move/route.h"
 #include "server/move/clearance_cache.h"
+#include "server/step/target_points.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -71,12 +72,12 @@ struct SampleInput {
   const CarriedState& carried;
 };
 struct SampleScratch {
-  std::vector<glm::vec3> picked;
+  TargetPicker picker;
   ClearanceField colliders;  // that stand around a target
 };
 void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
-// The sample table of a target; null if only its aim point is sampled.
-const ExtentTable* table_of(const StepInput& input, size_t target);
+// False if only the target's aim point is sampled.
+bool samples_surface(const StepContext& step, size_t target);
 
 // The maps of a step, with the plan for which they were taken.
 struct TakenMaps {
@@ -132,7 +133,7 @@ struct AggregateInput {
 struct AggregateScratch {
   Composer composer;
   HiddenShares hidden_by;
-  std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and is not a target
+  std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and belongs to no target
   std::vector<uint32_t> off_grid_visible, slots;
   std::vector<float> shares;  // of one slice, by cell
 };
@@ -186,8 +187,8 @@ struct CutScratch {
   ClearanceField colliders;
 };
 // If a cut is due, adds places and the maps of their sights to a plan that plan_sample has made.
-void plan_cut(const SampleInput& input, const CarriedState& carried, bool target_jumped, std::vector<glm::vec3>& picked,
-              CutScratch& scratch, SamplePlan& plan);
+void plan_cut(const SampleInput& input, const CarriedState& carried, bool target_jumped, TargetPicker& picker, CutScratch& scratch,
+              SamplePlan& plan);
 // The place to jump to instead of following the decision; null: none. Keeps count of the places in `state`.
 const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool target_jumped, const Decision& decision,
                            MoveScratch& scratch, CutState& state);

@@ -108,7 +108,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
     const StageTimer timer = work.time(clock, Stage::kSample);
     const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot, carried};
     plan_sample(in, work.sample, dump_.plan);
-    plan_cut(in, carried, work.opening.target_jumped, work.sample.picked, work.cut, dump_.plan);
+    plan_cut(in, carried, work.opening.target_jumped, work.sample.picker, work.cut, dump_.plan);
   }
   if (dump_.plan.requests.empty()) dump_.maps.clear();
   return {dump_.plan.requests, &dump_.maps};

@@ -47,6 +47,9 @@ struct StepInput {
   // The sample table of each target's shape. If the list is empty, or an entry is null, only the target's aim point is
   // sampled.
   std::span<const ExtentTable* const> extents = {};
+  // The sample tables of the parts' shapes: those of the first target, in the order of its part_ids, then those of the second, and so
+  // on. The entry of a part that the scene does not hold is null. If the list is empty, no part is sampled.
+  std::span<const ExtentTable* const> part_extents = {};
 };
 
 // Measures the stages: returns nanoseconds, monotonic. Passed in, so that tests and replays need no clock.

@@ -25,6 +25,13 @@
 namespace sightline {
 
 using TargetIds = InlineVector<uint64_t, kMaxTargets>;
+class ExtentTable;
+
+// An instance that counts as the target: its own, or a part.
+struct TargetPiece {
+  uint32_t slot = 0;                   // mirror slot
+  const ExtentTable* table = nullptr;  // of its shape; null: its surface is not sampled
+};
 
 // Before the first stage: the targets as they are now. Lists are in the order of the input.
 struct TargetsNow {
@@ -32,6 +39,7 @@ struct TargetsNow {
   std::vector<uint64_t> ids;
   std::vector<double> sight_weights;                 // weight of seeing each target
   std::vector<std::vector<uint32_t>> ignored_slots;  // mirror slots of instances that never occlude each target
+  std::vector<std::vector<TargetPiece>> pieces;      // of each target; at least one
   uint32_t weighted = 0;                             // bit i: target i has a weight
   // Bit i: the camera moves for target i. Targets with a weight that stand too far apart from the others are given up; their
   // weight in `tracked_targets` and `sight_weights` is 0.

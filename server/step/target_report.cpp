@@ -36,6 +36,17 @@ double inside_radii(const Pose& pose, const Lens& lens, const glm::dvec3& center
   return least_m / std::max(radius_m, 1e-9);
 }
 
+// The part of an instance's image that lies inside the picture.
+double share_inside(const Pose& pose, const Lens& lens, const Instance& instance, const ExtentTable& table) {
+  const double inside = inside_radii(pose, lens, instance.center_m, instance.radius_m);
+  if (std::abs(inside) >= 1) return inside > 0 ? 1.0 : 0.0;
+  const auto points = table.points(transform_point(inverse(instance.world_from_instance), pose.position_m));
+  const auto shown = std::count_if(points.begin(), points.end(), [&](const glm::vec3& p) {
+    return in_picture(pose, lens, transform_point(instance.world_from_instance, glm::dvec3(p)));
+  });
+  return static_cast<double>(shown) / static_cast<double>(points.size());
+}
+
 // ---- the forecast ----
 
 bool sees_point(const TakenMaps& taken, const Sampled& sampled, uint32_t point, const glm::dvec3& position_m) {
@@ -76,16 +87,20 @@ void list_occlusions(const ReportInput& step, size_t target, TargetSight& sight)
 
 double picture_share(const ReportInput& step, size_t target, const Lens& lens) {
   const Pose& pose = step.dump.decision.camera.pose;
-  const Instance& instance = *step.input.scene.find(step.dump.targets.ids[target]);
-  const ExtentTable* table = target < step.input.extents.size() ? step.input.extents[target] : nullptr;
-  if (!table) return in_picture(pose, lens, step.dump.targets.tracked_targets[target].aim_m) ? 1.0 : 0.0;
-  const double inside = inside_radii(pose, lens, instance.center_m, instance.radius_m);
-  if (std::abs(inside) >= 1) return inside > 0 ? 1.0 : 0.0;
-  const auto points = table->points(transform_point(inverse(instance.world_from_instance), pose.position_m));
-  const auto shown = std::count_if(points.begin(), points.end(), [&](const glm::vec3& p) {
-    return in_picture(pose, lens, transform_point(instance.world_from_instance, glm::dvec3(p)));
-  });
-  return static_cast<double>(shown) / static_cast<double>(points.size());
+  const std::vector<TargetPiece>& pieces = step.dump.targets.pieces[target];
+  const size_t sampled = sampled_pieces(pieces);
+  if (sampled == 0) return in_picture(pose, lens, step.dump.targets.tracked_targets[target].aim_m) ? 1.0 : 0.0;
+  double all = 0, inside = 0;
+  for (const auto& [slot, table] : pieces) {
+    if (!table) continue;
+    const Instance& instance = step.input.scene.instances()[slot];
+    const double share = share_inside(pose, lens, instance, *table);
+    if (sampled == 1) return share;
+    const glm::dvec3 viewer_mesh_m = transform_point(inverse(instance.world_from_instance), pose.position_m);
+    const double area = shown_area(instance, *table, viewer_mesh_m);
+    all += area, inside += area * share;
+  }
+  return all > 0 ? std::min(inside / all, 1.0) : 0.0;
 }
 
 std::optional<SightForecast> forecast_sight(const ReportInput& step, size_t target, double present_share) {

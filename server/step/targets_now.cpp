@@ -12,11 +12,17 @@ namespace {
 // A target slower than this counts as standing.
 constexpr double kStandingMps = 0.2;
 
-TrackedTarget view_of(const Target& target, const Instance& instance) {
+// The aim point stays on the target's own instance: the middle of all pieces would swing with every limb.
+TrackedTarget view_of(const StepInput& input, const Target& target, std::span<const TargetPiece> pieces) {
+  const Instance& instance = *input.scene.find(target.instance_id);
   TrackedTarget view;
   const glm::dvec3 aim = target.aim_offset_m.value_or(glm::dvec3(instance.geometry->bounds.center()));
   view.aim_m = transform_point(instance.world_from_instance, aim);
-  view.radius_m = instance.radius_m;
+  for (const TargetPiece& piece : pieces) {
+    const Instance& of = input.scene.instances()[piece.slot];
+    const double aside_m = &of == &instance ? 0.0 : glm::distance(view.aim_m, of.center_m);
+    view.radius_m = std::max(view.radius_m, aside_m + of.radius_m);
+  }
   view.velocity_mps = instance.velocity_mps;
   view.weight = target.weight;
   view.required = target.required;
@@ -27,15 +33,30 @@ void add_slot(const SceneMirror& scene, uint64_t id, std::vector<uint32_t>& slot
   if (const auto slot = scene.slot_of(id)) slots.push_back(*slot);
 }
 
-// Skips ids that the mirror no longer holds, because an attached instance may be removed before the client sends a new
-// list.
+// Skips ids that the mirror no longer holds, because a part or an attached instance may be removed before the client sends a
+// new list.
 void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vector<uint32_t>& slots) {
   slots.clear();
   add_slot(scene, target.instance_id, slots);
   for (const uint64_t id : target.attached_ids) add_slot(scene, id, slots);
   for (const uint64_t id : target.ignored_ids) add_slot(scene, id, slots);
+  for (const uint64_t id : target.part_ids) add_slot(scene, id, slots);
   std::sort(slots.begin(), slots.end());
   slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
+}
+
+// Lists the target's own instance and its parts, without those that the mirror no longer holds and those that are switched off. The
+// own instance alone counts even then. `part_extents` are those of this target, or empty.
+void list_pieces(const StepInput& input, size_t target, std::span<const ExtentTable* const> part_extents, std::vector<TargetPiece>& pieces) {
+  pieces.clear();
+  const Target& of = input.targets[target];
+  const TargetPiece own{*input.scene.slot_of(of.instance_id), target < input.extents.size() ? input.extents[target] : nullptr};
+  if (of.part_ids.empty()) return pieces.push_back(own);
+  if (input.scene.instances()[own.slot].attributes.visible) pieces.push_back(own);
+  for (size_t j = 0; j < of.part_ids.size(); ++j)
+    if (const auto slot = input.scene.slot_of(of.part_ids[j]); slot && input.scene.instances()[*slot].attributes.visible)
+      pieces.push_back({*slot, j < part_extents.size() ? part_extents[j] : nullptr});
+  if (pieces.empty()) pieces.push_back(own);
 }
 
 }  // namespace
@@ -45,9 +66,14 @@ void look_at_targets(const StepInput& input, TargetsNow& now) {
   now.ids.clear();
   now.weighted = 0;
   now.ignored_slots.resize(input.targets.size());
+  now.pieces.resize(input.targets.size());
+  auto part_extents = input.part_extents;
   for (size_t i = 0; i < input.targets.size(); ++i) {
     const Target& target = input.targets[i];
-    now.tracked_targets.push_back(view_of(target, *input.scene.find(target.instance_id)));
+    const size_t parts = std::min(target.part_ids.size(), part_extents.size());
+    list_pieces(input, i, part_extents.first(parts), now.pieces[i]);
+    part_extents = part_extents.subspan(parts);
+    now.tracked_targets.push_back(view_of(input, target, now.pieces[i]));
     now.ids.push_back(target.instance_id);
     if (target.weight > 0) now.weighted |= 1u << i;
     list_ignored_slots(input.scene, target, now.ignored_slots[i]);

@@ -24,6 +24,26 @@ bool searches(const StepContext& step) {
          step.targets.steered != 0;
 }
 
+// The area of the instance's box, up to a factor: about what it shows from all sides together.
+double box_area(const Instance& instance) {
+  const glm::dvec3 half_m(instance.geometry->bounds.half_extent());
+  const Affine& map = instance.world_from_instance;
+  const double x = half_m.x * glm::length(map[0]), y = half_m.y * glm::length(map[1]), z = half_m.z * glm::length(map[2]);
+  return x * y + y * z + z * x;
+}
+
+// A piece of the target by chance, in proportion to box_area.
+const Instance& looking_piece(const SceneMirror& scene, std::span<const TargetPiece> pieces, CounterRandom& random) {
+  const auto instance_of = [&](const TargetPiece& piece) -> const Instance& { return scene.instances()[piece.slot]; };
+  if (pieces.size() == 1) return instance_of(pieces[0]);
+  double all = 0;
+  for (const TargetPiece& piece : pieces) all += box_area(instance_of(piece));
+  double left = random.next_unit() * all;
+  for (const TargetPiece& piece : pieces)
+    if ((left -= box_area(instance_of(piece))) < 0) return instance_of(piece);
+  return instance_of(pieces.back());
+}
+
 glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   const Aabb& box = instance.geometry->bounds;
   const double x = random.next_unit(), y = random.next_unit(), z = random.next_unit();
@@ -84,7 +104,7 @@ ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   if (!searches(in.step)) return {};
   ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}};
   CounterRandom random(input.seed, input.tick, RandomPurpose::kViewpointSearch);
-  const glm::dvec3 eye_m = looking_point_m(*input.scene.find(in.step.targets.ids[look.target]), random);
+  const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
   plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);

@@ -156,14 +156,17 @@ bool builds_tables(const v1::Tick& tick, const Session& session) {
   if (!tick.has_settings() && !tick.has_tuning() && !tick.has_targets()) return false;
   StepSettings settings = session.settings();
   if (!read_settings(tick.settings(), tick.tuning(), "tick.", settings) || settings.sample.points == 0) return false;
+  const auto lacks = [&](uint64_t id) { return session.lacks_table(id); };
   if (tick.has_targets()) {
     const auto& targets = tick.targets().targets();
-    return std::any_of(targets.begin(), targets.end(),
-                       [&](const auto& t) { return session.lacks_table(t.id()); });
+    return std::any_of(targets.begin(), targets.end(), [&](const auto& t) {
+      return lacks(t.id()) || std::any_of(t.part_ids().begin(), t.part_ids().end(), lacks);
+    });
   }
   const auto& targets = session.targets();
-  return std::any_of(targets.begin(), targets.end(),
-                     [&](const Target& t) { return session.lacks_table(t.instance_id); });
+  return std::any_of(targets.begin(), targets.end(), [&](const Target& t) {
+    return lacks(t.instance_id) || std::any_of(t.part_ids.begin(), t.part_ids.end(), lacks);
+  });
 }
 
 }  // namespace

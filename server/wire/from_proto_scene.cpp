@@ -336,6 +336,7 @@ Status read_target(const v1::Target& wire, const Convention& convention, const s
   if (wire.has_layer_mask()) out.layer_mask = wire.layer_mask();
   out.attached_ids.assign(wire.attached_ids().begin(), wire.attached_ids().end());
   out.ignored_ids.assign(wire.ignored_ids().begin(), wire.ignored_ids().end());
+  out.part_ids.assign(wire.part_ids().begin(), wire.part_ids().end());
   if (!wire.has_aim_offset()) return {};
   glm::dvec3 offset(0.0);
   if (Status ok = read_vector(wire.aim_offset(), field + ".aim_offset", offset); !ok) return ok;

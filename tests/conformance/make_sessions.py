@@ -202,6 +202,37 @@ def settings():
     ])
 
 
+def body():
+    """A character of three capsules that move by themselves: a wall hides the hips, and the arm comes out beside it."""
+    def tick(share, reach, arm=True, **more):
+        places = {"1": [0, 0.9, 0], **({"11": [reach, 1.3, 0]} if arm else {}), "12": [0, 1.6, 0]}
+        return {"tick": {"timeS": 0, "transforms": {"ids": [*places], "positions": sum(places.values(), [])}, **more},
+                "expect": {"camera": {"targets": [{"id": "1", "visibleShare": share}]}}}
+
+    def with_parts(*ids):
+        return {"targets": {"targets": [{"id": "1", "partIds": list(ids)}]}}
+
+    def refused(code, field, *ids):
+        return {"tick": {"timeS": 0, **with_parts(*ids)}, "expect": {"refused": {"code": f"CODE_{code}", "fieldViolations": [{"field": field}]}}}
+
+    wall, part_of_it = box(3, (0, 2, 2), (3, 4, 0.2)), {"between": [0.2, 0.8]}
+    return session("A target with parts that move by themselves: what counts, what is refused, and parts that are removed.", [
+        {"open": opening(instances=[capsule(1, (0, 0.9, 0)), capsule(11, (0, 1.3, 0)), capsule(12, (0, 1.6, 0)), wall],
+                         targets=[{"id": "1", "partIds": ["11", "12"]}], settings={"searchViewpoints": False}),
+         "expect": {"opened": {"instanceCount": "4"}}},
+        *[tick(0, 0)] * 3,
+        # The capsules are equally large: the one that comes out is between a third and a half of what the target shows.
+        *[tick(part_of_it, 4)] * 5,
+        refused("INVALID_ARGUMENT", "tick.targets.targets[0].part_ids[1]", "11", "11"),
+        refused("INVALID_ARGUMENT", "tick.targets.targets[0].part_ids[0]", "1"),
+        refused("NOT_FOUND", "tick.targets.targets[0].part_ids[0]", "99"),
+        tick(0, 4, arm=False, delta={"removedIds": ["11"]}),
+        tick(part_of_it, 4, delta={"addedInstances": [capsule(11, (4, 1.3, 0))]}),
+        tick(part_of_it, 4, **with_parts("11")),
+        tick(0, 4, **with_parts()),
+    ])
+
+
 def resync():
     """A session goes on in a daemon that knows nothing of it. Every kind of change happens before the daemon goes away."""
     def around(n):
@@ -225,11 +256,11 @@ def resync():
         *ticks(0, 20),
         tick(20, transforms=turned),
         tick(21, transforms=still),
-        tick(22, delta={"removedIds": ["5", "8"], "addedInstances": [box(6, (0, 2, 2.5), (0.6, 4, 0.6)), box(8, (-6, 1, 0), (1, 1, 1))],
+        tick(22, delta={"removedIds": ["5", "8"], "addedInstances": [box(6, (0, 2, 2.5), (0.6, 4, 0.6)), box(8, (-6, 1, 0), (1, 1, 1)), box(13, (2, 1.8, 0), (0.3, 0.3, 0.3))],
                         "changedInstances": [{"id": "4", "attributes": {"occludes": False}}]}),
         tick(23, settings={"minDistanceM": 2, "maxDistanceM": 12}, limits={"maxSpeedMps": 2}, lens={"fieldOfView": 0.8},
-             targets={"targets": [{"id": "2", "weight": 2}, {"id": "1", "attachedIds": ["4", "6"]}]}),
-        tick(24, delta={"removedIds": ["6"], "addedInstances": [box(9, (0.5, 2, 3), (0.6, 4, 0.6))]}),
+             targets={"targets": [{"id": "2", "weight": 2, "partIds": ["3", "13"]}, {"id": "1", "attachedIds": ["4", "6"]}]}),
+        tick(24, delta={"removedIds": ["6", "13"], "addedInstances": [box(9, (0.5, 2, 3), (0.6, 4, 0.6))]}),
         *ticks(25, 20),
         {"daemon": "drain"},
         tick(45, delta={"baseRevision": "3", "removedIds": ["4"]}),
@@ -275,7 +306,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     court.write(folder / "court.glb")
     made = {f"convention_{frame.name}": convention(frame) for frame in FRAMES}
-    made |= {make.__name__: make() for make in (numbers, errors, settings, resync, resume)}
+    made |= {make.__name__: make() for make in (numbers, errors, settings, body, resync, resume)}
     for name, content in made.items():
         lines = ",\n".join("    " + json.dumps(step) for step in content.pop("steps"))
         head = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in content.items())

@@ -7,7 +7,8 @@ import subprocess
 BEGIN, END = "<!-- conformance: written by tests/conformance/conformance_test.py --write -->\n", "<!-- end of conformance -->\n"
 EVERY_RUN = "every test run"
 COLUMNS = {"convention_gltf": "glTF", "convention_godot": "Godot", "convention_unity": "Unity", "convention_unreal": "Unreal", "convention_ros": "ROS",
-           "convention_custom": "custom", "numbers": "64-bit numbers", "errors": "errors", "settings": "settings", "resync": "lost daemons", "resume": "broken streams"}
+           "convention_custom": "custom", "numbers": "64-bit numbers", "errors": "errors", "settings": "settings", "body": "bodies of parts", "resync": "lost daemons",
+           "resume": "broken streams"}
 
 
 def rows_of(text):

@@ -18,6 +18,6 @@ compile "${both[@]}" -out:"$work/example.exe" "$root/client/csharp/example/Progr
 for page in unity:UnityEngine godot:Godot; do
   name=${page%:*}
   python3 "$root/tests/engines/take_block.py" "$root/client/engines/$name.md" csharp "$work/pages/$name.cs"
-  compile -target:library "${both[@]}" -out:"$work/pages/$name.dll" "$declarations/${page#*:}.cs" "$work/pages/$name.cs"
+  compile -target:library "${both[@]}" -out:"$work/pages/$name.dll" "$declarations/${page#*:}.cs" "$work/pages/$name"*.cs
 done
 [ "$(wc -l < "$root/client/csharp/example/Program.cs")" -lt 60 ]

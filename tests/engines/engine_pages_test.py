@@ -2,6 +2,7 @@
 """The pages of client/engines: engine_pages_test.py SIGHTLINED STUBS ENGINES. The numbers are checked against a daemon and against plain
 arithmetic (tests/conformance/frames.py)."""
 import json
+import math
 import pathlib
 import re
 import sys
@@ -120,6 +121,31 @@ class EnginePages(unittest.TestCase):
         with Camera.open(self.daemon.address, json_format.ParseDict(opening, OpenSession())) as camera:
             shares = [camera.step(Tick(time_s=0.0)).targets[0].visible_share for _ in range(8)]
         self.assertAlmostEqual(sum(shares) / len(shares), 0.5, delta=0.1)
+
+    def test_the_bones_of_a_skinned_body_lie_where_they_should_in_every_engine(self):
+        """A wall hides the hips, and an arm points out beside it. Its capsule is turned as on the pages: by the shortest turn from the engine's
+        up axis to the bone, in the engine's own coordinates."""
+        def capsule(frame, id_, start, end, radius):
+            bone, up = frames.minus(frame.point(end), frame.point(start)), frames.unit(frame.point([0, 1, 0]))
+            along = frames.unit(bone)
+            turn = frames.unit([*frames.cross(up, along), 1 + sum(a * b for a, b in zip(up, along))])
+            middle = frame.point([(a + b) / 2 for a, b in zip(start, end)])
+            return {"id": id_, "shape": {"capsule": {"radius": frame.length(radius), "halfHeight": math.hypot(*bone) / 2}},
+                    "pose": {"position": dict(zip("xyz", middle)), "rotation": dict(zip("xyzw", turn))}}
+
+        def share(frame, hand):
+            wall = {"id": "9", "shape": {"box": {"halfExtent": dict(zip("xyz", frame.size([1, 3, 0.05])))}}, "pose": {"position": dict(zip("xyz", frame.point([0, 1, 2])))}}
+            body = [capsule(frame, "1", [0, 0.9, 0], [0, 1.1, 0], 0.15), capsule(frame, "2", [0.2, 1.4, 0], hand, 0.08)]
+            opening = {"convention": frame.message(), "seed": "3", "camera": {"position": dict(zip("xyz", frame.point([0, 1.5, 6])))},
+                       "instances": [*body, wall], "targets": [{"id": "1", "partIds": ["2"]}]}
+            with Camera.open(self.daemon.address, json_format.ParseDict(opening, OpenSession())) as camera:
+                return sum(camera.step(Tick(time_s=0.0)).targets[0].visible_share for _ in range(8)) / 8
+
+        for name in PAGES:
+            with self.subTest(engine=name):
+                self.assertAlmostEqual(share(FRAMES[name], [3, 1.4, 0]), share(FRAMES["gltf"], [3, 1.4, 0]), delta=0.02)
+                self.assertGreater(share(FRAMES[name], [3, 1.4, 0]), 0.2)
+                self.assertEqual(share(FRAMES[name], [0.2, 1.4, -2.8]), 0, "an arm that points away from the camera is hidden")
 
     def test_an_offset_moves_the_aim(self):
         """A capsule with its pivot at the feet is as far away as one that is centred on its middle."""

@@ -91,7 +91,7 @@ class Client {
     if (!options) return refused(options.error(), nullptr, 0);
     if (options->instances.size() > kMostInstances) return false;
     const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
-    if (!check_step_cost(options->settings, options->targets.size(), limits, "open.settings")) return false;
+    if (!check_step_cost(options->settings, options->targets, limits, "open.settings")) return false;
     if (with_tables_) options->extents = &extents_;
     auto opened = Session::open(std::move(*options), std::make_unique<MadeUpSampler>(), nullptr);
     if (!opened) return refused(opened.error(), nullptr, 0);
@@ -119,7 +119,7 @@ class Client {
 
   bool over_budget(const TickInput& input) const {
     const StepSettings& settings = input.settings ? *input.settings : session_->settings();
-    const size_t targets = (input.targets ? *input.targets : session_->targets()).size();
+    const std::vector<Target>& targets = input.targets ? *input.targets : session_->targets();
     const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
     return session_->mirror().size() + input.delta.add.size() > kMostInstances || !check_step_cost(settings, targets, limits, "tick");
   }

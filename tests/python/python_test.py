@@ -86,6 +86,32 @@ class ClientTest(unittest.TestCase):
         with self.assertRaisesRegex(sightline_client.Refused, "rotations.*must hold 8 numbers"):
             share((0, 2, 2), {PILLAR: ((0, 2, 2), sideways), HERO: (0, 0.9, 0)})
 
+    def test_an_arm_that_sticks_out_from_behind_a_wall_counts(self):
+        forearm, wall = 11, 4
+        elbow, forward = (0.5, 1.4, 0), (0.5, 1.4, -0.5)
+
+        def shares(camera, hand):
+            return [camera.tick(camera_time, {HERO: ((0, 0.9, 0), (0, 0, 0, 1)), forearm: sightline_client.along(elbow, hand)}).targets[0].visible_share
+                    for camera_time in [0.0] * 8]
+
+        scene = dict(position=(0, 1.6, 6), targets={HERO: sightline_client.capsule(0.2, 1.8)}, parts={HERO: {forearm: sightline_client.capsule(0.1, 0.7)}},
+                     occluders={wall: sightline_client.box(2, 4, 0.1)}, at={HERO: (0, 0.9, 0), forearm: sightline_client.along(elbow, forward), wall: (0, 2, 2)})
+        with sightline_client.Camera(self.address, **scene) as camera:
+            self.assertEqual(max(shares(camera, forward)), 0)
+            self.assertGreater(sum(shares(camera, (3, 1.4, 0))), 0)
+        with self.assertRaisesRegex(ValueError, "parts of .9., which are not targets"):
+            sightline_client.opening(**{**scene, "parts": {9: {}}})
+
+    def test_a_capsule_lies_along_its_bone(self):
+        for end in ((0, 1, 0), (0, -1, 0), (1, 0, 0), (-0.3, 0.2, 0.5), (0.2, -0.9, -0.1), (1e-7, -1, 0)):
+            (x, y, z), (qx, qy, qz, qw) = sightline_client.along((1, 2, 3), (1 + end[0], 2 + end[1], 3 + end[2]))
+            for got, expected in zip((x, y, z), (1 + end[0] / 2, 2 + end[1] / 2, 3 + end[2] / 2)):
+                self.assertAlmostEqual(got, expected)
+            self.assertAlmostEqual(math.hypot(qx, qy, qz, qw), 1)
+            up = (2 * (qx * qy - qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz + qx * qw))  # where the rotation takes +Y
+            for got, expected in zip(up, end):
+                self.assertAlmostEqual(got, expected / math.hypot(*end), places=6)
+
     def test_an_error_of_the_program_is_not_hidden(self):
         with self.assertRaises(ZeroDivisionError):
             with sightline_client.Camera(self.address, **SCENE):

@@ -67,7 +67,7 @@ struct PlainTarget {
   double weight;
   bool required;
   uint32_t layers;
-  std::vector<uint64_t> attached, ignored;
+  std::vector<uint64_t> attached, ignored, parts;
   bool operator==(const PlainTarget&) const = default;
 };
 
@@ -80,7 +80,7 @@ std::vector<PlainTarget> targets_of(const Session& session) {
   std::vector<PlainTarget> out;
   for (const Target& t : session.targets())
     out.push_back(
-        {t.instance_id, t.weight, t.required, t.layer_mask, living(t.attached_ids), living(t.ignored_ids)});
+        {t.instance_id, t.weight, t.required, t.layer_mask, living(t.attached_ids), living(t.ignored_ids), living(t.part_ids)});
   return out;
 }
 
@@ -214,13 +214,17 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
   void change_targets(v1::Tick& tick) {
     const std::vector<uint64_t> ids = living();
     v1::TargetList& list = *tick.mutable_targets();
-    for (const uint64_t id : some(ids, 0.1)) {
+    const std::vector<uint64_t> targets = some(ids, 0.1);
+    std::vector<uint64_t> free = ids;  // that belong to no body yet
+    std::erase_if(free, [&](uint64_t id) { return std::find(targets.begin(), targets.end(), id) != targets.end(); });
+    for (const uint64_t id : targets) {
       v1::Target& target = *list.add_targets();
       target.set_id(id);
       if (chance(0.5)) target.set_weight(dice_.next_in(0, 5));
       if (chance(0.5)) target.set_required(chance(0.5));
       for (const uint64_t other : some(ids, 0.1)) target.add_attached_ids(other);
       for (const uint64_t other : some(ids, 0.1)) target.add_ignored_ids(other);
+      for (const uint64_t other : some(free, 0.2)) target.add_part_ids(other), std::erase(free, other);
     }
   }
 

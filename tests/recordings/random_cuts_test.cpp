@@ -1,4 +1,6 @@
-// Cuts at random places of three recordings, each computed again: every reply must have the bits of the recorded one.
+// Cuts at random places of several recordings, each computed again: every reply must have the bits of the recorded one.
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <random>
 
@@ -61,6 +63,47 @@ TEST_F(RandomCuts, OfRoomsReplayToTheBit) {
 
 TEST_F(RandomCuts, OfAYardWithManyEventsReplayToTheBit) {
   cut_and_replay(test::record_yard(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery}).bytes, 333, 3);
+}
+
+// A body of several instances: an arm swings, is removed, is added again in another shape, and the target leaves it behind.
+TEST_F(RandomCuts, OfABodyWithMovingPartsReplayToTheBit) {
+  constexpr uint64_t kArm = 5001, kHead = 5002;
+  uint64_t target = 0;
+  const auto add = [](auto* instance, uint64_t id, double half_height) {
+    instance->set_id(id);
+    instance->mutable_shape()->mutable_capsule()->set_radius(0.1);
+    instance->mutable_shape()->mutable_capsule()->set_half_height(half_height);
+  };
+  const auto change = [&](int i, const v1::CameraReply&, v1::Tick& tick) {
+    const bool there = i < 150 || i >= 200;
+    if (i == 150) tick.mutable_delta()->add_removed_ids(kArm);
+    if (i == 200) add(tick.mutable_delta()->add_added_instances(), kArm, 0.4);
+    v1::Transforms& moved = *tick.mutable_transforms();
+    const int at = 3 * static_cast<int>(std::find(moved.ids().begin(), moved.ids().end(), target) - moved.ids().begin());
+    const double x = moved.positions(at), y = moved.positions(at + 1), z = moved.positions(at + 2);
+    const auto place = [&](uint64_t id, const glm::dvec3& aside) {
+      moved.add_ids(id);
+      for (const double coordinate : {x + aside.x, y + aside.y, z + aside.z}) moved.add_positions(coordinate);
+      if (moved.rotations_size() > 0)
+        for (const float turn : {0.0f, 0.0f, 0.0f, 1.0f}) moved.add_rotations(turn);
+      if (moved.velocities_size() > 0)
+        for (int axis = 0; axis < 3; ++axis) moved.add_velocities(moved.velocities(at + axis));
+    };
+    place(kHead, {0, 0.8, 0});
+    if (there) place(kArm, {0.4 * std::sin(i / 10.0), 0.2, 0.4 * std::cos(i / 10.0)});
+  };
+  const auto open = [&](v1::OpenSession& request) {
+    add(request.add_instances(), kArm, 0.2), add(request.add_instances(), kHead, 0.1);
+    target = request.targets(0).id();
+    request.mutable_targets(0)->add_part_ids(kArm), request.mutable_targets(0)->add_part_ids(kHead);
+  };
+  const test::RecordedHall hall =
+      test::record_hall(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery, .change_open = open, .change = change});
+  const test::Replayed whole = test::replay_here(hall.bytes);
+  EXPECT_EQ(whole.verdict, ReplayVerdict::kEqual) << whole.text;
+  EXPECT_EQ(whole.hash, hall.hash);
+  EXPECT_NE(hall.hash, test::record_hall(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery}).hash);
+  cut_and_replay(hall.bytes, 150, 5);
 }
 
 TEST_F(RandomCuts, ACutOfACutReplaysToTheBit) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string_view>
 #include <thread>
 
@@ -361,6 +362,29 @@ TEST(Extent, TheUniformityTestRefusesASamplerThatIsEvenOverTheSurface) {
         uniformity(Coverage(triangles, camera), even_over_surface(triangles, camera, random, 4000));
     EXPECT_FALSE(chi.passes()) << name << ": " << chi.statistic << " of " << chi.critical();
   }
+}
+
+// By formulas: a ball whose outline is seen under an angle, and the sides of a box across a direction.
+TEST(Extent, TheAreaOfAViewIsThatOfTheShapesImage) {
+  constexpr float kRadius = 0.4f;
+  const glm::dvec3 half(0.5, 0.1, 1.2);
+  const auto ball = ExtentTable::build(*build_geometry(tessellate(SphereShape{kRadius}).value()).value());
+  const auto box = ExtentTable::build(*build_geometry(tessellate(BoxShape{glm::vec3(half)}).value()).value());
+  double of_ball = 0, of_box = 0;
+  size_t boxes = 0;
+  for (size_t view = 0; view < kExtentViews; ++view) {
+    const double d = ExtentTable::view(view).distance;
+    const double outline = std::numbers::pi * kRadius * kRadius * (d == kInfinity ? 1.0 : d * d / (d * d - 1));
+    const double error = std::abs(ball->area_of_view_m2(view) / outline - 1);
+    EXPECT_LT(error, 0.3);
+    of_ball += error / kExtentViews;
+    if (d != kInfinity) continue;
+    const glm::dvec3 n = glm::abs(ExtentTable::view(view).direction);
+    const double sides = 4 * (half.y * half.z * n.x + half.z * half.x * n.y + half.x * half.y * n.z);
+    of_box += std::abs(box->area_of_view_m2(view) / sides - 1), ++boxes;
+  }
+  EXPECT_LT(of_ball, 0.05);
+  EXPECT_LT(of_box / static_cast<double>(boxes), 0.05);
 }
 
 TEST(Extent, NoPartOfThePictureIsFarFromAPoint) {

@@ -92,6 +92,30 @@ TEST(RayCaster, RaysAlongTheAxesHitABox) {
 TEST(RayCaster, AGeometryWithoutTrianglesIsNeverHit) {
   const auto nothing = build_geometry({}).value();
   EXPECT_FALSE(RayCaster(*nothing).first_hit({0, 0, 0}, {0, 0, 1}).hit());
+  EXPECT_FALSE(crosses(*nothing, {0, 0, 0}, {0, 0, 1}));
+}
+
+TEST(Crossing, IsWhereTheFirstHitOfBruteForceLiesOnTheLine) {
+  CounterRandom random(2, 0, RandomPurpose::kTest);
+  const glm::vec3 middle(30, -20, 10);
+  const auto geometry = build_geometry(heap(random, 900, middle)).value();
+  int crossing = 0, short_of_it = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const auto any = [&](double size) {
+      return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size));
+    };
+    const glm::dvec3 from = glm::dvec3(middle) + any(5.0), to = glm::dvec3(middle) + any(2.0);
+    const Brute first = brute_first_hit(*geometry, from, to - from);
+    if (first.edge < 1e-9) continue;
+    ASSERT_EQ(crosses(*geometry, from, to), first.distance < 1) << i;
+    if (first.distance == std::numeric_limits<double>::infinity()) continue;
+    ++(first.distance < 1 ? crossing : short_of_it);
+    const glm::dvec3 hit = from + first.distance * (to - from);
+    ASSERT_FALSE(crosses(*geometry, from, hit)) << "a line that ends on the surface does not cross it: " << i;
+    ASSERT_TRUE(crosses(*geometry, from, hit + 1e-3 * (to - from))) << i;
+  }
+  EXPECT_GT(crossing, 300);
+  EXPECT_GT(short_of_it, 100);
 }
 
 }  // namespace

@@ -101,12 +101,17 @@ TEST(StepCost, GrowsWithTargetsAndSettingsAndIsRefusedAboveTheLimitOnly) {
   const double one_ms = step_cost_ms(settings, 1);
   EXPECT_GT(one_ms, 0.0);
   EXPECT_DOUBLE_EQ(step_cost_ms(settings, 4), 4 * one_ms);
-  EXPECT_TRUE(check_step_cost(settings, 4, {.max_step_cost_ms = 4 * one_ms}, "open.settings"));
-  EXPECT_TRUE(check_step_cost(settings, 4, {.max_step_cost_ms = 0.0}, "open.settings")) << "no limit";
-  const Status refused = check_step_cost(settings, 4, {.max_step_cost_ms = 3.9 * one_ms}, "open.settings");
+  std::vector<Target> targets(4);
+  EXPECT_TRUE(check_step_cost(settings, targets, {.max_step_cost_ms = 4 * one_ms}, "open.settings"));
+  EXPECT_TRUE(check_step_cost(settings, targets, {.max_step_cost_ms = 0.0}, "open.settings")) << "no limit";
+  const Status refused = check_step_cost(settings, targets, {.max_step_cost_ms = 3.9 * one_ms}, "open.settings");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().field, "open.settings");
   EXPECT_EQ(limit_of(refused.error()), Limit::kMaxStepCost);
+  targets[2].part_ids = {1, 2, 3}, targets[3].part_ids = {4, 5};
+  EXPECT_GT(step_cost_ms(settings, 4, 5), 4 * one_ms);
+  EXPECT_FALSE(check_step_cost(settings, targets, {.max_step_cost_ms = 0.999 * step_cost_ms(settings, 4, 5)}, "open.settings"));
+  EXPECT_TRUE(check_step_cost(settings, targets, {.max_step_cost_ms = 1.001 * step_cost_ms(settings, 4, 5)}, "open.settings"));
 }
 
 }  // namespace

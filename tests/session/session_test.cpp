@@ -288,6 +288,35 @@ TEST(SessionTargets, AttachedInstancesMayBeRemovedLater) {
   game.play(remove);
 }
 
+TEST(SessionTargets, PartsMayBeRemovedLaterAndAddedAgain) {
+  ExtentCache extents;
+  Game game([&](SessionOptions& options) {
+    options.settings.sample.points = 8;
+    options.extents = &extents;
+  });
+  // The part stands beside a wall that hides the target.
+  TickMaker begin = game.tick(), remove = game.tick(), again = game.tick();
+  begin.delta.add = {game.make(20, BoxShape{{1, 2, 0.1f}}, {-1, 1, 3}), game.make(21, CapsuleShape{0.3f, 0.6f}, {3, 1, 0})};
+  begin.targets = {Game::target(kAnn)};
+  begin.targets->front().part_ids = {21};
+  EXPECT_NEAR(game.play(begin).step.targets[0].visible_share, 0.5, 0.13);
+  remove.delta.remove = {21};
+  EXPECT_EQ(game.play(remove).step.targets[0].visible_share, 0.0);
+  again.delta.add = {game.make(21, SphereShape{0.8f}, {3, 1, 0})};
+  EXPECT_GT(game.play(again).step.targets[0].visible_share, 0.5) << "the table of its new shape is used";
+}
+
+TEST(SessionTargets, TakeThe64PartsThatTheyPromise) {
+  Game game([](SessionOptions& options) {
+    for (uint64_t id = 100; id < 164; ++id) {
+      options.instances.push_back(options.instances[0]);
+      options.instances.back().id = id;
+      options.targets[0].part_ids.push_back(id);
+    }
+  });
+  EXPECT_EQ(game.play(game.tick()).step.targets.size(), 2u);
+}
+
 TEST(SessionRelative, IsSeenFromTheFirstRequiredTarget) {
   Game game;
   TickMaker tick = game.tick();

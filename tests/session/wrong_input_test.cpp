@@ -124,6 +124,28 @@ const WrongTick kWrongTicks[] = {
      }},
     {"tick.targets.targets[0].ignored_ids[0]", E::kNotFound,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.ignored_ids = {99}; })}; }},
+    {"tick.targets.targets[0].part_ids[1]", E::kNotFound,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kWall, 99}; })}; }},
+    {"tick.targets.targets[0].part_ids[0]", E::kNotFound,
+     [](Game&, TickMaker& t) {
+       t.delta.remove = {kCrate};
+       t.targets = {broken_target([](Target& x) { x.part_ids = {kCrate}; })};
+     }},
+    {"tick.targets.targets[0].part_ids[1]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kWall, kWall}; })}; }},
+    {"tick.targets.targets[0].part_ids[0]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kAnn}; })}; }},
+    {"tick.targets.targets[0].part_ids[1]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.targets = {broken_target([](Target& x) { x.part_ids = {kWall, kBob}; }), Game::target(kBob)};
+     }},
+    {"tick.targets.targets[1].part_ids[0]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.targets = {broken_target([](Target& x) { x.part_ids = {kWall}; }), Game::target(kBob)};
+       t.targets->back().part_ids = {kWall};
+     }},
+    {"tick.targets.targets[0].part_ids", E::kResourceExhausted,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids.assign(65, kWall); })}; }},
     {"tick.observed_camera.pose.position", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.observed_camera = seen_at({kNan, 0, 0}, true);
@@ -282,6 +304,8 @@ const WrongOpen kWrongOpens[] = {
      }},
     {"open.targets[1].id", E::kNotFound, [](SessionOptions& o) { o.targets[1].instance_id = 99; }},
     {"open.targets[1].id", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].instance_id = kAnn; }},
+    {"open.targets[1].part_ids[0]", E::kNotFound, [](SessionOptions& o) { o.targets[1].part_ids = {99}; }},
+    {"open.targets[1].part_ids[1]", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].part_ids = {kCrate, kAnn}; }},
     {"open.targets", E::kResourceExhausted,
      [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
 };

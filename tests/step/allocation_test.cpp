@@ -69,7 +69,7 @@ class Uncounted : public Sampler {
 // People in a ring, pillars, a wall, and carts that cross.
 class Yard {
  public:
-  explicit Yard(const StepSettings& settings, int people)
+  Yard(const StepSettings& settings, int people, int parts)
       : device_(make_embree_sampler_device()), sampler_(device_->make_sampler()), settings_(settings) {
     add(1000, BoxShape{{20, 0.1f, 20}}, {0, -0.1, 0});
     add(1001, BoxShape{{3, 1.5f, 0.1f}}, {0, 1.5, 3.5});
@@ -78,8 +78,13 @@ class Yard {
     for (int i = 0; i < people; ++i) {
       add(1 + i, CapsuleShape{0.3f, 0.6f}, person(i, 0.0));
       targets_.emplace_back().instance_id = 1 + i;
-      tables_.push_back(extents_.get(mirror_.find(1 + i)->geometry));
-      views_.push_back(tables_.back().get());
+      views_.push_back(table_of(1 + i));
+      for (int j = 0; j < parts; ++j) {
+        const uint64_t id = 3000 + 10 * i + j;
+        add(id, CapsuleShape{0.1f, 0.3f}, person(i, 0.0) + aside(j, 0.0));
+        targets_.back().part_ids.push_back(id);
+        part_views_.push_back(table_of(id));
+      }
     }
     const glm::dvec3 at(0, 2, 8);
     stepper_.place_camera({at, look_rotation(-at, {0, 1, 0}, {1, 0, 0})}, glm::dvec3(0.0));
@@ -96,7 +101,7 @@ class Yard {
     allocations = 0;
     for (int i = 0; i < steps; ++i) {
       if (moves) move(kTickS * static_cast<double>(tick_ % kRoundSteps));
-      const StepInput input{mirror_, targets_, limits_, settings_, lens_, 1, tick_++, kTickS, views_};
+      const StepInput input{mirror_, targets_, limits_, settings_, lens_, 1, tick_++, kTickS, views_, part_views_};
       counting = true;
       const auto result = stepper_.take(input, sampler, clock_);
       counting = false;
@@ -114,6 +119,14 @@ class Yard {
     if (auto ok = mirror_.apply(delta, {}); !ok) throw std::runtime_error(to_string(ok.error()));
   }
 
+  const ExtentTable* table_of(uint64_t id) {
+    return tables_.emplace_back(extents_.get(mirror_.find(id)->geometry)).get();
+  }
+
+  // Of a limb that swings.
+  static glm::dvec3 aside(int part, double time_s) {
+    return {0.5 * std::cos(part + std::acos(-1.0) * time_s), 0.3 * part - 0.3, 0.5 * std::sin(part + std::acos(-1.0) * time_s)};
+  }
   glm::dvec3 person(int i, double time_s) const {
     const double angle = 2 * std::acos(-1.0) * (time_s / (kRoundSteps * kTickS) + 0.08 * i);
     return {3.0 * std::cos(angle), 0.9, 1.0 + 3.0 * std::sin(angle)};
@@ -123,7 +136,11 @@ class Yard {
   }
   void move(double time_s) {
     update_.ids.clear(), update_.poses.clear();
-    for (size_t i = 0; i < targets_.size(); ++i) tell(1 + i, person(static_cast<int>(i), time_s));
+    for (size_t i = 0; i < targets_.size(); ++i) {
+      const glm::dvec3 at = person(static_cast<int>(i), time_s);
+      tell(1 + i, at);
+      for (size_t j = 0; j < targets_[i].part_ids.size(); ++j) tell(targets_[i].part_ids[j], at + aside(static_cast<int>(j), time_s));
+    }
     for (size_t i = 0; i < moving_.size(); ++i) tell(moving_[i], cart(static_cast<int>(i), time_s));
     if (auto ok = mirror_.apply({}, update_); !ok) throw std::runtime_error(to_string(ok.error()));
   }
@@ -142,7 +159,7 @@ class Yard {
   SceneMirror mirror_;
   std::vector<Target> targets_;
   std::vector<std::shared_ptr<const ExtentTable>> tables_;
-  std::vector<const ExtentTable*> views_;
+  std::vector<const ExtentTable*> views_, part_views_;
   std::vector<uint64_t> moving_;
   TransformUpdate update_;
   Stepper stepper_;
@@ -154,6 +171,7 @@ struct Preset {
   const char* name;
   StepSettings settings;
   int people = 2;
+  int parts = 0;  // of each
 };
 
 // Small maps and few candidates make the many steps quick, and the allocations are the same.
@@ -168,6 +186,7 @@ std::vector<Preset> presets() {
   const StepSettings sightline = preset_settings(sightline::Preset::kSightline);
   return {{"sightline", changed(sightline)},
           {"sightline_four_people", changed(sightline), 4},
+          {"sightline_bodies", changed(sightline), 2, 3},
           {"sightline_joint", changed(sightline, [](StepSettings& s) { s.aggregate.filter.mode = FilterMode::kJoint; })},
           {"sightline_pairs", changed(sightline,
                                       [](StepSettings& s) {
@@ -192,7 +211,7 @@ TEST(AllocationCount, CountsWhatIsAllocated) {
 }
 
 TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
-  Yard yard(GetParam().settings, GetParam().people);
+  Yard yard(GetParam().settings, GetParam().people, GetParam().parts);
   // The number of candidates varies with the bound. One round with more of them (pair volumes have as many as the maps'
   // texels allow) grows the memory to its final size.
   const int candidates = GetParam().settings.aggregate.candidates, resolution = GetParam().settings.sample.resolution;

@@ -58,12 +58,18 @@ class World {
   }
   StepResult step(double dt_s) {
     std::vector<std::shared_ptr<const ExtentTable>> tables;
-    std::vector<const ExtentTable*> extents;
+    std::vector<const ExtentTable*> extents, part_extents;
+    const auto table_of = [&](const Instance& instance) {
+      return tables.emplace_back(extent_cache_.get(instance.geometry)).get();
+    };
     for (const Target& target : targets) {
-      tables.push_back(extent_cache_.get(mirror.find(target.instance_id)->geometry));
-      extents.push_back(tables.back().get());
+      extents.push_back(table_of(*mirror.find(target.instance_id)));
+      for (const uint64_t id : target.part_ids) {
+        const Instance* part = mirror.find(id);
+        part_extents.push_back(part ? table_of(*part) : nullptr);
+      }
     }
-    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents};
+    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents, part_extents};
     auto result = stepper.take(input, *sampler_, [] { return int64_t{0}; });
     if (!result) throw std::runtime_error(to_string(result.error()));
     return *result;

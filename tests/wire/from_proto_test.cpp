@@ -109,6 +109,18 @@ TEST_F(FromProto, AnUnrealClientIsUnderstood) {
   EXPECT_NEAR(o.lens.vertical_fov_rad, 2 * std::atan(9.0 / 16), 1e-9);
 }
 
+TEST_F(FromProto, TheIdsOfATargetArriveInTheirOrder) {
+  v1::OpenSession open = make_open();
+  v1::Target& target = *open.mutable_targets(0);
+  for (const uint64_t id : {9, 8}) target.add_attached_ids(id);
+  target.add_ignored_ids(7);
+  for (const uint64_t id : {6, 4, 5}) target.add_part_ids(id);
+  const Target read = must_read(open).targets[0];
+  EXPECT_EQ(read.attached_ids, (std::vector<uint64_t>{9, 8}));
+  EXPECT_EQ(read.ignored_ids, std::vector<uint64_t>{7});
+  EXPECT_EQ(read.part_ids, (std::vector<uint64_t>{6, 4, 5}));
+}
+
 TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
   for (const auto preset :
        {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {

@@ -95,6 +95,7 @@ export class Snapshot {
     for (const target of this.terms.targets?.targets ?? []) {
       target.attachedIds = target.attachedIds.filter((other) => other !== id);
       target.ignoredIds = target.ignoredIds.filter((other) => other !== id);
+      target.partIds = target.partIds.filter((other) => other !== id);
     }
   }
 

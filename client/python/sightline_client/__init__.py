@@ -12,6 +12,7 @@ from sightline_client.aio import AsyncCamera  # noqa: E402
 from sightline_client.camera import Camera  # noqa: E402
 from sightline_client.connection import Connection, Tls  # noqa: E402
 from sightline_client.errors import Failed, Refused  # noqa: E402
-from sightline_client.shapes import Place, box, capsule, opening, pose, sphere, tick  # noqa: E402
+from sightline_client.shapes import Place, along, box, capsule, opening, pose, sphere, tick  # noqa: E402
 
-__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "Tls", "box", "capsule", "opening", "pose", "sphere", "tick"]
+__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "Tls", "along", "box", "capsule", "opening", "pose", "sphere",
+           "tick"]

@@ -4,6 +4,7 @@ A place is a position (x, y, z), or a pair of a position and a rotation, ((x, y,
 """
 from __future__ import annotations
 
+import math
 from typing import Any, Mapping, Optional, Sequence, Tuple, Union
 
 from sightline.v1.camera_pb2 import Pose3, Quat, Vec3
@@ -47,18 +48,35 @@ def capsule(radius: float, height: float) -> Shape:
     return Shape(capsule=Shape.Capsule(radius=radius, half_height=height / 2 - radius))
 
 
+def along(start: Vector, end: Vector) -> Place:
+    """The place of a capsule that lies along a bone: its middle is between the two joints, and its axis leads from one to the other. For
+    conventions with +Y up. The capsule's height is the bone's length plus twice the radius."""
+    middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (start[2] + end[2]) / 2)
+    x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    w = math.hypot(x, y, z) + y  # half way between up and the bone
+    if w < 1e-9 * abs(y):
+        return middle, (1.0, 0.0, 0.0, 0.0)  # straight down
+    length = math.hypot(z, x, w) or 1.0
+    return middle, (z / length, 0.0, -x / length, w / length)
+
+
 def opening(*, position: Place, targets: Mapping[int, Shape], occluders: Mapping[int, Shape], at: Mapping[int, Place],
-            **more: Any) -> OpenSession:
+            parts: Optional[Mapping[int, Mapping[int, Shape]]] = None, **more: Any) -> OpenSession:
     """The first message of a session. position: the place where the camera starts. targets, occluders: shapes by ids of your choice.
-    at: the places of all of these, by id. more: other fields of OpenSession, such as settings=Settings(...), seed=7.
+    parts: for the id of a target, the shapes of its further parts by their own ids, such as capsules on the bones of a character; each is
+    judged where it is. at: the places of all of these, by id. more: other fields of OpenSession, such as settings=Settings(...), seed=7.
 
     Occluders hide targets, a target can hide another one, and the camera's body keeps out of all of them. For an instance with other
     attributes or a mesh, pass instances=[NewInstance(...)].
     """
+    parts = parts or {}
+    if not parts.keys() <= targets.keys():
+        raise ValueError(f"parts of {sorted(parts.keys() - targets.keys())}, which are not targets")
     request = OpenSession(camera=pose(position), **more)
-    request.targets.extend(Target(id=target) for target in targets)
-    for id_, shape in {**targets, **occluders}.items():
-        request.instances.append(NewInstance(id=id_, shape=shape, pose=pose(at[id_])))
+    request.targets.extend(Target(id=target, part_ids=parts.get(target, {})) for target in targets)
+    for shapes in (targets, *parts.values(), occluders):
+        for id_, shape in shapes.items():
+            request.instances.append(NewInstance(id=id_, shape=shape, pose=pose(at[id_])))
     return request
 
 

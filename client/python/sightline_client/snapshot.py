@@ -80,7 +80,7 @@ class Snapshot:
     def _forget_in_targets(self, id_: int) -> None:
         """A list of targets may name existing instances only."""
         for target in self._terms.targets.targets:
-            for named in (target.attached_ids, target.ignored_ids):
+            for named in (target.attached_ids, target.ignored_ids, target.part_ids):
                 if id_ in named:
                     named.remove(id_)
 

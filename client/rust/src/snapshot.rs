@@ -123,6 +123,7 @@ impl Snapshot {
         for target in self.terms.targets.iter_mut().flat_map(|list| &mut list.targets) {
             target.attached_ids.retain(|&other| other != id);
             target.ignored_ids.retain(|&other| other != id);
+            target.part_ids.retain(|&other| other != id);
         }
     }
 

@@ -865,7 +865,14 @@ type Target struct {
 	// Ids of instances that belong to the target, such as a shield or a vehicle; they never hide it.
 	AttachedIds []uint64 `protobuf:"fixed64,6,rep,packed,name=attached_ids,json=attachedIds,proto3" json:"attached_ids,omitempty"`
 	// Ids of other instances that never hide the target.
-	IgnoredIds    []uint64 `protobuf:"fixed64,7,rep,packed,name=ignored_ids,json=ignoredIds,proto3" json:"ignored_ids,omitempty"`
+	IgnoredIds []uint64 `protobuf:"fixed64,7,rep,packed,name=ignored_ids,json=ignoredIds,proto3" json:"ignored_ids,omitempty"`
+	// Ids of instances that are parts of the target's body, such as capsules on the bones of a character; at most 64. Each is judged
+	// where it is: the sampled points are spread over the target's instance and its parts, in proportion to the areas that they show. The
+	// picture is framed so that it holds them all. Parts never hide their own target, and hide others as any instance does. Predictions
+	// move them along with the target's instance. An id may stand in one list of parts only, once, and must not be a target. A part that
+	// was removed, or is switched off (Attributes.visible), does not count while that is so. If some part counts, a switched-off instance
+	// of the target itself does not. Servers before 0.2 ignore this field.
+	PartIds       []uint64 `protobuf:"fixed64,8,rep,packed,name=part_ids,json=partIds,proto3" json:"part_ids,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -945,6 +952,13 @@ func (x *Target) GetAttachedIds() []uint64 {
 func (x *Target) GetIgnoredIds() []uint64 {
 	if x != nil {
 		return x.IgnoredIds
+	}
+	return nil
+}
+
+func (x *Target) GetPartIds() []uint64 {
+	if x != nil {
+		return x.PartIds
 	}
 	return nil
 }
@@ -1394,7 +1408,7 @@ const file_sightline_v1_scene_proto_rawDesc = "" +
 	"\trotations\x18\x03 \x03(\x02R\trotations\x12\x1e\n" +
 	"\n" +
 	"velocities\x18\x04 \x03(\x02R\n" +
-	"velocities\"\x98\x02\n" +
+	"velocities\"\xb3\x02\n" +
 	"\x06Target\x12\x0e\n" +
 	"\x02id\x18\x01 \x01(\x06R\x02id\x12\x1b\n" +
 	"\x06weight\x18\x02 \x01(\x01H\x00R\x06weight\x88\x01\x01\x12\x1f\n" +
@@ -1405,7 +1419,8 @@ const file_sightline_v1_scene_proto_rawDesc = "" +
 	"layer_mask\x18\x05 \x01(\rH\x02R\tlayerMask\x88\x01\x01\x12!\n" +
 	"\fattached_ids\x18\x06 \x03(\x06R\vattachedIds\x12\x1f\n" +
 	"\vignored_ids\x18\a \x03(\x06R\n" +
-	"ignoredIdsB\t\n" +
+	"ignoredIds\x12\x19\n" +
+	"\bpart_ids\x18\b \x03(\x06R\apartIdsB\t\n" +
 	"\a_weightB\v\n" +
 	"\t_requiredB\r\n" +
 	"\v_layer_mask\"<\n" +
