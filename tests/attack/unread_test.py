@@ -49,9 +49,9 @@ def open_sessions(address):
 
 class Sessions(unittest.TestCase):
     def test_idle_sessions_end_although_their_client_does_not_read(self):
-        with Daemon("--session-idle-s", "2") as daemon:
-            attacker = open_without_reading(daemon.address, 192)
-            self.assertTrue(until(lambda: open_sessions(daemon.address) == 192, 10))
+        with Daemon("--session-idle-s", "2", "--max-sessions-per-client", "48") as daemon:
+            attacker = open_without_reading(daemon.address, 48)
+            self.assertTrue(until(lambda: open_sessions(daemon.address) == 48, 10))
             with self.assertRaises(grpc.RpcError):
                 open_session(daemon.address)
             self.assertTrue(until(lambda: open_sessions(daemon.address) == 0, 15))
