@@ -24,8 +24,8 @@ std::vector<uint32_t> see_through_slots(const SceneMirror& mirror, const Target&
   return slots;
 }
 
-// The slots of the instances that the target's body consists of: those of its own instance and its parts that are switched on, else
-// the first alone.
+// The mirror slots of the target's own instance and of its parts, without those that are switched off. If all are switched off, the slot of
+// the own instance alone.
 std::vector<uint32_t> body_slots(const SceneMirror& mirror, const Target& target) {
   const uint32_t own = *mirror.slot_of(target.instance_id);
   std::vector<uint32_t> slots = slots_of(mirror, target.part_ids);

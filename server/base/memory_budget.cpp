@@ -8,7 +8,7 @@ namespace {
 
 // Version 1 says "no limit" by the largest number of whole pages.
 constexpr uint64_t kNoLimit = uint64_t{1} << 60;
-// Of the limit, for messages that are not complete. gRPC ends calls beyond it, which is better than to be killed.
+// One part in kTransportPart of the limit is for incomplete messages. gRPC ends calls beyond it; otherwise the system would kill the process.
 constexpr size_t kTransportPart = 8;
 
 }  // namespace

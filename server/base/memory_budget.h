@@ -29,10 +29,10 @@ struct MemoryBudgets {
   size_t kept_uploads = 64;     // a part of the geometry
   size_t transport = 0;         // 0: no limit
 
-  // What they take when all are used up at once.
+  // The memory in MiB that the budgets take together when all are used up at once.
   size_t sum() const { return 2 * geometry + sessions + messages + 2 * max_upload + transport; }
 };
-// What the process takes beside its budgets, in MiB: code, threads, connections, and what the allocator does not give back.
+// The memory in MiB that the process takes beside its budgets: code, threads, connections, and what the allocator does not give back.
 inline constexpr size_t kMemoryBesideBudgets = 96;
 
 // Budgets that fit a limit together, as far as each stays usable. Without a limit, or with one that has room for them, they are those above.

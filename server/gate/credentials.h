@@ -38,14 +38,14 @@ class Credentials {
   // Reads all files again, and takes over those that have changed.
   std::vector<Change> reload();
 
-  // What became of the contents of a file since the start. The certificate stands for its key and the authority of clients too.
+  // Counts of the changes of a file since the start. Those of the certificate include its key and the file of the clients' authorities.
   struct FileCounts {
     std::atomic<uint64_t> taken_over{0}, refused{0};  // changes that came into use, and those that could not be used
     std::atomic<bool> current{true};                  // false: the newest contents could not be used
   };
   const FileCounts& access_file() const { return access_file_; }
   const FileCounts& certificate() const { return certificate_; }
-  // Of both.
+  // The sums over both files.
   uint64_t taken_over() const { return access_file_.taken_over + certificate_.taken_over; }
   uint64_t refused() const { return access_file_.refused + certificate_.refused; }
 

@@ -63,8 +63,8 @@ class SceneLibrary {
   // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
   std::vector<std::string> names(const std::string& after, size_t limit) const;
 
-  // Uploads that no session had open and that made way for newer ones, since the start: to those of all clients, and to those of their own
-  // owner within owner_bytes.
+  // Counts of uploads, open in no session, that were dropped for newer ones since the start. `for_owner`: the owner's own uploads
+  // exceeded owner_bytes. `for_all`: the uploads of all clients exceeded their budget.
   struct DroppedUploads {
     std::atomic<uint64_t> for_all{0}, for_owner{0};
   };
