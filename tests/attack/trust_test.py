@@ -1,4 +1,4 @@
-"""Who may speak: trust_test.py SIGHTLINED STUBS. Certificates come from the command openssl, clients from gRPC and from Python's ssl."""
+"""Who may speak: trust_test.py SIGHTLINED STUBS [CLASS.METHOD...]. Certificates come from the command openssl, clients from gRPC and from Python's ssl."""
 import contextlib
 import os
 import pathlib
@@ -480,4 +480,4 @@ class Floods(Case):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]])

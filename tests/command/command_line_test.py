@@ -1,4 +1,4 @@
-"""The command `sightline` as typed: command_line_test.py SIGHTLINE."""
+"""The command `sightline` as typed: command_line_test.py SIGHTLINE [CLASS.METHOD...]."""
 import json
 import pathlib
 import re
@@ -125,4 +125,4 @@ class CommandLineTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=[sys.argv[0], *sys.argv[2:]])

@@ -1,4 +1,4 @@
-"""Every verb with --json, and its exit status: json_test.py SIGHTLINE SIGHTLINED MAKE_RECORDING.
+"""Every verb with --json, and its exit status: json_test.py SIGHTLINE SIGHTLINED MAKE_RECORDING [CLASS.METHOD...].
 
 What a verb prints for a person, it prints for a program too: one JSON value on the standard output, or one a line. `dump` always prints lines of JSON.
 """
@@ -192,4 +192,4 @@ class Json(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=[sys.argv[0], *sys.argv[4:]])

@@ -1,4 +1,4 @@
-"""`sightline demo` and `sightlined demo`: demo_test.py SIGHTLINE SIGHTLINED."""
+"""`sightline demo` and `sightlined demo`: demo_test.py SIGHTLINE SIGHTLINED [CLASS.METHOD...]."""
 import json
 import os
 import pathlib
@@ -55,4 +55,4 @@ class DemoTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]])

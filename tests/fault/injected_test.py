@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""injected_test.py SIGHTLINED STUBS: faults inside a daemon (--inject-fault). The session that meets one suffers alone, is told, and is counted."""
+"""injected_test.py SIGHTLINED STUBS [CLASS.METHOD...]: faults inside a daemon (--inject-fault). The session that meets one suffers alone, is told, and is counted."""
 import pathlib
 import subprocess
 import sys
@@ -137,4 +137,4 @@ def _request(n):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]])
