@@ -1,10 +1,4 @@
-#!/usr/bin/env python3
-"""Rewrites C++ sources so that they contain all their mutants, each behind a switch (switch.h).
-
-  instrument.py ORIGINAL COPY COMPILE_COMMANDS OUT_JSON JOBS FILE...
-
-COPY is rewritten in place; FILE is relative to it. COMPILE_COMMANDS are those of a build of ORIGINAL, which has made the generated sources.
-OUT_JSON receives the list of mutants: number, file, line, kind, and the text that changes.
+"""Finds the mutants of a C++ source, and renders a text that contains all of them, each behind a switch (switch.h).
 
 What is mutated: comparisons (of whole numbers at their bounds, of others negated), arithmetic, conditions of `if` and `?:`, operands of
 && and ||, whole numbers and truth values, signs, std::min and std::max, and expression statements, which are left out. What is not:
@@ -12,11 +6,8 @@ headers, constant expressions, log lines, assertions and reserved memory, and re
 right as before. A mutant that does not compile is dropped.
 """
 import collections
-import json
-import multiprocessing
 import pathlib
 import re
-import shlex
 import sys
 
 import clang.cindex as clang
@@ -35,9 +26,13 @@ REAL = {TypeKind.FLOAT, TypeKind.DOUBLE, TypeKind.LONGDOUBLE}
 UNTESTED = re.compile(rb"^\s*(\(void\)|assert\(|[\w.>-]*\blog(_|\(\))?\.|[\w.>-]*reserve\(|std::fputs|std::fprintf|std::cerr|spdlog)")
 
 
+LONGEST_TEXT = 120  # characters of a mutant's text that are kept
+
+
 class Mutant:
     def __init__(self, kind, at, until, edits, change, constant=None):
         self.kind, self.at, self.until, self.edits, self.change, self.constant = kind, at, until, edits, change, constant
+        self.ordinal = 1  # among the mutants of its file with the same change and text
 
 
 class Source:
@@ -49,16 +44,21 @@ class Source:
         self.mutants = []
         self.unit = None
         self.constants = {}  # name: place of its `constexpr`
+        self.headers = []    # paths of all files that it includes
 
     def find(self):
+        """Finds the mutants. Returns what clang says against the source."""
         # The included headers are read once, by the first look for errors.
         self.unit = clang.Index.create().parse(self.path, self.arguments, unsaved_files=[(self.path, self.text.decode())],
                                                options=clang.TranslationUnit.PARSE_PRECOMPILED_PREAMBLE)
+        self.headers = sorted({found.include.name for found in self.unit.get_includes()})
         if errors := self.errors(self.text):
             return errors
         for child in self.unit.cursor.get_children():
             if child.location.file and child.location.file.name == self.path:
                 self.visit(child, 0, None)
+        self.prune()
+        self.number_equal_ones()
         return []
 
     def errors(self, text):
@@ -237,6 +237,24 @@ class Source:
         seen = set()
         self.mutants = [m for m in self.mutants if not ((key := (m.at, m.until, m.kind)) in seen or seen.add(key))]
 
+    def number_equal_ones(self):
+        """What does not compile is dropped after this, so that no compiler changes the ordinals."""
+        seen = collections.Counter()
+        for mutant in sorted(self.mutants, key=lambda mutant: (mutant.at, mutant.until)):
+            seen[mutant.change, self.text_of(mutant)] += 1
+            mutant.ordinal = seen[mutant.change, self.text_of(mutant)]
+
+    def original(self):
+        """The text of the file itself."""
+        return self.text[len(HEAD):].decode()
+
+    def text_of(self, mutant):
+        return " ".join(self.text[mutant.at:mutant.until].decode(errors="replace").split())[:LONGEST_TEXT]
+
+    def lines_of(self, mutant):
+        """The first and the last line, as the source counts them."""
+        return [self.text.count(b"\n", 0, place) + 1 - HEAD.count(b"\n") for place in (mutant.at, mutant.until)]
+
     def render(self, first):
         """The text with all mutants, numbered from `first`, and the places in it where each mutant begins and ends."""
         edits = []
@@ -259,12 +277,13 @@ class Source:
         return b"".join(out), {number: (min(places), max(places)) for number, places in spans.items()}
 
     def compile_out(self):
-        """Drops what does not compile. Returns False when that does not help."""
+        """Drops what does not compile; all mutants of the file, when that does not help."""
+        errors = []
         for _ in range(12):
             text, spans = self.render(0)
             errors = self.errors(text)
             if not errors:
-                return True
+                return
             wrong, constants = set(), set()
             for error in errors:
                 told = " ".join([error.spelling] + [child.spelling for child in error.children])
@@ -277,59 +296,7 @@ class Source:
                         wrong.add(min(inside, key=lambda n: spans[n][1] - spans[n][0]))
             kept = [m for n, m in enumerate(self.mutants) if n not in wrong and m.constant not in constants]
             if len(kept) == len(self.mutants):
-                print(f"{self.path}: left as it is: {errors[0]}", file=sys.stderr)
-                self.mutants = []
-                return False
+                break
             self.mutants = kept
-        return False
-
-
-def compile_arguments(commands, original, copy):
-    """Arguments for clang by file of the copy."""
-    out = {}
-    for entry in json.loads(pathlib.Path(commands).read_text()):
-        file = pathlib.Path(entry["file"]).resolve()
-        if not file.is_relative_to(original):
-            continue
-        words = shlex.split(entry["command"])
-        start = next(i for i, word in enumerate(words) if word.startswith("-"))  # after the compiler, and a launcher before it
-        arguments = [f"-I{copy}" if word == f"-I{original}" else word for word in words[start:words.index("-o")]]
-        out[copy / file.relative_to(original)] = [*(word for word in arguments if not word.startswith("-W")), "-w", "-ferror-limit=0"]
-    return out
-
-
-def work(job):
-    path, arguments = job
-    source = Source(path, arguments)
-    errors = source.find()
-    source.prune()
-    if errors:
-        print(f"{path}: clang cannot read it: {errors[0]}", file=sys.stderr)
-        source.mutants = []
-    elif source.mutants:
-        source.compile_out()
-    source.unit = None  # stays in this process
-    return source
-
-
-def main(original, root, commands, out, jobs, *files):
-    original, root = pathlib.Path(original).resolve(), pathlib.Path(root).resolve()
-    arguments, mutants = compile_arguments(commands, original, root), []
-    paths = {root / file: file for file in files if root / file in arguments}
-    with multiprocessing.Pool(int(jobs)) as pool:
-        for source in pool.imap(work, [(path, arguments[path]) for path in paths]):
-            if not source.mutants:
-                continue
-            first, file = len(mutants), paths[pathlib.Path(source.path)]
-            pathlib.Path(source.path).write_bytes(source.render(first)[0])
-            for number, mutant in enumerate(source.mutants):
-                line = source.text.count(b"\n", 0, mutant.at) + 1 - HEAD.count(b"\n")
-                text = " ".join(source.text[mutant.at:mutant.until].decode(errors="replace").split())
-                mutants.append({"id": first + number, "file": file, "line": line, "kind": mutant.kind, "change": mutant.change, "text": text[:120]})
-            print(f"{file}: {len(source.mutants)} mutants", flush=True)
-    pathlib.Path(out).write_text(json.dumps(mutants, indent=0))
-    print(f"{len(mutants)} mutants")
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+        print(f"{self.path}: left as it is: {errors[0]}", file=sys.stderr)
+        self.mutants = []
