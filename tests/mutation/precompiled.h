@@ -1,0 +1,28 @@
+// What most sources include. A mutation run precompiles it, since reading headers is most of the time of its build.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <glm/glm.hpp>
+#include <limits>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <optional>
+#include <random>
+#include <set>
+#include <span>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <tl/expected.hpp>
+#include <utility>
+#include <vector>
