@@ -1,6 +1,6 @@
 """The tests that a mutant of a folder must pass: its unit tests, then the nearest wider ones. Names with a capital letter are those of
-ctest, the others are programs of gtest. The golden recording is not among them: it notices every change of a bit, right or wrong. A mutant that they leave alive meets the tests of the other
-folders that come past it."""
+ctest, which runs a script; the others are programs of gtest. The golden recording is not among them: it notices every change of a bit, right
+or wrong. A mutant that they leave alive meets the tests of the other folders that come past it."""
 NEAREST = {
     "server": ("daemon_test", "Fault_injected", "Attack_process", "Attack_budgets", "Attack_trust", "CommandLine"),
     "server/aggregate": ("aggregate_test", "step_test"),
@@ -36,7 +36,3 @@ NEAREST = {
     "client/status": ("status_test", "CommandLine", "CommandJson", "Metrics"),
     "client/truth": ("client_unit_test", "evaluate_test"),
 }
-
-
-def is_program(name):
-    return name[0].islower()

@@ -1,188 +1,238 @@
 #!/usr/bin/env python3
 """Switches mutants on, one at a time, and runs the tests that come past them:
 
-  run_mutants.py BUILD MUTANTS_JSON OUT_JSON [--per-folder N] [--seed N] [--jobs N] [--budget SECONDS] [--programs N] [--again RESULTS_JSON]
-                 FOLDER...
+  run_mutants.py BUILD MUTANTS_JSON OUT_JSON [OPTION...] FOLDER...
 
-BUILD was made from sources that instrument.py has rewritten. First every test program of the folders (nearest.py) runs without a mutant, to
-learn which tests come past which mutants, and how long each takes. Then N mutants of each folder, drawn with the seed, are tried: the tests
-run from the quickest to the slowest, as many as fit into the budget of seconds. A mutant is killed when a test fails, crashes or takes
-five times as long as usual, and does so again: some tests run real daemons, which a busy machine can make late. With --programs only the
-first N programs of each folder count. With --again only those mutants run that survived in these results.
+BUILD was made from sources that rewrite.py has written. First every test program of the folders (nearest.py) runs without a mutant (reach.py).
+Then N mutants of each folder are tried, one folder after the other in turn, so that a run that is stopped has a sample of every folder. Their
+order in a folder depends on the seed alone: a larger N extends a smaller one. OUT_JSON keeps all results, and what is in it is not tried again.
+
+A mutant meets the tests of its folder's own programs, quick ones first, for as many seconds as the budget has, and then other tests for as long
+again. They run in slices: in a process those that take a second together, then those that take five, then the rest. A mutant is killed when
+a slice fails, crashes or takes five times as long as usual and three seconds more. A slice of a program that starts daemons, or waits for
+something, must fail twice: a busy machine can make it late.
 """
 import argparse
 import collections
 import concurrent.futures
+import hashlib
+import itertools
 import json
 import os
 import pathlib
-import random
-import subprocess
+import signal
 import sys
-import tempfile
+import threading
 import time
 
-from nearest import NEAREST, is_program
+import score
+from execute import run
+from keys import key
+from nearest import NEAREST
+from programs import programs
+from reach import keep, learn, learnt
 
-Test = collections.namedtuple("Test", "name program seconds reaches")
-ENVIRONMENT = {**os.environ, "GTEST_FAIL_FAST": "1", "GTEST_BRIEF": "1"}
-
-
-def run(command, environment, limit_s, folder):
-    """True: it ended well in this time."""
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment, cwd=folder, start_new_session=True)
-    try:
-        return process.wait(limit_s) == 0
-    except subprocess.TimeoutExpired:
-        return False
-    finally:
-        # Daemons that the test started belong to its group. Nothing is left over.
-        try:
-            os.killpg(process.pid, 9)
-        except ProcessLookupError:
-            pass
-        process.wait()
+SURVIVORS = pathlib.Path(__file__).parents[1] / "results" / "trust" / "survivors.json"
+SLICES_S = (1.0, 5.0)  # the longest sums of the first slices; all other tests are in the last one
+MOST_TESTS = 400       # of a mutant, near ones and others each
+Slice = collections.namedtuple("Slice", "program tests seconds")
 
 
-class Build:
-    def __init__(self, path):
-        self.path = pathlib.Path(path).resolve()
-
-    def command(self, program):
-        if is_program(program):
-            return [str(self.path / "bin" / program)]
-        return ["ctest", "--test-dir", str(self.path), "-R", f"^{program}$", "-Q"]
-
-    def reach(self, program, count):
-        """The tests of a program, with the mutants that each comes past. What was found for the same build is kept."""
-        kept, stamp = self.path / "reach" / f"{program}.json", self.stamp(program)
-        if kept.exists() and (found := json.loads(kept.read_text()))["stamp"] == stamp:
-            return [Test(name, program, seconds, set(reaches)) for name, seconds, reaches in found["tests"]]
-        tests, good = self.measured_reach(program, count)
-        if good:
-            kept.parent.mkdir(exist_ok=True)
-            kept.write_text(json.dumps({"stamp": stamp, "tests": [[t.name, t.seconds, sorted(t.reaches)] for t in tests]}))
-        return tests
-
-    def stamp(self, program):
-        """Changes when the program is built again, and for a test in Python when any script of the tests changes. A change of any mutant changes the
-        sources, and so the programs."""
-        if is_program(program):
-            return [(self.path / "bin" / program).stat().st_mtime_ns]
-        scripts = [script.stat().st_mtime_ns for script in self.path.parents[1].glob("tests/**/*.py")]
-        return [*((self.path / "bin" / name).stat().st_mtime_ns for name in ("sightlined", "sightline")), len(scripts), max(scripts)]
-
-    def measured_reach(self, program, count):
-        with tempfile.TemporaryDirectory(dir=self.path) as folder:
-            reached, report = pathlib.Path(folder, "reached"), pathlib.Path(folder, "report")
-            reached.write_bytes(bytes(count))
-            environment = {**os.environ, "GTEST_BRIEF": "1", "SIGHTLINE_REACHED": str(reached), "SIGHTLINE_REACH_REPORT": str(report)}
-            start = time.monotonic()
-            good = run(self.command(program), environment, 1200, folder)
-            seconds = time.monotonic() - start
-            if not is_program(program):
-                tests = [Test(program, program, seconds, {i for i, b in enumerate(reached.read_bytes()) if b})] if good else []
-            else:
-                lines = [line.split() for line in report.read_text().splitlines()] if report.exists() else []
-                tests = [Test(line[1], program, float(line[0]), set(map(int, line[2:]))) for line in lines if line[-1] != "failed"]
-        print(f"{program}: {len(tests)} tests, {seconds:.0f} s{'' if good else ', of which some fail by themselves'}", flush=True)
-        return tests, good
-
-    def survives(self, mutant, tests):
-        """The name of the program whose tests kill the mutant, or None."""
-        groups = collections.OrderedDict()
-        for test in tests:
-            groups.setdefault(test.program, []).append(test)
-        for program, group in groups.items():
-            environment = {**ENVIRONMENT, "SIGHTLINE_MUTANT": str(mutant["id"])}
-            if is_program(program):
-                environment["GTEST_FILTER"] = ":".join(test.name for test in group)
-            with tempfile.TemporaryDirectory(dir=self.path) as folder:
-                limit_s = 10 + 5 * sum(test.seconds for test in group)
-                if not any(run(self.command(program), environment, limit_s, folder) for _ in range(2)):
-                    return program
-        return None
+class Stopped(Exception):
+    """The run was told to end."""
 
 
-def chosen_tests(mutant, tests, budget_s):
-    """The tests that come past the mutant: those of its folder, unit tests before wider ones, then all others. Quick ones are first, and each of
-    the two groups has the budget."""
-    order = {program: place for place, program in enumerate(NEAREST[mutant["folder"]])}
-    reaching = [t for t in tests if mutant["id"] in t.reaches]
-    near = sorted((t for t in reaching if t.program in order), key=lambda t: (order[t.program], t.seconds))
-    return within(near, budget_s) + within(sorted((t for t in reaching if t.program not in order), key=lambda t: t.seconds), budget_s)
-
+# --- which tests, and in which order
 
 def within(tests, budget_s):
+    """The first ones that fit into the budget; at least one."""
     out, spent = [], 0.0
     for test in tests:
-        if out and spent + test.seconds > budget_s or len(out) >= 400:
+        if out and spent + test.seconds > budget_s or len(out) >= MOST_TESTS:
             continue
         out.append(test)
         spent += test.seconds
     return out
 
 
-def key(mutant):
-    return mutant["file"], mutant["kind"], mutant["change"], mutant["text"]
+def slices(tests):
+    """The tests as slices. All programs' first slices run before the second ones; tests of a program are in the order of their time."""
+    grouped = collections.OrderedDict()
+    for test in tests:
+        grouped.setdefault(test.program, []).append(test)
+    ranked = []
+    for program, group in grouped.items():
+        parts, rank, spent = [[] for _ in range(len(SLICES_S) + 1)], 0, 0.0
+        for test in sorted(group, key=lambda test: test.seconds):
+            while rank < len(SLICES_S) and spent + test.seconds > SLICES_S[rank]:
+                rank, spent = rank + 1, 0.0
+            parts[rank].append(test)
+            spent += test.seconds
+        ranked += [(rank, Slice(program, part, sum(test.seconds for test in part))) for rank, part in enumerate(parts) if part]
+    return [part for _, part in sorted(ranked, key=lambda entry: entry[0])]
 
 
-def write(options, results):
-    """Replaces the file of results. It is written after every mutant, so that a run that is stopped keeps what it has found."""
-    mutants = [{name: value for name, value in result.items() if name != "id"} for result in results]
-    pathlib.Path(options.out).write_text(json.dumps({"seed": options.seed, "mutants": mutants}, indent=0) + "\n")
+def chosen_slices(mutant, tests, near_programs, budget_s):
+    """The slices that a mutant meets: those of its folder's programs, unit tests before wider ones, then those of all others."""
+    order = {program: place for place, program in enumerate(near_programs)}
+    reaching = [test for test in tests if mutant["id"] in test.reaches]
+    near = sorted((t for t in reaching if t.program in order), key=lambda t: (order[t.program], t.seconds))
+    others = sorted((t for t in reaching if t.program not in order), key=lambda t: t.seconds)
+    return slices(within(near, budget_s)) + slices(within(others, budget_s))
+
+
+# --- trying a mutant
+
+class Runner:
+    def __init__(self, reaches, budget_s):
+        self.reaches = {reach.program.name: reach for reach in reaches}
+        self.tests = [test for reach in reaches for test in reach.tests]
+        self.budget_s = budget_s
+        self.stop = threading.Event()
+
+    def passes(self, number, part):
+        """Whether the tests of a slice leave the mutant alive."""
+        reach = self.reaches[part.program]
+        command, environment = reach.program.run_of([test.name for test in part.tests])
+        environment = {**environment, "GTEST_FAIL_FAST": "1", "SIGHTLINE_MUTANT": str(number)}
+        limit_s = 3 + 5 * (part.seconds + reach.overhead_s)
+        for _ in range(1 if reach.program.steady else 2):
+            if self.stop.is_set():
+                raise Stopped
+            if run(command, environment, limit_s):
+                return True
+        return False
+
+    def attempt(self, mutant):
+        """The result: the mutant, with the name of the program that kills it or None in `by`."""
+        start = time.monotonic()
+        chosen = chosen_slices(mutant, self.tests, NEAREST[mutant["folder"]], self.budget_s)
+        by = next((part.program for part in chosen if not self.passes(mutant["id"], part)), None)
+        told = {name: value for name, value in mutant.items() if name not in ("id", "last_line")}
+        return {**told, "reached": bool(chosen), "by": by, "seconds": round(time.monotonic() - start, 1)}
+
+
+# --- which mutants
+
+def sample(mutants, folder, seed):
+    """All mutants of the folder, in an order that the seed draws. Each has its place by itself, so that a change of the sources moves no other."""
+    own = [mutant for mutant in mutants if mutant["folder"] == folder]
+    return sorted(own, key=lambda mutant: hashlib.sha256(repr((seed, key(mutant))).encode()).digest())
+
+
+def in_turn(lists):
+    return [entry for row in itertools.zip_longest(*lists) for entry in row if entry is not None]
+
+
+class Results:
+    """All results by key. The file is replaced after every mutant, so that a run that is stopped keeps what it has found."""
+
+    def __init__(self, path, seed, mutants, fresh):
+        self.path, self.seed, self.by_key = pathlib.Path(path), seed, {}
+        self.existing = collections.Counter(mutant["folder"] for mutant in mutants)
+        if not fresh and self.path.exists():
+            self.read({key(mutant) for mutant in mutants}, {mutant["folder"] for mutant in mutants})
+
+    def read(self, keys, folders):
+        """Takes over former results. Those of mutants that are gone are dropped, but not those of folders that are not rewritten now."""
+        former = json.loads(self.path.read_text())
+        if former["seed"] != self.seed:
+            raise ValueError(f"{self.path} is of seed {former['seed']}: give --seed {former['seed']}, or --fresh to begin anew")
+        self.by_key = {key(m): m for m in former["mutants"] if key(m) in keys or m["folder"] not in folders}
+        self.existing = collections.Counter({**former["existing"], **self.existing})
+
+    def add(self, result):
+        self.by_key[key(result)] = result
+        self.write()
+
+    def scores(self):
+        survivors = json.loads(SURVIVORS.read_text()) if SURVIVORS.exists() else []
+        return score.scores(self.by_key.values(), self.existing, survivors)
+
+    def write(self):
+        told = {"seed": self.seed, "existing": dict(self.existing), "scores": {name: found._asdict() for name, found in self.scores().items()},
+                "mutants": sorted(self.by_key.values(), key=lambda m: (m["file"], m["line"], key(m)))}
+        temporary = self.path.with_suffix(".tmp")
+        temporary.write_text(json.dumps(told, indent=0) + "\n")
+        temporary.replace(self.path)
+
+
+def jobs_of(options, mutants, results):
+    """The mutants to try: of each folder the first N that have no result, or all that survived."""
+    lists = []
+    for folder in options.folders:
+        drawn = sample(mutants, folder, options.seed)
+        if options.again:
+            lists.append([m for m in drawn if results.by_key.get(key(m), {"by": ""})["by"] is None])
+        else:
+            lists.append([m for m in drawn[:options.per_folder] if key(m) not in results.by_key])
+    return in_turn(lists)
+
+
+# --- the run
+
+def learn_all(options, wanted):
+    """The tests of all programs. Programs whose tests are known from a former run cost nothing."""
+    kept = pathlib.Path(options.build) / "reach"
+
+    def known(program):
+        reach = learnt(program, kept)
+        if reach is None:
+            reach = learn(program)
+            keep(reach, kept)
+        return reach
+
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        return list(pool.map(known, programs(options.build, wanted).values()))
+
+
+def try_all(runner, jobs, results, workers):
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        try:
+            for done in concurrent.futures.as_completed([pool.submit(runner.attempt, mutant) for mutant in jobs]):
+                result = done.result()
+                results.add(result)
+                fate = f"killed by {result['by']}" if result["by"] else "survived" if result["reached"] else "not reached"
+                print(f"{result['file']}:{result['line']}: {result['change']}: {result['text'][:70]}: {fate}, {result['seconds']} s", flush=True)
+        except KeyboardInterrupt:
+            runner.stop.set()
+            pool.shutdown(cancel_futures=True)
+            print("stopped; the same command goes on", flush=True)
+
+
+def print_scores(results):
+    for name, found in results.scores().items():
+        equal = f", {found.equal} equal" if found.equal else ""
+        print(f"{name:20} {found.killed:4} of {found.mutants:4} killed{equal}: {score.share(found)}; {found.all} mutants")
 
 
 def main():
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("build")
     parser.add_argument("mutants")
     parser.add_argument("out")
-    parser.add_argument("--per-folder", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    parser.add_argument("--budget", type=float, default=30.0)
-    parser.add_argument("--programs", type=int, default=9)
-    parser.add_argument("--again")
-    parser.add_argument("folders", nargs="+")
+    parser.add_argument("--per-folder", type=int, default=20, metavar="N", help="mutants of each folder; a folder with fewer is tried whole (20)")
+    parser.add_argument("--seed", type=int, default=1, help="of the order of a folder's mutants (1)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes at a time (all CPUs)")
+    parser.add_argument("--budget", type=float, default=12.0, metavar="SECONDS", help="of near tests, and of other tests again (12)")
+    parser.add_argument("--programs", type=int, default=9, metavar="N", help="only the first N programs of each folder (9)")
+    parser.add_argument("--again", action="store_true", help="only mutants that have survived, after tests were added")
+    parser.add_argument("--fresh", action="store_true", help="forget former results")
+    parser.add_argument("--learn", action="store_true", help="only learn which tests come past which mutants")
+    parser.add_argument("folders", nargs="+", metavar="FOLDER")
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     mutants = json.loads(pathlib.Path(options.mutants).read_text())
     for mutant in mutants:
         mutant["folder"] = str(pathlib.PurePath(mutant["file"]).parent)
-    for folder, programs in NEAREST.items():
-        NEAREST[folder] = programs[:options.programs]
-    build = Build(options.build)
-    programs = list(dict.fromkeys(program for folder in options.folders for program in NEAREST[folder]))
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        tests = [test for found in pool.map(lambda program: build.reach(program, len(mutants)), programs) for test in found]
-
-    former = json.loads(pathlib.Path(options.again).read_text()) if options.again else None
-    survivors = {key(m) for m in former["mutants"] if m["by"] is None} if former else set()
-    results, jobs = [], []
-    for folder in options.folders:
-        own = [m for m in mutants if m["folder"] == folder]
-        drawn = random.Random(f"{options.seed} {folder}").sample(own, min(options.per_folder, len(own)))
-        jobs += [m for m in own if key(m) in survivors] if former else drawn
-
-    def attempt(mutant):
-        near = chosen_tests(mutant, tests, options.budget)
-        return {**mutant, "reached": bool(near), "by": build.survives(mutant, near) if near else None}
-
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        for result in pool.map(attempt, jobs):
-            results.append(result)
-            write(options, results)
-            fate = f"killed by {result['by']}" if result["by"] else "survived" if result["reached"] else "not reached"
-            print(f"{result['file']}:{result['line']}: {result['change']}: {result['text'][:70]}: {fate}", flush=True)
-    if former:
-        now = {key(m): m for m in results}
-        results = [now.get(key(m), m) for m in former["mutants"]]
-    write(options, results)
-    killed = collections.Counter(m["folder"] for m in results if m["by"])
-    every = collections.Counter(m["folder"] for m in results)
-    for folder in sorted(every):
-        print(f"{folder:20} {killed[folder]:3} of {every[folder]:3} killed, {killed[folder] / every[folder]:4.0%}")
-    print(f"{'all':20} {sum(killed.values()):3} of {sum(every.values()):3} killed, {sum(killed.values()) / max(1, sum(every.values())):4.0%}")
+    wanted = list(dict.fromkeys(program for folder in options.folders for program in NEAREST[folder][:options.programs]))
+    runner = Runner(learn_all(options, wanted), options.budget)
+    if options.learn:
+        return
+    results = Results(options.out, options.seed, mutants, options.fresh)
+    try_all(runner, jobs_of(options, mutants, results), results, options.jobs)
+    results.write()
+    print_scores(results)
 
 
 if __name__ == "__main__":
