@@ -4,7 +4,7 @@
 #   tests/results/trust/make.sh --soak HOURS    # a soak as well
 #   tests/results/trust/make.sh --faults        # 10,000 killed streams and 100 killed daemons as well; 6 minutes
 #   tests/results/trust/make.sh --fuzz MINUTES  # fuzzing as well; its executions are added to those of former runs
-#   tests/results/trust/make.sh --mutants N     # N mutants of each folder as well; hours
+#   tests/results/trust/make.sh --mutants N     # N mutants of each folder as well; hours. Those with a result are not tried again
 #   tests/results/trust/make.sh --page          # the page alone
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
