@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that are missing to build, run or test Sightline. Works as root and with sudo. Returns at once when
 # nothing is missing.
 #   deploy/install-packages.sh build   packages to build the programs and the tests (the default)
-#   deploy/install-packages.sh test    the same, and the browser and the tools for packages that some tests use
+#   deploy/install-packages.sh test    the same, and the browser and the tools that some tests use
 #   deploy/install-packages.sh run     packages that the built programs need
 #   deploy/install-packages.sh run-cpu the same without OpenGL, for machines without a GPU
 #   deploy/install-packages.sh fuzz    packages that tests/fuzz.sh needs in addition to "build"
@@ -23,7 +23,7 @@ build_packages=(
 )
 # An npm from another source is good enough, and would conflict with Debian's.
 command -v npm >/dev/null || build_packages+=(nodejs npm)
-test_packages=(dpkg-dev lintian man-db zsh fish mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy)
+test_packages=(dpkg-dev lintian man-db zsh fish mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy python3-clang-14)
 cpu_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libembree3-3 libtinygltf2d
   libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libprometheus-cpp-core1.0 libcivetweb1 libsystemd0 libzstd1 liblz4-1 zlib1g libssl3
