@@ -1,4 +1,5 @@
 """Runs a program within limits of time and memory."""
+import enum
 import os
 import subprocess
 import tempfile
@@ -7,16 +8,22 @@ import tempfile
 MEMORY = 4 << 30
 
 
+class End(enum.Enum):
+    WELL = 0
+    BADLY = 1
+    LATE = 2  # it was stopped at the limit
+
+
 def run(command, environment, limit_s):
-    """True: it ended well in this time. It runs in a folder of its own, which is removed."""
+    """How it ended. It runs in a folder of its own, which is removed."""
     limited = ["prlimit", f"--data={MEMORY}", "--core=0", *command]
     with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
         process = subprocess.Popen(limited, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **environment}, cwd=folder,
                                    start_new_session=True)
         try:
-            return process.wait(limit_s) == 0
+            return End.WELL if process.wait(limit_s) == 0 else End.BADLY
         except subprocess.TimeoutExpired:
-            return False
+            return End.LATE
         finally:
             # Daemons that the test started belong to its group. Nothing is left over.
             try:

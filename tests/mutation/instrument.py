@@ -26,6 +26,7 @@ REAL = {TypeKind.FLOAT, TypeKind.DOUBLE, TypeKind.LONGDOUBLE}
 UNTESTED = re.compile(rb"^\s*(\(void\)|assert\(|[\w.>-]*\blog(_|\(\))?\.|[\w.>-]*reserve\(|std::fputs|std::fprintf|std::cerr|spdlog)")
 
 
+PREAMBLE_AT_ONCE = 0x100  # CXTranslationUnit_CreatePreambleOnFirstParse, which the module lacks
 LONGEST_TEXT = 120  # characters of a mutant's text that are kept
 
 
@@ -48,11 +49,11 @@ class Source:
 
     def find(self):
         """Finds the mutants. Returns what clang says against the source."""
-        # The included headers are read once, by the first look for errors.
+        # The included headers are read once.
         self.unit = clang.Index.create().parse(self.path, self.arguments, unsaved_files=[(self.path, self.text.decode())],
-                                               options=clang.TranslationUnit.PARSE_PRECOMPILED_PREAMBLE)
+                                               options=clang.TranslationUnit.PARSE_PRECOMPILED_PREAMBLE | PREAMBLE_AT_ONCE)
         self.headers = sorted({found.include.name for found in self.unit.get_includes()})
-        if errors := self.errors(self.text):
+        if errors := self.errors():
             return errors
         for child in self.unit.cursor.get_children():
             if child.location.file and child.location.file.name == self.path:
@@ -61,8 +62,11 @@ class Source:
         self.number_equal_ones()
         return []
 
-    def errors(self, text):
+    def errors_of(self, text):
         self.unit.reparse(unsaved_files=[(self.path, text.decode())])
+        return self.errors()
+
+    def errors(self):
         return [d for d in self.unit.diagnostics if d.severity >= clang.Diagnostic.Error]
 
     # --- walking
@@ -281,7 +285,7 @@ class Source:
         errors = []
         for _ in range(12):
             text, spans = self.render(0)
-            errors = self.errors(text)
+            errors = self.errors_of(text)
             if not errors:
                 return
             wrong, constants = set(), set()

@@ -57,6 +57,14 @@ class Fine(Base):
     def test_bad(self): self.fail()
 unittest.main(argv=sys.argv)
 """
+SLOW_SCRIPT = """import sys, time, unittest
+class Slow(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls): time.sleep(0.2)
+    def test_one(self): pass
+    def test_other(self): pass
+unittest.main(argv=sys.argv)
+"""
 
 
 class Repository:
@@ -183,13 +191,13 @@ class Running(unittest.TestCase):
 
 class Limits(unittest.TestCase):
     def test_a_program_ends_well_badly_or_late(self):
-        self.assertTrue(execute.run(["true"], {}, 5))
-        self.assertFalse(execute.run(["false"], {}, 5))
-        self.assertFalse(execute.run(["sleep", "5"], {}, 0.1))
+        self.assertEqual(execute.run(["true"], {}, 5), execute.End.WELL)
+        self.assertEqual(execute.run(["false"], {}, 5), execute.End.BADLY)
+        self.assertEqual(execute.run(["sleep", "5"], {}, 0.1), execute.End.LATE)
 
     def test_a_program_cannot_take_all_memory(self):
-        self.assertTrue(execute.run([sys.executable, "-c", "bytes(1 << 28)"], {}, 10))
-        self.assertFalse(execute.run([sys.executable, "-c", "bytes(5 << 30)"], {}, 10))
+        self.assertEqual(execute.run([sys.executable, "-c", "bytes(1 << 28)"], {}, 10), execute.End.WELL)
+        self.assertEqual(execute.run([sys.executable, "-c", "bytes(5 << 30)"], {}, 10), execute.End.BADLY)
 
 
 class Scripts(Case):
@@ -200,7 +208,16 @@ class Scripts(Case):
         program = Program("Fake", [sys.executable, str(script)], {"client"})
         self.assertEqual(program.methods(), ["Base.test_inherited", "Fine.test_good", "Fine.test_bad", "Fine.test_inherited"])
         self.assertFalse(program.steady)
-        self.assertEqual([test.name for test in reach.learn(program).tests], ["Base.test_inherited", "Fine.test_good", "Fine.test_inherited"])
+        learnt = reach.learn(program)
+        self.assertEqual([test.name for test in learnt.tests], ["Base.test_inherited", "Fine.test_good", "Fine.test_inherited"])
+        self.assertEqual(learnt.overhead_s, 0)
+
+    def test_what_setUpClass_takes_counts_once(self):
+        script = self.folder / "slow_test.py"
+        script.write_text(SLOW_SCRIPT)
+        learnt = reach.learn(Program("Slow", [sys.executable, str(script)], {"client"}))
+        self.assertGreaterEqual(learnt.overhead_s, 0.2)
+        self.assertEqual(min(test.seconds for test in learnt.tests), 0)
 
     def test_scripts_run_the_tests_that_they_are_given(self):
         for name in ("attack/budgets", "attack/process", "attack/transport", "attack/trust", "command/command_line", "command/json", "demo/demo",

@@ -33,11 +33,16 @@ class Program:
         return self.command, {"GTEST_FILTER": ":".join(tests) or "*", "GTEST_BRIEF": "1"}
 
     def files(self):
-        """What the tests depend on: programs, and for a script all scripts of the tests."""
+        """What the tests depend on: programs, also those that they may start, and for a script all scripts of the tests."""
         if not self.script:
-            return [pathlib.Path(self.command[0])]
+            program = pathlib.Path(self.command[0])
+            started = [] if self.steady else [program.with_name(name) for name in ("sightlined", "sightline")]
+            return [program, *(path for path in started if path.exists())]
         folder = next(parent for parent in self.script.parents if parent.name == "tests")
         return [*(pathlib.Path(word) for word in self.command[1:] if pathlib.Path(word).parent.name == "bin"), *sorted(folder.rglob("*.py"))]
+
+    def prepares_once(self):
+        return self.script is not None and "def setUpClass" in self.script.read_text()
 
     def methods(self):
         """The names of a script's tests: Class.test_method."""

@@ -9,8 +9,8 @@ order in a folder depends on the seed alone: a larger N extends a smaller one. O
 
 A mutant meets the tests of its folder's own programs, quick ones first, for as many seconds as the budget has, and then other tests for as long
 again. They run in slices: in a process those that take a second together, then those that take five, then the rest. A mutant is killed when
-a slice fails, crashes or takes five times as long as usual and three seconds more. A slice of a program that starts daemons, or waits for
-something, must fail twice: a busy machine can make it late.
+a slice fails, crashes or takes five times as long as usual and three seconds more. A slice that is late must be so twice, the second time with
+twice the time: a busy machine delays it too. A slice of a program that starts daemons, or waits for something, must also fail twice.
 """
 import argparse
 import collections
@@ -26,7 +26,7 @@ import threading
 import time
 
 import score
-from execute import run
+from execute import End, run
 from keys import key
 from nearest import NEAREST
 from programs import programs
@@ -96,12 +96,13 @@ class Runner:
         command, environment = reach.program.run_of([test.name for test in part.tests])
         environment = {**environment, "GTEST_FAIL_FAST": "1", "SIGHTLINE_MUTANT": str(number)}
         limit_s = 3 + 5 * (part.seconds + reach.overhead_s)
-        for _ in range(1 if reach.program.steady else 2):
+        for patience in (1, 2):
             if self.stop.is_set():
                 raise Stopped
-            if run(command, environment, limit_s):
-                return True
-        return False
+            end = run(command, environment, patience * limit_s)
+            if end != End.LATE and (end == End.WELL or reach.program.steady):
+                break
+        return end == End.WELL
 
     def attempt(self, mutant):
         """The result: the mutant, with the name of the program that kills it or None in `by`."""
