@@ -6,7 +6,7 @@
 #   tests/mutation.sh --per-folder 50 server/move server/record
 #   tests/mutation.sh --programs 1 server/bound      a quick look, with the unit tests alone
 #   tests/mutation.sh --again server/move            only those that have survived, after tests were added
-#   tests/mutation.sh --learn               builds everything, and learns which tests come past which mutants
+#   tests/mutation.sh --learn               builds everything, and learns which tests come past which mutants and how long they take
 #
 # The options are those of mutation/run_mutants.py. A copy of the sources, in build/mutation, is compiled once with all its mutants
 # (mutation/instrument.py says what is changed), and a variable of the environment switches one on. The results are written to
