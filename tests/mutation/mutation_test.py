@@ -257,17 +257,27 @@ class Keeping(Case):
 
     def test_a_second_run_goes_on_and_again_takes_survivors(self):
         path = self.folder / "results.json"
+        runner = run_mutants.Runner([], 12)
         first = run_mutants.Results(path, 1, self.MUTANTS, False)
-        jobs = run_mutants.jobs_of(self.options(2), self.MUTANTS, first)
+        jobs = run_mutants.jobs_of(self.options(2), self.MUTANTS, first, runner)
         self.assertEqual(len(jobs), 2)
         for mutant, by in zip(jobs, (None, "x")):
-            first.add({**mutant, "by": by, "reached": True})
+            first.add({**mutant, "by": by, "reached": True, "met": []})
         second = run_mutants.Results(path, 1, self.MUTANTS, False)
-        self.assertEqual(len(run_mutants.jobs_of(self.options(4), self.MUTANTS, second)), 2)
-        self.assertEqual(run_mutants.jobs_of(self.options(4, again=True), self.MUTANTS, second), jobs[:1])
+        self.assertEqual(len(run_mutants.jobs_of(self.options(4), self.MUTANTS, second, runner)), 2)
+        self.assertEqual(run_mutants.jobs_of(self.options(4, again=True), self.MUTANTS, second, runner), jobs[:1])
         with self.assertRaises(ValueError):
             run_mutants.Results(path, 2, self.MUTANTS, False)
         self.assertEqual(run_mutants.Results(path, 2, self.MUTANTS, True).by_key, {})
+
+    def test_a_survivor_that_other_programs_reach_now_is_open(self):
+        runner = run_mutants.Runner([], 12)
+        runner.tests = [reach.Test("A.B", "a", 1, {1})]
+        mutant = {**self.MUTANTS[0], "id": 1}
+        self.assertTrue(runner.is_open(mutant, None))
+        self.assertTrue(runner.is_open(mutant, {"by": None, "met": ["b"]}))
+        self.assertFalse(runner.is_open(mutant, {"by": None, "met": ["a", "b"]}))
+        self.assertFalse(runner.is_open(mutant, {"by": "b", "met": ["b"]}))
 
     def test_equal_mutants_do_not_count(self):
         mutants = [{**mutant, "by": by, "reached": True} for mutant, by in zip(self.MUTANTS, ("x", "x", None, None))]

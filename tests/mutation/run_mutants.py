@@ -5,7 +5,8 @@
 
 BUILD was made from sources that rewrite.py has written. First every test program of the folders (nearest.py) runs without a mutant (reach.py).
 Then N mutants of each folder are tried, one folder after the other in turn, so that a run that is stopped has a sample of every folder. Their
-order in a folder depends on the seed alone: a larger N extends a smaller one. OUT_JSON keeps all results, and what is in it is not tried again.
+order in a folder depends on the seed alone: a larger N extends a smaller one. OUT_JSON keeps all results, and what is in it is not tried again,
+except a survivor that has not met all the programs of this run.
 
 A mutant meets the tests of its folder's own programs, quick ones first, for as many seconds as the budget has, and then other tests for as long
 again. They run in slices: in a process those that take a second together, then those that take five, then the rest. A mutant is killed when
@@ -81,6 +82,10 @@ def chosen_slices(mutant, tests, near_programs, budget_s):
     return slices(within(near, budget_s)) + slices(within(others, budget_s))
 
 
+def programs_in(chosen):
+    return sorted({part.program for part in chosen})
+
+
 # --- trying a mutant
 
 class Runner:
@@ -107,10 +112,17 @@ class Runner:
     def attempt(self, mutant):
         """The result: the mutant, with the name of the program that kills it or None in `by`."""
         start = time.monotonic()
-        chosen = chosen_slices(mutant, self.tests, NEAREST[mutant["folder"]], self.budget_s)
+        chosen = self.chosen(mutant)
         by = next((part.program for part in chosen if not self.passes(mutant["id"], part)), None)
         told = {name: value for name, value in mutant.items() if name not in ("id", "last_line")}
-        return {**told, "reached": bool(chosen), "by": by, "seconds": round(time.monotonic() - start, 1)}
+        return {**told, "reached": bool(chosen), "by": by, "met": programs_in(chosen), "seconds": round(time.monotonic() - start, 1)}
+
+    def chosen(self, mutant):
+        return chosen_slices(mutant, self.tests, NEAREST[mutant["folder"]], self.budget_s)
+
+    def is_open(self, mutant, result):
+        """Whether the mutant is still to be tried: it has no result, or has survived a run of fewer programs."""
+        return result is None or result["by"] is None and not set(programs_in(self.chosen(mutant))) <= set(result["met"])
 
 
 # --- which mutants
@@ -158,15 +170,15 @@ class Results:
         temporary.replace(self.path)
 
 
-def jobs_of(options, mutants, results):
-    """The mutants to try: of each folder the first N that have no result, or all that survived."""
+def jobs_of(options, mutants, results, runner):
+    """The mutants to try: those of each folder's first N that are open, or all that survived."""
     lists = []
     for folder in options.folders:
         drawn = sample(mutants, folder, options.seed)
         if options.again:
             lists.append([m for m in drawn if results.by_key.get(key(m), {"by": ""})["by"] is None])
         else:
-            lists.append([m for m in drawn[:options.per_folder] if key(m) not in results.by_key])
+            lists.append([m for m in drawn[:options.per_folder] if runner.is_open(m, results.by_key.get(key(m)))])
     return in_turn(lists)
 
 
@@ -219,7 +231,7 @@ def main():
     parser.add_argument("--programs", type=int, default=9, metavar="N", help="only the first N programs of each folder (9)")
     parser.add_argument("--again", action="store_true", help="only mutants that have survived, after tests were added")
     parser.add_argument("--fresh", action="store_true", help="forget former results")
-    parser.add_argument("--learn", action="store_true", help="only learn which tests come past which mutants, anew, and how long they take: best on an idle machine")
+    parser.add_argument("--learn", action="store_true", help="only learn, anew, which tests come past which mutants and how long they take: best on an idle machine")
     parser.add_argument("folders", nargs="+", metavar="FOLDER")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -231,7 +243,7 @@ def main():
     if options.learn:
         return
     results = Results(options.out, options.seed, mutants, options.fresh)
-    try_all(runner, jobs_of(options, mutants, results), results, options.jobs)
+    try_all(runner, jobs_of(options, mutants, results, runner), results, options.jobs)
     results.write()
     print_scores(results)
 
