@@ -400,6 +400,15 @@ void check_together(const Flags& flags) {
     throw CLI::ValidationError("--access-file", "needs --tls-cert, or --listen none: a token that is sent unencrypted is no secret");
 }
 
+// Throws CLI::ValidationError for a value that --print-config cannot write.
+void check_printable(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (!option->get_configurable()) continue;
+    for (const std::string& value : option->results())
+      if (const std::string why = why_not_in_file(value); !why.empty()) throw CLI::ValidationError(option->get_name(), why);
+  }
+}
+
 Flags finished(const RawFlags& raw) {
   Flags flags = raw.flags;
   flags.unix_mode = static_cast<unsigned>(std::stoul(raw.unix_mode, nullptr, 8));
@@ -411,36 +420,23 @@ Flags finished(const RawFlags& raw) {
   return flags;
 }
 
-}  // namespace
-
-Command parse_command_line(int argc, const char* const* argv) {
-  RawFlags raw;
-  CLI::App app(
-      "Steers cameras so that their targets stay in view. Clients send scenes and transforms over gRPC and "
-      "receive camera poses.",
-      "sightlined");
-  add_listening(app, raw);
-  add_trust(app, raw);
-  add_health(app, raw);
-  add_sampling(app, raw);
-  add_limits(app, raw);
-  add_logging(app, raw);
-  add_recording(app, raw);
-  add_drills(app, raw);
-  add_configuration(app, raw);
-  app.allow_config_extras(false);
-  const auto config = std::make_shared<ConfigFile>(app);
-  app.config_formatter(config);
+void add_devices(CLI::App& app, RawFlags& raw) {
   CLI::App* const devices =
       app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
           ->fallthrough()
           ->configurable(false);
   devices->add_flag("--json", raw.json, "One JSON object instead of a table")->configurable(false);
-  // Its flags, --help among them, are those of `sightline demo`.
-  CLI::App* demo = app.add_subcommand("demo", "Play a generated scene and write a page of the session, as `sightline demo` does")
-                       ->prefix_command()
-                       ->configurable(false);
-  demo->set_help_flag();
+}
+
+// Its flags, --help among them, are those of `sightline demo`.
+void add_demo(CLI::App& app) {
+  app.add_subcommand("demo", "Play a generated scene and write a page of the session, as `sightline demo` does")
+      ->prefix_command()
+      ->configurable(false)
+      ->set_help_flag();
+}
+
+void add_health_check(CLI::App& app, RawFlags& raw) {
   CLI::App* const health = app.add_subcommand("healthcheck",
                                               "Ask the running daemon whether it is ready, at the address that --listen-unix, --listen or "
                                               "the file of --config name. Exit with 0 when it is, otherwise with 1; for probes that run a "
@@ -452,19 +448,48 @@ Command parse_command_line(int argc, const char* const* argv) {
                    "Encrypt TCP, for a daemon with --tls-cert whose flags are not given here; its certificate is not verified")
       ->configurable(false);
   health->add_flag("--live", raw.alive, "Ask whether it is alive instead: whether none of its threads hangs")->configurable(false);
-  try {
-    app.parse(argc, argv);
-    if (demo->parsed()) return BecomeDemo{demo->remaining()};
-    fit_memory(app, raw.flags, memory_budgets(memory_limit(own_control_groups())));
-    if (!devices->parsed() && !raw.print_config) check_together(raw.flags);
-  } catch (const CLI::ValidationError& error) {
-    const CLI::ValidationError placed("", error.what() + config->place_of(error.what()));
-    app.exit(placed);
-    return Exit{kUsageError};
-  } catch (const CLI::ParseError& error) {
-    return Exit{app.exit(error) == 0 ? 0 : kUsageError};
-  }
+}
+
+}  // namespace
+
+// All flags and subcommands. `app` has references to `raw`.
+struct CommandLine::Parts {
+  RawFlags raw;
+  CLI::App app{"Steers cameras so that their targets stay in view. Clients send scenes and transforms over gRPC and "
+               "receive camera poses.",
+               "sightlined"};
+  const std::shared_ptr<ConfigFile> config = std::make_shared<ConfigFile>(app);
+  const MemoryBudgets budgets = memory_budgets(memory_limit(own_control_groups()));
+
+  Parts();
+  // What the command line asks for, once it has been parsed.
+  Command command();
+};
+
+CommandLine::Parts::Parts() {
+  add_listening(app, raw);
+  add_trust(app, raw);
+  add_health(app, raw);
+  add_sampling(app, raw);
+  add_limits(app, raw);
+  add_logging(app, raw);
+  add_recording(app, raw);
+  add_drills(app, raw);
+  add_configuration(app, raw);
+  app.allow_config_extras(false);
+  app.config_formatter(config);
+  add_devices(app, raw);
+  add_demo(app);
+  add_health_check(app, raw);
+}
+
+Command CommandLine::Parts::command() {
+  if (app.got_subcommand("demo")) return BecomeDemo{app.get_subcommand("demo")->remaining()};
+  fit_memory(app, raw.flags, budgets);
+  const bool devices = app.got_subcommand("devices");
+  if (!devices && !raw.print_config) check_together(raw.flags);
   if (raw.print_config) {
+    check_printable(app);
     std::cout << app.config_to_str(true, true);
     return Exit{0};
   }
@@ -472,9 +497,31 @@ Command parse_command_line(int argc, const char* const* argv) {
     std::cout << "the configuration is valid\n";
     return Exit{0};
   }
-  if (devices->parsed()) return ReportDevices{finished(raw), raw.json};
-  if (health->parsed()) return CheckHealth{finished(raw), raw.address, raw.tls, raw.alive};
+  if (devices) return ReportDevices{finished(raw), raw.json};
+  if (app.got_subcommand("healthcheck")) return CheckHealth{finished(raw), raw.address, raw.tls, raw.alive};
   return Serve{finished(raw)};
+}
+
+CommandLine::CommandLine() : parts_(std::make_unique<Parts>()) {}
+CommandLine::~CommandLine() = default;
+
+Command CommandLine::parse(int argc, const char* const* argv) {
+  parts_->raw = RawFlags{};
+  parts_->config->forget();
+  try {
+    parts_->app.parse(argc, argv);
+    return parts_->command();
+  } catch (const CLI::ValidationError& error) {
+    const CLI::ValidationError placed("", error.what() + parts_->config->place_of(error.what()));
+    parts_->app.exit(placed);
+    return Exit{kUsageError};
+  } catch (const CLI::ParseError& error) {
+    return Exit{parts_->app.exit(error) == 0 ? 0 : kUsageError};
+  }
+}
+
+Command parse_command_line(int argc, const char* const* argv) {
+  return CommandLine().parse(argc, argv);
 }
 
 }  // namespace sightline

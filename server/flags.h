@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
@@ -93,8 +94,22 @@ struct Exit {
 };
 using Command = std::variant<Serve, ReportDevices, CheckHealth, BecomeDemo, Exit>;
 
-// Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
-// Exit{2}.
+// Knows all flags. Making one takes about as long as reading a hundred command lines.
+class CommandLine {
+ public:
+  CommandLine();
+  ~CommandLine();
+
+  // Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
+  // Exit{2}. It can be called again; nothing of a former command line remains.
+  Command parse(int argc, const char* const* argv);
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+// The same for one command line.
 Command parse_command_line(int argc, const char* const* argv);
 
 }  // namespace sightline

@@ -1,30 +1,39 @@
 #!/usr/bin/env bash
 # The tests of the service, of its threads and of what they share, under sanitizers: tests/sanitizers.sh [asan] [tsan]
 #
-# Builds only what these tests need, into build/asan and build/tsan, and runs them; both without arguments. AddressSanitizer comes with
-# UndefinedBehaviorSanitizer, and every report fails. A report of ThreadSanitizer fails when it is about our code on
-# both sides: Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race (service/tsan_reports.py).
+# Builds only what these tests need, into build/asan and build/tsan, and runs them, as many programs at a time as there are processors; both
+# without arguments. AddressSanitizer comes with UndefinedBehaviorSanitizer, and every report fails. A report of ThreadSanitizer fails when it is
+# about our code on both sides: Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race
+# (service/tsan_reports.py).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 presets=("$@")
 [ ${#presets[@]} -gt 0 ] || presets=(asan tsan)
-programs=(service_test schedule_test recorder_test session_test)
+in_process=(service_test gate_test schedule_test recorder_test session_test)
+# These start the daemon, and read their own files. ThreadSanitizer would end such a daemon with an error for reports that are not ours.
+with_daemon=(daemon_test recording_daemon_test)
 deploy/install-packages.sh build
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export ASAN_OPTIONS=detect_stack_use_after_return=0
+# ccache keeps objects that use precompiled headers only with these.
+export CCACHE_SLOPPINESS=pch_defines,time_macros
+
 for preset in "${presets[@]}"; do
+  programs=("${in_process[@]}")
+  [ "$preset" != asan ] || programs+=("${with_daemon[@]}")
   SECONDS=0
   cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
   cmake --build --preset "$preset" --parallel "$(nproc)" --target "${programs[@]}"
   echo "== $preset: built in $SECONDS s"
   SECONDS=0
-  reports=build/$preset/reports
+  reports=$PWD/build/$preset/reports
   rm -rf "$reports"
   mkdir -p "$reports"
-  for program in "${programs[@]}"; do
-    TSAN_OPTIONS="suppressions=$PWD/tests/service/tsan.supp exitcode=0 log_path=$PWD/$reports/$program" \
-      "build/$preset/bin/$program" --gtest_brief=1
-  done
-  /usr/bin/python3 tests/service/tsan_reports.py "$reports"
+  suppressions=$PWD/tests/service/tsan.supp
+  failed=0
+  printf '%s\n' "${programs[@]}" | TSAN_OPTIONS="suppressions=$suppressions exitcode=0 log_path=$reports/report" \
+    xargs -P "$(nproc)" -I PROGRAM "build/$preset/bin/PROGRAM" --gtest_brief=1 || failed=1
+  /usr/bin/python3 tests/service/tsan_reports.py "$reports" || failed=1
   echo "== $preset: tested in $SECONDS s"
+  [ $failed = 0 ] || exit 1
 done

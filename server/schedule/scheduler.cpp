@@ -8,7 +8,7 @@
 namespace sightline {
 
 Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
-    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), queue_(best_batch_ > 1 ? 1 : threads), running_since_ns_(threads, kNotRunning) {
+    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), thread_count_(threads), queue_(best_batch_ > 1 ? 1 : threads), running_since_ns_(threads, kNotRunning) {
   threads_.reserve(threads);
   for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }
@@ -36,7 +36,7 @@ void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
     Scheduled& scheduled = *task;
     scheduled.self_ = std::move(task);
     queue_.push(scheduled, deadline_ns);
-    wakes = idle_ > 0 && running_ < threads_.size();
+    wakes = idle_ > 0 && running_ < thread_count_;
   }
   if (wakes) wake_.notify_one();
 }
@@ -52,7 +52,7 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   {
     const std::lock_guard lock(mutex_);
     const int64_t now_ns = clock_();
-    if (best_batch_ > 1 || stopping_ || queue_.ready(now_ns) || running_ >= threads_.size()) return false;
+    if (best_batch_ > 1 || stopping_ || queue_.ready(now_ns) || running_ >= thread_count_) return false;
     if (!spare_rounds_.empty()) {
       round = std::move(spare_rounds_.back());
       spare_rounds_.pop_back();

@@ -71,7 +71,7 @@ class Scheduler {
   // Time since the start of the oldest round that still runs, in nanoseconds; 0 when none runs. From any thread.
   int64_t longest_running_ns() const;
 
-  unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
+  unsigned threads() const { return thread_count_; }
   int64_t now_ns() const { return clock_(); }
 
  private:
@@ -89,12 +89,13 @@ class Scheduler {
   void choose(Round& round);  // needs mutex_
   void run(Round& round);
   void charge(const Round& round);  // needs mutex_
-  bool may_run() const { return running_ < threads_.size() && queue_.ready(clock_()); }  // needs mutex_
+  bool may_run() const { return running_ < thread_count_ && queue_.ready(clock_()); }  // needs mutex_
   int64_t take(Round& round, std::exception_ptr& trouble);
 
   SamplerDevice& device_;
   const StageClock clock_;
   const size_t best_batch_;
+  const unsigned thread_count_;  // the first threads ask for it while the constructor still starts the others
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
@@ -105,7 +106,7 @@ class Scheduler {
   static constexpr int64_t kNotRunning = std::numeric_limits<int64_t>::max();
   std::vector<Round> spare_rounds_;   // memory for try_run_now; guarded by mutex_
   bool stopping_ = false;             // guarded by mutex_
-  std::vector<std::thread> threads_;  // constant after construction
+  std::vector<std::thread> threads_;  // used by the constructor and the destructor alone
 };
 
 }  // namespace sightline

@@ -2,7 +2,9 @@
 // messages go the way that they go in the service: weighed, parsed, converted, applied, stepped, and answered. Depth maps come from a
 // sampler that makes them up, so that steps are short and see anything.
 //
-// An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options.
+// An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options: 1 prepares tables of the
+// targets' extents. With 2, a session of two boxes is open already and the messages are ticks alone, whose sequence and time the target counts:
+// hardly any input that the fuzzer changes at random still opens a session by itself.
 
 #include <cmath>
 #include <cstdlib>
@@ -23,7 +25,8 @@ using test::ByteFeed;
 constexpr size_t kMostMemory = 4 << 20;
 constexpr size_t kMostInstances = 200;
 constexpr double kMostStepCostMs = 2.0;
-constexpr int kMostSteps = 12;
+// The fuzzer shall spend its time on messages rather than on steps.
+constexpr int kMostSteps = 4;
 
 // Gives each texel a distance and an occluder that follow from its place, some of them none.
 class MadeUpSampler final : public Sampler {
@@ -76,6 +79,30 @@ bool all_finite(const google::protobuf::Message& message) {
 class Client {
  public:
   explicit Client(bool with_tables) : with_tables_(with_tables) {}
+
+  // Opens a session of two boxes, without bytes of the fuzzer.
+  void open_usual() {
+    v1::OpenSession request;
+    request.mutable_camera()->mutable_position()->set_z(8.0);
+    for (uint64_t id = 1; id <= 2; ++id) {
+      v1::NewInstance& box = *request.add_instances();
+      box.set_id(id);
+      v1::Vec3& half = *box.mutable_shape()->mutable_box()->mutable_half_extent();
+      half.set_x(0.2), half.set_y(0.5), half.set_z(0.2);
+      box.mutable_pose()->mutable_position()->set_x(1.5 * static_cast<double>(id));
+      request.add_targets()->set_id(id);
+    }
+    open(request);
+    must(session_ != nullptr);
+  }
+
+  // Counts the tick by itself. False: the call has ended.
+  bool send_next(v1::Tick request) {
+    request.set_sequence(session_->sequence() + 1);
+    request.set_time_s(static_cast<double>(request.sequence()) / 60.0);
+    tick(request);
+    return steps_ < kMostSteps;
+  }
 
   // False: the call has ended.
   bool send(const v1::ControlRequest& request) {
@@ -159,6 +186,17 @@ class Client {
   int steps_ = 0;
 };
 
+// Weighs the message before it is parsed, as the service does. False when it is too heavy or no message, and otherwise what `use` says.
+template <typename Message, typename Use>
+bool parsed(std::span<const uint8_t> bytes, const Use& use) {
+  Message message;
+  if (message_weight(*Message::descriptor(), std::as_bytes(bytes), kMostMemory) >= kMostMemory) return false;
+  if (!message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return false;
+  // The weight is an upper estimate.
+  must(message.SpaceUsedLong() <= 2 * kMostMemory);
+  return use(message);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -168,15 +206,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   }();
   (void)quiet;
   ByteFeed feed(data, size);
-  Client client(feed.byte() & 1);
+  const uint8_t options = feed.byte();
+  Client client(options & 1);
+  if (options & 2) client.open_usual();
   while (!feed.empty()) {
     const auto bytes = feed.bytes(feed.take<uint16_t>());
-    v1::ControlRequest request;
-    const bool light = message_weight(*v1::ControlRequest::descriptor(), std::as_bytes(bytes), kMostMemory) < kMostMemory;
-    if (!light || !request.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) break;
-    // The weight is an upper estimate.
-    must(request.SpaceUsedLong() <= 2 * kMostMemory);
-    if (!client.send(request)) break;
+    const bool goes_on = options & 2 ? parsed<v1::Tick>(bytes, [&](const v1::Tick& tick) { return client.send_next(tick); })
+                                     : parsed<v1::ControlRequest>(bytes, [&](const v1::ControlRequest& request) { return client.send(request); });
+    if (!goes_on) break;
   }
   return 0;
 }

@@ -77,6 +77,39 @@ TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
   EXPECT_EQ(run_sightlined({"--config", folder / "sightlined.conf", "--check-config"}).exit_code, 0);
 }
 
+TEST(DaemonFlags, ValuesOfAConfigurationFileMayHaveQuotesBlanksAndHashes) {
+  const test::TemporaryFolder folder;
+  for (const char* value : {"/a#b", "/a \"b\"", "/it's", "'", "\"", "/a, b", "[/a]", "/a\" # b", "1e3"}) {
+    const RunResult first = run_sightlined({"--record-dir", value, "--print-config"});
+    ASSERT_EQ(first.exit_code, 0) << first.errors;
+    std::ofstream(folder / "sightlined.conf") << first.output;
+    const RunResult second = run_sightlined({"--config", folder / "sightlined.conf", "--print-config"});
+    EXPECT_EQ(second.exit_code, 0) << value << second.errors;
+    EXPECT_EQ(second.output, first.output) << value;
+  }
+}
+
+TEST(DaemonFlags, AValueThatNoConfigurationFileCanHoldIsNotPrinted) {
+  for (const char* value : {"/it's \"a\"", "/a\nb", " /a", "/a "}) {
+    const RunResult printed = run_sightlined({"--record-dir", value, "--print-config"});
+    EXPECT_EQ(printed.exit_code, 2) << value;
+    EXPECT_NE(printed.errors.find("--record-dir"), std::string::npos) << printed.errors;
+  }
+}
+
+TEST(DaemonFlags, AValueOfAConfigurationFileEndsWithItsQuote) {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder / "commented.conf") << "record-dir = \"/a#b\"  # \"c\"\nsampler = embree # d\n";
+  const RunResult printed = run_sightlined({"--config", folder / "commented.conf", "--print-config"});
+  EXPECT_NE(printed.output.find("record-dir=\"/a#b\"\n"), std::string::npos) << printed.output << printed.errors;
+  for (const char* line : {"record-dir = \"/a", "record-dir = \"/a\" b", "record-dir = '/a\"", "record-dir = /it's \"a\"", "listen = [1, 2]"}) {
+    std::ofstream(folder / "wrong.conf") << line << '\n';
+    const RunResult checked = run_sightlined({"--config", folder / "wrong.conf", "--check-config"});
+    EXPECT_EQ(checked.exit_code, 2) << line;
+    EXPECT_NE(checked.errors.find("line 1"), std::string::npos) << checked.errors;
+  }
+}
+
 TEST(DaemonFlags, AConfigurationFileWithAnUnknownEntryIsAnError) {
   const test::TemporaryFolder folder;
   std::ofstream(folder / "sightlined.conf") << "max-sesions=7\n";
