@@ -108,6 +108,7 @@ def page(programs):
              "completions for bash, zsh and fish, which the package installs, come from these tables too. `--describe` prints them as JSON.\n\n"
              f"Exit status of both programs. {EXIT_STATUS}\n\n"
              "Every flag of `sightlined` can also stand in a file that `--config` names, without its dashes: `max-sessions=64`.\n"
+             "A value may stand in single or double quotes, and must if it holds a `#`, which begins a comment. A value holds no line break, and not both kinds of quotes.\n"
              "`sightlined --print-config` prints such a file, and `--check-config` checks one. Flags on the command line win.\n"]
     for program in programs:
         parts.append(f"## {program.name}\n\n{program.text}.\n\n{flag_table(program)}")
