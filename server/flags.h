@@ -94,7 +94,7 @@ struct Exit {
 };
 using Command = std::variant<Serve, ReportDevices, CheckHealth, BecomeDemo, Exit>;
 
-// Knows all flags. Making one takes about as long as reading a hundred command lines.
+// Knows all flags. Making one takes far longer than parsing a command line with it. Not thread-safe.
 class CommandLine {
  public:
   CommandLine();
