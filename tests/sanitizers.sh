@@ -32,7 +32,7 @@ for preset in "${presets[@]}"; do
   suppressions=$PWD/tests/service/tsan.supp
   failed=0
   printf '%s\n' "${programs[@]}" | TSAN_OPTIONS="suppressions=$suppressions exitcode=0 log_path=$reports/report" \
-    xargs -P "$(nproc)" -I PROGRAM "build/$preset/bin/PROGRAM" --gtest_brief=1 || failed=1
+    xargs -P "$(nproc)" -I PROGRAM env "build/$preset/bin/PROGRAM" --gtest_brief=1 || failed=1  # xargs replaces nothing in the command's own name
   /usr/bin/python3 tests/service/tsan_reports.py "$reports" || failed=1
   echo "== $preset: tested in $SECONDS s"
   [ $failed = 0 ] || exit 1
