@@ -15,8 +15,9 @@ namespace sightline {
 
 // The spacing for which a ball of `radius_m` holds about `candidates` lattice points. It is rounded down to a power of 2^(1/4), so that
 // small changes of the radius keep the lattice. The ball therefore holds up to 1.7 times as many points, and a few more or less at its
-// surface.
-double lattice_spacing_m(double radius_m, int candidates);
+// surface. With `last_m`, the spacing of the step before, that spacing stays until the radius fits the next one by 4 %: a radius that
+// goes to and fro keeps its lattice.
+double lattice_spacing_m(double radius_m, int candidates, double last_m = 0.0);
 
 class Lattice {
  public:
@@ -51,7 +52,7 @@ class Lattice {
   };
   uint32_t wrap(int index) const;
   uint32_t address_of(const glm::ivec3& index) const;
-  void resize(double spacing_m, int side);
+  void resize(const Bound& bound, int candidates);
   void lay_row(const Bound& bound, int first, int last, int y, int z);
   void take_addresses();
   void take_row(const PlaceRun& run, uint32_t count);
