@@ -13,7 +13,7 @@ constexpr uint32_t kNone = UINT32_MAX;
 bool is_free(const RouteNodes& nodes, uint32_t a, uint32_t b, double length_m, double body_m,
              bool from_start) {
   const double clear_a = nodes.clearance_m[a], clear_b = nodes.clearance_m[b];
-  return (from_start || clear_a >= body_m) && clear_b >= body_m && clear_a + clear_b > length_m;
+  return (from_start || clear_a >= body_m) && clear_b >= body_m && clear_a + clear_b > length_m + kNoCrossingM;
 }
 
 // Returns whether the body fits along the whole first leg. Each clearance proves it for a part of the leg; only where the parts do not meet is

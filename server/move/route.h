@@ -18,6 +18,10 @@
 
 namespace sightline {
 
+// Nothing crosses a leg if the clearances of its ends add up to its length and this much more, metres. Across a wall that stands upright on the leg
+// they add up to the length itself, and they are rounded to single precision.
+inline constexpr double kNoCrossingM = 1e-4;
+
 inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
 
 // The nodes of the graph. All spans have one length.
