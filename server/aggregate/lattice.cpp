@@ -12,17 +12,31 @@ constexpr double kDoubtful = 1e-5;
 // The same holds for rows whose half length is below this share of the radius, and this far from the world's origin, in spacings.
 constexpr double kShortRow = 0.05, kFarOut = 1e7;
 
+// Spacings are powers of 2^(1/4). A ball may become this much too small or too large for its spacing, in such steps, before the spacing changes.
+constexpr double kStepsPerOctave = 4.0, kHeldSteps = 0.25;
+// Rounding never takes a spacing that is a power itself to the next smaller one.
+constexpr double kOnTheStep = 1e-9;
+
+// The radius of a ball that has the volume of so many cells, in spacings.
+double radius_in_spacings(int candidates) { return std::cbrt(candidates * 3.0 / (4.0 * std::numbers::pi)); }
+
 }  // namespace
 
-double lattice_spacing_m(double radius_m, int candidates) {
-  const double volume = 4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m;
-  const double wanted = std::cbrt(volume / candidates);
-  return std::exp2(std::floor(std::log2(wanted) * 4.0 + 1e-9) / 4.0);
+double lattice_spacing_m(double radius_m, int candidates, double last_m) {
+  const double steps = kStepsPerOctave * std::log2(radius_m / radius_in_spacings(candidates)) + kOnTheStep;
+  if (last_m > 0) {
+    const double above = steps - kStepsPerOctave * std::log2(last_m);
+    if (above >= -kHeldSteps && above < 1 + kHeldSteps) return last_m;
+  }
+  return std::exp2(std::floor(steps) / kStepsPerOctave);
 }
 
-void Lattice::resize(double spacing_m, int side) {
-  if (spacing_m == spacing_m_ && side <= side_) return;
-  // A larger side at the same spacing happens only when rounding adds a layer, which is rare. Resetting the cells is harmless then.
+// The side is that of the largest ball which keeps the spacing, so that a ball that grows keeps its cells.
+void Lattice::resize(const Bound& bound, int candidates) {
+  const double spacing_m = lattice_spacing_m(bound.radius_m, candidates, spacing_m_);
+  const double largest = radius_in_spacings(candidates) * std::exp2((1 + kHeldSteps) / kStepsPerOctave);
+  const int side = static_cast<int>(std::ceil(2.0 * largest)) + 1;
+  if (spacing_m == spacing_m_ && side == side_) return;
   spacing_m_ = spacing_m;
   side_ = side;
   cells_.clear();
@@ -43,13 +57,12 @@ void Lattice::cover(const Bound& bound, int candidates) {
 }
 
 void Lattice::lay(const Bound& bound, int candidates) {
-  const double spacing = lattice_spacing_m(bound.radius_m, candidates);
-  resize(spacing, static_cast<int>(std::ceil(2.0 * bound.radius_m / spacing)) + 1);
+  resize(bound, candidates);
   runs_.clear();
   size_ = 0;
   listed_ = false;
-  const glm::dvec3 low = glm::ceil((bound.center_m - bound.radius_m) / spacing);
-  const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing);
+  const glm::dvec3 low = glm::ceil((bound.center_m - bound.radius_m) / spacing_m_);
+  const glm::dvec3 high = glm::floor((bound.center_m + bound.radius_m) / spacing_m_);
   for (int z = static_cast<int>(low.z); z <= static_cast<int>(high.z); ++z)
     for (int y = static_cast<int>(low.y); y <= static_cast<int>(high.y); ++y)
       lay_row(bound, static_cast<int>(low.x), static_cast<int>(high.x), y, z);

@@ -71,6 +71,7 @@ void place_camera(CarriedState& state, const ViewerCamera& viewer) {
   start_rotation(state, viewer);
   state.shot.is_set = false;
   state.horizon_s = 0.0;
+  state.candidates.lattice.start_again();
   state.cut = {};
 }
 

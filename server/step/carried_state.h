@@ -99,8 +99,8 @@ struct ViewerCamera {
   double rounding_m = 0.0;  // how far `pose` may be from a pose that was returned, since the client rounded it
 };
 
-// Puts the camera there, as at the start or at a cut. Resets the wanted shot, the horizon, the goal, the path, the
-// targets that were given up and the results of the viewpoint search.
+// Puts the camera there, as at the start or at a cut. Resets the wanted shot, the horizon, the lattice's
+// spacing, the goal, the path, the targets that were given up and the results of the viewpoint search.
 void place_camera(CarriedState& state, const ViewerCamera& viewer);
 // Compares the camera with the path, by position and by rotation. Either may be near the path and go on from where it
 // is, or far from it and start again from the viewer's camera (contract: ObservedCamera in session.proto). The wanted

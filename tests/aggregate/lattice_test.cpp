@@ -135,5 +135,44 @@ TEST(Lattice, SpacingIsStableUnderSmallChangesOfTheRadius) {
   EXPECT_LE(changes, 4);
 }
 
+// A bound that reaches towards a target changes its radius with every step of the camera.
+TEST(Lattice, KeepsItsCellsWhileTheRadiusGoesToAndFroAndWhileItGrowsWithinASpacing) {
+  double at_m = 1.0;  // where the spacing changes
+  while (lattice_spacing_m(at_m, 343) == lattice_spacing_m(1.0, 343)) at_m += 1e-4;
+  Lattice lattice;
+  lattice.cover(ball({}, 1.03 * at_m), 343);
+  const double spacing_m = lattice.spacing_m();
+  const auto middle = lattice.address_near({});
+  ASSERT_TRUE(middle);
+  const uint64_t owner = lattice.owner(*middle);
+  for (const double factor : {0.97, 1.03, 0.97, 1.0, 1.1, 1.2, 1.22, 0.97}) {
+    lattice.cover(ball({}, factor * at_m), 343);
+    EXPECT_EQ(lattice.spacing_m(), spacing_m) << factor;
+    EXPECT_EQ(lattice.address_near({}), middle) << factor;
+    EXPECT_EQ(lattice.owner(*middle), owner) << factor;
+  }
+  lattice.cover(ball({}, 0.95 * at_m), 343);
+  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(0.95 * at_m, 343)) << "too small a ball takes the spacing that fits it";
+  lattice.cover(ball({}, 1.3 * at_m), 343);
+  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(1.3 * at_m, 343));
+}
+
+TEST(Lattice, StartedAgainItKeepsNoSpacing) {
+  double at_m = 1.0;
+  while (lattice_spacing_m(at_m, 343) == lattice_spacing_m(1.0, 343)) at_m += 1e-4;
+  Lattice lattice;
+  lattice.cover(ball({}, 1.03 * at_m), 343);
+  lattice.start_again();
+  lattice.cover(ball({}, 0.97 * at_m), 343);
+  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(0.97 * at_m, 343));
+}
+
+TEST(Lattice, FewerCandidatesTakeAnotherSpacingAtOnce) {
+  Lattice lattice;
+  lattice.cover(ball({}, 2.0), 700);
+  lattice.cover(ball({}, 2.0), 350);
+  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(2.0, 350));
+}
+
 }  // namespace
 }  // namespace sightline
