@@ -1,5 +1,8 @@
-// Clearance of each candidate from static colliders, computed once for each lattice cell. The lattice is anchored to the world, so the
-// clearance of a cell stays valid while the cell is in the bound.
+// The place of each candidate where the body fits, and its clearance from static colliders, found once for each lattice cell. The lattice is
+// anchored to the world, so both stay valid while the cell is in the bound.
+//
+// The points of a lattice may all miss an opening that the body fits through: a doorway is often only a few decimetres wider or higher
+// than a camera needs. So where the body does not fit at a cell's point, the place is moved off the nearest surfaces, until it fits.
 #pragma once
 
 #include <cstdint>
@@ -14,23 +17,34 @@ namespace sightline {
 
 class ClearanceCache {
  public:
+  // A place is moved by at most this many lattice spacings, so that it stays in its cell.
+  static constexpr double kFartherSpacings = 0.5;
+
   // Distance in metres from each candidate to the nearest static collider, capped at 2 lattice spacings + `body_radius_m` + 0.5 m. With
   // `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached; all others are measured in each
-  // call. The result is valid until the next call. Only cells that are new to the bound cost time.
+  // call. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
+  // leads there, and the clearance is that of the new position. A position never leaves the bound. The result is valid until the next call.
+  // Only cells that are new to the bound cost time.
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
-                                 std::span<const glm::dvec3> position_m, bool on_lattice,
-                                 double body_radius_m);
+                                 std::span<glm::dvec3> position_m, bool on_lattice, double body_radius_m);
+  // The candidates whose positions the last call changed, ascending.
+  std::span<const uint32_t> moved() const { return moved_; }
 
  private:
   struct Cell {
     uint64_t owner = 0;  // Lattice::owner of the address when it was measured
-    float clearance_m = 0;
+    float clearance_m = 0;        // of the lattice's point
+    float moved_clearance_m = 0;  // of the place where the body fits; 0: there is none, or it is the lattice's point
+    glm::vec3 move_m{0.0f};       // from the lattice's point to that place
   };
+  Cell measure_cell(const glm::dvec3& point_m, double reach_m, double spacing_m, double body_radius_m) const;
+
   ClearanceField field_;
   std::vector<Cell> cells_;
   uint64_t static_version_ = 0;
   double reach_m_ = 0;
   std::vector<float> clearance_m_;
+  std::vector<uint32_t> moved_;
 };
 
 }  // namespace sightline

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "server/base/vector_clones.h"
+#include "server/move/route.h"
 
 namespace sightline {
 namespace {
@@ -28,15 +29,37 @@ constexpr std::array<LegStep, 26> kLegs = [] {
   return legs;
 }();
 
+// How long a leg takes, in slices.
+struct LegTime {
+  LegTime(double length_m, const FlightSettings& settings) {
+    const double slices = std::max(1.0, length_m / (settings.speed_mps * settings.slice_s));
+    whole = static_cast<size_t>(slices);
+    rest = static_cast<float>(slices - static_cast<double>(whole));
+  }
+  size_t whole;  // >= 1
+  float rest;    // [0, 1)
+};
+
 std::ptrdiff_t offset_of(const LegStep& leg, const CellBox& box) {
   return leg.x + leg.y * static_cast<std::ptrdiff_t>(box.row()) + leg.z * static_cast<std::ptrdiff_t>(box.slice());
 }
 
+// The cells at one end of legs, by cell: clearance, and the offset of the camera's place.
+struct LegEnds {
+  const float *clear_m, *x_m, *y_m, *z_m;
+};
+
 SIGHTLINE_VECTOR_CLONES
-void mark_leg(const float* __restrict clear, const float* __restrict clear_there, size_t count, float body_m, float length_m,
-              uint32_t bit, uint32_t* __restrict legs) {
+void mark_leg(const LegEnds& here, const LegEnds& there, size_t count, float body_m, const glm::vec3& leg_m, uint32_t bit,
+              uint32_t* __restrict legs) {
+  const float *__restrict clear = here.clear_m, *__restrict x = here.x_m, *__restrict y = here.y_m, *__restrict z = here.z_m;
+  const float *__restrict clear_there = there.clear_m, *__restrict x_there = there.x_m, *__restrict y_there = there.y_m,
+              *__restrict z_there = there.z_m;
+  const float leg_x = leg_m.x, leg_y = leg_m.y, leg_z = leg_m.z;
   for (size_t i = 0; i < count; ++i) {
-    const bool fits = (clear[i] >= body_m) & (clear_there[i] >= body_m) & (clear[i] + clear_there[i] > length_m);
+    const float dx = leg_x + x_there[i] - x[i], dy = leg_y + y_there[i] - y[i], dz = leg_z + z_there[i] - z[i];
+    const float clear_of_both = clear[i] + clear_there[i] - static_cast<float>(kNoCrossingM);
+    const bool fits = (clear[i] >= body_m) & (clear_there[i] >= body_m) & (clear_of_both * clear_of_both > dx * dx + dy * dy + dz * dz);
     legs[i] |= fits ? bit : 0u;
   }
 }
@@ -53,6 +76,13 @@ void take_least(const float* __restrict there, const uint32_t* __restrict legs, 
 SIGHTLINE_VECTOR_CLONES
 void add_to(const float* __restrict values, size_t count, float factor, float* __restrict sums) {
   for (size_t i = 0; i < count; ++i) sums[i] += factor * values[i];
+}
+
+// The values of a leg's end that lies between two slices, and what the slices on the way cost there.
+SIGHTLINE_VECTOR_CLONES
+void arrive_between(const float* __restrict before, const float* __restrict after, const float* __restrict on_the_way, size_t count, float rest,
+                    float* __restrict values) {
+  for (size_t i = 0; i < count; ++i) values[i] = before[i] + rest * (after[i] - before[i]) + on_the_way[i];
 }
 
 // The lesser of the values at `step` before and after each.
@@ -111,13 +141,16 @@ glm::dvec3 FlightPlan::at(double time_s) const {
   return point_m.back();
 }
 
-void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices) {
+void FlightPlanner::lay(const PlaceView& places, std::span<const glm::dvec3> position_m, std::span<const float> clearance_m,
+                        double body_radius_m, size_t slices) {
   lay_box(places, slices);
   const size_t cells = box_.count();
   open_.assign(cells, 0.0f);
   clear_m_.assign(cells, -1.0f);
   candidate_.assign(cells, UINT32_MAX);
   cell_of_.resize(places.in_runs());
+  for (std::vector<float>* offsets_m : {&offset_.x_m, &offset_.y_m, &offset_.z_m}) offsets_m->assign(cells, 0.0f);
+  longest_offset_m_ = 0;
   for (size_t run = 0; run < places.runs().size(); ++run) {
     size_t cell = box_.address(places.runs()[run].cell);
     for (size_t i = places.runs()[run].first; i < places.end_of_run(run); ++i, ++cell) {
@@ -125,6 +158,11 @@ void FlightPlanner::lay(const PlaceView& places, std::span<const float> clearanc
       candidate_[cell] = static_cast<uint32_t>(i);
       clear_m_[cell] = clearance_m[i];
       open_[cell] = clearance_m[i] >= body_radius_m ? 1.0f : 0.0f;
+      const glm::dvec3 offset_m = position_m[i] - places.in_run(places.runs()[run], i);
+      if (offset_m == glm::dvec3(0.0)) continue;
+      offset_.x_m[cell] = static_cast<float>(offset_m.x), offset_.y_m[cell] = static_cast<float>(offset_m.y);
+      offset_.z_m[cell] = static_cast<float>(offset_m.z);
+      longest_offset_m_ = std::max(longest_offset_m_, glm::length(offset_m));
     }
   }
   pull_.assign(slices, Pull{});
@@ -173,12 +211,18 @@ void FlightPlanner::set_positions() {
 // A surface that crosses a leg at a point is no farther from each end than that point is. So nothing crosses a leg that is shorter than the sum of
 // its ends' clearances.
 void FlightPlanner::lay_legs(double body_radius_m) {
+  const auto ends = [&](std::ptrdiff_t at) -> LegEnds {
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(begin_) + at;
+    return {clear_m_.data() + first, offset_.x_m.data() + first, offset_.y_m.data() + first, offset_.z_m.data() + first};
+  };
   legs_.assign(box_.count(), 0u);
   for (size_t leg = 0; leg < kLegs.size(); ++leg) {
     const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
-    is_masked_[static_cast<size_t>(kLegs[leg].axes)] = static_cast<float>(length_m) >= 2 * static_cast<float>(body_radius_m);
-    mark_leg(clear_m_.data() + begin_, clear_m_.data() + begin_ + offset_of(kLegs[leg], box_), end_ - begin_,
-             static_cast<float>(body_radius_m), static_cast<float>(length_m), 1u << leg, legs_.data() + begin_);
+    is_masked_[static_cast<size_t>(kLegs[leg].axes)] =
+        static_cast<float>(length_m + 2 * longest_offset_m_ + kNoCrossingM) >= 2 * static_cast<float>(body_radius_m);
+    const glm::vec3 leg_m = glm::vec3(kLegs[leg].x, kLegs[leg].y, kLegs[leg].z) * static_cast<float>(spacing_m_);
+    mark_leg(ends(0), ends(offset_of(kLegs[leg], box_)), end_ - begin_, static_cast<float>(body_radius_m), leg_m, 1u << leg,
+             legs_.data() + begin_);
   }
 }
 
@@ -203,10 +247,6 @@ void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, doubl
   const glm::vec3 point(point_m - glm::dvec3(box_.low) * spacing_m_);
   add_distance(x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_, point.x, point.y, point.z,
                static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
-}
-
-size_t FlightPlanner::leg_slices(double length_m, const FlightSettings& settings) const {
-  return static_cast<size_t>(std::max(1L, std::lround(length_m / (settings.speed_mps * settings.slice_s))));
 }
 
 // Where the body fits at both ends of a leg that is shorter than two radii, nothing crosses the leg. So the least value at the ends of these
@@ -242,6 +282,10 @@ void FlightPlanner::least_at_legs(const float* values, int axes) {
       take_least(values + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg, best_.data() + begin_);
 }
 
+double FlightPlanner::leg_m(uint32_t leg) const {
+  return spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
+}
+
 // The values of one slice follow from the values of the slices after it.
 void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
   const size_t count = end_ - begin_;
@@ -250,44 +294,46 @@ void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
   std::copy_n(value(slice + 1).data() + begin_, count, least);  // it stays
   for (int axes = 1; axes <= 3; ++axes) {
     const double length_m = spacing_m_ * std::sqrt(static_cast<double>(axes));
-    const size_t arrival = slice + leg_slices(length_m, settings), last = std::min(arrival, cost_.size());
-    const float* values = value(arrival).data();
-    const bool passes_slices = last > slice + 1;  // half of what they cost counts at either end
-    if (passes_slices) {
-      std::fill_n(scratch_.data() + begin_, count, 0.0f);
-      for (size_t k = slice + 1; k < last; ++k) add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
-      std::copy_n(values + begin_, count, arrive_.data() + begin_);
-      add_to(scratch_.data() + begin_, count, 1.0f, arrive_.data() + begin_);
-      values = arrive_.data();
-    }
-    least_at_legs(values, axes);
-    if (passes_slices) add_to(scratch_.data() + begin_, count, 1.0f, best_.data() + begin_);
+    const LegTime time(length_m, settings);
+    const size_t before = slice + time.whole;
+    std::fill_n(scratch_.data() + begin_, count, 0.0f);  // half of what the slices on the way cost counts at either end
+    for (size_t k = slice + 1; k < std::min(before, cost_.size()); ++k) add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
+    if (before < cost_.size()) add_to(cost_[before].data() + begin_, count, 0.5f * time.rest, scratch_.data() + begin_);
+    arrive_between(value(before).data() + begin_, value(before + 1).data() + begin_, scratch_.data() + begin_, count, time.rest,
+                   arrive_.data() + begin_);
+    least_at_legs(arrive_.data(), axes);
+    add_to(scratch_.data() + begin_, count, 1.0f, best_.data() + begin_);
     take_leg(best_.data() + begin_, count, static_cast<float>(settings.route * length_m * slices), least);
   }
   add_to(cost_[slice].data() + begin_, count, 1.0f, least);
 }
 
 double FlightPlanner::move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const {
-  const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
-  const size_t there = cell + static_cast<size_t>(offset_of(kLegs[leg], box_)), arrival = slice + leg_slices(length_m, settings);
-  double cost = settings.route * length_m * static_cast<double>(cost_.size()) + value(arrival)[there];
-  for (size_t k = slice + 1; k < std::min(arrival, cost_.size()); ++k) cost += 0.5 * (cost_[k][cell] + cost_[k][there]);
+  const LegTime time(leg_m(leg), settings);
+  const size_t there = cell + static_cast<size_t>(offset_of(kLegs[leg], box_)), before = slice + time.whole;
+  double cost = settings.route * leg_m(leg) * static_cast<double>(cost_.size()) + std::lerp(value(before)[there], value(before + 1)[there], time.rest);
+  for (size_t k = slice + 1; k < std::min(before, cost_.size()); ++k) cost += 0.5 * (cost_[k][cell] + cost_[k][there]);
+  if (before < cost_.size()) cost += 0.5 * time.rest * (cost_[before][cell] + cost_[before][there]);
   return cost;
 }
 
 // The leg that a plan takes from a cell at a slice; kLegs.size(): none, it stays for a slice.
-uint32_t FlightPlanner::best_move(size_t slice, uint32_t cell, const FlightSettings& settings, size_t& slices) const {
+uint32_t FlightPlanner::best_move(size_t slice, uint32_t cell, const FlightSettings& settings) const {
   double least = value(slice + 1)[cell];
   uint32_t best = kLegs.size();
-  slices = 1;
   for (uint32_t leg = 0; leg < kLegs.size(); ++leg) {
     if ((legs_[cell] >> leg & 1u) == 0) continue;
     const double cost = move_cost(slice, cell, leg, settings);
-    if (cost >= least) continue;
-    least = cost, best = leg;
-    slices = leg_slices(spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes)), settings);
+    if (cost < least) least = cost, best = leg;
   }
   return best;
+}
+
+// The place of the camera in a cell.
+glm::dvec3 FlightPlanner::place_m(uint32_t cell) const {
+  const glm::ivec3 index(static_cast<int>(cell % box_.row()), static_cast<int>(cell / box_.row() % static_cast<size_t>(box_.size.y)),
+                         static_cast<int>(cell / box_.slice()));
+  return glm::dvec3(index + box_.low) * spacing_m_ + glm::dvec3(offset_.x_m[cell], offset_.y_m[cell], offset_.z_m[cell]);
 }
 
 // Chooses the first cell among those around the start.
@@ -308,7 +354,7 @@ bool FlightPlanner::enter(const FlightStart& start, const FlightSettings& settin
         if (glm::any(glm::lessThan(at, box_.low)) || glm::any(glm::greaterThanEqual(at, box_.low + box_.size))) continue;
         const size_t cell = box_.address(at);
         if (open_[cell] == 0) continue;
-        const glm::dvec3 to_m = glm::dvec3(at) * spacing_m_;
+        const glm::dvec3 to_m = place_m(static_cast<uint32_t>(cell));
         const double late_m = glm::distance(start.position_m + start.drift_m, to_m);
         const auto slice = static_cast<size_t>(std::lround(late_m / (settings.speed_mps * settings.slice_s)));
         const size_t arrival = std::min(slice, cost_.size() - 1);
@@ -330,19 +376,22 @@ bool FlightPlanner::enter(const FlightStart& start, const FlightSettings& settin
 
 void FlightPlanner::go_on(const FlightSettings& settings) {
   const auto pass = [&](double at_s) {
-    const glm::ivec3 cell(static_cast<int>(at_ % box_.row()), static_cast<int>(at_ / box_.row() % static_cast<size_t>(box_.size.y)),
-                          static_cast<int>(at_ / box_.slice()));
-    plan_.point_m.push_back(glm::dvec3(cell + box_.low) * spacing_m_);
+    plan_.point_m.push_back(place_m(at_));
     plan_.at_s.push_back(at_s);
     plan_.candidates.push_back(candidate_[at_]);
   };
   pass(settings.slice_s * static_cast<double>(at_slice_ + 1));
-  while (at_slice_ + 1 < cost_.size()) {
-    size_t slices = 1;
-    const uint32_t leg = best_move(at_slice_, at_, settings, slices);
-    if (leg < kLegs.size()) at_ += static_cast<uint32_t>(offset_of(kLegs[leg], box_));
-    at_slice_ += slices;
-    pass(plan_.at_s.back() + settings.slice_s * static_cast<double>(slices));
+  for (auto slices = static_cast<double>(at_slice_); at_slice_ + 1 < cost_.size();) {
+    const uint32_t leg = best_move(at_slice_, at_, settings);
+    double takes = 1;
+    if (leg < kLegs.size()) {
+      at_ += static_cast<uint32_t>(offset_of(kLegs[leg], box_));
+      const LegTime time(leg_m(leg), settings);
+      takes = static_cast<double>(time.whole) + time.rest;
+    }
+    slices += takes;
+    at_slice_ = std::max(at_slice_ + 1, static_cast<size_t>(std::lround(slices)));
+    pass(plan_.at_s.back() + settings.slice_s * takes);
   }
 }
 

@@ -2,8 +2,9 @@
 // slices of time.
 //
 // A cell has a cost for each slice of time, which holds what is expected to be hidden from there *then*. At each slice the camera stays in its
-// cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the camera's mean speed. It costs its length
-// and, for each slice on the way, the mean of both cells' costs. Beyond the last slice the camera is taken to stay. The plan with the least sum of
+// cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the camera's mean speed, and at least a slice. It costs its length
+// and, for each slice on the way, the mean of both cells' costs. A leg that ends between two slices costs the mean of what it would cost if it ended at the
+// one or the other, weighted by how near they are. Beyond the last slice the camera is taken to stay. The plan with the least sum of
 // costs is found exactly. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
 //
 // The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.
@@ -51,9 +52,11 @@ struct FlightStart {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FlightPlanner {
  public:
-  // Sets the cells and the legs between them. `places`: at least one run, none empty. `clearance_m`: of each candidate in the runs, to the
-  // nearest collider, metres >= 0. The body, of a radius >= 0, must fit at both ends of a leg, and nothing may cross it. `slices` >= 1.
-  void lay(const PlaceView& places, std::span<const float> clearance_m, double body_radius_m, size_t slices);
+  // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate in the runs; where the camera
+  // is in that cell, less than a spacing from the cell's middle (clearance_cache.h). `clearance_m`: from there to the nearest collider, metres
+  // >= 0. The body, of a radius >= 0, must fit at both ends of a leg, and nothing may cross it. `slices` >= 1.
+  void lay(const PlaceView& places, std::span<const glm::dvec3> position_m, std::span<const float> clearance_m, double body_radius_m,
+           size_t slices);
 
   // The costs of a slice by cell, to be written in full after each `lay`: index a candidate's with cell_of. They should be at least 0 and
   // less than 1e6. Cells without a candidate are ignored. Valid until the next `lay`.
@@ -82,16 +85,17 @@ class FlightPlanner {
   void lay_box(const PlaceView& places, size_t slices);
   void set_positions();
   void lay_legs(double body_radius_m);
+  glm::dvec3 place_m(uint32_t cell) const;
   void sum_around(const float* values, float* sums);
   // Writes to best_: the least of the values at the ends of the legs that run along `axes` axes.
   void least_at_legs(const float* values, int axes);
   void least_at_unmasked_legs(const float* values, int axes);
   void price_slice(size_t slice, const FlightSettings& settings);
-  uint32_t best_move(size_t slice, uint32_t cell, const FlightSettings& settings, size_t& slices) const;
+  uint32_t best_move(size_t slice, uint32_t cell, const FlightSettings& settings) const;
   double move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const;
   bool enter(const FlightStart& start, const FlightSettings& settings);
   void go_on(const FlightSettings& settings);
-  size_t leg_slices(double length_m, const FlightSettings& settings) const;
+  double leg_m(uint32_t leg) const;
   const std::vector<float>& value(size_t slice) const { return value_[std::min(slice, cost_.size())]; }
 
   double spacing_m_ = 1.0;
@@ -101,6 +105,11 @@ class FlightPlanner {
   std::vector<uint32_t> candidate_;   // by cell
   std::vector<float> open_;           // by cell: 1 if the body fits
   std::vector<float> clear_m_;        // by cell: clearance
+  struct Offset {
+    std::vector<float> x_m, y_m, z_m;
+  };
+  Offset offset_;             // by cell: from its middle to the place of the camera
+  double longest_offset_m_ = 0;
   std::vector<float> x_m_, y_m_, z_m_;  // by cell: position relative to the box's lowest cell
   std::vector<uint32_t> legs_;        // by cell: a bit for each leg (see kLegs) that can be flown
   struct Pull {

@@ -27,6 +27,7 @@ class Aggregation {
 
   void list_candidates();
   void add_own_and_desired_position();
+  void fit_cells();
   void look_now();
   void filter();
   void look_ahead();
@@ -35,6 +36,7 @@ class Aggregation {
 
  private:
   bool filters() const { return settings_.filter.mode != FilterMode::kNone; }
+  void take_from_moved_cells(auto& by_candidate) const;
   void mark_what_passes();
   HiddenWeights hidden_weights(double weight) const {
     return {scratch_.passes, step_.targets.sight_weights, weight};
@@ -79,6 +81,24 @@ void Aggregation::add_own_and_desired_position() {
   if (step_.targets.steered != 0) candidates_.position_m.push_back(nearest_in_bound_m(bound_, desired_m_));
 }
 
+// Moves cells to where the body fits. Their places follow the candidates for the look-ups.
+void Aggregation::fit_cells() {
+  list_places(candidates_.position_m, sights_.position_m);
+  const std::span<const float> clearance_m =
+      scratch_.clearance_cache.measure(step_.input.scene, memory_.lattice, bound_, sights_.position_m, sights_.on_lattice, route_radius_m(step_));
+  sights_.clearance_m.assign(clearance_m.begin(), clearance_m.end());
+  scratch_.places = candidates_.position_m;
+  for (const uint32_t cell : scratch_.clearance_cache.moved()) scratch_.places.push_back(sights_.position_m[cell]);
+}
+
+// Gives each moved cell what was found for its place, and removes the places' own entries.
+void Aggregation::take_from_moved_cells(auto& by_candidate) const {
+  const std::span<const uint32_t> moved = scratch_.clearance_cache.moved();
+  const size_t candidates = by_candidate.size() - moved.size();
+  for (size_t k = 0; k < moved.size(); ++k) by_candidate[moved[k]] = by_candidate[candidates + k];
+  by_candidate.resize(candidates);
+}
+
 // Marks the moving occluders, which may soon be gone. Targets are not marked, because they may hide each other for long
 // while they walk together.
 void Aggregation::mark_what_passes() {
@@ -100,25 +120,27 @@ uint32_t Aggregation::seen_from_own_position() const {
 
 // Finds the targets that each candidate sees now. For candidates of pair volumes the chain has found that already.
 void Aggregation::look_now() {
-  if (weighs_hidden_) {
-    scratch_.hidden_by.reset(candidates_.position_m.size());
-    mark_what_passes();
-  }
   Composer& composer = scratch_.composer;
   const double bias = settings_.relative_bias;
   const SampledPoints sampled = taken_.of(plan_.now);
   std::vector<uint32_t>& visible = sights_.on_lattice ? candidates_.visible_targets : scratch_.off_grid_visible;
-  composer.set_positions(
-      sights_.on_lattice ? candidates_.position_m.view()
-                         : PlaceView(candidates_.position_m.view().singles_m().subspan(sights_.own_candidate)));
-  if (weighs_hidden_ && sights_.on_lattice)
+  if (weighs_hidden_) {
+    composer.set_positions(scratch_.places);
+    scratch_.hidden_by.reset(scratch_.places.size());
+    mark_what_passes();
     composer.visibility_and_hidden(sampled, bias, hidden_weights(1.0), visible, scratch_.hidden_by);
-  else
+    take_from_moved_cells(visible);
+    take_from_moved_cells(scratch_.hidden_by.by_staying);
+    take_from_moved_cells(scratch_.hidden_by.by_passing);
+  } else {
+    composer.set_positions(sights_.on_lattice
+                               ? candidates_.position_m.view()
+                               : PlaceView(candidates_.position_m.view().singles_m().subspan(sights_.own_candidate)));
     composer.visibility(sampled, bias, visible);
+  }
   if (!sights_.on_lattice) {
     composer.set_positions(candidates_.position_m);
     candidates_.visible_targets.insert(candidates_.visible_targets.end(), visible.begin(), visible.end());
-    if (weighs_hidden_) composer.add_hidden(sampled, bias, hidden_weights(1.0), scratch_.hidden_by);
   }
   candidates_.visible_targets[sights_.own_candidate] = seen_from_own_position();
 }
@@ -167,8 +189,10 @@ void Aggregation::renew_slices() {
   const size_t cells = memory_.lattice.size();
   for (const SampledSlice& slice : plan_.slices) {
     HiddenShares& hidden = scratch_.hidden_by;
-    hidden.reset(candidates_.position_m.size());
+    hidden.reset(scratch_.places.size());
     scratch_.composer.add_hidden(taken_.of(slice.sampled), settings_.relative_bias, hidden_weights(1.0), hidden);
+    take_from_moved_cells(hidden.by_staying);
+    take_from_moved_cells(hidden.by_passing);
     scratch_.shares.resize(cells);
     for (size_t i = 0; i < cells; ++i)
       scratch_.shares[i] = static_cast<float>(std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0));
@@ -202,12 +226,13 @@ void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScrat
   Aggregation aggregation(in, memory, scratch, sights);
   aggregation.list_candidates();
   aggregation.add_own_and_desired_position();
+  if (weighs_hidden(step.input)) aggregation.fit_cells();
   aggregation.look_now();
   aggregation.filter();
   aggregation.look_ahead();
   aggregation.add_up_hidden();
   aggregation.renew_slices();
-  if (step.input.settings.move.strategy != Strategy::kBasic)
+  if (step.input.settings.move.strategy == Strategy::kRobust)
     list_places(sights.candidates.position_m, sights.position_m);
   count_sights(sights.candidates, step.targets.steered, step.target_count(), sights.counts);
 }

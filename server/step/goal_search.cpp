@@ -11,8 +11,6 @@
 namespace sightline {
 namespace {
 
-// Routes keep this much more from walls than the body needs, so that it can turn corners without grazing them.
-constexpr double kRouteRoomM = 0.05;
 // A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are longer.
 constexpr double kWayM = 4.0;
 // The cost of a place outside the limits of distance and elevation, metres.
@@ -52,20 +50,14 @@ void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& cle
     if (soon.clearance_m(position_m[i], body_radius_m) < body_radius_m) clearance_m[i] = 0;
 }
 
-void measure_clearances(const MoveInput& in, double body_radius_m, MoveScratch& scratch) {
-  const std::span<const float> to_what_stands =
-      scratch.clearance_cache.measure(in.step.input.scene, in.carried.candidates.lattice, in.bound, in.sights.position_m,
-                                      in.sights.on_lattice, body_radius_m);
-  scratch.clearance_m.assign(to_what_stands.begin(), to_what_stands.end());
-  give_way(in, body_radius_m, scratch.clearance_m);
-}
-
 // ---- the flight plan ----
 
 // Hidden shares are means over the targets, so a part of one target counts the less, the more targets there are. From three targets on, this
 // factor makes up for that: a part costs as much as with two. It has a bound, because a camera with very many targets would never be calm.
+// The distance from the desired position then counts less, by the square of the factor: few places show many targets, and a
+// camera that is drawn away from them again and again is neither calm nor does it show them.
 double several_factor(const TargetsNow& targets) {
-  constexpr double kMost = 2.0;
+  constexpr double kMost = 3.0;
   return std::clamp(effective_count(targets.sight_weights) / 2, 1.0, kMost);
 }
 
@@ -75,7 +67,7 @@ class PlanPricer {
       : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
         lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
     const double factor = several_factor(in.step.targets);
-    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor;
+    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, in.step.input.settings.move.viewpoint_search.keep_shot_below);
   }
 
@@ -84,7 +76,7 @@ class PlanPricer {
     for (size_t slice = 0; slice < kSlices; ++slice) {
       price_hidden(slice);
       planner_.blur(slice, weights_.surroundings);
-      planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), weights_.distance, outside_);
+      planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
     }
   }
 
@@ -114,7 +106,7 @@ class PlanPricer {
   const HiddenAhead& ahead_;
   const Lattice& lattice_;
   const glm::dvec3 group_mps_;
-  double occlusion_ = 0, tolerance_ = 0;
+  double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
 };
 
 FlightSettings flight_settings(const MoveInput& in) {
@@ -142,11 +134,12 @@ class GoalSearch {
         ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)), blind_(blind_since(in)) {}
 
   Goal choose() {
-    const double body_radius_m = body_m(in_) + kRouteRoomM;
+    const double body_radius_m = route_radius_m(in_.step);
     scratch_.way.clear();
     scratch_.way.reserve(kSlices + 1);
-    measure_clearances(in_, body_radius_m, scratch_);
-    planner_.lay(in_.sights.candidates.position_m, scratch_.clearance_m, body_radius_m, kSlices);
+    scratch_.clearance_m = in_.sights.clearance_m;
+    give_way(in_, body_radius_m, scratch_.clearance_m);
+    planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
     std::optional<Goal> goal = take_far_way(body_radius_m);

@@ -48,6 +48,8 @@ bool targets_stand(const StepContext& step);
 glm::dvec3 group_velocity_mps(const StepContext& step);
 // True if the strategy rates candidates by the share of the targets that is expected to be hidden from them.
 bool weighs_hidden(const StepInput& input);
+// The radius of the body with the room that a path keeps from walls. So the camera can turn corners without grazing them.
+double route_radius_m(const StepContext& step);
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
 
@@ -132,6 +134,8 @@ struct AggregateInput {
 };
 struct AggregateScratch {
   Composer composer;
+  ClearanceCache clearance_cache;  // strategy kMinCost
+  PlaceList places;                // the candidates, and then the places of moved cells
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and belongs to no target
   std::vector<uint32_t> off_grid_visible, slots;
@@ -161,7 +165,6 @@ struct MoveScratch {
   std::vector<double> cost;
   ChoiceScratch choice_scratch;
   // Strategy kMinCost.
-  ClearanceCache clearance_cache;
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
   FlightPlanner planner;
   RouteFinder routes;

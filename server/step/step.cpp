@@ -51,6 +51,11 @@ glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot) {
   return desired_place_m(step.targets.tracked_targets, shot.offset_m, step.lens, framing.framing_margin, settings);
 }
 
+double route_radius_m(const StepContext& step) {
+  constexpr double kRoomM = 0.05;
+  return swept_radius_m(step.input.limits, step.lens) + kRoomM;
+}
+
 bool weighs_hidden(const StepInput& input) {
   return input.settings.move.strategy == Strategy::kMinCost;
 }
@@ -168,6 +173,7 @@ StepResult Stepper::finish(const StageClock& clock) {
 // The state begins again as after place_camera, and the report uses the sights from the new place.
 void Stepper::begin_at_cut(const CutPlace& place) {
   carried_.cut = {};
+  carried_.candidates.lattice.start_again();
   carried_.shares.forget();
   carried_.path.start(dump_.decision.camera.pose);
   Sampled& now = dump_.plan.now;

@@ -127,7 +127,8 @@ struct CandidateSights {
   CandidateSet candidates;
   size_t own_candidate = 0;  // index of the camera's own position among the candidates
   bool on_lattice = false;   // the first candidates are the lattice's cells rather than a pair volume's
-  std::vector<glm::dvec3> position_m;  // of the candidates, listed; empty for strategy kBasic
+  std::vector<glm::dvec3> position_m;  // of the candidates, listed; empty for strategy kBasic. For kMinCost where the body fits (clearance_cache.h)
+  std::vector<float> clearance_m;      // strategy kMinCost: by candidate, to static colliders, within a limit
   std::vector<double> hidden;          // strategy kMinCost: by candidate, the hidden share of the targets, [0, 1]
   SightCounts counts;
 };

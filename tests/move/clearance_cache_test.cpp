@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "server/scene/primitives.h"
 #include "tests/support/triangle_soup.h"
 
 namespace sightline {
@@ -62,6 +63,7 @@ struct Place {
   double reach_m() const { return 2 * lattice.spacing_m() + kBodyM + 0.5; }
 
   void expect_exact(bool on_lattice = true) {
+    const std::vector<glm::dvec3> before_m = position_m;
     const auto measured = clearance_cache.measure(mirror, lattice, bound, position_m, on_lattice, kBodyM);
     ASSERT_EQ(measured.size(), position_m.size());
     ClearanceField field;
@@ -69,6 +71,23 @@ struct Place {
     for (size_t i = 0; i < position_m.size(); ++i)
       ASSERT_EQ(measured[i], static_cast<float>(field.clearance_m(position_m[i], reach_m())))
           << "place " << i;
+    expect_fitting(field, before_m, measured);
+    position_m = before_m;
+  }
+  // Only cells where the body did not fit were moved, and now it does.
+  void expect_fitting(const ClearanceField& field, const std::vector<glm::dvec3>& before_m, std::span<const float> measured) {
+    std::vector<uint32_t> moved;
+    for (uint32_t i = 0; i < position_m.size(); ++i) {
+      if (position_m[i] == before_m[i]) continue;
+      moved.push_back(i);
+      EXPECT_LT(i, lattice.size());
+      EXPECT_LT(field.clearance_m(before_m[i], 10.0), kBodyM);
+      EXPECT_GE(measured[i], static_cast<float>(kBodyM) - 1e-6f);
+      EXPECT_LE(glm::distance(position_m[i], before_m[i]), 0.5 * lattice.spacing_m() + 1e-6);
+      EXPECT_TRUE(bound.contains(position_m[i]));
+      EXPECT_EQ(field.free_fraction(before_m[i], position_m[i], 1e-4), 1.0);
+    }
+    EXPECT_TRUE(std::ranges::equal(clearance_cache.moved(), moved));
   }
 };
 
@@ -124,7 +143,7 @@ TEST(ClearanceCache, LeavesOutWhatMoves) {
   const auto a =
       still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, true, kBodyM);
   const auto b =
-      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, still.position_m, true, kBodyM);
+      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, moving.position_m, true, kBodyM);
   EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end()));
 }
 
@@ -147,6 +166,30 @@ TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
     for (const float clearance :
          place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, true, body_m))
       EXPECT_GT(clearance, body_m);
+}
+
+// A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead through it.
+TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
+  constexpr double kHalfM = kBodyM + 0.06;
+  for (const double shift_m : {0.0, 0.05, 0.1, 0.15, 0.2, 0.25}) {
+    SceneMirror mirror;
+    const glm::dvec3 door_m(shift_m, 0.7 * shift_m, 0);
+    uint64_t id = 1;
+    for (const glm::dvec3 side : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0)})
+      add(mirror, placed(id++, build_geometry(*tessellate(BoxShape{glm::vec3(5, 5, 0.2)})).value(), {door_m + (5 + kHalfM) * side, glm::dquat(1, 0, 0, 0)}));
+    Bound bound;
+    bound.radius_m = 1.5;
+    Lattice lattice;
+    lattice.cover(bound, 150);
+    ASSERT_GT(lattice.spacing_m(), 0.4) << "coarser than the doorway's free width";
+    std::vector<glm::dvec3> position_m = lattice.positions_m();
+    ClearanceCache clearance_cache;
+    const auto clearance_m = clearance_cache.measure(mirror, lattice, bound, position_m, true, kBodyM);
+    size_t inside = 0;
+    for (size_t i = 0; i < position_m.size(); ++i)
+      inside += std::abs(position_m[i].z) < 0.2 && glm::all(glm::lessThan(glm::abs(position_m[i] - door_m), glm::dvec3(kHalfM))) && clearance_m[i] >= kBodyM;
+    EXPECT_GT(inside, 0u) << "shifted by " << shift_m;
+  }
 }
 
 // The candidates of the pair volume: fewer or more than the lattice has cells.
