@@ -4,6 +4,7 @@ What a verb prints for a person, it prints for a program too: one JSON value on 
 """
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -161,7 +162,12 @@ class Json(unittest.TestCase):
         self.assertTrue(self.value("compare", self.yard, self.yard, "--json")["equal"])
         other = self.new("other.mcap")
         self.value("replay", self.yard, "--set", "max_distance_m=5", "--out", other, "--json")
-        self.assertFalse(self.value("compare", self.yard, other, "--json", status=NO)["equal"])
+        told = self.value("compare", self.yard, other, "--json", status=NO)
+        self.assertFalse(told["equal"])
+        words = run(SIGHTLINE, "compare", self.yard, other).stdout
+        self.assertIn("settings.max_distance_m", words)
+        for deviation in told["replies"]["fields"]:
+            self.assertRegex(words, rf"{re.escape(deviation['field'])} +{deviation['replies']} +{deviation['first_sequence']} ")
 
     def test_of_report(self):
         page = self.new("page.html")

@@ -139,6 +139,19 @@ TEST(Lifecycle, AStreamHearsOfADrainEvenBeforeItOpens) {
   EXPECT_TRUE(reply->has_drain());
 }
 
+// Nothing else happens on the stream that would send what waits.
+TEST(Lifecycle, AnIdleStreamHearsOfADrain) {
+  ServiceWorld world;
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  stream.send(move_tick(1, 1, 0.1));
+  ASSERT_TRUE(stream.read()->has_camera());
+  world.streams.drain("maintenance");
+  const auto reply = stream.read();
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->drain().reason(), "maintenance");
+}
+
 TEST(Lifecycle, AnEndedStreamClosesWithTheStatus) {
   ServiceWorld world;
   Stream stream(world.channel());
