@@ -14,8 +14,8 @@ namespace sightline {
 // Names of files, which are read when the verb runs. The token comes from a file because other users can see the arguments of a process.
 struct ConnectionFlags {
   bool tls = false;  // encrypt TCP; one of the next three says so as well
-  std::string roots, certificate, key;
-  std::string token;
+  std::string roots{}, certificate{}, key{};
+  std::string token{};
 };
 
 void add_connection_flags(CLI::App& command, ConnectionFlags& flags);

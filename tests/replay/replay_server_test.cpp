@@ -95,6 +95,7 @@ TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
   EXPECT_EQ(replayed.replies, 240u);
   EXPECT_EQ(replayed.equal, hall.replies) << replayed.text;
   EXPECT_EQ(replayed.hash, hall.hash);
+  EXPECT_TRUE(replayed.restarts_equal) << "the new daemon repeats what the killed one has answered";
 }
 
 TEST(ReplayAtDaemon, ThatStaysAwayIsAnErrorThatSaysSo) {

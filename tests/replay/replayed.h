@@ -53,6 +53,7 @@ struct Replayed {
   ReplayVerdict verdict = ReplayVerdict::kEqual;
   uint64_t observed_left_out = 0, observed_kept = 0;
   double position_m = 0.0;
+  bool restarts_equal = false;  // see Replay
   std::vector<v1::CameraReply> all;
   std::string text;  // as the command prints it
 };
@@ -86,6 +87,7 @@ inline Replayed replay_on(ReplayBackend& place, const Recording& recording,
   done.replies = replies.compared();
   done.equal = replies.equal();
   done.hash = replies.hash_b();
+  done.restarts_equal = replay.restarts_equal();
   done.position_m = replies.position_m();
   done.verdict = tally.verdict();
   done.observed_left_out = replay.feed().observed_left_out();

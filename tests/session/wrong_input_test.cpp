@@ -66,6 +66,10 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) {
        t.move(kAnn, {}).at_speed({0, 2e6, 0});
      }},
+    {"tick.transforms.velocities[3]", E::kInvalidArgument,
+     [](Game&, TickMaker& t) {
+       t.move(kAnn, {}).move(kBob, {}).transforms.velocities_mps = {{1, 0, 0}, {0, 0, 2e6}};
+     }},
     {"tick.transforms.velocities", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.velocities_mps.resize(2); }},
     {"tick.transforms.positions", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
