@@ -37,6 +37,14 @@ std::vector<float> shares(const ViewpointMap& viewpoints, size_t target) {
   return all;
 }
 
+TEST(ViewpointMap, EachViewpointIsTheNearestOneToItself) {
+  const ViewpointMap viewpoints = viewpoints_of({1}, 7.0);
+  for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place) {
+    EXPECT_EQ(viewpoints.nearest_viewpoint(viewpoints.offset_m(place)), place);
+    EXPECT_EQ(viewpoints.nearest_viewpoint(1.01 * viewpoints.offset_m(place)), place) << "a little farther out";
+  }
+}
+
 // Viewpoints are spread evenly over all azimuths, from level to steep, at four distances of which the third is the
 // given one. No viewpoint occurs twice.
 TEST(ViewpointMap, PlacesStandRoundTheCentre) {

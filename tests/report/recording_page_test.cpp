@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "client/report/figures.h"
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
 #include "client/report/placeholders.h"
@@ -453,6 +454,17 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
   EXPECT_EQ(json_of("Limits in effect at the start")["max_speed_mps"], 10.0);
   EXPECT_EQ(json_of("Limits in effect at the end")["max_speed_mps"], 4.0);
   EXPECT_TRUE(json_of("Lens: radians, vertical at the end").is_null());  // the lens did not change
+}
+
+// Motion across a jump is no motion of the camera.
+TEST(FrameOfAReply, IsAJumpAfterACutOrATickTooLongToFly) {
+  v1::CameraReply plain, cut, capped;
+  for (v1::CameraReply* reply : {&plain, &cut, &capped}) reply->mutable_pose()->mutable_rotation()->set_w(1);
+  cut.set_cut(true);
+  capped.mutable_flags()->set_dt_capped(true);
+  EXPECT_FALSE(frame_of(plain, {}).jump);
+  EXPECT_TRUE(frame_of(cut, {}).jump);
+  EXPECT_TRUE(frame_of(capped, {}).jump);
 }
 
 TEST_F(ReportPage, PicturesComeWithTheTruthOfTheirFrames) {

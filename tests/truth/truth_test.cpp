@@ -109,6 +109,19 @@ class Bench {
 
 constexpr double kAheadM = -10.0;  // z of what stands ten metres before the camera
 
+// The edges of a picture of 60 degrees that is twice as wide as high, 10 m away: 5.77 m up and down, 11.55 m to the sides.
+TEST(Truth, ACentreIsInTheFrameBetweenAllFourEdges) {
+  Bench bench;
+  bench.lens.vertical_fov_rad = std::numbers::pi / 3, bench.lens.aspect = 2.0;
+  const std::pair<glm::dvec3, bool> cases[] = {{{0, 0, -10}, true},       {{0, 5.7, -10}, true},    {{0, 5.9, -10}, false}, {{0, -5.7, -10}, true},
+                                               {{0, -5.9, -10}, false},   {{11.4, 0, -10}, true},   {{11.7, 0, -10}, false}, {{-11.4, 0, -10}, true},
+                                               {{-11.7, 0, -10}, false}, {{11.4, 5.7, -10}, true}, {{0, 0, 10}, false},     {{0, 1, 10}, false}};
+  uint64_t id = 1;
+  for (const auto& [at, is_in] : cases) bench.add_target(id++, SphereShape{0.5f}, at);
+  const PictureTruth picture = bench.look(32);
+  for (size_t i = 0; i < std::size(cases); ++i) EXPECT_EQ(picture.targets[i].in_frame, cases[i].second) << "target " << i;
+}
+
 TEST(Truth, ATargetInTheOpenIsSeenWhole) {
   Bench bench;
   bench.add_target(1, SphereShape{0.5f}, {0, 0, kAheadM});
