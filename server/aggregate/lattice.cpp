@@ -31,7 +31,7 @@ double lattice_spacing_m(double radius_m, int candidates, double last_m) {
   return std::exp2(std::floor(steps) / kStepsPerOctave);
 }
 
-// The side is that of the largest ball which keeps the spacing, so that a ball that grows keeps its cells.
+// The side fits the largest ball for which the spacing is kept, so a growing ball keeps its cells.
 void Lattice::resize(const Bound& bound, int candidates) {
   const double spacing_m = lattice_spacing_m(bound.radius_m, candidates, spacing_m_);
   const double largest = radius_in_spacings(candidates) * std::exp2((1 + kHeldSteps) / kStepsPerOctave);

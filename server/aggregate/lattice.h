@@ -15,8 +15,8 @@ namespace sightline {
 
 // The spacing for which a ball of `radius_m` holds about `candidates` lattice points. It is rounded down to a power of 2^(1/4), so that
 // small changes of the radius keep the lattice. The ball therefore holds up to 1.7 times as many points, and a few more or less at its
-// surface. With `last_m`, the spacing of the step before, that spacing stays until the radius is 4 % beyond what fits it: a radius that
-// goes to and fro keeps its lattice.
+// surface. `last_m` is the spacing of the step before in metres, or 0 without one. It is kept until the radius is 4 % beyond the radii that it is
+// for, so a radius that goes to and fro keeps its lattice.
 double lattice_spacing_m(double radius_m, int candidates, double last_m = 0.0);
 
 class Lattice {
@@ -24,10 +24,10 @@ class Lattice {
   // Finds the runs of lattice points inside the bound, x fastest. A new spacing resets every cell. Data that is stored by cell needs
   // addresses, which only `cover` assigns; after the first call of `cover`, `lay` assigns them too.
   void lay(const Bound& bound, int candidates);
-  // The next bound alone decides the spacing, as for a new lattice: for a camera that was put elsewhere.
-  void start_again() { spacing_m_ = 0.0; }
-  // The same as `lay`, and assigns an address to every cell. A cell that comes into the bound takes over the address of a cell that left.
+  // The same, and assigns an address to every cell. A cell that comes into the bound takes over the address of a cell that left.
   void cover(const Bound& bound, int candidates);
+  // Forgets the spacing, so that the next bound alone decides it. Called when the camera is placed anew.
+  void start_again() { spacing_m_ = 0.0; }
 
   double spacing_m() const { return spacing_m_; }
   int side() const { return side_; }  // addresses along each axis

@@ -5,7 +5,7 @@
 // cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the camera's mean speed, and at least a slice. It costs its length
 // and, for each slice on the way, the mean of both cells' costs. A leg that ends between two slices costs the mean of what it would cost if it ended at the
 // one or the other, weighted by how near they are. Beyond the last slice the camera is taken to stay. The plan with the least sum of
-// costs is found exactly. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
+// costs is found exactly, with lengths and distances measured between the cells' middles. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
 //
 // The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.
 #pragma once

@@ -54,8 +54,8 @@ void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& cle
 
 // Hidden shares are means over the targets, so a part of one target counts the less, the more targets there are. From three targets on, this
 // factor makes up for that: a part costs as much as with two. It has a bound, because a camera with very many targets would never be calm.
-// The distance from the desired position then counts less, by the square of the factor: few places show many targets, and a
-// camera that is drawn away from them again and again is neither calm nor does it show them.
+// The distance from the desired position then counts less, by the square of the factor. Few places show many targets. A camera that is
+// drawn away from them again and again does not show them, and is not calm.
 double several_factor(const TargetsNow& targets) {
   constexpr double kMost = 3.0;
   return std::clamp(effective_count(targets.sight_weights) / 2, 1.0, kMost);

@@ -12,7 +12,7 @@ namespace {
 
 class ConnectionFlagsTest : public testing::Test {
  protected:
-  // A file of that content.
+  // Writes a file with this content, and returns its path.
   std::string file(const std::string& name, const std::string& content) {
     const std::filesystem::path path = folder_ / name;
     std::ofstream(path, std::ios::binary) << content;

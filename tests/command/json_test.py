@@ -166,6 +166,7 @@ class Json(unittest.TestCase):
         self.assertFalse(told["equal"])
         words = run(SIGHTLINE, "compare", self.yard, other).stdout
         self.assertIn("settings.max_distance_m", words)
+        self.assertTrue(told["replies"]["fields"])
         for deviation in told["replies"]["fields"]:
             self.assertRegex(words, rf"{re.escape(deviation['field'])} +{deviation['replies']} +{deviation['first_sequence']} ")
 

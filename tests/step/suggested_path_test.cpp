@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-
 namespace sightline {
 namespace {
 
@@ -29,7 +28,7 @@ TEST(SuggestedPath, TheNearestPointMayLieOnEveryPartOfTheTrack) {
   expect_away({-3, 0, 1}, {-3, 0, 1});    // before the start
   expect_away({4, 6, 0}, {0, 2, 0});      // beyond the end
   expect_away({5, -1, 0}, {1, -1, 0});    // at the corner
-  expect_away({3.5, 1, 0}, {-0.5, 0, 0});   // nearer to the second than to the first
+  expect_away({3.5, 1, 0}, {-0.5, 0, 0});  // nearer to the second than to the first
 }
 
 TEST(SuggestedPath, OneValueIsATrackToo) {
