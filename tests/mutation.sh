@@ -8,8 +8,8 @@
 #   tests/mutation.sh --again server/move            only those that have survived, after tests were added
 #   tests/mutation.sh --learn               builds everything, and learns which tests come past which mutants and how long they take
 #
-# The options are those of mutation/run_mutants.py. A copy of the sources, in build/mutation, is compiled once with all its mutants
-# (mutation/instrument.py says what is changed), and a variable of the environment switches one on. The results are written to
+# The options are those of mutation/run_mutants.py. A copy of the sources, in build/mutation, is compiled once with the mutants to
+# try (mutation/instrument.py says what is changed), and a variable of the environment switches one on. The results are written to
 # build/mutation/results.json, and the page results/trust is made from them. All folders take hours; a run that is stopped keeps its results,
 # and the same command goes on.
 set -euo pipefail
@@ -21,12 +21,12 @@ deploy/install-packages.sh mutation
 root=$PWD
 tree=$root/build/mutation
 build=$tree/source/build/release
-options=() folders=() programs=9
+options=() folders=() programs=9 per_folder=20 seed=1
 while [ $# -gt 0 ]; do
   case $1 in
     --again | --fresh | --learn) options+=("$1"); shift ;;
     --*)
-      [ "$1" = --programs ] && programs=$2
+      case $1 in --programs) programs=$2 ;; --per-folder) per_folder=$2 ;; --seed) seed=$2 ;; esac
       options+=("$1" "$2"); shift 2 ;;
     *) folders+=("${1%/}"); shift ;;
   esac
@@ -35,9 +35,14 @@ near() { PYTHONPATH=tests/mutation /usr/bin/python3 -c "from nearest import *; i
 [ ${#folders[@]} -gt 0 ] || mapfile -t folders < <(near 'print(*NEAREST, sep="\n")')
 jobs=$(nproc)
 
-rewrite() { /usr/bin/python3 tests/mutation/rewrite.py "$root" "$tree" build/release/compile_commands.json "$jobs" "${folders[@]}"; }
+rewrite() {
+  /usr/bin/python3 tests/mutation/rewrite.py "$root" "$tree" build/release/compile_commands.json "$jobs" "$seed" "$per_folder" "${folders[@]}"
+}
 compile() { cmake --build "$build" --parallel "$jobs" --target "$@" -- -k 0 2>&1 | tee "$tree/build.log"; }
 
+# A fresh clone goes on from the results on the page.
+mkdir -p "$tree"
+[ -e "$tree/results.json" ] || cp tests/results/trust/mutants.json "$tree/results.json"
 cmake --preset release -DSIGHTLINE_TESTS=ON >/dev/null
 cmake --build --preset release --target sightline_settings_code sightline_proto sightline_viewer_proto sightline_page_template --parallel "$jobs" >/dev/null
 rewrite
@@ -50,6 +55,4 @@ until compile $targets; do
   /usr/bin/python3 tests/mutation/refuse.py "$tree/build.log" "$tree" || exit 1
   rewrite
 done
-# A fresh clone goes on from the results on the page.
-[ -e "$tree/results.json" ] || cp tests/results/trust/mutants.json "$tree/results.json"
 exec /usr/bin/python3 tests/mutation/run_mutants.py "$build" "$tree/mutants.json" "$tree/results.json" "${options[@]}" "${folders[@]}"

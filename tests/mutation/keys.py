@@ -1,4 +1,5 @@
 """Names and numbers of mutants that stay the same from run to run."""
+import hashlib
 import zlib
 
 # Each source file has a block of numbers of its own, so that an unchanged file is rewritten into the same text whatever else is rewritten.
@@ -11,6 +12,11 @@ def key(mutant):
     """Unique among all mutants, and the same until the file's text changes there: the ordinal counts the mutants of a file with equal change and
     text."""
     return mutant["file"], mutant["change"], mutant["text"], mutant.get("ordinal", 1)
+
+
+def place(mutant, seed):
+    """Where the seed puts the mutant among all, from 0 to 1. Each has its place by itself, so that a change of the sources moves no other."""
+    return int.from_bytes(hashlib.sha256(repr((seed, key(mutant))).encode()).digest()[:8]) / 2**64
 
 
 def first_numbers(files):

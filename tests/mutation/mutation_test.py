@@ -69,6 +69,7 @@ unittest.main(argv=sys.argv)
 
 class Repository:
     """Two small folders and the sources that a mutation run adds, in git, with compile commands."""
+    per_folder = 20
 
     def __init__(self, folder):
         self.root, self.tree = folder / "root", folder / "tree"
@@ -88,7 +89,7 @@ class Repository:
 
     def rewrite(self, *folders):
         rewrite.digest.cache_clear()
-        subprocess.run([sys.executable, str(HERE / "rewrite.py"), str(self.root), str(self.tree), str(self.commands), "1", *folders], check=True,
+        subprocess.run([sys.executable, str(HERE / "rewrite.py"), str(self.root), str(self.tree), str(self.commands), "1", "1", str(self.per_folder), *folders], check=True,
                        stdout=subprocess.DEVNULL)
         return [{**mutant, "folder": str(pathlib.PurePath(mutant["file"]).parent)} for mutant in json.loads((self.tree / "mutants.json").read_text())]
 
@@ -136,6 +137,22 @@ class Rewriting(Case):
         self.assertEqual(repository.rewrite("server/base"), [], "a file that fails again is left as it is")
         log.write_text("tests/base/hash_test.cpp:5:10: error: no match\n")
         self.assertEqual(refuse.main(log, repository.tree), 1)
+
+    def test_only_the_first_ones_that_the_seed_draws_and_survivors_are_in_the_copy(self):
+        repository = Repository(self.folder)
+        repository.per_folder = 0  # about three, so that they compile
+        every = repository.rewrite("server/base")
+        self.assertTrue(all("id" in mutant for mutant in every), "of a folder without results all are taken")
+        drawn = run_mutants.sample(every, "server/base", 1)
+        results = {"seed": 1, "existing": {"server/base": len(every)}, "mutants": [{**drawn[-1], "by": None}, {**drawn[-2], "by": "a_test"}]}
+        (repository.tree / "results.json").write_text(json.dumps(results))
+        again = repository.rewrite("server/base")
+        self.assertEqual({keys.key(m) for m in again}, {keys.key(m) for m in every}, "the list has all")
+        taken = run_mutants.sample(again, "server/base", 1)
+        self.assertGreaterEqual(len(taken), 2)
+        self.assertLess(len(taken), len(every))
+        self.assertEqual([keys.key(m) for m in taken], [keys.key(m) for m in [*drawn[:len(taken) - 1], drawn[-1]]])
+        self.assertEqual(repository.copied("server/base/limit.cpp").read_text().count("mutation::"), len(taken))
 
     def test_names_are_unique_on_a_real_source(self):
         root = HERE.parents[1]
@@ -240,7 +257,7 @@ class Order(unittest.TestCase):
         self.assertEqual(sum((part.tests for part in found), []), [tests[0], tests[1], tests[3], tests[5]])
 
     def test_a_larger_sample_extends_a_smaller_one(self):
-        mutants = [{"file": "f", "change": "c", "text": str(n), "ordinal": 1, "folder": "server/base"} for n in range(30)]
+        mutants = [{"file": "f", "change": "c", "text": str(n), "ordinal": 1, "folder": "server/base", "id": n} for n in range(30)]
         drawn = run_mutants.sample(mutants, "server/base", 1)
         self.assertEqual(run_mutants.sample(mutants[5:], "server/base", 1), [m for m in drawn if m in mutants[5:]])
         self.assertNotEqual(drawn, run_mutants.sample(mutants, "server/base", 2))
@@ -250,7 +267,7 @@ class Order(unittest.TestCase):
 
 
 class Keeping(Case):
-    MUTANTS = [{"file": "server/base/a.cpp", "line": n, "change": "c", "text": "t", "ordinal": n, "folder": "server/base"} for n in (1, 2, 3, 4)]
+    MUTANTS = [{"file": "server/base/a.cpp", "line": n, "change": "c", "text": "t", "ordinal": n, "folder": "server/base", "id": n} for n in (1, 2, 3, 4)]
 
     def options(self, per_folder, again=False):
         return type("Options", (), {"folders": ["server/base"], "seed": 1, "per_folder": per_folder, "again": again})

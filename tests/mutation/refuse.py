@@ -26,7 +26,8 @@ def blamed(mutants, lines):
 
 def main(log, tree):
     tree = pathlib.Path(tree)
-    mutants, path = json.loads((tree / "mutants.json").read_text()), tree / "refused.json"
+    mutants = [mutant for mutant in json.loads((tree / "mutants.json").read_text()) if "id" in mutant]
+    path = tree / "refused.json"
     refused = json.loads(path.read_text()) if path.exists() else {}
     rewritten = {mutant["file"] for mutant in mutants}
     errors = {}

@@ -1,16 +1,19 @@
 #!/usr/bin/env python3
-"""Keeps a copy of the repository in which sources contain all their mutants:
+"""Keeps a copy of the repository in which sources contain the mutants that a run may try:
 
-  rewrite.py ORIGINAL TREE COMPILE_COMMANDS JOBS FOLDER...
+  rewrite.py ORIGINAL TREE COMPILE_COMMANDS JOBS SEED PER_FOLDER FOLDER...
 
-TREE/source is the copy, and TREE/mutants.json the list of the mutants in it: number, file, lines, kind, change, text and ordinal. The sources
-of the folders are rewritten (instrument.py). Those of other folders stay as a former run has rewritten them, where nothing that they include
-has changed since, so that another choice of folders compiles nothing again. COMPILE_COMMANDS are those of a build of ORIGINAL, which has made
-the generated sources. TREE/refused.json names mutants that the compiler refused although clang did not (refuse.py).
+TREE/source is the copy, and TREE/mutants.json the list of all mutants: file, lines, kind, change, text and ordinal, and the number of those that
+are in the copy. These are the first ones that the seed draws of each folder, enough for PER_FOLDER of them, and the survivors in
+TREE/results.json: fewer compile sooner, and leave inner loops as fast as they are. Of a folder that the results do not know all are taken. The
+sources of the folders are rewritten (instrument.py). Those of other folders stay as a former run has rewritten them, where nothing that they
+include has changed since, so that another choice of folders compiles nothing again. COMPILE_COMMANDS are those of a build of ORIGINAL, which has
+made the generated sources. TREE/refused.json names mutants that the compiler refused although clang did not (refuse.py).
 """
 import functools
 import hashlib
 import json
+import math
 import multiprocessing
 import pathlib
 import shlex
@@ -18,7 +21,7 @@ import subprocess
 import sys
 
 from instrument import Source
-from keys import BLOCK, first_numbers, key
+from keys import BLOCK, first_numbers, key, place
 from nearest import NEAREST
 
 
@@ -48,11 +51,33 @@ def compile_arguments(commands, root):
     return out
 
 
+class Choice:
+    """Which mutants are put into the copy."""
+
+    def __init__(self, seed, per_folder, results):
+        self.seed, self.per_folder, self.existing = seed, per_folder, results["existing"]
+        self.survivors = [mutant for mutant in results["mutants"] if mutant["by"] is None]
+
+    def share(self, file):
+        """Of the folder's mutants: a power of 1/2, so that a few mutants more or less change nothing. Some that are drawn do not compile."""
+        existing = self.existing.get(str(pathlib.PurePath(file).parent), 0)
+        wanted = 1.3 * self.per_folder + 3
+        return 1.0 if existing <= wanted else min(1.0, 2.0 ** math.ceil(math.log2(wanted / existing)))
+
+    def survivors_of(self, file):
+        """Those that the share does not take anyway."""
+        share = self.share(file)
+        return [list(key(m)) for m in self.survivors if m["file"] == file and place(m, self.seed) >= share]
+
+    def takes(self, mutant):
+        return place(mutant, self.seed) < self.share(mutant["file"]) or list(key(mutant)) in self.survivors_of(mutant["file"])
+
+
 class Rewriter:
     """Rewrites files one at a time, and keeps what it has made beside all that this depends on."""
 
-    def __init__(self, root, tree, arguments, first):
-        self.root, self.kept, self.arguments, self.first = root, tree / "rewritten", arguments, first
+    def __init__(self, root, tree, arguments, first, choice):
+        self.root, self.kept, self.arguments, self.first, self.choice = root, tree / "rewritten", arguments, first, choice
         refused = tree / "refused.json"
         self.refused = json.loads(refused.read_text()) if refused.exists() else {}
 
@@ -66,7 +91,8 @@ class Rewriter:
         return made if current else None
 
     def asked(self, file):
-        return [self.arguments[file], self.first[file], self.refused_of(file), digest(pathlib.Path(__file__).with_name("instrument.py"))]
+        chosen = [self.choice.seed, self.choice.share(file), self.choice.survivors_of(file)]
+        return [self.arguments[file], self.first[file], self.refused_of(file), chosen, digest(pathlib.Path(__file__).with_name("instrument.py"))]
 
     def refused_of(self, file):
         """Keys of mutants that the compiler refused; None: of all."""
@@ -75,29 +101,34 @@ class Rewriter:
 
     def make(self, file):
         source = Source(self.root / file, self.arguments[file])
+        rest = []
         try:
             if errors := source.find():
                 raise ValueError(f"clang cannot read it: {errors[0]}")
+            rest = self.leave_out(file, source)
             source.compile_out()
-            self.leave_out_refused(file, source)
             text = source.render(self.first[file])[0].decode()
         except ValueError as error:
             print(f"{file}: left as it is: {error}", file=sys.stderr)
             source.mutants = []
-        made = {"asked": self.asked(file), "read": self.read_by(source), "mutants": self.listed(file, source)}
+        numbered = [{"id": self.first[file] + number, **told} for number, told in enumerate(self.listed(file, source))]
+        made = {"asked": self.asked(file), "read": self.read_by(source), "mutants": numbered + rest}
         made["text"] = text if source.mutants else source.original()
         path = self.kept / f"{file}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(made))
-        print(f"{file}: {len(made['mutants'])} mutants", flush=True)
+        print(f"{file}: {len(numbered)} of {len(made['mutants'])} mutants", flush=True)
         return made
 
-    def leave_out_refused(self, file, source):
+    def leave_out(self, file, source):
+        """Keeps the chosen mutants that no compiler has refused. Returns those that are not chosen."""
         refused = self.refused_of(file)
-        listed = self.listed(file, source)
-        source.mutants = [mutant for mutant, told in zip(source.mutants, listed) if refused is not None and list(key(told)) not in refused]
+        allowed = [(mutant, told) for mutant, told in zip(source.mutants, self.listed(file, source))
+                   if refused is not None and list(key(told)) not in refused]
+        source.mutants = [mutant for mutant, told in allowed if self.choice.takes(told)]
         if len(source.mutants) > BLOCK:
             raise ValueError(f"{len(source.mutants)} mutants, of {BLOCK} at most")
+        return [told for _, told in allowed if not self.choice.takes(told)]
 
     def read_by(self, source):
         """Digests of the project's own files that the source depends on. Libraries stay the same."""
@@ -105,9 +136,9 @@ class Rewriter:
         return {str(path): digest(path) for path in sorted({*inside, pathlib.Path(source.path)})}
 
     def listed(self, file, source):
-        return [{"id": self.first[file] + number, "file": file, "line": source.lines_of(mutant)[0], "last_line": source.lines_of(mutant)[1],
+        return [{"file": file, "line": source.lines_of(mutant)[0], "last_line": source.lines_of(mutant)[1],
                  "kind": mutant.kind, "change": mutant.change, "text": source.text_of(mutant), "ordinal": mutant.ordinal}
-                for number, mutant in enumerate(source.mutants)]
+                for mutant in source.mutants]
 
 
 def write_copy(root, copy, rewritten):
@@ -126,10 +157,16 @@ def write_copy(root, copy, rewritten):
             path.unlink()
 
 
-def main(original, tree, commands, jobs, *folders):
+def results_of(tree):
+    path = tree / "results.json"
+    return json.loads(path.read_text()) if path.exists() else {"existing": {}, "mutants": []}
+
+
+def main(original, tree, commands, jobs, seed, per_folder, *folders):
     root, tree = pathlib.Path(original).resolve(), pathlib.Path(tree).resolve()
     every = sources(root, NEAREST)
-    rewriter = Rewriter(root, tree, compile_arguments(commands, root), first_numbers(every))
+    choice = Choice(int(seed), int(per_folder), results_of(tree))
+    rewriter = Rewriter(root, tree, compile_arguments(commands, root), first_numbers(every), choice)
     made = {file: former for file in every if (former := rewriter.former(file))}
     wanted = [file for file in sources(root, folders) if file not in made and file in rewriter.arguments]
     with multiprocessing.Pool(int(jobs)) as pool:
@@ -137,7 +174,8 @@ def main(original, tree, commands, jobs, *folders):
     write_copy(root, tree / "source", {file: entry["text"] for file, entry in made.items()})
     mutants = [mutant for file in sorted(made) for mutant in made[file]["mutants"]]
     (tree / "mutants.json").write_text(json.dumps(mutants, indent=0))
-    print(f"{len(mutants)} mutants in {len(made)} files, of which {len(wanted)} are rewritten now")
+    numbered = sum("id" in mutant for mutant in mutants)
+    print(f"{numbered} of {len(mutants)} mutants in {len(made)} files, of which {len(wanted)} are rewritten now")
 
 
 if __name__ == "__main__":

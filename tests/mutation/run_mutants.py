@@ -16,7 +16,6 @@ twice the time: a busy machine delays it too. A slice of a program that starts d
 import argparse
 import collections
 import concurrent.futures
-import hashlib
 import itertools
 import json
 import os
@@ -28,7 +27,7 @@ import time
 
 import score
 from execute import End, run
-from keys import key
+from keys import key, place
 from nearest import NEAREST
 from programs import programs
 from reach import keep, learn, learnt
@@ -128,9 +127,8 @@ class Runner:
 # --- which mutants
 
 def sample(mutants, folder, seed):
-    """All mutants of the folder, in an order that the seed draws. Each has its place by itself, so that a change of the sources moves no other."""
-    own = [mutant for mutant in mutants if mutant["folder"] == folder]
-    return sorted(own, key=lambda mutant: hashlib.sha256(repr((seed, key(mutant))).encode()).digest())
+    """The mutants of the folder that can be switched on, in the order that the seed draws."""
+    return sorted((mutant for mutant in mutants if mutant["folder"] == folder and "id" in mutant), key=lambda mutant: place(mutant, seed))
 
 
 def in_turn(lists):
