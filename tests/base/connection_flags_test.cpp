@@ -76,5 +76,14 @@ TEST_F(ConnectionFlagsTest, AFileThatCannotBeReadIsNamedWithItsFlag) {
   }
 }
 
+TEST(ConnectionFlagsOfACommand, EachFlagHasAFieldOfItsOwn) {
+  CLI::App command;
+  ConnectionFlags flags;
+  add_connection_flags(command, flags);
+  command.parse(std::vector<std::string>{"t", "--token-file", "k", "--tls-key", "c", "--tls-cert", "r", "--tls-roots", "--tls"});
+  EXPECT_TRUE(flags.tls);
+  EXPECT_EQ(flags.roots + flags.certificate + flags.key + flags.token, "rckt");
+}
+
 }  // namespace
 }  // namespace sightline

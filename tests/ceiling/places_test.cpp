@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "server/scene/clearance.h"
-#include "tests/ceiling/small_scenes.h"
+#include "tests/support/small_scenes.h"
 
 namespace sightline {
 namespace {

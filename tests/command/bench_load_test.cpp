@@ -210,6 +210,11 @@ TEST_F(BenchCommandTest, EveryTickIsAccountedForAndEveryStageHasItsFigures) {
   EXPECT_GT(result.at("cpu_us_per_tick").at("daemon").at("median").get<double>(), 0.0);
   EXPECT_GT(result.at("cpu_us_per_tick").at("generator").at("median").get<double>(), 0.0);
   EXPECT_GT(result.at("daemon_memory").at("start_bytes").get<double>(), 1e6);
+  // A tick of this scene has some poses, and a reply a pose and two targets.
+  for (const char* message : {"tick", "reply"}) {
+    EXPECT_GT(result.at("message_bytes").at(message).get<double>(), 30.0) << message;
+    EXPECT_LT(result.at("message_bytes").at(message).get<double>(), 5000.0) << message;
+  }
   EXPECT_TRUE(result.at("echo").is_null());
   for (const char* part : {"3 sessions at 60 Hz", "round_trip", "p99.9", "merged", "daemon memory"})
     EXPECT_THAT(out_.str(), HasSubstr(part));

@@ -54,6 +54,7 @@ TEST(EglContextTest, AnIndexWithoutADeviceIsUnavailable) {
   const auto context = EglContext::create(egl_device_count());
   ASSERT_FALSE(context);
   EXPECT_EQ(context.error().code, ErrorCode::kUnavailable);
+  for (const int index : {-1, egl_device_count(), egl_device_count() + 1}) EXPECT_EQ(egl_drm_node(index), "") << index;
 }
 
 TEST(ProgramTest, CompilerComplaintsAreValuesThatNameTheStage) {

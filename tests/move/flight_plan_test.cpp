@@ -143,6 +143,30 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
   }
 }
 
+TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {
+  FlightPlanner planner;
+  CounterRandom random(7, 0, RandomPurpose::kTest);
+  Block block({5, 4, 3});
+  for (float& clearance : block.clearance_m) clearance = random.next_below(4) == 0 ? 0.1f : kWideM;
+  Costs costs = always(block, 2, 0);
+  for (auto& of_slice : costs)
+    for (float& cost : of_slice) cost = static_cast<float>(random.next_in(0, 50));
+  constexpr double kShare = 0.3;
+  planned(planner, block, costs, {.position_m = block.at({2, 2, 1})}, {}, 0.3, kShare);
+  for (size_t slice = 0; slice < costs.size(); ++slice)
+    for (uint32_t i = 0; i < block.clearance_m.size(); ++i) {
+      if (block.clearance_m[i] < 0.3f) continue;
+      double sum = 0;
+      int open = 0;
+      for (uint32_t j = 0; j < block.clearance_m.size(); ++j) {
+        const glm::ivec3 apart = glm::abs(block.cell(i) - block.cell(j));
+        if (std::max({apart.x, apart.y, apart.z}) > 1 || block.clearance_m[j] < 0.3f) continue;
+        sum += costs[slice][j], ++open;
+      }
+      EXPECT_NEAR(planner.costs(slice)[planner.cell_of(i)], (1 - kShare) * costs[slice][i] + kShare * sum / open, 1e-4) << i;
+    }
+}
+
 TEST(FlightPlan, LeavesBeforeItsPlaceGoesBad) {
   FlightPlanner planner;
   const Block block({9, 1, 1});

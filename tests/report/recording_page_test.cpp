@@ -418,6 +418,8 @@ TEST_F(ReportPage, MoreChangesThanFramesAreThinnedAndThePageSaysSo) {
   EXPECT_EQ(page.frames.front().sequence, yard.replies.front().sequence());
   EXPECT_EQ(page.frames.back().sequence, yard.replies.back().sequence());
   EXPECT_THAT(page.notices, Contains(HasSubstr(": 4 of the ")));
+  const std::string frames = std::to_string(page.frames.size()), replies = std::to_string(yard.replies.size());
+  EXPECT_THAT(page.notices, Contains(HasSubstr(frames + " of " + replies + " replies are frames")));
 }
 
 TEST_F(ReportPage, ARangeHasItsOwnRepliesAndTheSceneOfThatTime) {

@@ -102,6 +102,19 @@ TEST(StatusText, NamesTheLimitsThatWereHitAndWhatIsMissingInRecordings) {
   EXPECT_NE(out.str().find("not ready"), std::string::npos) << out.str();
 }
 
+TEST(StatusText, CountsTheSessionsAtEachLevel) {
+  const auto text_of = [](const std::vector<uint32_t>& sessions) {
+    v1::GetServerStatsResponse stats;
+    for (const uint32_t count : sessions) stats.add_sessions_at_level(count);
+    std::ostringstream out;
+    print_state(out, "here:1", {}, stats);
+    return out.str();
+  };
+  EXPECT_NE(text_of({4, 0, 1}).find("0: 4, 2: 1"), std::string::npos) << text_of({4, 0, 1});
+  EXPECT_EQ(text_of({0, 3}).find("0: 0"), std::string::npos) << text_of({0, 3});
+  EXPECT_NE(text_of({0, 3}).find("1: 3"), std::string::npos) << text_of({0, 3});
+}
+
 TEST(StatusText, DurationsAreShort) {
   EXPECT_EQ(duration_text(59.9), "59 s");
   EXPECT_EQ(duration_text(3599.0), "59 min 59 s");

@@ -159,6 +159,7 @@ TEST(RunMetrics, SharesAreOfTheFrames) {
   EXPECT_DOUBLE_EQ(metrics.targets[0].mean_visible_share, 0.5);
   EXPECT_DOUBLE_EQ(metrics.targets[0].in_frame_share, 1.0);
   EXPECT_DOUBLE_EQ(metrics.mean_visible_share, 0.5);
+  EXPECT_DOUBLE_EQ(metrics.in_frame_share, 1.0) << "the mean over both targets";
 }
 
 TEST(RunMetrics, ThreadsAndStridesChangeTheCostOnly) {

@@ -262,6 +262,18 @@ TEST_F(FromProto, SizesThatCannotBeRightAreWarnedOf) {
   EXPECT_THAT(warnings_of(1, 24), IsEmpty());
 }
 
+TEST_F(FromProto, WarningsOfTheSceneFileAreTold) {
+  GlbBuilder file;
+  const int house = file.triangle_node();
+  file.json["meshes"][file.json["nodes"][house]["mesh"].get<int>()]["primitives"][0]["mode"] = 1;  // lines
+  const auto bytes = file.glb();
+  std::ofstream(folder / "lines.glb", std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  v1::OpenSession open = make_open();
+  open.mutable_scene()->set_name("lines.glb");
+  must_read(open);
+  EXPECT_THAT(warnings, testing::Contains(testing::HasSubstr("points and lines are skipped")));
+}
+
 TEST_F(FromProto, AnObservedCameraTurnsByTheClientsHandedness) {
   v1::Tick wire = make_tick(1);
   wire.mutable_observed_camera()->mutable_pose();

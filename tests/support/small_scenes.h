@@ -1,4 +1,4 @@
-// Small scenes whose best camera is known.
+// Small scenes made of boxes and people, for tests that know what a camera must see there.
 #pragma once
 
 #include <memory>
