@@ -187,7 +187,7 @@ TEST(CameraSnapshotTest, AnErrorOfTheServerWithoutAFieldComesAfterTheTickWasAppl
   EXPECT_TRUE(was_applied(error));
   error.set_code(v1::TickError::CODE_UNAVAILABLE);
   EXPECT_TRUE(was_applied(error));
-  error.add_field_violations()->set_field("tick.lens");
+  error.add_field_violations()->set_field(std::string("tick.lens"));
   EXPECT_FALSE(was_applied(error));
   error.clear_field_violations();
   error.set_code(v1::TickError::CODE_INVALID_ARGUMENT);
