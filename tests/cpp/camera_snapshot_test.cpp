@@ -8,7 +8,6 @@ namespace sightline {
 namespace {
 
 using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 v1::CameraReply reply_at(double x) {
   v1::CameraReply reply;
@@ -48,7 +47,7 @@ TEST(CameraSnapshotTest, BeforeTheFirstReplyThereIsNothingToTell) {
   v1::Tick tick;
   add(tick, 1);
   fresh.apply(tick);
-  EXPECT_THAT(fresh.ticks(9), IsEmpty());
+  EXPECT_TRUE(fresh.ticks(9).empty());
 }
 
 TEST(CameraSnapshotTest, InstancesAreAddedInTheOrderInWhichTheyFirstCame) {
@@ -75,7 +74,7 @@ TEST(CameraSnapshotTest, WhatWasAddedAndRemovedIsForgotten) {
   second.mutable_delta()->add_removed_ids(3);  // of the opening
   known.apply(first), known.apply(second);
   const v1::SceneDelta delta = known.ticks(1)[0].delta();
-  EXPECT_THAT(delta.added_instances(), IsEmpty());
+  EXPECT_TRUE(delta.added_instances().empty());
   EXPECT_THAT(delta.removed_ids(), ElementsAre(3u));
 }
 
@@ -187,7 +186,7 @@ TEST(CameraSnapshotTest, AnErrorOfTheServerWithoutAFieldComesAfterTheTickWasAppl
   EXPECT_TRUE(was_applied(error));
   error.set_code(v1::TickError::CODE_UNAVAILABLE);
   EXPECT_TRUE(was_applied(error));
-  error.add_field_violations()->set_field(std::string("tick.lens"));
+  error.add_field_violations()->set_field("tick.lens");
   EXPECT_FALSE(was_applied(error));
   error.clear_field_violations();
   error.set_code(v1::TickError::CODE_INVALID_ARGUMENT);
