@@ -160,7 +160,7 @@ TEST(SessionPage, SightsComeBackAsTheyWere) {
   EXPECT_THAT(page.array<double>("filtered_share", "f64"), ElementsAre(0.5, 0, 0.5, 0));
   EXPECT_THAT(page.array<double>("distance_m", "f64"), ElementsAre(3.5, 0, 4.5, 0));
   EXPECT_THAT(page.array<double>("occluder_share", "f64"), ElementsAre(0.75, 0, 0.75, 0));
-  EXPECT_THAT(page.array<double>("aim_m", "f64"), ElementsAre(0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0));
+  EXPECT_THAT(page.array<float>("aim_m", "f32"), ElementsAre(0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0));
   std::vector<std::string> states;
   for (const uint32_t state : page.array<uint32_t>("state", "u32")) states.push_back(page.session.at("words")[state]);
   EXPECT_THAT(states, ElementsAre("PARTIAL", "OFF_SCREEN", "PARTIAL", "OFF_SCREEN"));
