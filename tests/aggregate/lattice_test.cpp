@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <tuple>
@@ -121,6 +122,19 @@ TEST(Lattice, RowsEndWhereTheBallDoesToTheBit) {
           if (bound.contains(place)) expected.push_back(place);
         }
     ASSERT_EQ(lattice.positions_m(), expected) << trial;
+  }
+}
+
+// The ball's outermost point on one side is a lattice point, to the bit, while the row's other end lies between two points.
+TEST(Lattice, APointOnTheSurfaceBelongsToItsRow) {
+  for (const double side : {-1.0, 1.0}) {
+    Lattice lattice;
+    const Bound bound = ball({side * 0.25, 2.0, -3.0}, 4.75);
+    lattice.lay(bound, 400);
+    ASSERT_EQ(lattice.spacing_m(), 1.0);
+    const auto& listed = lattice.positions_m();
+    EXPECT_NE(std::find(listed.begin(), listed.end(), glm::dvec3(side * 5, 2, -3)), listed.end());
+    for (const glm::dvec3& place : listed) EXPECT_TRUE(bound.contains(place));
   }
 }
 

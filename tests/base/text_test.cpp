@@ -46,9 +46,7 @@ TEST(ProgressBarTest, IsDrawnWhenItChangesAndErasedOnce) {
   ProgressBar bar(out, true);
   bar.show("replay", 1, 4);
   const std::string drawn = out.str();
-  EXPECT_EQ(std::count(drawn.begin(), drawn.end(), '#'), 10);
-  EXPECT_EQ(std::count(drawn.begin(), drawn.end(), '.'), 30);
-  EXPECT_NE(drawn.find("25 %"), std::string::npos);
+  EXPECT_EQ(drawn, "\rreplay     [##########..............................]  25 %");
   bar.show("replay", 1, 4);
   EXPECT_EQ(out.str(), drawn) << "nothing new";
   bar.show("report", 1, 4);

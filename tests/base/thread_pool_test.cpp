@@ -51,6 +51,23 @@ TEST(ThreadPool, HelpersJoinWhetherSpinningOrAsleep) {
   }
 }
 
+// Only a run whose helper lost its core is followed by runs without helpers. The helper leaves each of these runs at once.
+TEST(ThreadPool, AHelperThatLeavesInTimeComesToTheNextRunToo) {
+  ThreadPool pool(2);
+  bool before = false, twice = false;
+  for (int call = 0; call < 2000 && !twice; ++call) {
+    std::atomic<bool> here{false};
+    pool.run([&](size_t thread) {
+      if (thread == 1) here = true;
+      const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(1);
+      while (!here && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+    });
+    twice = here && before;
+    before = here;
+  }
+  EXPECT_TRUE(twice);
+}
+
 // A helper sees what was written before the call, and the caller sees what the helper wrote. ThreadSanitizer checks both.
 TEST(ThreadPool, WorkIsSeenOnBothSides) {
   ThreadPool pool(3);

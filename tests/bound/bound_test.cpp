@@ -41,6 +41,18 @@ TEST(Bound, PaperModeIsTheSphereAsPrinted) {
   EXPECT_NEAR(bound.paper_n, 300, 1e-9);
 }
 
+// A camera that escapes looks farther ahead: with a horizon three times as long, the sphere is three times as wide, and its factor n too.
+TEST(Bound, ALongerHorizonWidensTheSphereOfThePaper) {
+  BoundSettings settings;
+  settings.mode = BoundMode::kPaper;
+  settings.paper_n = 300;
+  const double dt = 1.0 / 60;
+  const Bound bound = bound_camera(camera_moving({0, 0, 2}), {}, settings, 3 * settings.horizon_s, dt);
+  EXPECT_NEAR(bound.radius_m, 3 * 300 * dt * dt * 10, 1e-12);
+  EXPECT_NEAR(bound.paper_n, 900, 1e-9);
+  EXPECT_DOUBLE_EQ(bound.horizon_s, dt);
+}
+
 TEST(Bound, DerivedFactorReproducesTheRadius) {
   const double dt = 1.0 / 60;
   const Bound bound = bound_camera(camera_moving({0, 0, 0}), {}, {}, 0.5, dt);

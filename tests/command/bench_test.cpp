@@ -9,7 +9,9 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <sstream>
 
+#include "client/bench/protocol.h"
 #include "client/bench/request_log.h"
 #include "client/bench/result.h"
 #include "client/bench/schedule.h"
@@ -294,6 +296,123 @@ TEST(BenchResult, TheDaemonsCpuTimeIsKnownOnlyWhenItIsKnownInEveryWindow) {
   EXPECT_EQ(figures_of(windows, 1.0).at("cpu_us_per_tick").at("daemon").at("max"), 79);
 }
 
+TEST(BenchResult, BytesAreMeansOfAMessage) {
+  std::vector<MeasuredWindow> windows{window_of({10}, {1}, {4}), window_of({40}, {2}, {6})};
+  for (MeasuredWindow& window : windows) window.daemon.add(BenchMetric::kSend, 1.0), window.daemon.add(BenchMetric::kSend, 2.0);
+  windows[0].daemon.tick_bytes = 100, windows[1].daemon.tick_bytes = 300;
+  windows[0].daemon.reply_bytes = 1000, windows[1].daemon.reply_bytes = 2000;
+  const BenchJson bytes = figures_of(windows, 2.0).at("message_bytes");
+  EXPECT_DOUBLE_EQ(bytes.at("tick"), 100.0) << "of four ticks";
+  EXPECT_DOUBLE_EQ(bytes.at("reply"), 300.0) << "of ten replies";
+}
+
+// What a person reads, of figures that need no rounding.
+TEST(BenchResult, IsPrintedWhole) {
+  std::vector<MeasuredWindow> windows{window_of({100, 200, 20'000}, {50}, {60}), window_of({100, 200, 20'000}, {50}, {60})};
+  for (MeasuredWindow& window : windows) {
+    window.daemon.add(BenchMetric::kSend, 1.0);
+    window.daemon.tick_bytes = 120, window.daemon.reply_bytes = 60 * 80, window.daemon.late = 1;
+    window.daemon_cpu_us = 300.0, window.generator_cpu_us = 40.0;
+    window.echo.emplace().add(BenchMetric::kRoundTrip, 110.0);
+  }
+  BenchJson result = summarize(windows, {{"sessions", 1}, {"rate_hz", 60.0}, {"targets", 2}, {"moving", 3}, {"instances", 4}, {"triangles", 5},
+                                         {"sampler", "embree"}, {"channels", 2}, {"address", "here:1"}, {"window_s", 1.0}});
+  result["stable"] = true;
+  result["windows"]["seen"] = 7;
+  result["ticks"] = {{"sent", 130}, {"answered", 125}, {"merged", 3}, {"rejected", 2}, {"lost", 0}};
+  result["trouble"] = "";
+  result["daemon_memory"] = {{"start_bytes", 1 << 20}, {"scene_bytes", 2 << 20}, {"sessions_bytes", 3 << 20}, {"per_session_bytes", nullptr}};
+  const auto printed = [&] {
+    std::ostringstream out;
+    print_bench(result, out);
+    return out.str();
+  };
+  const std::string text = printed();
+  EXPECT_TRUE(text.starts_with("1 session at 60 Hz, 2 targets, 3 moving of 4 instances, 5 triangles, sampler embree, 2 channels to here:1\n"
+                               "stable: 2 windows of 1.0 s, of 7 seen; their p50 lie 0 %, their p99 0 % apart\n\n"))
+      << text;
+  for (const char* line :
+       {"\n  round_trip   200 us  20.0 ms  20.0 ms  20.0 ms  20.0 ms  200 us .. 200 us\n",
+        "\n\nreplies       60.00 a second and session of 60.00 wanted; least served 60.00, most 60.00\n"
+        "late          33.33 % of the ticks took longer than the tick interval of 16.7 ms\n"
+        "degraded      0.00 % of the replies\n"
+        "whole run     130 ticks sent: 125 answered, 3 merged, 2 rejected, 0 lost\n"
+        "messages      tick 120 bytes, reply 80 bytes\n"
+        "CPU a tick    daemon 300 us, generator 40.0 us\n"
+        "daemon memory 1.0 MiB at first, 2.0 MiB with scene and one session, 3.0 MiB with all\n"
+        "echo          p50 110 us (110 us .. 110 us), p99 110 us\n"
+        "against echo  round trip p50 200 us, echo p50 + step p50 160 us: 1.25 x (1.25 .. 1.25), over the 1.20 x that is wanted\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
+  EXPECT_EQ(text.find("trouble"), std::string::npos);
+  result["trouble"] = "the daemon sneezed", result["stable"] = false;
+  result["daemon_memory"]["per_session_bytes"] = 1 << 19;
+  EXPECT_NE(printed().find("\ntrouble       the daemon sneezed\n"), std::string::npos);
+  EXPECT_NE(printed().find("\nNOT STABLE: "), std::string::npos);
+  EXPECT_NE(printed().find(" with all; 0.5 MiB a further session\n"), std::string::npos);
+}
+
+// --- the messages
+
+grpc::ByteBuffer bytes_of(const std::string& text) {
+  const grpc::Slice slice(text);
+  return {&slice, 1};
+}
+
+BenchAnswer answer_to(const BenchProtocol& protocol, const v1::ControlResponse& response) {
+  grpc::ByteBuffer message = bytes_of(response.SerializeAsString());
+  return protocol.read(message);
+}
+
+TEST(BenchProtocolTest, AnswersAreToldApart) {
+  const std::vector<std::byte> hall = scenes::make_hall({});
+  const auto world = BenchWorld::make(hall, {.targets = 1});
+  ASSERT_TRUE(world);
+  const BenchProtocol protocol = control_protocol(*world, 0, world->open(0, "hash"));
+  v1::ControlResponse opened, camera, rejection, drain;
+  opened.mutable_opened()->set_sampler("embree"), opened.mutable_opened()->set_instance_count(3), opened.mutable_opened()->set_triangle_count(4);
+  const BenchAnswer first = answer_to(protocol, opened);
+  EXPECT_EQ(first.kind, BenchAnswer::Kind::kOpened);
+  EXPECT_EQ(first.opened.sampler, "embree");
+  v1::CameraReply& reply = *camera.mutable_camera();
+  reply.set_sequence(9), reply.set_merged_ticks(2), reply.mutable_flags()->set_degraded(true);
+  reply.mutable_stage_times()->set_queue_us(1), reply.mutable_stage_times()->set_move_us(6), reply.mutable_stage_times()->set_total_us(7);
+  const BenchAnswer second = answer_to(protocol, camera);
+  EXPECT_EQ(second.kind, BenchAnswer::Kind::kReply);
+  EXPECT_EQ(second.sequence, 9u);
+  EXPECT_EQ(second.merged, 2u);
+  EXPECT_TRUE(second.degraded);
+  ASSERT_TRUE(second.stages_us);
+  EXPECT_THAT(*second.stages_us, ElementsAre(1, 0, 0, 0, 0, 6, 7));
+  rejection.mutable_tick_error()->set_sequence(5), rejection.mutable_tick_error()->set_message("wrong");
+  const BenchAnswer third = answer_to(protocol, rejection);
+  EXPECT_EQ(third.kind, BenchAnswer::Kind::kRejection);
+  EXPECT_EQ(third.sequence, 5u);
+  EXPECT_NE(third.trouble.find("wrong"), std::string::npos);
+  drain.mutable_drain()->set_reason("enough");
+  EXPECT_EQ(answer_to(protocol, drain).kind, BenchAnswer::Kind::kOther);
+  EXPECT_EQ(answer_to(protocol, drain).trouble, "the server is going away: enough");
+  grpc::ByteBuffer noise = bytes_of("\xff\xff\xff");
+  EXPECT_EQ(protocol.read(noise).trouble, "a reply that is no ControlResponse");
+}
+
+TEST(BenchProtocolTest, AnEchoIsAsLongAsTheTickAndHasAHeader) {
+  const BenchProtocol protocol = echo_protocol([] { return MessageSizes{.tick = 100, .reply = 50}; });
+  grpc::ByteBuffer message;
+  protocol.write_tick(7, message);
+  EXPECT_EQ(message.Length(), 100u);
+  ASSERT_TRUE(read_echo(message));
+  EXPECT_EQ(read_echo(message)->sequence, 7u);
+  EXPECT_EQ(read_echo(message)->reply_bytes, 50u);
+  EXPECT_EQ(protocol.read(message).sequence, 7u);
+  EXPECT_EQ(protocol.read(message).kind, BenchAnswer::Kind::kReply);
+  for (const size_t size : {size_t{0}, size_t{1}, sizeof(EchoHeader) - 1}) {
+    grpc::ByteBuffer shorter = bytes_of(std::string(size, 'x'));
+    EXPECT_FALSE(read_echo(shorter)) << size;
+    EXPECT_EQ(protocol.read(shorter).trouble, "an echo without a header") << size;
+  }
+  EXPECT_TRUE(read_echo(bytes_of(std::string(sizeof(EchoHeader), 'x'))));
+}
+
 // --- the world
 
 BenchWorld world_of(const std::vector<std::byte>& scene, const BenchWorldOptions& options) {
@@ -383,6 +502,7 @@ TEST_F(BenchWorldTest, MoreTargetsThanTheSceneHasWalkBesideThem) {
   const v1::OpenSession open = world.open(0, "hash");
   EXPECT_EQ(open.targets_size(), 8);
   EXPECT_EQ(open.instances_size(), 6);
+  for (int i = 0; i < 6; ++i) EXPECT_EQ(open.targets(2 + i).id(), open.instances(i).id()) << "after the scene's own";
   const v1::Tick early = tick_of(world, 0, 1), late = tick_of(world, 0, 121);
   std::set<uint64_t> ids;
   for (int i = 0; i < 8; ++i) {

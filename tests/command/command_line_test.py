@@ -105,6 +105,20 @@ class CommandLineTest(unittest.TestCase):
                 self.assertEqual(result.returncode, WRONG_FLAGS, arguments)
                 self.assertTrue(result.stderr, arguments)
 
+    def test_numbers_are_taken_up_to_the_ends_of_their_ranges(self):
+        with tempfile.NamedTemporaryFile(suffix=".glb") as file:
+            on_nothing = {"drive": ("drive", file.name), "evaluate": ("evaluate", "--scene", "/nowhere.glb")}
+            for verb, flag, taken, refused in (("drive", "--rate", ("0.1", "1000"), ("0", "1001")), ("drive", "--duration", ("0", "86400"), ("-1", "86401")),
+                                               ("drive", "--truth-every", ("1", "1000"), ("0", "1001")),
+                                               ("evaluate", "--seeds", ("1", "100"), ("0", "101")), ("evaluate", "--rate", ("0.1", "1000"), ("0", "1001")),
+                                               ("evaluate", "--duration", ("0", "86400"), ("-1", "86401")),
+                                               ("evaluate", "--truth-every", ("1", "1000"), ("0", "1001")),
+                                               ("evaluate", "--jobs", ("1", "1024"), ("0", "1025"))):
+                for values, status in ((taken, 1), (refused, WRONG_FLAGS)):
+                    for value in values:
+                        with self.subTest(verb=verb, flag=flag, value=value):
+                            self.assertEqual(run(*on_nothing[verb], flag, value).returncode, status)
+
     def test_a_file_that_is_no_scene_is_an_error_and_not_a_crash(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             for command in ("scene", "drive"):

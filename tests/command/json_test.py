@@ -75,7 +75,8 @@ class Json(unittest.TestCase):
         self.assertIn("--json", table(SIGHTLINED)["devices"])
 
     def test_of_demo(self):
-        self.assertGreater(self.demo["sightline"]["frames"], 50)
+        self.assertEqual(self.demo["sightline"]["frames"], 61, "a second in lockstep, at 60 Hz")
+        self.assertEqual(self.demo["sightline"]["pictures"], 7, "every tenth frame is judged")
         for path in self.demo["files"].values():
             self.assertGreater(pathlib.Path(path).stat().st_size, 0, path)
         self.assertIn("page", self.demo["files"])
@@ -88,6 +89,7 @@ class Json(unittest.TestCase):
         self.assertEqual(told["sampler"], "embree")
         latency = told["latency"]["reply_ms"]
         self.assertTrue(0 < latency["p50"] <= latency["p95"] <= latency["p99"])
+        self.assertEqual(told["warnings"], [])
         self.value("scene", self.scene, "--json")
         self.assertEqual(run(SIGHTLINE, "drive", self.scene, "--server", "127.0.0.1:1", "--out", self.new("none"), "--json").returncode, NO)
 
@@ -181,7 +183,22 @@ class Json(unittest.TestCase):
     def test_of_status(self):
         told = self.value("status", "--address", self.address, "--json")
         self.assertTrue(told["stats"]["ready"])
+        self.assertIn("max_sessions", told["info"], "names are those of the contract")
+        self.assertGreater(told["stats"]["uptime_s"], 0)
+        self.assertEqual(told["stats"]["refused_ticks"], "0", "what is zero is told, too")
         self.assertEqual(run(SIGHTLINE, "status", "--address", "127.0.0.1:1", "--json").returncode, NO)
+
+    def test_status_and_top_take_the_flags_of_a_connection(self):
+        for verb in ("status", "top"):
+            done = run(SIGHTLINE, verb, "--address", self.address, "--token-file", self.folder / "no-token")
+            self.assertEqual(done.returncode, NO, verb)
+            self.assertIn("--token-file", done.stderr)
+
+    def test_top_as_text_clears_a_terminal_alone(self):
+        done = run(SIGHTLINE, "top", "--address", self.address, "--interval", "0.1", "--count", "2")
+        self.assertEqual(done.returncode, DONE, done.stderr)
+        self.assertEqual(done.stdout.count("In the last 0."), 2)
+        self.assertNotIn("\x1b", done.stdout)
 
     def test_of_top(self):
         lines = self.values("top", "--address", self.address, "--interval", "0.2", "--count", "2", "--json")

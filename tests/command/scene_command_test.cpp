@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tests/support/glb_builder.h"
@@ -34,7 +35,7 @@ class SceneCommand : public testing::Test {
   int status = -1;
 };
 
-TEST_F(SceneCommand, SaysWhatAFileContains) {
+GlbBuilder full_file() {
   GlbBuilder file;
   const int guard = file.triangle_node();
   file.json["nodes"][guard].update({{"name", "Guard"}, {"translation", {2, 0, 0}}});
@@ -49,8 +50,11 @@ TEST_F(SceneCommand, SaysWhatAFileContains) {
   file.add("skins", {{"joints", {0}}});
   file.animation(guard, "translation", "LINEAR", {0, 2.5}, {0, 0, 0, 1, 0, 0});
   file.json["animations"][0]["name"] = "walk";
+  return file;
+}
 
-  const std::string text = print(file.glb());
+TEST_F(SceneCommand, SaysWhatAFileContains) {
+  const std::string text = print(full_file().glb());
   EXPECT_EQ(status, 0) << err.str();
   EXPECT_THAT(text,
               AllOf(HasSubstr("1 stored, 2 as instanced"),
@@ -61,7 +65,50 @@ TEST_F(SceneCommand, SaysWhatAFileContains) {
                   "Guard +2.00 0.00 0.00 +0 +2 +target, weight 2, optional +opacity 0.5, does not collide"));
   EXPECT_THAT(text,
               AllOf(ContainsRegex("0 +30.0 degrees +free +0.250 m"), ContainsRegex("walk +2.50 s +1 +2"),
-                    HasSubstr("nodes[1].skin: drawn in the rest pose")));
+                    HasSubstr("\nwarnings\n  nodes[1].skin: drawn in the rest pose")));
+}
+
+TEST_F(SceneCommand, SaysTheSameAsJson) {
+  print(full_file().glb());
+  std::ostringstream out;
+  EXPECT_EQ(run_scene_command(path.string(), out, err, true), 0);
+  const auto json = nlohmann::json::parse(out.str());
+  EXPECT_EQ(json.at("file"), path.string());
+  EXPECT_EQ(json.at("extents"), (nlohmann::json{{"min_m", {2.0, 0.0, 0.0}}, {"max_m", {3.0, 1.0, 8.0}}}));
+  EXPECT_EQ(json.at("triangles"), 2);
+  EXPECT_EQ(json.at("geometries"), 1);
+  EXPECT_EQ(json.at("extensions"), nlohmann::json({"EXT_mesh_gpu_instancing"}));
+  ASSERT_EQ(json.at("nodes").size(), 2u);
+  EXPECT_EQ(json.at("nodes")[0], (nlohmann::json{{"name", "Guard"},
+                                                  {"parent", -1},
+                                                  {"position_m", {2.0, 0.0, 0.0}},
+                                                  {"mesh", 0},
+                                                  {"instances", 2},
+                                                  {"role", "target, weight 2, optional"},
+                                                  {"attributes", "opacity 0.5, does not collide"}}));
+  EXPECT_EQ(json.at("nodes")[1].at("mesh"), -1);
+  EXPECT_EQ(json.at("nodes")[1].at("instances"), 0);
+  ASSERT_EQ(json.at("meshes").size(), 1u);
+  EXPECT_EQ(json.at("meshes")[0].at("triangles"), 1);
+  EXPECT_EQ(json.at("meshes")[0].at("see_through_triangles"), 0);
+  ASSERT_EQ(json.at("cameras").size(), 1u);
+  EXPECT_NEAR(json.at("cameras")[0].at("vertical_fov_rad"), 0.5235987755982988, 1e-12);
+  EXPECT_TRUE(json.at("cameras")[0].at("aspect").is_null()) << "free";
+  EXPECT_EQ(json.at("cameras")[0].at("near_m"), 0.25);
+  EXPECT_EQ(json.at("animations"), (nlohmann::json::array({{{"name", "walk"}, {"duration_s", 2.5}, {"channels", 1}}})));
+  ASSERT_EQ(json.at("warnings").size(), 1u);
+  EXPECT_THAT(json.at("warnings")[0].get<std::string>(), HasSubstr("nodes[1].skin"));
+}
+
+TEST_F(SceneCommand, WithoutTrianglesThereAreNoExtents) {
+  GlbBuilder file;
+  file.add("nodes", {{"name", "empty"}});
+  const std::string text = print(file.glb());
+  EXPECT_THAT(text, HasSubstr("extents     none\n"));
+  EXPECT_THAT(text, testing::Not(HasSubstr("warnings")));
+  std::ostringstream out;
+  EXPECT_EQ(run_scene_command(path.string(), out, err, true), 0);
+  EXPECT_TRUE(nlohmann::json::parse(out.str()).at("extents").is_null());
 }
 
 TEST_F(SceneCommand, LongTablesAreCutButRolesAreAlwaysListed) {

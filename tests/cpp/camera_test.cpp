@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <thread>
 
 #include "tests/support/daemon_process.h"
 
@@ -94,9 +95,31 @@ TEST(CameraTest, ACameraGivesUpInTime) {
   ASSERT_TRUE(camera) << to_string(camera.error());
   play(*camera, 0, 5);
   daemon.kill_now();
-  const auto answer = camera->tick(tick(5));
-  ASSERT_FALSE(answer);
-  EXPECT_EQ(answer.error().code, ErrorCode::kUnavailable);
+  for (int frame = 5; frame < 8; ++frame) {  // after an error, the next tick tries again
+    const auto answer = camera->tick(tick(frame));
+    ASSERT_FALSE(answer);
+    EXPECT_EQ(answer.error().code, ErrorCode::kUnavailable);
+  }
+}
+
+TEST(CameraTest, TheSessionGoesOnInTheSameDaemonWhereTheStreamIsLost) {
+  DaemonProcess daemon;
+  CameraOptions options;
+  options.reply_timeout = 300ms;
+  auto camera = Camera::open({daemon.address()}, one_capsule(), options);
+  ASSERT_TRUE(camera) << to_string(camera.error());
+  const v1::CameraReply before = play(*camera, 0, 30);
+  daemon.hold();
+  std::jthread waker([&] {
+    std::this_thread::sleep_for(600ms);
+    daemon.go_on();
+  });
+  const v1::CameraReply after = play(*camera, 30, 1);
+  EXPECT_EQ(after.sequence(), 31u);
+  EXPECT_LT(apart(before, after), 0.2);
+  EXPECT_EQ(play(*camera, 31, 3).sequence(), 34u);
+  EXPECT_EQ(camera->resyncs(), 0u) << "the daemon has kept the session";
+  EXPECT_EQ(camera->resumes(), 1u);
 }
 
 TEST(CameraTest, ErrorsNameTheField) {

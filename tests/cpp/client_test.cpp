@@ -6,11 +6,16 @@
 
 #include <cmath>
 #include <condition_variable>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <numbers>
+#include <set>
 #include <thread>
 
 #include "scenes/glb_writer.h"
+#include "server/base/hash.h"
+#include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
 #include "tests/support/daemon_process.h"
 #include "tests/support/temporary_folder.h"
@@ -307,6 +312,27 @@ TEST_F(ClientTest, AnUploadedSceneOpensASession) {
   EXPECT_EQ(session->opened().triangle_count(), 24u);
 }
 
+// A scene that goes in several pieces comes whole.
+TEST_F(ClientTest, ALargeSceneIsUploadedByteForByte) {
+  MeshData grid;
+  constexpr uint32_t kSide = 260;
+  for (uint32_t i = 0; i < kSide * kSide; ++i) grid.positions.emplace_back(i % kSide, 0.01f * static_cast<float>(i % 7), i / kSide);
+  for (uint32_t i = 0; i + kSide < kSide * kSide; ++i)
+    if (i % kSide + 1 < kSide) grid.indices.insert(grid.indices.end(), {i, i + kSide, i + 1});
+  scenes::GlbWriter writer;
+  writer.add_node({"grid", -1, writer.add_mesh("grid", grid, {1, 1, 1}), -1, {0, 0, 0}, {1, 0, 0, 0}, nullptr});
+  const std::vector<std::byte> file = writer.finish("none");
+  ASSERT_GT(file.size(), size_t{1} << 20);
+  GeometryStore store;
+  const auto asset = read_gltf(file, nullptr, store);
+  ASSERT_TRUE(asset) << to_string(asset.error());
+  Client client = connect();
+  const auto scene = client.upload_scene(file, 10s);
+  ASSERT_TRUE(scene) << to_string(scene.error());
+  EXPECT_EQ(scene->hash(), to_hex((*asset)->hash));
+  EXPECT_EQ(scene->triangle_count(), grid.indices.size() / 3);
+}
+
 TEST_F(ClientTest, AnUploadThatIsNoSceneIsAnError) {
   Client client = connect();
   const std::vector<std::byte> noise(3'000'000, std::byte{0x5a});
@@ -380,6 +406,41 @@ TEST(ClientAndDaemon, AGameThatPausesKeepsItsSession) {
   EXPECT_FALSE(*nothing);
   ASSERT_TRUE((*session)->send(tick(1)));
   EXPECT_EQ(next_reply(**session).sequence(), 1u);
+}
+
+TEST(ClientAndDaemon, AllPagesOfTheListOfScenesAreRead) {
+  constexpr int kScenes = 1001;  // one more than a page holds
+  const test::TemporaryFolder folder;
+  for (int k = 0; k < kScenes; ++k) std::ofstream(folder / (std::to_string(k) + ".glb"));
+  DaemonProcess daemon({"--sampler", "embree", "--scene-dir", folder.path()});
+  auto client = Client::connect(daemon.address(), 10s);
+  ASSERT_TRUE(client) << to_string(client.error());
+  const auto names = client->list_scenes(10s);
+  ASSERT_TRUE(names) << to_string(names.error());
+  EXPECT_EQ(std::set<std::string>(names->begin(), names->end()).size(), size_t{kScenes});
+  EXPECT_EQ(names->size(), size_t{kScenes});
+}
+
+TEST(ClientAndDaemon, ATokenIsShownOverASocketAndNeverInTheClear) {
+  const test::TemporaryFolder folder;
+  const std::string token = "0123456789abcdef", access = folder / "access", socket = folder / "sightline.sock";
+  std::ofstream(access) << "token game control " << token << '\n';
+  std::filesystem::permissions(access, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  DaemonProcess daemon({"--sampler", "embree", "--access-file", access, "--listen-unix", socket});
+  auto known = Client::connect("unix:" + socket, 10s, {}, {.token = token});
+  ASSERT_TRUE(known) << to_string(known.error());
+  EXPECT_TRUE(known->server_info(10s));
+  const auto session = known->open_session(two_capsules(), 10s);
+  EXPECT_TRUE(session) << to_string(session.error());
+  auto stranger = Client::connect("unix:" + socket, 10s);
+  ASSERT_TRUE(stranger) << to_string(stranger.error());
+  const auto refused = stranger->open_session(two_capsules(), 10s);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().field, "credentials");
+  const auto unsafe = Client::connect(daemon.address(), 10s, {}, {.token = token});
+  ASSERT_FALSE(unsafe);
+  EXPECT_EQ(unsafe.error().code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(unsafe.error().field, "token");
 }
 
 TEST(ClientAndDaemon, AUnixSocketWorksAsWell) {

@@ -22,7 +22,9 @@ class DemoTest(unittest.TestCase):
 
     def check_session(self, folder, scene, printed):
         page = folder / f"{scene}.html"
-        self.assertTrue(page.read_text(encoding="utf-8").startswith("<!doctype html>"))
+        text = page.read_text(encoding="utf-8")
+        self.assertTrue(text.startswith("<!doctype html>"))
+        self.assertIn("as fast as replies come", text)
         self.assertIn(f"page    {page}", printed)
         metrics = json.loads((folder / "metrics.json").read_text())
         (row,) = re.findall(r"r_N \(no target visible\) +([\d.]+) % +([\d.]+) %", printed)
@@ -36,6 +38,17 @@ class DemoTest(unittest.TestCase):
                 done = run(program, "--scene", scene, "--duration", "1", "--out", str(out))
                 self.assertEqual(done.returncode, 0, done.stderr)
                 self.check_session(out, scene, done.stdout)
+                self.assertNotIn("give --out", done.stdout)
+                metrics = json.loads((out / "metrics.json").read_text())["sightline"]
+                self.assertEqual((metrics["frames"], metrics["pictures"]), (61, 7), "a second at 60 Hz, of which every tenth frame is judged")
+
+    def test_prints_json_alone_where_it_is_asked_to(self):
+        for cwd, folder in (("/proc", self.folder / "sightline-demo"), (self.folder, pathlib.Path("sightline-demo"))):
+            done = run(SIGHTLINE, "--duration", "0.2", "--json", cwd=cwd, TMPDIR=str(self.folder))
+            self.assertEqual(done.returncode, 0, done.stderr)
+            told = json.loads(done.stdout)
+            self.assertEqual(told["files"]["page"], str(folder / "rooms.html"))
+            self.assertEqual(told["sightline"]["frames"], 13)
 
     def test_uses_the_temporary_folder_where_the_working_folder_cannot_be_written(self):
         done = run(SIGHTLINE, "--duration", "0.5", cwd="/proc", TMPDIR=str(self.folder))

@@ -71,6 +71,73 @@ TEST_F(PicturesTest, WhatIsHiddenIsHatched) {
   EXPECT_GT(count(hidden, kSecond).right, count(seen, kSecond).right + 10);
 }
 
+// The far edge of the floor is 28 m away and 1 m below the camera: at row 49.4 of 90, for a lens of 40 degrees.
+TEST_F(PicturesTest, EveryPixelShowsWhatIsThere) {
+  const Picture picture = draw_frame(*world_, at(0.0), kWidth);
+  ASSERT_EQ(picture.height, 90);
+  for (const Rgb& pixel : picture.pixels) EXPECT_NE(pixel, (Rgb{0, 0, 0})) << "no pixel was left out";
+  constexpr int kMiddle = kWidth / 2;  // between the two people
+  const Rgb sky = picture.at(kMiddle, 40);
+  for (int y = 40; y < 49; ++y) EXPECT_EQ(picture.at(kMiddle, y), sky) << y;
+  EXPECT_NE(picture.at(kMiddle, 49), sky) << "half of it is floor";
+  EXPECT_NE(picture.at(kMiddle, 50), picture.at(kMiddle, 49));
+  EXPECT_GT(picture.at(kMiddle, 89)[0], 130) << "the floor is in the light";
+}
+
+TEST_F(PicturesTest, TheGroundOfTheCaptionIsDark) {
+  const Picture picture = draw_frame(*world_, at(0.0), kWidth);
+  const Rgb sky = picture.at(0, 1), dark = picture.at(4, 3);
+  for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(dark[c], 0.3 * sky[c], 1.0);
+  EXPECT_EQ(picture.at(0, 10), sky) << "nothing is written there";
+}
+
+// Through a long lens the body of one person fills the picture, so that its outline runs along the four edges.
+TEST_F(PicturesTest, TheOutlineRunsAlongTheEdgesThatCutATarget) {
+  CameraFrame close = at(0.0);
+  close.camera.position_m = {-1.5, 1, 3};
+  close.lens.vertical_fov_rad = 0.02;
+  const Picture picture = draw_frame(*world_, close, kWidth);
+  const int right = picture.width - 1, bottom = picture.height - 1;
+  for (int x = 0; x <= right; ++x) {
+    EXPECT_EQ(picture.at(x, 0), kFirst) << x;
+    EXPECT_EQ(picture.at(x, bottom), kFirst) << x;
+    if (x == 0 || x == right) continue;
+    EXPECT_NE(picture.at(x, 1), kFirst) << x;
+    EXPECT_NE(picture.at(x, bottom - 1), kFirst) << x;
+  }
+  for (int y = kCaption; y < bottom; ++y) {
+    EXPECT_EQ(picture.at(0, y), kFirst) << y;
+    EXPECT_EQ(picture.at(right, y), kFirst) << y;
+    EXPECT_NE(picture.at(1, y), kFirst) << y;
+    EXPECT_NE(picture.at(right - 1, y), kFirst) << y;
+  }
+}
+
+// A hyphen is one upright rectangle, as high as the scale.
+TEST(PictureText, HasTheSizeOfItsScaleAndIsCutAtTheEdges) {
+  constexpr Rgb kInk{255, 255, 255};
+  const auto ink = [&](const Picture& picture) {
+    int rows = 0, columns = 0;
+    for (int y = 0; y < picture.height; ++y) {
+      int in_row = 0;
+      for (int x = 0; x < picture.width; ++x) in_row += picture.at(x, y) == kInk;
+      rows += in_row > 0, columns = std::max(columns, in_row);
+    }
+    return std::pair(columns, rows);
+  };
+  Picture once(40, 40), thrice(40, 40);
+  draw_text(once, 2, 2, 1, "-", kInk), draw_text(thrice, 2, 2, 3, "-", kInk);
+  EXPECT_EQ(ink(once).second, 1);
+  EXPECT_EQ(ink(thrice).second, 3);
+  EXPECT_EQ(ink(thrice).first, 3 * ink(once).first);
+  EXPECT_EQ(text_width("a-b", 3), 3 * text_width("a-b", 1));
+  for (const int at : {-4, 0, 36, 40}) {
+    Picture cut(40, 40);
+    draw_text(cut, at, at, 2, "M", kInk);
+    EXPECT_LE(ink(cut).first, 14);
+  }
+}
+
 TEST_F(PicturesTest, ASheetShowsEvenlySpacedFramesFromTheFirstToTheLast) {
   std::vector<CameraFrame> frames;
   for (int k = 0; k < 7; ++k) frames.push_back(at(k / 6.0));

@@ -157,6 +157,10 @@ TEST(Access, AFileThatCannotBeReadIsAnError) {
   const AccessFile file;
   file.write(std::string(2 << 20, '#'));
   EXPECT_THAT(Access::load(file.path()).error().message, HasSubstr("1 MiB"));
+  file.write(std::string((1 << 20) + 1, '#'));
+  EXPECT_FALSE(Access::load(file.path()));
+  file.write(std::string(1 << 20, '#'));
+  EXPECT_TRUE(Access::load(file.path())) << "it is no larger";
 }
 
 }  // namespace

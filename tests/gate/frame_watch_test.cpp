@@ -6,23 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "tests/gate/frames.h"
+
 namespace sightline {
 namespace {
 
-const std::string kPreface = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
-
-std::string frame(uint8_t type, uint8_t flags, uint32_t stream, size_t length) {
-  std::string bytes;
-  for (const int shift : {16, 8, 0}) bytes.push_back(static_cast<char>(length >> shift));
-  bytes.push_back(static_cast<char>(type));
-  bytes.push_back(static_cast<char>(flags));
-  for (const int shift : {24, 16, 8, 0}) bytes.push_back(static_cast<char>(stream >> shift));
-  return bytes + std::string(length, 'x');
-}
-
-std::string call(uint32_t number) {
-  return frame(1, 4, 2 * number + 1, 10);
-}
+using test::call;
+using test::frame;
+using test::kPreface;
 
 std::optional<std::string_view> read(FrameWatch& watch, const std::string& bytes, double now_s = 1.0) {
   return watch.read(std::as_bytes(std::span(bytes)), now_s);
@@ -31,7 +22,7 @@ std::optional<std::string_view> read(FrameWatch& watch, const std::string& bytes
 // A client that has greeted.
 FrameWatch greeted(const FrameLimits& limits = {}) {
   FrameWatch watch(limits);
-  EXPECT_FALSE(read(watch, kPreface + frame(4, 0, 0, 6)));
+  EXPECT_FALSE(read(watch, test::greeting()));
   return watch;
 }
 
@@ -64,7 +55,7 @@ TEST(FrameWatch, TheConnectionsOfAClientShareALimit) {
   const FrameLimits limits{.client_burst = 1000, .client_per_s = 100};
   const auto client = std::make_shared<ClientFlow>(limits);
   std::vector<FrameWatch> watches(10, FrameWatch(limits, client));
-  for (FrameWatch& watch : watches) ASSERT_FALSE(read(watch, kPreface + frame(4, 0, 0, 6)));
+  for (FrameWatch& watch : watches) ASSERT_FALSE(read(watch, test::greeting()));
   // Each does half of what one connection may do.
   size_t cut = 0;
   for (uint32_t number = 0; number < 500; ++number)
@@ -73,7 +64,7 @@ TEST(FrameWatch, TheConnectionsOfAClientShareALimit) {
   EXPECT_EQ(cut, watches.size());
   // A connection that does little is not cut for what the others did.
   FrameWatch calm(limits, client);
-  EXPECT_FALSE(read(calm, kPreface + frame(4, 0, 0, 6) + call(0) + frame(3, 0, 1, 4)));
+  EXPECT_FALSE(read(calm, test::greeting() + call(0) + frame(3, 0, 1, 4)));
 }
 
 TEST(FrameWatch, CallsPassAtTheirRateAndNoFaster) {

@@ -47,6 +47,20 @@ TEST(ListeningSocket, TheFileOfAnotherOneStays) {
   EXPECT_TRUE(std::filesystem::exists(path));
 }
 
+// The kernel takes a path that fills its structure, but then has no end of it.
+TEST(ListeningSocket, APathIsNoLongerThanTheKernelsStructure) {
+  const test::TemporaryFolder folder;
+  const std::string start = folder / "";
+  const auto of_length = [&](size_t length) { return ListeningSocket::unix_file(start + std::string(length - start.size(), 'x'), 0600); };
+  EXPECT_TRUE(of_length(107));
+  for (const size_t length : {108, 109, 300}) {
+    const auto socket = of_length(length);
+    ASSERT_FALSE(socket) << length;
+    EXPECT_EQ(socket.error().code, ErrorCode::kInvalidArgument);
+    EXPECT_EQ(socket.error().field, "--listen-unix");
+  }
+}
+
 TEST(ListeningSocket, AFileThatIsNoSocketIsLeftAlone) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "file";

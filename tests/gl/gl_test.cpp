@@ -27,6 +27,11 @@ TEST(EglContextTest, HasOpenGl45AndSaysWhatItIs) {
   EXPECT_FALSE(context->info().renderer.empty());
   EXPECT_EQ(context->info().platform, context->info().index == kSurfacelessIndex ? "surfaceless" : "device");
   EXPECT_EQ(context->info().software, is_software_renderer(context->info().renderer));
+  EXPECT_EQ(context->info().drm_node, egl_drm_node(context->info().index));
+  EXPECT_GE(std::stod(context->info().gl_version), 4.5);
+  GLint strategy = 0;
+  glGetIntegerv(GL_RESET_NOTIFICATION_STRATEGY, &strategy);
+  EXPECT_EQ(context->info().robust, strategy == GL_LOSE_CONTEXT_ON_RESET);
   EXPECT_FALSE(context->was_reset());
 }
 
@@ -85,8 +90,10 @@ TEST(SoftwareRendererTest, TheEnvironmentsOwnValuesStand) {
   prepare_software_rendering();
   EXPECT_STREQ(getenv("LP_NUM_THREADS"), "7");
   unsetenv("LP_NUM_THREADS");
+  unsetenv("MESA_SHADER_CACHE_DISABLE");
   prepare_software_rendering();
   EXPECT_STRNE(getenv("LP_NUM_THREADS"), nullptr);
+  EXPECT_STREQ(getenv("MESA_SHADER_CACHE_DISABLE"), "true") << "nothing is written into the home folder";
 }
 
 }  // namespace

@@ -4,6 +4,7 @@ import re
 import json
 import pathlib
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,9 +29,9 @@ Daemon.path = SIGHTLINED
 STAGES = ("scene", "bound", "sample", "aggregate", "move")
 
 
-def start(*arguments):
+def start(*arguments, **more):
     """A daemon with a metrics port. Its address is `operators`."""
-    daemon = Daemon("--metrics-listen", "127.0.0.1:0", *arguments)
+    daemon = Daemon("--metrics-listen", "127.0.0.1:0", *arguments, **more)
     deadline = time.monotonic() + 20
     while "metrics=" not in daemon.log() and time.monotonic() < deadline:
         time.sleep(0.01)  # the log has a thread of its own
@@ -169,6 +170,36 @@ class Figures(unittest.TestCase):
                 self.assertEqual(counts, sorted(counts), name)
                 self.assertEqual(counts[-1], value(families, name + "_count", **dict(labels)), name)
                 self.assertEqual(counts[-1], 20, name)
+
+    def test_buckets_end_at_powers_of_two_from_16_us_to_2_seconds(self):
+        """As the page about metrics says."""
+        with start() as daemon:
+            families = scrape(daemon.operators)
+        for name, family in families.items():
+            if family.kind == "histogram":
+                ends = {float(dict(labels)["le"]) for sample, labels in family.samples if sample == name + "_bucket"}
+                self.assertEqual([round(end * 1e6) for end in sorted(ends)[:-1]], [2**k for k in range(4, 22)], name)
+                self.assertEqual(max(ends), float("inf"), name)
+
+    def test_an_access_file_that_cannot_be_used_is_counted(self):
+        with tempfile.TemporaryDirectory() as folder:
+            access = pathlib.Path(folder, "access")
+            access.write_text("user * control\n")
+            with start("--access-file", str(access), listen=("--listen", "none", "--listen-unix", folder + "/socket")) as daemon:
+                told = lambda: [value(scrape(daemon.operators), "sightline_credential_changes_total", file=file, outcome=outcome)  # noqa: E731
+                                for file in ("access", "certificate") for outcome in ("taken_over", "refused")]
+                self.assertEqual(told(), [0, 0, 0, 0])
+                access.write_text("nonsense\n")
+                daemon.process.send_signal(signal.SIGHUP)
+                until(lambda: told() == [0, 1, 0, 0], "refused")
+                self.assertEqual(value(scrape(daemon.operators), "sightline_credentials_current", file="access"), 0)
+                access.write_text("user * admin\n")
+                daemon.process.send_signal(signal.SIGHUP)
+                until(lambda: told() == [1, 1, 0, 0], "taken over")
+                families = scrape(daemon.operators)
+        self.assertEqual(value(families, "sightline_credentials_current", file="access"), 1)
+        self.assertEqual(value(families, "sightline_credentials_current", file="certificate"), 1)
+        self.assertEqual(value(families, "sightline_certificate_expiry_timestamp_seconds"), 0, "there is no TLS")
 
     def test_a_session_that_ends_is_counted_by_its_status(self):
         with start() as daemon:

@@ -187,6 +187,26 @@ TEST(FlightPlan, PassesABadPlaceRatherThanWaitingForIt) {
   EXPECT_EQ(plan.candidates.back(), 4u);
 }
 
+// The only good cell lies two cells away, along each of the 26 legs in turn. Every leg takes one slice, so two slices are bad.
+TEST(FlightPlan, EveryLegLeadsToTheCellsBeyond) {
+  FlightPlanner planner;
+  const Block block({5, 5, 5});
+  const glm::ivec3 middle(2);
+  const FlightSettings settings{.slice_s = 0.1, .speed_mps = 9, .route = 2, .afterwards = 0.5};
+  for (const double body_m : {0.1, 0.3, 0.46})  // only the small body has legs that a wall could cross along each number of axes
+    for (uint32_t i = 0; i < 27; ++i) {
+      const glm::ivec3 leg(static_cast<int>(i % 3) - 1, static_cast<int>(i / 3 % 3) - 1, static_cast<int>(i / 9) - 1);
+      if (leg == glm::ivec3(0)) continue;
+      const uint32_t good = block.index(middle + 2 * leg);
+      Costs costs = always(block, 6, 60);
+      for (auto& of_slice : costs) of_slice[good] = 0;
+      const FlightPlan& plan = planned(planner, block, costs, {.position_m = block.at(middle)}, settings, body_m);
+      ASSERT_FALSE(plan.candidates.empty());
+      EXPECT_EQ(plan.candidates.back(), good);
+      EXPECT_NEAR(plan.cost, 2 * 60.0 / 6 + 2 * glm::length(block.at(2 * leg)), 1e-4) << leg.x << ' ' << leg.y << ' ' << leg.z << ", body " << body_m;
+    }
+}
+
 TEST(FlightPlan, StaysWhereGoingGainsNothing) {
   FlightPlanner planner;
   const Block block({5, 3, 5});

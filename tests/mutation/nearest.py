@@ -1,6 +1,6 @@
 """The tests that a mutant of a folder must pass: its unit tests, then the nearest wider ones. Names with a capital letter are those of
 ctest, which runs a script; the others are programs of gtest. The golden recording is not among them: it notices every change of a bit, right
-or wrong. A mutant that they leave alive meets the tests of the other folders that come past it."""
+or wrong. Nor is random_cuts_test, whose few tests take minutes each. A mutant that they leave alive meets the tests of the other folders that come past it."""
 NEAREST = {
     "server": ("daemon_test", "Fault_injected", "Attack_process", "Attack_budgets", "Attack_trust", "CommandLine"),
     "server/aggregate": ("aggregate_test", "step_test"),
@@ -29,7 +29,7 @@ NEAREST = {
     "client/drive": ("drive_test", "comparison_test", "CommandJson"),
     "client/evaluate": ("evaluate_test", "CommandJson"),
     "client/page": ("session_page_test", "recording_page_test", "drive_test"),
-    "client/recordings": ("recording_test", "recording_verbs_test", "random_cuts_test", "conformance_test", "damaged_messages_test", "CommandJson"),
+    "client/recordings": ("recording_test", "recording_verbs_test", "conformance_test", "damaged_messages_test", "CommandJson"),
     "client/replay": ("compare_test", "replay_test", "replay_server_test", "CommandJson"),
     "client/report": ("recording_page_test", "CommandJson"),
     "client/scenario": ("client_unit_test", "scenes_test", "drive_test"),

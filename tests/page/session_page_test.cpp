@@ -229,6 +229,32 @@ TEST(SessionPage, WhatMovesComesBackMoverAfterMoverForItsLifeAlone) {
   EXPECT_FALSE(page.session.at("instances")[0].contains("life"));
 }
 
+TEST(SessionPage, TransformsOfInstancesComeBackColumnByColumn) {
+  const ReadPage page = read_page(session_of(1));
+  const auto transforms = page.array<float>("instance_transforms", "f32");
+  ASSERT_EQ(transforms.size(), 3u * 12);
+  EXPECT_THAT(std::vector<float>(transforms.begin(), transforms.begin() + 12), ElementsAre(1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0));
+  EXPECT_THAT(std::vector<float>(transforms.begin() + 12, transforms.begin() + 24), ElementsAre(1, 0, 0, 0, 2, 0, 0, 0, 1, 5, 0, 0));
+}
+
+TEST(SessionPage, NumbersOfAFrameComeBackAsTheyWere) {
+  SessionPage session = session_of(2);
+  PageFrame& frame = session.frames[1];
+  frame.velocity_mps = {1, 2, 3}, frame.merged_ticks = 4, frame.queue_us = 5, frame.latency_ms = 6, frame.clearance_m = 7;
+  frame.text = "words", frame.reason = "ON_TRAIL";
+  const ReadPage page = read_page(session);
+  EXPECT_THAT(page.array<double>("sequence", "f64"), ElementsAre(1, 2));
+  EXPECT_THAT(page.array<double>("fov_rad", "f64"), ElementsAre(0.7, 0.7));
+  EXPECT_THAT(page.array<float>("velocity_mps", "f32"), ElementsAre(0, 0, 0, 1, 2, 3));
+  EXPECT_THAT(page.array<uint32_t>("counts", "u32"), ElementsAre(7, 8, 9, 7, 8, 9));
+  EXPECT_THAT(page.array<uint32_t>("merged", "u32"), ElementsAre(0, 4));
+  EXPECT_EQ(page.array<float>("queue_us", "f32")[1], 5.0f);
+  EXPECT_EQ(page.array<float>("latency_ms", "f32")[1], 6.0f);
+  EXPECT_EQ(page.array<float>("clearance_m", "f32")[1], 7.0f);
+  EXPECT_EQ(page.session.at("words")[page.array<uint32_t>("text", "u32")[1]], "words");
+  EXPECT_EQ(page.session.at("words")[page.array<uint32_t>("reason", "u32")[1]], "ON_TRAIL");
+}
+
 TEST(SessionPage, TargetsThatAreNoneInAFrameAreMarkedSo) {
   SessionPage session = session_of(3);
   session.frames[1].sights[0].present = false;
@@ -256,6 +282,14 @@ TEST(SessionPage, TooManyCellsAreThinnedByWholeFrames) {
   // The 24 frames hold 2.4 times as many cells as may be kept, so those of every third frame stay.
   EXPECT_THAT(page.array<uint32_t>("cell_frame", "u32"), ElementsAre(0, 3, 6, 9, 12, 15, 18, 21));
   EXPECT_EQ(page.array<uint32_t>("cell_mask", "u32").size(), 8 * kMaxPageCells / 10);
+}
+
+TEST(SessionPage, AsManyCellsAsMayBeKeptAreKept) {
+  SessionPage session = session_of(4);
+  for (PageFrame& frame : session.frames) frame.cells.resize(kMaxPageCells / 4);
+  EXPECT_THAT(read_page(session).array<uint32_t>("cell_frame", "u32"), ElementsAre(0, 1, 2, 3));
+  session.frames[0].cells.resize(kMaxPageCells / 4 + 1);
+  EXPECT_THAT(read_page(session).array<uint32_t>("cell_frame", "u32"), ElementsAre(0, 2));
 }
 
 TEST(SessionPage, NamesCannotEndTheirScriptOrTitle) {
@@ -296,6 +330,8 @@ TEST(SessionPage, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[2].time_s = 0; }), "frames[2].time_s");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[0].time_s = 1; }), "frames[1].time_s");
   EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].camera.position_m.x = kPageUnknown; }), "frames[1]");
+  EXPECT_EQ(changed([](SessionPage& s) { s.frames[1].time_s = kPageUnknown; }), "frames[1]");
+  EXPECT_EQ(changed([](SessionPage& s) { s.frames[2].camera.rotation.w = kPageUnknown; }), "frames[2]");
   EXPECT_EQ(changed([](SessionPage& s) { s.instances[1].geometry.reset(); }), "instances[1].geometry");
   EXPECT_EQ(changed([](SessionPage& s) { s.aspect = 0; }), "aspect");
   EXPECT_EQ(changed([](SessionPage& s) { s.movers[0].instance = 3; }), "movers[0]");

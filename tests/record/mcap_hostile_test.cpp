@@ -162,6 +162,23 @@ TEST(McapHostile, TheSummaryHasTheTopicsOfALostChunkThoughItsOffsetsAreWrong) {
   first_chunk_is_lost_alone([](std::string& bytes, size_t middle) { bytes.erase(middle, 7); });
 }
 
+TEST(McapHostile, TopicsOfALostChunkThatAreOverTheLimitAreTold) {
+  const test::SmallFile file = test::make_small_file();
+  const MemorySource whole(file.bytes);
+  const mcap::ChunkIndex first = McapReader::open(whole, {}).value().info().chunks.at(0);
+  std::string damaged = file.bytes;
+  damaged.insert(first.chunk_start + first.chunk_length / 2, "five!");
+  const auto told = [&](McapLimits limits) {
+    const MemorySource source(damaged);
+    const McapLoss& loss = McapReader::open(source, limits).value().info().loss;
+    return std::count_if(loss.first_troubles.begin(), loss.first_troubles.end(), [](const McapTrouble& trouble) {
+      return trouble.error.message.find("schemas and channels are over the limit") != std::string::npos;
+    });
+  };
+  EXPECT_EQ(told({}), 0);
+  EXPECT_EQ(told({.max_definition_bytes = 10}), 3) << "a schema and two channels";
+}
+
 TEST(McapHostile, ADamagedSummaryNamesNoTopics) {
   const test::SmallFile file = test::make_small_file();
   const MemorySource whole(file.bytes);
@@ -366,6 +383,24 @@ TEST(McapHostile, LookingForTheNextChunkReadsTheFileAFewTimesAtMost) {
   (void)recover_mcap(source, sink, {}, {});
   // Trying them all would load 100 GB.
   EXPECT_LT(source.take_count(), 20 * total);
+}
+
+// A stray byte behind every chunk: each search loads all of the file that is left, or the size of its window.
+TEST(McapHostile, ManyDamagesReadTheFileAFewTimesAtMost) {
+  std::string raw;
+  mcap::append_record(raw, mcap::Channel{1, 0, "/t", "x-plain", {}});
+  for (uint32_t i = 0; i < 100; ++i) mcap::append_record(raw, mcap::Message{1, i, 1, 1, "a message of some bytes"});
+  std::string bytes(mcap::kMagic);
+  mcap::append_record(bytes, mcap::Header{});
+  while (bytes.size() < 1 << 20) {
+    mcap::append_record(bytes, mcap::Chunk{1, 1, raw.size(), mcap::crc32_of(raw), "", raw});
+    bytes.push_back('\0');
+  }
+  const test::CountedSource source(bytes);
+  MemorySink sink;
+  const McapRecovery done = recover_mcap(source, sink, {}, {}).value();
+  EXPECT_GE(done.chunks, 3u) << "the search goes on while it may";
+  EXPECT_LT(source.take_count(), 20 * bytes.size());
 }
 
 TEST(McapHostile, NoiseIsRefusedOrEmpty) {

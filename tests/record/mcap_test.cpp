@@ -175,6 +175,7 @@ TEST(Mcap, WhatIsRefusedLeavesTheFileSound) {
   EXPECT_EQ(writer.add_channel("/t", 3, "", {}).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(writer.write(1, 0, 0, "m").error().code, ErrorCode::kNotFound);
   const uint16_t channel = writer.add_channel("/t", 0, "", {}).value();
+  for (const int unknown : {0, channel + 1}) EXPECT_EQ(writer.write(static_cast<uint16_t>(unknown), 0, 0, "m").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(writer.write(channel, 0, 0, std::string(kMaxMessageBytes + 1, 'x')).error().code,
             ErrorCode::kResourceExhausted);
   ASSERT_TRUE(writer.write(channel, 1, 1, "m"));
@@ -228,6 +229,28 @@ TEST(Mcap, VerifyFindsNothingInASoundFileAndCountsItsTopics) {
   EXPECT_EQ(verdict.topics.at("/tick").messages, 20u);
   EXPECT_EQ(verdict.topics.at("/tick").missing, 0u);
   EXPECT_EQ(verdict.topics.at("/tick").longest_silence_ns, kSecondNs / 5);
+}
+
+// Other programs count from the beginning of a run, and may end a chunk before its first message.
+TEST(Mcap, VerifyTakesTimesFromZeroAndChunksWithoutMessages) {
+  MemorySink sink;
+  McapWriter writer(sink, {});
+  const uint16_t channel = writer.add_channel("/t", 0, "", {}).value();
+  ASSERT_TRUE(writer.write(channel, 0, 0, "m"));
+  ASSERT_TRUE(writer.finish());
+  const MemorySource at_zero(sink.bytes());
+  EXPECT_TRUE(verify_mcap(at_zero, {}).value().sound());
+
+  std::string bytes(mcap::kMagic);
+  mcap::append_record(bytes, mcap::Header{});
+  mcap::append_record(bytes, mcap::Chunk{});
+  mcap::append_record(bytes, mcap::DataEnd{});
+  mcap::append_record(bytes, mcap::Footer{});
+  bytes.append(mcap::kMagic);
+  const MemorySource empty_chunk(bytes);
+  const McapVerdict verdict = verify_mcap(empty_chunk, {}).value();
+  EXPECT_TRUE(verdict.sound());
+  EXPECT_EQ(verdict.chunks, 1u);
 }
 
 TEST(Mcap, VerifyCountsChunksWithoutACrc) {
@@ -376,6 +399,14 @@ TEST(Mcap, FilesOnDiskAreNewOnes) {
   }
   const auto source = open_file_source(path).value();
   EXPECT_EQ(test::read_all(McapReader::open(*source, {}).value()).size(), 40u);
+  std::string read(10, '\0');
+  EXPECT_TRUE(source->read_at(source->size() - 10, read.data(), 10));
+  EXPECT_EQ(read, test::make_small_file().bytes.substr(source->size() - 10));
+  for (const auto& [offset, count] : {std::pair(source->size() - 9, 10), {source->size() + 1, 0}, {source->size() + 1, 10}}) {
+    const Status beyond = source->read_at(offset, read.data(), static_cast<size_t>(count));
+    ASSERT_FALSE(beyond) << offset << ' ' << count;
+    EXPECT_EQ(beyond.error().message, "the file ends before what is to be read");
+  }
   std::filesystem::remove(path);
   EXPECT_EQ(open_file_source(path).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(open_file_source("/").error().code, ErrorCode::kInvalidArgument);

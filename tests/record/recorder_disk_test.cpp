@@ -237,7 +237,22 @@ TEST(Recorder, AFolderThatCannotBeUsedIsKnownBeforeTheFirstSession) {
   studio.files.folder_forbidden = true;
   studio.writer->try_folder();
   EXPECT_TRUE(studio.writer->folder_trouble());
-  EXPECT_THAT(studio.warnings, SizeIs(1));
+  ASSERT_THAT(studio.warnings, SizeIs(1));
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_WRITE_FAILED);
+  EXPECT_THAT(studio.warnings[0].text, HasSubstr("nothing can be recorded: "));
+  EXPECT_THAT(studio.warnings[0].text, HasSubstr("no such folder"));
+}
+
+TEST(RecordFolder, ANameHasTheTimeTheSessionAndThePart) {
+  EXPECT_EQ(recording_name(1'700'000'000'123'456'789, "a b/\xC3\xBC-Z9", 7), "sightline-20231114T221320.123Z-a_b___-Z9-p007.mcap");
+  EXPECT_EQ(recording_name(0, std::string(70, 'x'), 1234), "sightline-19700101T000000.000Z-" + std::string(64, 'x') + "-p1234.mcap");
+}
+
+TEST(RecordFolder, OnlyNamesOfRecordingsAreItsOwn) {
+  EXPECT_TRUE(is_recording_name(recording_name(1, "abc", 1)));
+  EXPECT_TRUE(is_recording_name("sightline-x.mcap"));
+  for (const char* name : {"sightline-.mcap", "sightline-x.mca", "other-x.mcap", "sightline-a/b.mcap", "x/sightline-a.mcap", ".mcap", ""})
+    EXPECT_FALSE(is_recording_name(name)) << name;
 }
 
 TEST(Recorder, OldFilesGoByTheirAge) {

@@ -41,6 +41,78 @@ TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
   EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
 }
 
+// A pinhole camera whose picture is 1280 pixels wide: its focal length in pixels is half the height by the tangent of half the vertical angle.
+TEST(ViewerChannels, TheCalibrationIsThatOfTheLens) {
+  foxglove::CameraCalibration shown;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic == RecordTopic::kCalibration) shown = dynamic_cast<const foxglove::CameraCalibration&>(made);
+  };
+  v1::OpenSession open;
+  open.mutable_lens()->set_aspect(2.0);
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open(open);
+  viewers.take_open(open);
+  v1::CameraReply reply;
+  reply.set_field_of_view(2 * std::atan(0.5));
+  viewers.take_reply(reply, 3'000'000'004, emit);
+  EXPECT_EQ(shown.timestamp().seconds(), 3);
+  EXPECT_EQ(shown.timestamp().nanos(), 4);
+  EXPECT_EQ(shown.frame_id(), "camera_optical");
+  EXPECT_EQ(shown.width(), 1280u);
+  EXPECT_EQ(shown.height(), 640u);
+  const double focal_px = 320 / 0.5;
+  const auto near = [](std::vector<double> values) {
+    std::vector<::testing::Matcher<double>> all;
+    for (const double value : values) all.push_back(::testing::DoubleNear(value, 1e-9));
+    return all;
+  };
+  EXPECT_THAT(shown.k(), ::testing::ElementsAreArray(near({focal_px, 0, 640, 0, focal_px, 320, 0, 0, 1})));
+  EXPECT_THAT(shown.r(), ::testing::ElementsAreArray(near({1, 0, 0, 0, 1, 0, 0, 0, 1})));
+  EXPECT_THAT(shown.p(), ::testing::ElementsAreArray(near({focal_px, 0, 640, 0, 0, focal_px, 320, 0, 0, 0, 1, 0})));
+}
+
+// The log has a line for each change, and for what was refused, failed or lost.
+TEST(ViewerChannels, TheLogTellsChangesAndTroubles) {
+  std::vector<std::string> lines;
+  const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
+    if (topic != RecordTopic::kLog) return;
+    const auto& line = dynamic_cast<const foxglove::Log&>(made);
+    EXPECT_EQ(line.timestamp().seconds(), 2);
+    EXPECT_EQ(line.timestamp().nanos(), 5);
+    lines.push_back(foxglove::Log::Level_Name(line.level()) + " " + line.name() + ": " + line.message());
+  };
+  constexpr uint64_t kAtNs = 2'000'000'005;
+  SessionSnapshot session;
+  ViewerChannels viewers(session);
+  session.take_open({});
+  viewers.take_open({});
+  const auto reply = [&](v1::TrackingStatus status, v1::MoveReason reason, const char* text) {
+    v1::CameraReply message;
+    message.set_status(status);
+    message.set_reason(reason);
+    message.set_reason_text(text);
+    viewers.take_reply(message, kAtNs, emit);
+  };
+  reply(v1::TRACKING_STATUS_TRACKING, v1::MOVE_REASON_AT_DESIRED_PLACE, "one");
+  reply(v1::TRACKING_STATUS_TRACKING, v1::MOVE_REASON_AT_DESIRED_PLACE, "two");
+  reply(v1::TRACKING_STATUS_TRACKING, v1::MOVE_REASON_NEAREST_ALL_VISIBLE, "three");
+  reply(v1::TRACKING_STATUS_HOLDING, v1::MOVE_REASON_NEAREST_ALL_VISIBLE, "four");
+  reply(v1::TRACKING_STATUS_HOLDING, v1::MOVE_REASON_NEAREST_ALL_VISIBLE, "five");
+  v1::TickError refused;
+  refused.set_sequence(8), refused.set_message("no such instance");
+  viewers.take_rejection(refused, kAtNs, emit);
+  v1::Fault fault;
+  fault.set_stage("sample"), fault.set_message("it failed");
+  viewers.take_fault(fault, kAtNs, emit);
+  v1::Gap gap;
+  gap.set_messages(6), gap.set_text("the queue was full");
+  viewers.take_gap(gap, kAtNs, emit);
+  EXPECT_THAT(lines, ::testing::ElementsAre("INFO camera: TRACKING: one", "INFO camera: TRACKING: three", "INFO camera: HOLDING: four",
+                                            "WARNING tick: tick 8 refused: no such instance", "ERROR sample: it failed",
+                                            "WARNING record: 6 messages are missing: the queue was full"));
+}
+
 // The viewer's frame is ROS's: glTF's (x, y, z) is at (z, x, y).
 TEST(ViewerChannels, ACompoundIsShownPartByPart) {
   v1::OpenSession open;

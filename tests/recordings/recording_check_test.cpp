@@ -61,6 +61,23 @@ TEST_F(Verbs, WhatDoesNotGoTogetherIsSaid) {
   }
 }
 
+TEST_F(Verbs, ManyTroublesAreCountedAndTheFirstSixteenAreTold) {
+  for (const uint64_t troubles : {16u, 17u, 20u}) {
+    Told told;
+    told.tick(1), told.reply(1);
+    for (uint64_t i = 1; i <= troubles; ++i) told.reply(1 + i);
+    const std::string said = verify(put("many.mcap", told.finish())).out;
+    // The first message is the opening; every message comes 5 ms after the one before.
+    EXPECT_THAT(said, HasSubstr("  at 0.020 s: reply to tick 2, and no tick since the former reply\n"));
+    EXPECT_THAT(said, HasSubstr("reply to tick 17, and"));
+    EXPECT_THAT(said, ::testing::Not(HasSubstr("reply to tick 18, and")));
+    if (troubles == 16)
+      EXPECT_THAT(said, ::testing::Not(HasSubstr(" more\n")));
+    else
+      EXPECT_THAT(said, HasSubstr("  ... and " + std::to_string(troubles - 16) + " more\n"));
+  }
+}
+
 // A part whose messages have the numbers that are asked for.
 struct Numbered {
   explicit Numbered(uint32_t part = 1, uint64_t snapshot_ticks = 0) {

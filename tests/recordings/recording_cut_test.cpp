@@ -2,7 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
+#include "server/record/record_topics.h"
 #include "tests/recordings/recording_verbs.h"
 
 namespace sightline {
@@ -29,6 +31,7 @@ TEST_F(Verbs, ACutFromTheStartIsTheBeginningMessageForMessage) {
   EXPECT_EQ(recording_of(hall()).files()->front().bytes,
             recording_of(bytes_of(path("part.mcap"))).files()->front().bytes);
 
+  EXPECT_THAT(done.out, ::testing::Not(HasSubstr("lead ")));
   EXPECT_EQ(cut(file, path("all.mcap"), 0).status, 0);
   EXPECT_EQ(messages_of(bytes_of(path("all.mcap"))), all);
 }
@@ -42,6 +45,13 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   const Recording part = recording_of(bytes), whole = recording_of(hall());
   EXPECT_EQ(part.info().part(), 1u);
   ASSERT_GT(part.info().snapshot_ticks(), 30u);
+  uint64_t memory_ns = 0;  // the newest before the range, with which the lead begins
+  for (const PlainMessage& m : messages_of(hall(), {.end_ns = kRecordedStartNs + 700'000'000, .topics = {"/sightline/memory"}}))
+    memory_ns = m.log_time_ns;
+  ASSERT_GT(memory_ns, kRecordedStartNs);
+  char lead[64];
+  std::snprintf(lead, sizeof lead, "lead        %.3f s before the range", 0.7 - static_cast<double>(memory_ns - kRecordedStartNs) * 1e-9);
+  EXPECT_THAT(done.out, HasSubstr(lead));
   EXPECT_EQ(part.open_session().SerializeAsString(), whole.open_session().SerializeAsString());
   EXPECT_EQ(part.opened().SerializeAsString(), whole.opened().SerializeAsString());
 
@@ -103,6 +113,35 @@ TEST_F(Verbs, ACutBeginsAndEndsAtExactlyItsTimes) {
     const auto got = messages_of(bytes_of(path("part.mcap")));
     EXPECT_EQ(in_range(got, start_ms, 1'000'000), in_range(messages_of(bytes), start_ms, end_ms));
     std::filesystem::remove(path("part.mcap"));
+  }
+}
+
+// Every tick adds an instance, so that the still frames and shapes change in the lead, which viewers do not see.
+TEST_F(Verbs, ACutShowsViewersWhatStoodStillWhenItsRangeBegins) {
+  Told told;
+  for (uint64_t i = 1; i <= 20; ++i) {
+    v1::Tick tick;
+    tick.set_sequence(i);
+    v1::NewInstance& added = *tick.mutable_delta()->add_added_instances();
+    added.set_id(100 + i);
+    added.mutable_shape()->mutable_sphere()->set_radius(1);
+    told.put(tick), told.reply(i);
+  }
+  const std::string bytes = told.finish();
+  ASSERT_EQ(cut(put("adds.mcap", bytes), path("part.mcap"), 0.1).status, 0);
+  const uint64_t start_ns = recording_of(bytes).start_ns() + 100'000'000;
+  std::vector<std::string> topics;
+  for (const RecordTopic topic : {RecordTopic::kStaticFrames, RecordTopic::kShapes})
+    topics.emplace_back(all_record_topics()[static_cast<size_t>(topic)].topic);
+  std::map<std::string, PlainMessage> newest;
+  for (const PlainMessage& m : messages_of(bytes, {.end_ns = start_ns, .topics = topics})) newest[m.topic] = m;
+  ASSERT_EQ(newest.size(), 2u);
+  const auto before_range = messages_of(bytes_of(path("part.mcap")), {.end_ns = start_ns, .topics = topics});
+  ASSERT_EQ(before_range.size(), 2u) << "one of each";
+  for (const PlainMessage& m : before_range) {
+    EXPECT_EQ(m.log_time_ns, start_ns - 1) << m.topic;
+    EXPECT_EQ(m.sequence, newest[m.topic].sequence) << m.topic;
+    EXPECT_EQ(m.data, newest[m.topic].data) << m.topic;
   }
 }
 

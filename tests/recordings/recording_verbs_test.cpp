@@ -15,6 +15,7 @@ namespace sightline {
 namespace {
 
 using nlohmann::json;
+using test::kRecordedStartNs;
 using test::PlainMessage;
 using test::Said;
 using test::Told;
@@ -72,6 +73,41 @@ TEST_F(Verbs, InfoOfASessionWithoutATickHasNoGameTime) {
   EXPECT_TRUE(json::parse(info({file}, true).out)["game_time"].is_null());
 }
 
+TEST_F(Verbs, InfoTellsTheGamesTimeOfASessionWhoseClockBeginsAtZero) {
+  std::string bytes;
+  RecordingWriter writer(std::make_unique<test::StringSink>(bytes), v1::RecordingInfo());
+  EXPECT_TRUE(writer.write(v1::OpenSession(), 0) && writer.write(v1::SessionOpened(), 0));
+  for (const uint64_t sequence : {1u, 2u}) {
+    v1::Tick tick;
+    tick.set_sequence(sequence);
+    tick.set_time_s(4.0 + static_cast<double>(sequence));
+    EXPECT_TRUE(writer.write(tick, (sequence - 1) * 1'000'000));
+  }
+  EXPECT_TRUE(writer.finish());
+  EXPECT_THAT(info({put("zero.mcap", bytes)}).out, HasSubstr("game time   1.000 s, from 5.000 s to 6.000 s\n"));
+}
+
+TEST_F(Verbs, InfoTellsHowLongARecordingLasted) {
+  const std::pair<uint64_t, const char*> cases[] = {
+      {59'999, "duration    59.999 s by"}, {60'000, "duration    0:01:00.000 by"}, {3'723'500, "duration    1:02:03.500 by"}};
+  for (const auto& [ms, text] : cases) {
+    Told told;  // its first message comes 5 ms after this time
+    told.log_ns = kRecordedStartNs + ms * 1'000'000;
+    told.tick(1);
+    EXPECT_THAT(info({put("lasted.mcap", told.finish())}).out, HasSubstr(text));
+  }
+}
+
+TEST_F(Verbs, InfoListsATopicWithoutMessages) {
+  std::string bytes(mcap::kMagic);
+  mcap::append_record(bytes, mcap::Header{});
+  mcap::append_record(bytes, mcap::Channel{1, 0, "/quiet", "x-plain", {}});
+  const json topics = json::parse(info({put("quiet.mcap", bytes)}, true).out)["topics"];
+  ASSERT_THAT(topics, SizeIs(1));
+  EXPECT_EQ(topics[0]["topic"], "/quiet");
+  EXPECT_EQ(topics[0]["messages"], 0);
+}
+
 TEST_F(Verbs, InfoTellsWhatIsMissingAndWhy) {
   Told told;
   told.tick(1), told.reply(1);
@@ -112,6 +148,9 @@ TEST_F(Verbs, AnUnfinishedFileIsRecovered) {
   EXPECT_EQ(done.status, 1) << "half a chunk is lost";
   EXPECT_EQ(verify(path("copy.mcap")).status, 0) << verify(path("copy.mcap")).out;
   EXPECT_THAT(info({path("copy.mcap")}).out, HasSubstr("recovered"));
+  const json note = json::parse(info({path("copy.mcap")}, true).out)["recovered"];
+  EXPECT_EQ(note["was_finished"], "false");
+  EXPECT_TRUE(note["lost"].get<std::string>().ends_with("; its end was missing")) << note;
   const auto all = messages_of(hall()), copied = messages_of(bytes_of(path("copy.mcap")));
   EXPECT_GT(copied.size(), all.size() / 4);
   EXPECT_TRUE(std::equal(copied.begin(), copied.end(), all.begin())) << "the beginning, message for message";
@@ -134,6 +173,10 @@ TEST_F(Verbs, ADamagedChunkIsNamedAndLeftOut) {
   EXPECT_EQ(done.status, 1) << "a chunk is lost";
   EXPECT_THAT(done.out, HasSubstr("1 chunk"));
   EXPECT_EQ(verify(path("copy.mcap")).status, 0) << verify(path("copy.mcap")).out;
+  const json note = json::parse(info({path("copy.mcap")}, true).out)["recovered"];
+  EXPECT_EQ(note["was_finished"], "true");
+  EXPECT_EQ(note["chunks"], "1");
+  EXPECT_THAT(note["lost"].get<std::string>(), Not(HasSubstr("its end")));
   std::vector<PlainMessage> expected = messages_of(hall());
   std::erase_if(expected, [&](const PlainMessage& m) {
     return m.log_time_ns >= hit.start_time_ns && m.log_time_ns <= hit.end_time_ns;
@@ -226,6 +269,7 @@ TEST_F(Verbs, ForeignFilesAreReadAsFarAsTheyCanBe) {
   const Said dumped = dump({.file = file});
   EXPECT_EQ(dumped.status, 1);
   EXPECT_THAT(lines_of(dumped.out), SizeIs(40));
+  EXPECT_THAT(dump({.file = file, .topics = {"/tock"}}).err, HasSubstr("no topic /tock; it has /tick, /reply"));
   EXPECT_THAT(dumped.err, HasSubstr("cannot be decoded"));
   const Said none = cut(file, path("part.mcap"), 0);
   EXPECT_EQ(none.status, 1);

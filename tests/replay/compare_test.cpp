@@ -52,6 +52,17 @@ TEST(CompareMessages, LooksAtBitsInLists) {
   EXPECT_EQ(first_difference(a, b, {})->path, "positions[0]");
 }
 
+TEST(CompareMessages, LooksAtBitsOfFloats) {
+  v1::Transforms a, b;
+  a.add_velocities(0.0f);
+  b.add_velocities(-0.0f);
+  ASSERT_TRUE(first_difference(a, b, {}));
+  EXPECT_EQ(first_difference(a, b, {})->path, "velocities[0]");
+  a.set_velocities(0, NAN);
+  b.set_velocities(0, NAN);
+  EXPECT_FALSE(first_difference(a, b, {}));
+}
+
 // A file whose schema for replies is this program's, without what `change` takes out of the messages of session.proto.
 McapInfo file_of_an_older_server(const std::function<void(google::protobuf::DescriptorProto&)>& change) {
   google::protobuf::FileDescriptorSet files;
@@ -84,6 +95,46 @@ TEST(CompareReplies, FieldsThatAnOlderServerDidNotKnowDoNotCount) {
   now.mutable_relative_pose()->mutable_pose()->mutable_position()->set_x(4);
   EXPECT_FALSE(fair.add(old, now));
   EXPECT_EQ(fair.first()->field.path, "relative_pose.pose.position.x");
+}
+
+// Two replies to one tick, whose cameras are 3 m and a quarter turn apart. The targets stand in another order.
+TEST(CompareReplies, TheLargestDistancesOfPosesAndSharesAreTold) {
+  v1::CameraReply a, b;
+  const auto add_target = [](v1::CameraReply& reply, uint64_t id, double share) {
+    reply.add_targets()->set_id(id);
+    reply.mutable_targets(reply.targets_size() - 1)->set_visible_share(share);
+  };
+  a.set_sequence(4), b.set_sequence(4);
+  a.mutable_pose()->mutable_rotation()->set_w(1);
+  b.mutable_pose()->mutable_rotation()->set_y(std::sqrt(0.5)), b.mutable_pose()->mutable_rotation()->set_w(std::sqrt(0.5));
+  v1::Vec3& place = *b.mutable_pose()->mutable_position();
+  place.set_x(1), place.set_y(-2), place.set_z(2);
+  add_target(a, 1, 0.5), add_target(a, 2, 0.25);
+  add_target(b, 2, 0.375), add_target(b, 1, 1.0);
+
+  ReplyComparison comparison(gltf_convention());
+  EXPECT_FALSE(comparison.add(a, b));
+  EXPECT_NEAR(comparison.position_m(), 3.0, 1e-12);
+  EXPECT_NEAR(comparison.direction_deg(), 90.0, 1e-9);
+  EXPECT_EQ(comparison.visible_share(), 0.5) << "of one target in both";
+  const auto of_shares = [&] {
+    for (const FieldDeviation& deviation : comparison.deviations())
+      if (deviation.field == "targets[].visible_share") return deviation;
+    return FieldDeviation();
+  };
+  EXPECT_EQ(of_shares().replies, 1u) << "the elements of a list count once a reply";
+  EXPECT_EQ(of_shares().largest, 0.75) << "of the elements at one place of the lists";
+
+  a.set_sequence(5), b.set_sequence(5);
+  b.mutable_targets(1)->set_visible_share(0.75);
+  *b.mutable_pose() = a.pose();
+  EXPECT_FALSE(comparison.add(a, b));
+  EXPECT_EQ(of_shares().replies, 2u);
+  EXPECT_EQ(of_shares().first_sequence, 4u);
+  EXPECT_EQ(of_shares().largest, 0.75);
+  EXPECT_NEAR(comparison.position_m(), 3.0, 1e-12) << "of all replies";
+  EXPECT_NEAR(comparison.direction_deg(), 90.0, 1e-9);
+  EXPECT_EQ(comparison.visible_share(), 0.5);
 }
 
 TEST(CompareReplies, EveryFieldCountsInAFileOfThisVersionAndInOneWithoutSchemas) {
@@ -247,6 +298,43 @@ TEST_F(CompareRecordings, CommandSaysItInWordsAndInJson) {
   EXPECT_TRUE(read["input"]["first"].is_null());
   EXPECT_EQ(run_compare_command({.a = a, .b = folder / "none.mcap"}, words, err), 1);
   EXPECT_THAT(err.str(), HasSubstr("none.mcap"));
+}
+
+TEST_F(CompareRecordings, CommandListsEveryFieldThatDiffers) {
+  const test::TemporaryFolder folder;
+  const std::string a = folder / "a.mcap", b = folder / "b.mcap";
+  std::ofstream(a, std::ios::binary) << hall();
+  std::ofstream(b, std::ios::binary) << rewritten(hall(), [](RecordedEvent& event, RecordingWriter& writer) {
+    auto* reply = std::get_if<v1::CameraReply>(&event.message);
+    if (!reply) return true;
+    v1::Vec3& place = *reply->mutable_pose()->mutable_position();
+    if (reply->sequence() == 10) place.set_x(place.x() + 0.25);
+    if (reply->sequence() == 20) place.set_x(place.x() + 0.5), reply->set_cut(true);
+    v1::Gap gap;
+    gap.set_messages(3);
+    return reply->sequence() != 30 || !writer.write(gap, event.log_ns).has_value();
+  });
+  std::ostringstream words, err;
+  EXPECT_EQ(run_compare_command({.a = a, .b = b}, words, err), 1) << err.str();
+  EXPECT_THAT(words.str(), HasSubstr("opening     equal\nticks       60 in both, 60 equal\n"));
+  EXPECT_THAT(words.str(), HasSubstr("replies     59 in both, 57 equal, 1 only in A\n"));
+  EXPECT_THAT(words.str(), HasSubstr("gaps        0 messages are missing in A, 3 in B\n"));
+  EXPECT_THAT(words.str(), HasSubstr("at most     camera 0.5 m and 0 degrees apart, visible shares 0\n"));
+  EXPECT_THAT(words.str(), testing::ContainsRegex("field +replies +first tick +largest"));
+  EXPECT_THAT(words.str(), testing::ContainsRegex("cut +1 +20 +-"));
+  EXPECT_THAT(words.str(), testing::ContainsRegex("pose\\.position\\.x +2 +10 +0\\.5"));
+  EXPECT_THAT(words.str(), HasSubstr("result      differs\n"));
+}
+
+TEST_F(CompareRecordings, CommandNamesWhatDiffersInTheOpening) {
+  const test::TemporaryFolder folder;
+  const auto keep = [&](const char* name, uint64_t seed) {
+    std::ofstream(folder / name, std::ios::binary) << record_hall(*make_embree_sampler_device(), {.ticks = 2, .seed = seed}).bytes;
+    return (folder / name).string();
+  };
+  std::ostringstream words, err;
+  EXPECT_EQ(run_compare_command({.a = keep("a.mcap", 3), .b = keep("b.mcap", 5)}, words, err), 1) << err.str();
+  EXPECT_THAT(words.str(), HasSubstr("opening     differs: seed: 3 in A, 5 in B\n"));
 }
 
 }  // namespace

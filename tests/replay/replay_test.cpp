@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
 #include <regex>
@@ -330,6 +331,45 @@ TEST_F(ReplayCommand, SaysEqualAndWritesWhatItAnswered) {
   EXPECT_THAT(out_.str(), HasSubstr("60 compared, 60 equal"));
   EXPECT_EQ(run({.file = file, .out = again}), 1);  // the file exists already
   EXPECT_THAT(err_.str(), HasSubstr("again.mcap"));
+}
+
+// The command as it is typed, on a recording whose scene is not attached.
+TEST_F(ReplayCommand, FlagsAreTakenAsTheyAreTyped) {
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
+  const std::string bare = keep("bare.mcap", record_hall(*sampler_, {.ticks = 10, .attach_scene = false}).bytes);
+  const test::TemporaryFolder scenes;
+  const std::string scene = (scenes / "the-hall.glb").string(), other = (scenes / "other.glb").string();
+  std::ofstream(scene, std::ios::binary) << open_recording(hall.bytes).files()->front().bytes;
+  std::ofstream(other, std::ios::binary) << "no scene";
+  struct Typed {
+    int status = -1;
+    std::string said;
+  };
+  const auto type = [](const std::string& words) {
+    CLI::App app;
+    const Verb verb = add_replay_verb(app);
+    app.parse("replay " + words);
+    testing::internal::CaptureStdout();
+    const int status = verb.run();
+    return Typed{status, testing::internal::GetCapturedStdout()};
+  };
+  // Ticks come every 16.7 ms, so five come before 90 ms, and the pictures of the first, the third and the fifth are judged.
+  const std::string again = (folder_ / "again.mcap").string();
+  const Typed some = type(bare + " --scene-dir " + scenes.path().string() +
+                          " --sampler embree --threads 2 --end 0.09 --truth --truth-every 2 --out " + again);
+  EXPECT_EQ(some.status, 0);
+  EXPECT_THAT(some.said, HasSubstr("5 compared, 5 equal"));
+  EXPECT_THAT(some.said, HasSubstr("3 pictures of each"));
+  EXPECT_THAT(some.said, HasSubstr("written     " + again));
+
+  const Typed all = type(bare + " --scene " + other + " --scene " + scene + " --start 0.05 --rate 1000");
+  EXPECT_EQ(all.status, 0);
+  EXPECT_THAT(all.said, HasSubstr("start       at 0.050 s"));
+  EXPECT_THAT(all.said, HasSubstr("10 compared, 10 equal"));
+
+  EXPECT_EQ(type(bare).status, 1) << "no scene";
+  EXPECT_THROW(type(bare + " --step --rate 2"), CLI::ParseError);
+  EXPECT_THROW(type(bare + " --scene-dir " + scene), CLI::ParseError) << "no folder";
 }
 
 TEST_F(ReplayCommand, SpeedIsToldByTheWallClockAndByTheGames) {

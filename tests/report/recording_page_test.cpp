@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "client/report/digest.h"
 #include "client/report/figures.h"
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
@@ -355,7 +356,41 @@ TEST_F(ReportPage, WhatHappenedStandsOnTheTimeLine) {
   EXPECT_THAT(at("change"), ElementsAre(frame_of(yard, kYardTargetsChange), settings, settings));
   EXPECT_THAT(page.marks[1].text, HasSubstr("the device was away <for a moment>"));
   EXPECT_EQ(figure(page, "ticks refused"), "1");
+  EXPECT_EQ(figure(page, "faults"), "1");
   EXPECT_EQ(figure(page, "messages missing in the file"), "2");
+}
+
+TEST_F(ReportPage, EventsBeyondTheMostAreCounted) {
+  const RecordedYard yard = record_yard(*sampler_, {.ticks = 2, .eventful = false});
+  const Recording recording = read(yard.bytes);
+  std::string bytes;
+  RecordingWriter writer(std::make_unique<StringSink>(bytes), recording.info());
+  ASSERT_TRUE(writer.write(recording.open_session(), recording.start_ns()));
+  ASSERT_TRUE(writer.write(recording.opened(), recording.start_ns()));
+  v1::Fault fault;
+  fault.set_message("again");
+  for (size_t i = 0; i < kMaxMarks + 5; ++i) ASSERT_TRUE(writer.write(fault, recording.start_ns()));
+  recording.read({}, [&](RecordedEvent& event) {
+    const auto* reply = std::get_if<v1::CameraReply>(&event.message);
+    EXPECT_TRUE(!reply || writer.write(*reply, event.log_ns));
+    return true;
+  });
+  ASSERT_TRUE(writer.finish());
+  const SessionPage page = page_of(bytes);
+  EXPECT_EQ(page.marks.size(), kMaxMarks);
+  EXPECT_EQ(page.marks.front().text, "again");
+  EXPECT_THAT(page.notices, Contains("5 more events are not listed."));
+  EXPECT_EQ(figure(page, "faults"), std::to_string(kMaxMarks + 5));
+}
+
+TEST_F(ReportPage, OneReplyIsEnough) {
+  RecordingPageOptions options = plain();
+  options.pictures = 1, options.picture_width = 64;
+  const SessionPage page = page_of(record_yard(*sampler_, {.ticks = 1, .eventful = false}).bytes, options);
+  EXPECT_EQ(page.frames.size(), 1u);
+  ASSERT_EQ(page.pictures.size(), 1u);
+  EXPECT_EQ(page.pictures[0].frame, 0u);
+  EXPECT_THAT(page.notices, IsEmpty());
 }
 
 TEST_F(ReportPage, FiguresAreThoseOfAllReplies) {

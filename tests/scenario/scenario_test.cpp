@@ -296,17 +296,34 @@ TEST(ScenarioMessages, TheOpenRequestBindsAllActorsAndListsTheTargets) {
   Asset asset;
   asset.add("cart", role("occluder"));
   asset.add("anna", {{"sightline", {{"role", "target"}, {"weight", 0.5}, {"required", false}}}});
+  asset.add("ben", role("target"));
+  asset.place(0, {1, 2, 3}, turn(30, {0, 1, 0}), {1, 1, 1});
+  asset.asset->nodes[0].camera = 0;
+  asset.asset->cameras.push_back({0.9, 1.5, 0.25});
   const auto scenario = asset.read();
   ASSERT_TRUE(scenario);
   const v1::OpenSession open = open_request(*scenario, "abc", 9);
+  EXPECT_EQ(open.convention().preset(), v1::Convention::PRESET_GLTF);
   EXPECT_EQ(open.seed(), 9u);
   EXPECT_EQ(open.scene().hash(), "abc");
-  ASSERT_EQ(open.scene().bindings_size(), 2);
-  EXPECT_EQ(open.scene().bindings(0).node(), "cart");
-  ASSERT_EQ(open.targets_size(), 1);
+  ASSERT_EQ(open.scene().bindings_size(), 3);
+  const char* const nodes[] = {"cart", "anna", "ben"};
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(open.scene().bindings(i).node(), nodes[i]);
+    EXPECT_EQ(open.scene().bindings(i).id(), static_cast<uint64_t>(i) + 1);
+  }
+  ASSERT_EQ(open.targets_size(), 2);
   EXPECT_EQ(open.targets(0).id(), 2u);
   EXPECT_EQ(open.targets(0).weight(), 0.5);
+  EXPECT_TRUE(open.targets(0).has_required());
   EXPECT_FALSE(open.targets(0).required());
+  EXPECT_EQ(open.targets(1).id(), 3u);
+  EXPECT_TRUE(open.targets(1).required());
+  EXPECT_LT(glm::distance(pose_from(open.camera()).position_m, glm::dvec3(1, 2, 3)), 1e-12);
+  EXPECT_LT(angle_deg(pose_from(open.camera()).rotation, turn(30, {0, 1, 0})), 1e-5);
+  EXPECT_EQ(open.lens().field_of_view(), 0.9);
+  EXPECT_EQ(open.lens().aspect(), 1.5);
+  EXPECT_EQ(open.lens().near_m(), 0.25);
 }
 
 TEST(ScenarioMessages, ATickHoldsParallelArraysOfAllActors) {

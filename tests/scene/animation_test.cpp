@@ -186,6 +186,27 @@ TEST_F(Animation, WrongKeysAreNamed) {
   }
 }
 
+// A rotation of no direction is named by the number of its quaternion. Tangents of a spline may be zero.
+TEST_F(Animation, ARotationWithoutDirectionIsNamedByItsKey) {
+  const auto field = [&](const char* interpolation, const std::vector<float>& values) {
+    file = GlbBuilder();
+    file.animation(file.add("nodes", {{"name", "n"}}), "rotation", interpolation, {0, 1}, values);
+    const auto result = read();
+    return result ? std::string() : result.error().field;
+  };
+  EXPECT_EQ(field("LINEAR", {0, 0, 0, 0, 0, 0, 0, 1}), "animations[0].samplers[0].output[0]");
+  EXPECT_EQ(field("LINEAR", {0, 0, 0, 1, 0, 0, 0, 0}), "animations[0].samplers[0].output[1]");
+  const std::vector<float> zero = {0, 0, 0, 0}, one = {0, 0, 0, 1};
+  const auto spline = [&](const std::vector<float>& first, const std::vector<float>& second) {
+    std::vector<float> values;
+    for (const auto* part : {&zero, &first, &zero, &zero, &second, &zero}) values.insert(values.end(), part->begin(), part->end());
+    return values;
+  };
+  EXPECT_EQ(field("CUBICSPLINE", spline(one, one)), "");
+  EXPECT_EQ(field("CUBICSPLINE", spline(zero, one)), "animations[0].samplers[0].output[1]");
+  EXPECT_EQ(field("CUBICSPLINE", spline(one, zero)), "animations[0].samplers[0].output[4]");
+}
+
 TEST_F(Animation, TwoChannelsMayNotShareATarget) {
   file.animation(file.add("nodes", {{"name", "n"}}), "translation", "LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0});
   auto& channels = file.json["animations"][0]["channels"];

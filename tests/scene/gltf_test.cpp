@@ -407,6 +407,16 @@ TEST_F(Gltf, DataUrisAndFilesGiveTheSameGeometryAsAGlb) {
   EXPECT_EQ(external->meshes.at(0), glb->meshes[0]);
 }
 
+TEST_F(Gltf, PercentEscapesOfAFileNameMayHaveLettersOfEitherCase) {
+  file.triangle_node();
+  std::string asked;
+  load(file.gltf("%41%5a%5F%7a%c3%A9%2D%6f%39.bin"), [&](const std::string& path) -> Result<std::vector<std::byte>> {
+    asked = path;
+    return std::vector<std::byte>(file.binary().begin(), file.binary().end());
+  });
+  EXPECT_EQ(asked, "AZ_z\xc3\xa9-o9.bin");
+}
+
 TEST_F(Gltf, TheHashCoversTheFileAndWhatItRefersTo) {
   file.triangle_node();
   const auto read_with = [&](float x) {

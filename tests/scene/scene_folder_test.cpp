@@ -226,6 +226,17 @@ TEST_F(SceneFolder, TheUploadsOfOneOwnerTakeABoundedMemory) {
   EXPECT_TRUE(small.add_uploaded(triangle_glb(4), "you"));
 }
 
+TEST_F(SceneFolder, UploadsThatFillTheLimitOfTheirOwnerExactlyAreTakenAndNotAByteMore) {
+  const auto one = *library.add_uploaded(triangle_glb(100), "measured");
+  const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();
+  for (const size_t limit : {2 * bytes, 2 * bytes - 1}) {
+    SceneLibrary small("", GltfLimits{}, store, false, size_t{64} << 20, limit);
+    const auto first = small.add_uploaded(triangle_glb(1), "me"), second = small.add_uploaded(triangle_glb(2), "me");
+    EXPECT_TRUE(first);
+    EXPECT_EQ(second.has_value(), limit == 2 * bytes);
+  }
+}
+
 TEST_F(SceneFolder, ARefusedUploadCostsItsOwnerNoOther) {
   const auto one = *library.add_uploaded(triangle_glb(100), "measured");
   const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();

@@ -115,6 +115,40 @@ TEST_F(Contended, AHiccupIsForgottenWithinSeconds) {
 
 // --- clients
 
+// What the sessions of several clients, one of each, may use after the steps of the first one were late so often.
+std::vector<double> after_late_renewals(double capacity, const std::vector<double>& demands, int renewals) {
+  FairShares shares(capacity);
+  std::vector<FairShares::Slot> slots;
+  for (size_t i = 0; i < demands.size(); ++i) slots.push_back(shares.join(std::to_string(i)));
+  std::vector<double> last(demands.size());
+  // In the first period nothing is late, since no demands are known. A period is renewed by its own steps at the start of the next one.
+  for (int period = 0; period < renewals + 2; ++period)
+    for (int step = 0; step < 4; ++step)
+      for (size_t i = 0; i < slots.size(); ++i) last[i] = shares.report(slots[i], demands[i], i == 0 && period > 0, period * kRenewed);
+  return last;
+}
+
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+
+TEST(FairShares, AClientThatAsksForMoreThanAnEqualPartPaysForItsLateStepsAlone) {
+  // What the second one leaves of two threads is 1.6.
+  for (int renewals = 1; renewals < 40; ++renewals) {
+    const std::vector<double> shares = after_late_renewals(2.0, {1.5, 0.4}, renewals);
+    EXPECT_NEAR(shares[0], 1.6 * std::pow(FairShares::kDecrease, renewals), 1e-9) << renewals;
+    EXPECT_EQ(shares[1], kNoLimit);
+  }
+  const std::vector<double> of_three = after_late_renewals(3.0, {1.2, 0.5, 0.5}, 20);
+  EXPECT_NEAR(of_three[0], 2.0 * std::pow(FairShares::kDecrease, 20), 1e-9);
+  EXPECT_EQ(of_three[1], kNoLimit);
+  EXPECT_EQ(of_three[2], kNoLimit);
+}
+
+TEST(FairShares, UpToAnEqualPartAllPayForLateSteps) {
+  const std::vector<double> shares = after_late_renewals(2.0, {1.0, 0.8}, 3);
+  EXPECT_NEAR(shares[0], 1.2 * std::pow(FairShares::kDecrease, 3), 1e-9);
+  EXPECT_NEAR(shares[1], 1.0 * std::pow(FairShares::kDecrease, 3), 1e-9);
+}
+
 // One client with a hundred sessions and one with two, on two threads.
 class Crowd : public testing::Test {
  protected:

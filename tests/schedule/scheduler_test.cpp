@@ -25,6 +25,7 @@ class CountingDevice final : public SamplerDevice {
   void take_all(std::span<TakeJob> jobs) override {
     const std::lock_guard lock(mutex_);
     batches_.push_back(jobs.size());
+    if (clock_) *clock_ += takes_ns_;
     if (throws_) throw std::runtime_error("thrown by a test");
     for (TakeJob& job : jobs)
       if (job.requests.size() == kFails) job.taken = fail(ErrorCode::kUnavailable, "", "asked for by a test");
@@ -35,6 +36,8 @@ class CountingDevice final : public SamplerDevice {
     return batches_;
   }
   void throw_always() { throws_ = true; }
+  // Each batch lets this clock go on. Set before the first batch.
+  void take_time(std::atomic<int64_t>& clock, int64_t ns) { clock_ = &clock, takes_ns_ = ns; }
 
   static constexpr size_t kFails = 7;  // a job with this many requests fails
 
@@ -43,6 +46,8 @@ class CountingDevice final : public SamplerDevice {
   mutable std::mutex mutex_;
   std::vector<size_t> batches_;
   std::atomic<bool> throws_{false};
+  std::atomic<int64_t>* clock_ = nullptr;
+  int64_t takes_ns_ = 0;
 };
 
 // A log of events, in order.
@@ -185,6 +190,46 @@ TEST(Scheduler, AnExceptionOfTheDeviceReachesTheTasksThatAskedForMaps) {
   EXPECT_EQ(Entries(entries.begin() + 3, entries.end()), (Entries{"a thrown", "without ok", "b thrown"}));
   held.post("next", 0, kLater);  // and the thread goes on
   EXPECT_EQ(held.events.after(8).back(), "next ok");
+}
+
+// The plan of each task takes a time of its own, and the maps of all together take 80 ns.
+TEST(Scheduler, TheTimeOfTheMapsIsDividedByTheirNumber) {
+  class Priced final : public Task {
+   public:
+    Priced(EventLog& log, size_t requests, std::atomic<int64_t>& clock, int64_t plan_ns)
+        : Task(log, std::to_string(requests), requests), clock_(clock), plan_ns_(plan_ns) {}
+    TakeJob plan() override {
+      clock_ += plan_ns_;
+      return Task::plan();
+    }
+    void finish(const TakenMaps& taken) override {
+      cost_ns = taken.cost_ns;
+      clock_ += 1000;  // the time of its end is its own too, but is known only afterwards
+      Task::finish(taken);
+    }
+    std::atomic<int64_t> cost_ns{-1};
+
+   private:
+    std::atomic<int64_t>& clock_;
+    const int64_t plan_ns_;
+  };
+  std::atomic<int64_t> now_ns{0};
+  CountingDevice device(4);
+  device.take_time(now_ns, 80);
+  EventLog events;
+  Scheduler scheduler(1, device, [&] { return now_ns.load(); });
+  const auto plug = std::make_shared<Plug>();
+  scheduler.post(plug, 0);
+  plug->wait_until_it_holds();
+  const auto one = std::make_shared<Priced>(events, 1, now_ns, 5), none = std::make_shared<Priced>(events, 0, now_ns, 7),
+             three = std::make_shared<Priced>(events, 3, now_ns, 11);
+  scheduler.post(one, kLater), scheduler.post(none, kLater + 1), scheduler.post(three, kLater + 2);
+  plug->pull();
+  events.after(6);
+  EXPECT_EQ(device.batches(), (std::vector<size_t>{2}));
+  EXPECT_EQ(one->cost_ns, 5 + 20);
+  EXPECT_EQ(none->cost_ns, 7);
+  EXPECT_EQ(three->cost_ns, 11 + 60);
 }
 
 TEST(Scheduler, RunsAllWaitingTasksBeforeItEnds) {

@@ -75,6 +75,96 @@ TEST(SessionMemory, KeepsAllThatTheDefaultRemembers) {
   expect_same_after_resume([](StepSettings& settings) { settings = preset_settings(Preset::kSightline); });
 }
 
+// The second session gets what came and went in one tick, as a recording's snapshot tells it. The places of the instances, free ones
+// too, are then those of the first, so that both put what is added later at the same places.
+TEST(SessionMemory, KeepsThePlacesOfInstancesThatCameAndWent) {
+  Game first, second;
+  const auto box = [](Game& game, uint64_t id, double x) { return game.make(id, BoxShape{{0.1f, 0.1f, 0.1f}}, {x, 0.2, -2}); };
+  for (int i = 1; i <= 12; ++i) {
+    TickMaker tick = first.tick(kTickS);
+    if (i == 3) tick.delta.remove = {kCrate};
+    if (i == 5) tick.delta.add = {box(first, 20, 1), box(first, 21, 2), box(first, 22, 3)};
+    if (i == 7) tick.delta.remove = {20, 21};
+    if (i == 9) tick.delta.add = {box(first, 23, 4)};
+    first.play(tick.move(kAnn, {-1 + 0.01 * i, 1, 0}));
+  }
+  std::string memory;
+  first.session->write_memory(memory);
+  TickMaker all = second.tick(kTickS);
+  all.delta.remove = {kCrate};
+  all.delta.add = {box(second, 22, 3), box(second, 23, 4)};
+  second.apply(all.move(kAnn, {-1 + 0.12, 1, 0}));
+  const Status resumed = second.session->resume(Session::memory_layout(), memory);
+  ASSERT_TRUE(resumed.has_value()) << to_string(resumed.error());
+  second.sequence = first.sequence, second.time_s = first.time_s;
+  for (int i = 13; i <= 18; ++i) {
+    const auto go_on = [&](Game& game) {
+      TickMaker tick = game.tick(kTickS);
+      if (i == 14) tick.delta.add = {box(game, 30, 5), box(game, 31, 6)};
+      return reply_of(game, game.play(tick.move(kAnn, {-1 + 0.01 * i, 1, 0})));
+    };
+    EXPECT_EQ(go_on(second), go_on(first)) << "tick " << i;
+    EXPECT_EQ(second.session->mirror().hash(), first.session->mirror().hash());
+    EXPECT_EQ(second.session->mirror().revision(), first.session->mirror().revision());
+    for (const uint64_t id : {uint64_t{22}, uint64_t{23}, uint64_t{30}, uint64_t{31}})
+      EXPECT_EQ(second.session->mirror().slot_of(id), first.session->mirror().slot_of(id)) << id;
+  }
+}
+
+TEST(SessionMemory, OfAnotherSceneIsRefused) {
+  Game first;
+  for (int i = 1; i <= 3; ++i) play(first, i);
+  std::string memory;
+  first.session->write_memory(memory);
+  const auto refused = [&](const std::function<void(Game&)>& change) {
+    Game other;
+    change(other);
+    const Status resumed = other.session->resume(Session::memory_layout(), memory);
+    return resumed ? std::string() : resumed.error().message;
+  };
+  const auto with_delta = [](const std::function<void(Game&, SceneDelta&)>& make) {
+    return [make](Game& game) {
+      TickMaker tick = game.tick(kTickS);
+      make(game, tick.delta);
+      if (!tick.delta.remove.empty()) tick.targets = {Game::target(kBob)};
+      game.apply(tick);
+    };
+  };
+  EXPECT_EQ(refused([](Game&) {}), "");
+  EXPECT_EQ(refused(with_delta([](Game&, SceneDelta& delta) { delta.remove = {kCrate}; })), "is of another scene");
+  EXPECT_EQ(refused(with_delta([](Game&, SceneDelta& delta) { delta.remove = {kAnn}; })), "is of a session with other targets");
+  EXPECT_EQ(refused(with_delta([](Game& game, SceneDelta& delta) { delta.add = {game.make(40, SphereShape{0.1f}, {})}; })), "is of another scene");
+}
+
+// The bytes hold the motion of each target: a ring of 32 steps for its travel and one for its turns. Both say, one behind the other, which
+// step is next and how many there are.
+TEST(SessionMemory, StepsOutsideTheirRingAreRefused) {
+  const auto options = [](SessionOptions& o) { o.settings = preset_settings(Preset::kSightline); };
+  Game first(options), second(options);
+  constexpr uint64_t kTicks = 22;
+  for (uint64_t i = 1; i <= kTicks; ++i) play(first, static_cast<int>(i));
+  std::string memory;
+  first.session->write_memory(memory);
+  const auto pair_of = [](uint64_t next, uint64_t count) {
+    std::string bytes(reinterpret_cast<const char*>(&next), sizeof next);
+    return bytes.append(reinterpret_cast<const char*>(&count), sizeof count);
+  };
+  const auto accepted = [&](size_t at, uint64_t next, uint64_t count) {
+    std::string damaged = memory;
+    damaged.replace(at, 16, pair_of(next, count));
+    return second.session->resume(Session::memory_layout(), damaged).has_value();
+  };
+  std::vector<size_t> rings;
+  for (const uint64_t count : {kTicks - 1, kTicks})
+    for (size_t at = 0; (at = memory.find(pair_of(count, count), at)) != std::string::npos; ++at) rings.push_back(at);
+  ASSERT_EQ(rings.size(), 4u) << "two for each target";
+  for (const size_t at : rings) {
+    EXPECT_TRUE(accepted(at, 31, 32));
+    EXPECT_FALSE(accepted(at, 32, 32));
+    EXPECT_FALSE(accepted(at, 31, 33));
+  }
+}
+
 TEST(SessionMemory, DamagedBytesAreRefused) {
   Game first, second;
   for (int i = 1; i <= 3; ++i) play(first, i);

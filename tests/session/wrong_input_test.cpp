@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "server/session/checks.h"
 #include "server/session/session.h"
 #include "tests/session/game.h"
 
@@ -301,6 +302,11 @@ const WrongOpen kWrongOpens[] = {
        o.scene_instances = 2;
        o.instances[3].id = kAnn;
      }},
+    {"open.instances[0].id", E::kInvalidArgument,
+     [](SessionOptions& o) {  // the first of the client's
+       o.scene_instances = 2;
+       o.instances[2].id = 0;
+     }},
     {"open.scene", E::kInvalidArgument,
      [](SessionOptions& o) {
        o.scene_instances = 2;
@@ -328,6 +334,61 @@ TEST_P(WrongOpens, AreNamed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, WrongOpens, testing::ValuesIn(kWrongOpens));
+
+// ---- the checks by themselves ----
+
+std::string field_of(const Status& status) {
+  return status ? "" : status.error().field;
+}
+
+TEST(SessionChecks, EveryCoordinateIsFiniteAndWithinABillionMetres) {
+  Game game;
+  const SceneDelta nothing;
+  const IdsAfter ids(game.session->mirror(), nothing);
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto check = [&](double coordinate) {
+      Pose pose;
+      pose.position_m[axis] = coordinate;
+      Target target = Game::target(kAnn);
+      target.aim_offset_m = pose.position_m;
+      return field_of(check_pose(pose, "p")) + " " + field_of(check_targets({target}, ids, "t"));
+    };
+    for (const double coordinate : {-1e9, 0.0, 1e9}) EXPECT_EQ(check(coordinate), " ") << axis << ' ' << coordinate;
+    for (const double coordinate : {std::nextafter(1e9, kInf), -1.1e9, kInf, -kInf, kNan})
+      EXPECT_EQ(check(coordinate), "p.position t[0].aim_offset") << axis << ' ' << coordinate;
+  }
+}
+
+TEST(SessionChecks, ARotationSpeedOrTurnMayBeAsLargeAsItsRangeSays) {
+  const auto turned = [](double length) { return field_of(check_pose({{0, 0, 0}, {0, length, 0, 0}}, "p")); };
+  for (const double length : {0.9991, 1.0009}) EXPECT_EQ(turned(length), "") << length;
+  for (const double length : {0.0, 0.9989, 1.0011, kNan, kInf}) EXPECT_EQ(turned(length), "p.rotation") << length;
+  EXPECT_EQ(field_of(check_speed({0, 0, -1e6}, "v")), "");
+  EXPECT_EQ(field_of(check_speed({1e6, 0, 100}, "v")), "");
+  EXPECT_EQ(field_of(check_speed({0, 1.01e6, 0}, "v")), "v");
+  EXPECT_EQ(field_of(check_speed({8e5, 8e5, 0}, "v")), "v") << "it is the length that counts";
+  EXPECT_EQ(field_of(check_turn({0, -1000, 0}, "w")), "");
+  EXPECT_EQ(field_of(check_turn({800, 0, 800}, "w")), "w");
+  EXPECT_EQ(field_of(check_turn({kNan, 0, 0}, "w")), "w");
+}
+
+TEST(SessionChecks, AnInstanceOfTwoBodiesIsToldWhichHasItAlready) {
+  Game game;
+  const SceneDelta nothing;
+  const IdsAfter ids(game.session->mirror(), nothing);
+  const auto told = [&](std::vector<uint64_t> anns, std::vector<uint64_t> bobs) {
+    std::vector<Target> targets{Game::target(kAnn), Game::target(kBob)};
+    targets[0].part_ids = std::move(anns), targets[1].part_ids = std::move(bobs);
+    const Status checked = check_targets(targets, ids, "t");
+    return checked ? "" : checked.error().field + " " + checked.error().message;
+  };
+  EXPECT_EQ(told({kWall}, {kCrate}), "");
+  EXPECT_EQ(told({kWall, kBob}, {}), "t[0].part_ids[1] is t[1] already");
+  EXPECT_EQ(told({}, {kWall, kAnn}), "t[1].part_ids[1] is t[0] already");
+  EXPECT_EQ(told({}, {kBob}), "t[1].part_ids[0] is t[1] already");
+  EXPECT_EQ(told({kCrate, kWall}, {kWall}), "t[1].part_ids[0] is a part of t[0] already");
+  EXPECT_EQ(told({}, {kCrate, kWall, kCrate}), "t[1].part_ids[2] is a part of t[1] already");
+}
 
 }  // namespace
 }  // namespace sightline::test

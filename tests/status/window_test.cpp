@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
 
@@ -42,6 +43,30 @@ TEST(Window, AQuantileLiesInTheOctaveOfThatOfASortedList) {
   EXPECT_EQ(quantile_us({}, 0.5), 0.0);
 }
 
+TEST(Window, AQuantileLiesWhereItsShareOfTheOctaveEnds) {
+  v1::DurationHistogram histogram;
+  for (const uint64_t count : {2, 0, 4, 2}) histogram.add_counts(count);  // up to 1 us, 2 us, 4 us, 8 us
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.0), 0.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.125), 0.5);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.25), 1.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.5), 3.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.75), 4.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 0.875), 6.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 1.0), 8.0);
+  EXPECT_DOUBLE_EQ(quantile_us(histogram, 7.0), 8.0);
+}
+
+TEST(Window, OfADaemonThatDidNothingIsZeros) {
+  v1::GetServerStatsResponse stats;
+  stats.set_uptime_s(5.0);
+  const Window window = window_between(stats, stats);
+  EXPECT_GT(window.seconds, 0.0);
+  for (const double value : {window.ticks_per_s, window.steps_per_s, window.late_share, window.degraded_share, window.sent_bytes_per_s, window.cpus})
+    EXPECT_EQ(value, 0.0);
+  ASSERT_EQ(window.durations.size(), 3u);
+  for (const DurationRow& row : window.durations) EXPECT_EQ(row.mean_us + row.p50_us + row.p99_us, 0.0) << row.name;
+}
+
 TEST(Window, ADifferenceHoldsWhatCameSince) {
   const v1::DurationHistogram earlier = histogram_of({3.0, 100.0}), later = histogram_of({3.0, 100.0, 100.0, 5000.0});
   const v1::DurationHistogram within = difference(later, earlier), expected = histogram_of({100.0, 5000.0});
@@ -59,6 +84,7 @@ TEST(Window, RatesAreDifferencesOverTheTimeBetween) {
   later.set_late_steps(50);
   later.set_degraded_steps(20);
   later.set_received_bytes(4096);
+  earlier.set_sent_bytes(1000), later.set_sent_bytes(3000);
   earlier.set_cpu_s(1.0), later.set_cpu_s(7.0);
   const Window window = window_between(earlier, later);
   EXPECT_DOUBLE_EQ(window.seconds, 4.0);
@@ -69,6 +95,7 @@ TEST(Window, RatesAreDifferencesOverTheTimeBetween) {
   EXPECT_DOUBLE_EQ(window.late_share, 0.25);
   EXPECT_DOUBLE_EQ(window.degraded_share, 0.1);
   EXPECT_DOUBLE_EQ(window.received_bytes_per_s, 1024.0);
+  EXPECT_DOUBLE_EQ(window.sent_bytes_per_s, 500.0);
   EXPECT_DOUBLE_EQ(window.cpus, 1.5);
 }
 
@@ -116,10 +143,80 @@ TEST(StatusText, CountsTheSessionsAtEachLevel) {
 }
 
 TEST(StatusText, DurationsAreShort) {
+  EXPECT_EQ(duration_text(0.0), "0 s");
   EXPECT_EQ(duration_text(59.9), "59 s");
+  EXPECT_EQ(duration_text(60.0), "1 min 0 s");
+  EXPECT_EQ(duration_text(3540.0), "59 min 0 s");
   EXPECT_EQ(duration_text(3599.0), "59 min 59 s");
+  EXPECT_EQ(duration_text(3600.0), "1 h 0 min");
   EXPECT_EQ(duration_text(7200.0), "2 h 0 min");
+  EXPECT_EQ(duration_text(82'800.0), "23 h 0 min");
+  EXPECT_EQ(duration_text(86'399.0), "23 h 59 min");
+  EXPECT_EQ(duration_text(86'400.0), "1 d 0 h");
   EXPECT_EQ(duration_text(90000.0), "1 d 1 h");
+  EXPECT_EQ(duration_text(172'799.0), "1 d 23 h");
+  EXPECT_EQ(duration_text(100 * 86'400.0 + 82'800.0), "100 d 23 h");
+}
+
+TEST(StatusText, TellsAllOfADaemonLineByLine) {
+  v1::GetServerInfoResponse info;
+  info.set_version("1.2.3"), info.set_sampler("embree"), info.set_renderer("a CPU"), info.set_max_sessions(1000);
+  v1::GetServerStatsResponse stats;
+  stats.set_ready(true), stats.set_uptime_s(61.0);
+  stats.set_open_sessions(3), stats.set_opened_sessions(4567), stats.add_sessions_at_level(3);
+  stats.set_kept_sessions(1), stats.set_resumed_sessions(2), stats.set_expired_sessions(3), stats.set_refused_resumes(4);
+  stats.set_open_connections(5), stats.set_resident_bytes(3 << 20), stats.set_geometry_bytes(512);
+  for (const auto& [name, count] : {std::pair("max-sessions", 6), std::pair("max-streams", 7)}) {
+    v1::LimitCount& limit = *stats.add_limits();
+    limit.set_limit(name), limit.set_count(static_cast<uint64_t>(count));
+  }
+  v1::AccessStats& access = *stats.mutable_access();
+  access.set_refused_calls(8), access.set_failed_handshakes(9), access.set_files_taken_over(10), access.set_files_refused(11);
+  const auto text_of = [&] {
+    std::ostringstream out;
+    print_state(out, "here:1", info, stats);
+    return out.str();
+  };
+  const std::string before_recording =
+      "sightlined 1.2.3 at here:1: ready, up 1 min 1 s\n"
+      "device        embree: a CPU\n"
+      "sessions      3 open of 1,000, 4,567 opened since the start\n"
+      "streams lost  1 wait for their client; since the start 2 resumed, 3 not in time, 4 refused\n"
+      "quality       sessions by level: 0: 3\n"
+      "connections   5\n"
+      "memory        3.0 MiB, of it geometry 0.5 KiB\n"
+      "limits hit    --max-sessions 6, --max-streams 7\n"
+      "credentials   8 calls and 9 handshakes refused; changed files: 10 taken over, 11 refused\n"
+      "recording     ";
+  EXPECT_EQ(text_of(), before_recording + "off\n");
+  v1::RecordingStats& recording = *stats.mutable_recording();
+  recording.set_open_sessions(2), recording.set_bytes(2048);
+  EXPECT_EQ(text_of(), before_recording + "2 sessions, 2.0 KiB written\n");
+  recording.set_failing_sessions(1), recording.set_dropped_messages(1);
+  EXPECT_EQ(text_of(), before_recording + "2 sessions, 2.0 KiB written, 1 sessions have no file, 1 messages lost\n");
+}
+
+TEST(StatusText, TellsAllOfAWindowLineByLine) {
+  Window window;
+  window.seconds = 2.0, window.ticks_per_s = 60.0, window.steps_per_s = 50.0, window.merged_per_s = 9.0, window.refused_per_s = 1.0;
+  window.late_share = 0.25, window.degraded_share = 0.125, window.received_bytes_per_s = 2048.0, window.sent_bytes_per_s = 3.0 * (1 << 20);
+  window.cpus = 1.5;
+  window.durations = {{.name = "step", .count = 1234, .p50_us = 999.4, .p99_us = 1000.0, .mean_us = 2500.0}, {.name = "  sample", .count = 1}};
+  std::ostringstream out;
+  print_window(out, window);
+  EXPECT_EQ(out.str(),
+            "ticks/s       60.0: 50.0 answered, 9.0 merged, 1.0 refused\n"
+            "steps         25.0 % late, 12.5 % degraded\n"
+            "bytes/s       2.0 KiB received, 3.0 MiB sent\n"
+            "CPUs          1.50 busy\n\n"
+            "  time of   count     mean     p50      p99\n"
+            "  step      1,234  2.50 ms  999 us  1.00 ms\n"
+            "    sample      1     0 us    0 us     0 us\n");
+  const nlohmann::ordered_json json = json_of(window);
+  EXPECT_EQ(json.at("degraded_share"), 0.125);
+  EXPECT_EQ(json.at("sent_bytes_per_s"), 3.0 * (1 << 20));
+  EXPECT_EQ(json.at("durations").at("sample").at("count"), 1);
+  EXPECT_EQ(json.at("durations").at("step").at("p50_us"), 999.4);
 }
 
 }  // namespace

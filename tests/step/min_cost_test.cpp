@@ -87,6 +87,28 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   EXPECT_EQ(r.status, TrackingStatus::kTracking);
 }
 
+// A wall comes between the camera and the target within one step. A wall that moves may soon be gone, so it counts little at first.
+TEST(MinCost, WhatMovesHidesLittleAtFirstAndWhatStaysAllAtOnce) {
+  const auto hidden_after = [](bool moves, int steps) {
+    OneFilmed world({0, 1, 6});
+    world.settings.aggregate.filter.mode = FilterMode::kPerTarget;
+    world.settings.aggregate.filter.min_occlusion_s = 0.15;
+    world.limits.max_acceleration_mps2 = 1e-6;
+    if (moves) world.add_box(10, {50, 1, 4}, {3, 3, 0.05}, {.collides = false}), world.move(10, {50, 1, 4});
+    for (int i = 0; i < 10; ++i) world.step(kTick);
+    if (moves)
+      world.move(10, {0, 1, 4});
+    else
+      world.add_box(10, {0, 1, 4}, {3, 3, 0.05}, {.collides = false});
+    for (int i = 0; i < steps; ++i) world.step(kTick);
+    const CandidateSights& sights = world.dump().sights;
+    return sights.hidden[sights.own_candidate];
+  };
+  EXPECT_NEAR(hidden_after(false, 1), 1.0, 1e-6);
+  EXPECT_LT(hidden_after(true, 1), 0.3);
+  EXPECT_GT(hidden_after(true, 60), 0.9) << "after a second";
+}
+
 // Two targets walk about a field of pillars, at irregular rates. At every step the path keeps the limits and is free of
 // collisions.
 void walk_among_pillars(Filming& world, uint64_t seed, const std::function<void(const StepResult&)>& each) {

@@ -112,6 +112,31 @@ TEST(FreeWay, LengthsAreAlongTheSidesOfTheCells) {
   EXPECT_NEAR(way->length_m, std::abs(moved.x) + std::abs(moved.y) + std::abs(moved.z), 1e-9);
 }
 
+// Behind the box with nothing else in the way, the nearest place in sight is the one of the fewest cells that a plain search of all cells finds.
+TEST(FreeWay, IsTheShortestOfAll) {
+  const Place place(0.0f);
+  const glm::dvec3 from_m(-4, 0, 0);
+  const auto way = place.way(6, from_m);
+  ASSERT_TRUE(way);
+  const Target& target = place.world->targets()[0];
+  const uint32_t own = *place.world->mirror().slot_of(target.instance_id);
+  RayFilter others;
+  others.ignored_slots = std::span(&own, 1);
+  const glm::dvec3 aim_m = aim_point_m(*place.world->mirror().find(target.instance_id));
+  constexpr int kReach = 20;
+  int fewest = 100;
+  for (int x = -kReach; x <= kReach; ++x)
+    for (int y = -kReach; y <= kReach; ++y)
+      for (int z = -kReach; z <= kReach; ++z) {
+        const glm::dvec3 at_m = from_m + kBodyM * glm::dvec3(x, y, z);
+        const int steps = std::abs(x) + std::abs(y) + std::abs(z);
+        if (steps >= fewest || place.world->colliders().nearest_surface_m(at_m, 1.0f) < std::hypot(kBodyM, kBodyM / 2)) continue;
+        if (place.world->occluders().trace(aim_m, glm::vec3(at_m - aim_m), 0.0f, 1.0f, others).slot == UINT32_MAX) fewest = steps;
+      }
+  EXPECT_NEAR(way->length_m, kBodyM * fewest, 1e-9);
+  EXPECT_GT(fewest, 3);
+}
+
 TEST(FreeWay, ReachFromRestIsHalfTheAccelerationTimesTheSquareThenTheSpeed) {
   const CameraLimits limits;  // 10 m/s, 10 m/s^2
   EXPECT_NEAR(reach_from_rest_m(limits, 0.5), 1.25, 1e-9);

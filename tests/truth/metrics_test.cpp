@@ -84,6 +84,32 @@ TEST(Limits, AreKeptExactlyAtTheirValuesAndBrokenBeyond) {
   EXPECT_TRUE(breaks_limits(sample, limits));
 }
 
+TEST(Peaks, AreTheGreatestOfAllFrames) {
+  // At 10 Hz: yaw by 0.1, 0.3 and 0.2 rad; x by 0.2, 0.5 and 0.4 m.
+  const std::vector<CameraFrame> frames{at(0, {}), at(1, {0.2, 0, 0}, 0.1), at(2, {0.7, 0, 0}, 0.4), at(3, {1.1, 0, 0}, 0.6)};
+  const RunMetrics metrics = summarize(std::vector<TargetMetrics>{}, frames, {}, CameraLimits{});
+  EXPECT_NEAR(metrics.peak_speed_mps, 5.0, 1e-9);
+  EXPECT_NEAR(metrics.peak_acceleration_mps2, 30.0, 1e-9);
+  EXPECT_NEAR(metrics.rms_acceleration_mps2, std::sqrt((20.0 * 20 + 30 * 30 + 10 * 10) / 3), 1e-9);
+  EXPECT_NEAR(metrics.peak_jerk_mps3, 400.0, 1e-6) << "from 30 to -10 m/s^2";
+  EXPECT_NEAR(metrics.peak_angular_speed_radps, 3.0, 1e-9);
+  EXPECT_NEAR(metrics.peak_angular_acceleration_radps2, 20.0, 1e-7);
+}
+
+TEST(AtTheAccelerationLimit, NinetyEightPercentIsBelow) {
+  const auto share = [](double acceleration_mps2) {
+    std::vector<CameraFrame> frames;
+    double speed_mps = 0, x_m = 0;
+    for (int k = 0; k < 9; ++k) {
+      frames.push_back(at(k, {x_m, 0, 0}));
+      speed_mps += acceleration_mps2 * kDt, x_m += speed_mps * kDt;
+    }
+    return summarize(std::vector<TargetMetrics>{}, frames, {}, CameraLimits{}).acceleration_limit_share;
+  };
+  EXPECT_EQ(share(9.8), 0.0);
+  EXPECT_EQ(share(9.95), 1.0);
+}
+
 TEST(Percentile, IsTheNearestRank) {
   EXPECT_EQ(percentile({}, 0.5), 0.0);
   EXPECT_EQ(percentile({7}, 0.99), 7.0);
@@ -121,6 +147,7 @@ class Stage {
     const int slide = writer.add_node({"slide", -1, wall, -1, {20, 0, 4}, {1, 0, 0, 0}, role("occluder")});
     writer.add_node(
         {"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
+    writer.add_node({"pillar", -1, person, -1, {40, 0, 0}, {1, 0, 0, 0}, {}});
     const glm::quat still(1, 0, 0, 0);
     writer.animate(slide, std::vector<float>{0.0f, 0.44f, 0.46f, 1.0f},
                    std::vector<glm::vec3>{{20, 0, 4}, {20, 0, 4}, {0, 0, 4}, {0, 0, 4}},
@@ -194,6 +221,51 @@ TEST(RunMetrics, JsonHoldsEveryFigure) {
   EXPECT_EQ(json["r_n"], 0.5);
   EXPECT_EQ(json["targets"][0]["name"], "anna");
   EXPECT_EQ(json["body_collisions"], 0);
+}
+
+TEST(ScenarioWorldTest, ActorsAreWhatMoves) {
+  Stage stage;
+  const auto world = ScenarioWorld::make(*stage.scenario, stage.store, stage.device);
+  ASSERT_TRUE(world);
+  size_t moving = 0;
+  for (const Instance& instance : (*world)->mirror().instances()) {
+    const bool is_actor = instance.id >= 1 && instance.id <= stage.scenario->actors().size();
+    EXPECT_EQ(instance.moving, is_actor) << instance.id;
+    moving += instance.moving;
+  }
+  EXPECT_EQ(moving, 3u);
+  EXPECT_GT((*world)->mirror().instances().size(), 3u) << "and a pillar, which does not";
+}
+
+// One target walks 4 m along x and rises by 1 m in a second; the other stands. The centre moves half as much.
+TEST(Follow, MovesWithTheTargetsCentre) {
+  scenes::GlbWriter writer;
+  const int person = writer.add_mesh("person", *tessellate(CapsuleShape{0.3f, 0.6f}), {1, 1, 1});
+  const auto role = [](const char* name) { return nlohmann::ordered_json{{"sightline", {{"role", name}}}}; };
+  const int walker = writer.add_node({"anna", -1, person, -1, {-1, 0, 0}, {1, 0, 0, 0}, role("target")});
+  writer.add_node({"ben", -1, person, -1, {1, 0, 0}, {1, 0, 0, 0}, role("target")});
+  writer.add_node({"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 2, 8}, {1, 0, 0, 0}, role("camera")});
+  writer.animate(walker, std::vector<float>{0, 1}, std::vector<glm::vec3>{{-1, 0, 0}, {3, 1, 0}},
+                 std::vector<glm::quat>(2, glm::quat(1, 0, 0, 0)));
+  GeometryStore store;
+  EmbreeDevice device;
+  const Scenario scenario = *Scenario::from_asset(*read_gltf(writer.finish("scenario"), nullptr, store));
+  const auto world = ScenarioWorld::make(scenario, store, device);
+  ASSERT_TRUE(world);
+  (*world)->set_time(0.7);  // wherever the world stands, the offset is that of the start
+  std::vector<CameraFrame> frames{at(0, {}), at(5, {}), at(10, {})};
+  frames[1].jump = true;
+  const auto path = follow_path(**world, frames);
+  ASSERT_EQ(path.size(), 3u);
+  for (size_t i = 0; i < 3; ++i) {
+    const double t = 0.5 * static_cast<double>(i);
+    EXPECT_LT(glm::distance(path[i].camera.position_m, glm::dvec3(2 * t, 2 + 0.5 * t, 8)), 1e-5) << i;
+    EXPECT_EQ(path[i].camera.rotation, path[0].camera.rotation);
+    EXPECT_EQ(path[i].time_s, frames[i].time_s);
+    EXPECT_FALSE(path[i].jump);
+  }
+  const glm::dvec3 forward = path[0].camera.rotation * glm::dvec3(0, 0, -1);
+  EXPECT_LT(glm::distance(forward, glm::normalize(glm::dvec3(0, -2, -8))), 1e-6);
 }
 
 TEST(Follow, KeepsItsOffsetFromTheTargetsCentre) {

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "server/sample/extent.h"
 #include "tests/wire/from_proto_fixture.h"
 
 namespace sightline::test {
@@ -341,6 +342,90 @@ TEST_F(FromProto, ATickArrivesWhole) {
   EXPECT_TRUE(tick.targets && tick.targets->empty());
   EXPECT_TRUE(tick.observed_camera->cut);
   EXPECT_EQ(tick.lens->near_m, 0.2);
+}
+
+// Instances 1 and 2 are targets whose shape has a table already; the sphere 3 and the box 4 are none, and have none.
+class SlowTicks : public FromProto {
+ protected:
+  std::unique_ptr<Session> session_of(ExtentCache* extents, int points, const std::vector<uint64_t>& parts = {}) {
+    v1::OpenSession open = make_open();
+    for (const uint64_t id : {3, 4}) {
+      open.add_instances()->set_id(id);
+      v1::Shape& shape = *open.mutable_instances(open.instances_size() - 1)->mutable_shape();
+      if (id == 3) shape.mutable_sphere()->set_radius(0.4);
+      if (id == 4) set(shape.mutable_box()->mutable_half_extent(), 0.1, 0.2, 0.3);
+    }
+    for (const uint64_t part : parts) open.mutable_targets(0)->add_part_ids(part);
+    SessionOptions options = must_read(open);
+    options.extents = extents;
+    options.settings.sample.points = points;
+    auto session = Session::open(std::move(options), nullptr, nullptr);
+    if (!session) throw std::runtime_error(to_string(session.error()));
+    return std::move(*session);
+  }
+  static v1::Tick tick_with_targets(const std::vector<uint64_t>& ids, const std::vector<uint64_t>& parts = {}) {
+    v1::Tick tick = make_tick(1);
+    for (const uint64_t id : ids) tick.mutable_targets()->add_targets()->set_id(id);
+    for (const uint64_t part : parts) tick.mutable_targets()->mutable_targets(0)->add_part_ids(part);
+    return tick;
+  }
+  static v1::Tick tick_with_points(uint32_t points) {
+    v1::Tick tick = make_tick(1);
+    tick.mutable_tuning()->mutable_sample()->set_points(points);
+    return tick;
+  }
+};
+
+TEST_F(SlowTicks, BuildTheTableOfATargetThatHasNone) {
+  ExtentCache cache;
+  const auto session = session_of(&cache, 1);
+  const auto slow = [&](const v1::Tick& tick) { return takes_long(tick, *session, library); };
+  EXPECT_FALSE(slow(make_tick(1)));
+  EXPECT_FALSE(slow(tick_with_targets({})));
+  EXPECT_FALSE(slow(tick_with_targets({2, 1})));
+  EXPECT_FALSE(slow(tick_with_targets({99}))) << "no such instance, which is found out soon";
+  EXPECT_TRUE(slow(tick_with_targets({1, 3})));
+  EXPECT_FALSE(slow(tick_with_targets({1}, {2})));
+  EXPECT_TRUE(slow(tick_with_targets({1}, {2, 4})));
+  EXPECT_FALSE(slow(tick_with_points(3)));
+  v1::Tick without_points = tick_with_targets({1, 3});
+  without_points.mutable_tuning()->mutable_sample()->set_points(0);
+  EXPECT_FALSE(slow(without_points)) << "only aim points are sampled";
+  v1::Tick wrong = tick_with_targets({1, 3});
+  wrong.mutable_settings()->set_preset(static_cast<v1::Settings::Preset>(77));
+  EXPECT_FALSE(slow(wrong)) << "it is refused";
+}
+
+TEST_F(SlowTicks, BuildTheTablesOfAllTargetsWhenSurfacePointsComeOn) {
+  ExtentCache cache;
+  auto session = session_of(&cache, 0);
+  EXPECT_FALSE(takes_long(make_tick(1), *session, library));
+  EXPECT_FALSE(takes_long(tick_with_targets({1, 3}), *session, library)) << "no points are sampled";
+  EXPECT_TRUE(takes_long(tick_with_points(1), *session, library));
+  const auto other = session_of(&cache, 1);  // makes the tables of the targets
+  EXPECT_FALSE(takes_long(tick_with_points(1), *session, library));
+  session = session_of(&cache, 0, {4});
+  EXPECT_TRUE(takes_long(tick_with_points(1), *session, library)) << "a part has none";
+  session = session_of(nullptr, 0);
+  EXPECT_FALSE(takes_long(tick_with_points(1), *session, library)) << "without tables";
+}
+
+TEST_F(SlowTicks, ReadASceneFileThatIsNotLoaded) {
+  const auto session = session_of(nullptr, 0);
+  v1::Tick tick = make_tick(1);
+  const auto slow = [&] { return takes_long(tick, *session, library); };
+  *tick.mutable_delta()->add_added_instances() = make_open().instances(0);
+  EXPECT_FALSE(slow());
+  v1::MeshRef& mesh = *tick.mutable_delta()->add_added_instances()->mutable_mesh();
+  mesh.set_scene_hash(std::string(32, '0'));
+  EXPECT_FALSE(slow()) << "an upload is there or not";
+  mesh.set_scene_name("town.glb");
+  EXPECT_TRUE(slow());
+  const auto loaded = library.load_named("town.glb");
+  ASSERT_TRUE(loaded.has_value());
+  EXPECT_FALSE(slow());
+  tick.mutable_delta()->add_added_instances()->mutable_mesh()->set_scene_name("other.glb");
+  EXPECT_TRUE(slow());
 }
 
 TEST_F(FromProto, RotationsAndVelocitiesMayBeLeftOut) {

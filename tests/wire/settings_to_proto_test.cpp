@@ -4,6 +4,7 @@
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "tests/wire/every_setting.h"
@@ -97,6 +98,16 @@ TEST(SettingsToProto, LensesComeBackInEachConvention) {
     EXPECT_EQ(read.aspect, lens.aspect);
     EXPECT_EQ(read.near_m, lens.near_m);
   }
+}
+
+// 90 degrees wide at 16:9: tan(v / 2) = 9 / 16.
+TEST(SettingsToProto, ALensIsInTheClientsAngle) {
+  const Lens lens{.vertical_fov_rad = 2 * std::atan(9.0 / 16), .aspect = 16.0 / 9, .near_m = 0.2};
+  const v1::Lens unreal = lens_to_proto(lens, unreal_convention()), gltf = lens_to_proto(lens, gltf_convention());
+  EXPECT_NEAR(unreal.field_of_view(), 90, 1e-9);
+  EXPECT_EQ(unreal.aspect(), 16.0 / 9);
+  EXPECT_EQ(unreal.near_m(), 0.2);
+  EXPECT_EQ(gltf.field_of_view(), lens.vertical_fov_rad);
 }
 
 }  // namespace

@@ -281,6 +281,86 @@ TEST(ToProto, TheStatusTheForecastTheOccludersAndTheFlagsAreSent) {
   EXPECT_EQ(reply.targets(0).occluders(1).share(), 0.125);
 }
 
+// Each flag by itself, so that none is sent as another.
+TEST(ToProto, EveryFlagIsSentAsItself) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  const auto sent = [&](StepFlags flags) {
+    answer->step.flags = flags;
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    return reply.flags().ShortDebugString();
+  };
+  EXPECT_EQ(sent({}), "");
+  EXPECT_EQ(sent({.dt_capped = true}), "dt_capped: true");
+  EXPECT_EQ(sent({.used_cube_map = true}), "used_cube_map: true");
+  EXPECT_EQ(sent({.body_overlap = true}), "body_overlap: true");
+  EXPECT_EQ(sent({.evading = true}), "evading: true");
+  EXPECT_EQ(sent({.deflected = true}), "deflected: true");
+  EXPECT_EQ(sent({.new_shot = true}), "new_shot: true");
+  EXPECT_EQ(sent({.distance_given_up = true}), "distance_given_up: true");
+  EXPECT_EQ(sent({.elevation_given_up = true}), "elevation_given_up: true");
+}
+
+TEST(ToProto, TheTimesOfTheStagesAreInMicroseconds) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  answer->queue_ns = 1'500, answer->scene_ns = 2'000;
+  answer->step.stage_ns = {4'000, 8'000, 16'000, 32'000};
+  v1::CameraReply reply;
+  camera_reply_to_proto(*answer, *wire.session, {}, reply);
+  const v1::StageTimes& times = reply.stage_times();
+  EXPECT_EQ(times.queue_us(), 1.5f);
+  EXPECT_EQ(times.scene_us(), 2.0f);
+  EXPECT_EQ(times.bound_us(), 4.0f);
+  EXPECT_EQ(times.sample_us(), 8.0f);
+  EXPECT_EQ(times.aggregate_us(), 16.0f);
+  EXPECT_EQ(times.move_us(), 32.0f);
+  EXPECT_EQ(times.total_us(), 62.0f) << "without the time in the queue";
+}
+
+TEST(ToProto, ReasonsAndWhatATargetIsLikeAreSent) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  v1::CameraReply reply;
+  const std::pair<MoveReason, v1::MoveReason> reasons[] = {
+      {MoveReason::kAtDesiredPlace, v1::MOVE_REASON_AT_DESIRED_PLACE},
+      {MoveReason::kNearestAllVisible, v1::MOVE_REASON_NEAREST_ALL_VISIBLE},
+      {MoveReason::kBestAllVisible, v1::MOVE_REASON_BEST_ALL_VISIBLE},
+      {MoveReason::kBestPartial, v1::MOVE_REASON_BEST_PARTIAL},
+      {MoveReason::kHorizonGrown, v1::MOVE_REASON_HORIZON_GROWN},
+      {MoveReason::kOnTrail, v1::MOVE_REASON_ON_TRAIL},
+      {MoveReason::kNoTargets, v1::MOVE_REASON_NO_TARGETS},
+      {MoveReason::kPaused, v1::MOVE_REASON_PAUSED},
+      {MoveReason::kBlockedByGeometry, v1::MOVE_REASON_BLOCKED_BY_GEOMETRY},
+      {MoveReason::kBodyOverlap, v1::MOVE_REASON_BODY_OVERLAP},
+      {MoveReason::kObservedCut, v1::MOVE_REASON_OBSERVED_CUT},
+      {MoveReason::kCut, v1::MOVE_REASON_CUT}};
+  for (const auto& [reason, expected] : reasons) {
+    answer->step.reason = reason;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_EQ(reply.reason(), expected);
+    EXPECT_EQ(reply.reason_text(), explain(reason));
+  }
+  for (const bool yes : {false, true}) {
+    answer->cut = yes, answer->merged_ticks = yes ? 3 : 0;
+    answer->step.targets[0].in_picture = yes, answer->step.targets[0].given_up = !yes;
+    answer->step.targets[0].visible_share = yes ? 0.25 : 0.75;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    EXPECT_EQ(reply.cut(), yes);
+    EXPECT_EQ(reply.merged_ticks(), yes ? 3u : 0u);
+    EXPECT_EQ(reply.targets(0).in_picture(), yes);
+    EXPECT_EQ(reply.targets(0).given_up(), !yes);
+    EXPECT_EQ(reply.targets(0).visible_share(), yes ? 0.25 : 0.75);
+  }
+}
+
 TEST(ToProto, ATargetBehindTheCameraIsOffScreen) {
   v1::OpenSession open = make_open();
   open.mutable_camera()->mutable_rotation()->set_y(1);  // looks away
@@ -401,6 +481,32 @@ TEST(ToProto, ThePairVolumeSaysWhyItWasNotUsed) {
   EXPECT_EQ(reply.pair_fallback(), v1::PAIR_FALLBACK_NEEDS_TWO_TARGETS);
 }
 
+TEST(ToProto, EveryReasonAgainstThePairVolumeIsTold) {
+  Wire wire(make_open());
+  wire.play(make_tick(1));
+  auto answer = wire.session->step();
+  ASSERT_TRUE(answer);
+  StepResult& step = answer->step;
+  const auto told = [&] {
+    v1::CameraReply reply;
+    camera_reply_to_proto(*answer, *wire.session, {}, reply);
+    return std::pair(reply.volume_used(), reply.pair_fallback());
+  };
+  step.volume = Volume::kLattice, step.pair_asked = true, step.pair_needs_two = false;
+  const std::pair<PairGap, v1::PairFallback> gaps[] = {{PairGap::kNone, v1::PAIR_FALLBACK_UNSPECIFIED},
+                                                       {PairGap::kTargetInBound, v1::PAIR_FALLBACK_TARGET_IN_BOUND},
+                                                       {PairGap::kOnLine, v1::PAIR_FALLBACK_ON_LINE},
+                                                       {PairGap::kTooClose, v1::PAIR_FALLBACK_TOO_CLOSE}};
+  for (const auto& [gap, expected] : gaps) {
+    step.pair_gap = gap;
+    EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_LATTICE, expected));
+  }
+  step.pair_asked = false;
+  EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_LATTICE, v1::PAIR_FALLBACK_UNSPECIFIED)) << "not asked for";
+  step.pair_asked = true, step.volume = Volume::kPair;
+  EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_PAIR, v1::PAIR_FALLBACK_UNSPECIFIED)) << "used";
+}
+
 TEST(ToProto, AnOpenedSessionTellsItsMirror) {
   Wire wire(make_open());
   v1::SessionOpened opened;
@@ -428,6 +534,23 @@ TEST(TickError, NamesTheTickTheFieldAndTheReason) {
   ASSERT_EQ(rejection.field_violations_size(), 1);
   EXPECT_EQ(rejection.field_violations(0).field(), "tick.dt_s");
   EXPECT_EQ(rejection.field_violations(0).description(), "must not be negative");
+}
+
+TEST(TickError, HasTheCodeOfTheError) {
+  using E = ErrorCode;
+  using T = v1::TickError;
+  const std::pair<E, T::Code> codes[] = {{E::kInvalidArgument, T::CODE_INVALID_ARGUMENT},
+                                         {E::kUnsupported, T::CODE_INVALID_ARGUMENT},
+                                         {E::kDataLoss, T::CODE_INVALID_ARGUMENT},
+                                         {E::kNotFound, T::CODE_NOT_FOUND},
+                                         {E::kAlreadyExists, T::CODE_ALREADY_EXISTS},
+                                         {E::kFailedPrecondition, T::CODE_FAILED_PRECONDITION},
+                                         {E::kResourceExhausted, T::CODE_RESOURCE_EXHAUSTED},
+                                         {E::kUnavailable, T::CODE_UNAVAILABLE},
+                                         {E::kInternal, T::CODE_INTERNAL}};
+  for (const auto& [code, sent] : codes) EXPECT_EQ(reject({code, "", "text"}, nullptr).code(), sent);
+  EXPECT_EQ(reject({E::kInternal, "", "text"}, nullptr).message(), "text");
+  EXPECT_EQ(reject({E::kInternal, "", "text"}, nullptr).field_violations_size(), 0);
 }
 
 TEST(TickError, AsksForAResyncWhenTheMirrorsDisagree) {
@@ -476,6 +599,29 @@ TEST(StatusFromError, AMessageOfMoreThanAThousandBytesIsCutBetweenCharacters) {
   EXPECT_EQ(sent(fits), fits);
   EXPECT_EQ(sent(fits + "y"), fits + "...");
   EXPECT_EQ(sent(fits.substr(0, 999) + "\u00e9"), fits.substr(0, 999) + "...") << "a character of two bytes";
+}
+
+TEST(StatusFromError, HasTheCodeOfTheError) {
+  using E = ErrorCode;
+  using S = grpc::StatusCode;
+  const std::pair<E, S> codes[] = {{E::kInvalidArgument, S::INVALID_ARGUMENT},     {E::kNotFound, S::NOT_FOUND},
+                                   {E::kAlreadyExists, S::ALREADY_EXISTS},         {E::kFailedPrecondition, S::FAILED_PRECONDITION},
+                                   {E::kResourceExhausted, S::RESOURCE_EXHAUSTED}, {E::kUnavailable, S::UNAVAILABLE},
+                                   {E::kInternal, S::INTERNAL}};
+  for (const auto& [code, sent] : codes) EXPECT_EQ(status_from_error({code, "", "text"}).error_code(), sent);
+}
+
+TEST(StatusFromError, OfAFullServerSaysWhenToTryAgain) {
+  const grpc::Status status = exhausted_status("too many sessions", std::chrono::seconds(7));
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(status.error_message(), "too many sessions");
+  google::rpc::Status details;
+  ASSERT_TRUE(details.ParseFromString(status.error_details()));
+  EXPECT_EQ(details.code(), 8);  // google.rpc.Code.RESOURCE_EXHAUSTED
+  EXPECT_EQ(details.message(), "too many sessions");
+  google::rpc::RetryInfo retry;
+  ASSERT_TRUE(details.details_size() == 1 && details.details(0).UnpackTo(&retry));
+  EXPECT_EQ(retry.retry_delay().seconds(), 7);
 }
 
 TEST(StatusFromError, UnusableInputIsTheSendersFault) {
