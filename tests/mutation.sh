@@ -15,7 +15,6 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export SIGHTLINE_REQUIRE_EGL=1  # a mutant that finds no OpenGL is killed, not skipped
-export CCACHE_SLOPPINESS=pch_defines,time_macros  # without it ccache keeps nothing that uses a precompiled header
 deploy/install-packages.sh build
 deploy/install-packages.sh mutation
 root=$PWD

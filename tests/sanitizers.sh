@@ -15,8 +15,6 @@ with_daemon=(daemon_test recording_daemon_test)
 deploy/install-packages.sh build
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export ASAN_OPTIONS=detect_stack_use_after_return=0
-# ccache keeps objects that use precompiled headers only with these.
-export CCACHE_SLOPPINESS=pch_defines,time_macros
 
 for preset in "${presets[@]}"; do
   programs=("${in_process[@]}")

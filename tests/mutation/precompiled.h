@@ -1,4 +1,5 @@
-// What most sources include. A mutation run precompiles it, since reading headers is most of the time of its build.
+// What most sources include. It is precompiled for the tests, and in a mutation run for all sources, since reading headers is most of the
+// time of a build.
 #pragma once
 
 #include <algorithm>
