@@ -122,6 +122,30 @@ TEST(DaemonFlags, DevicesReportsEmbreeAlways) {
   EXPECT_NE(report.output.find("embree"), std::string::npos) << report.output;
 }
 
+TEST(DaemonFlags, TheSamplerIsTheOneThatWasAskedFor) {
+  for (const char* sampler : {"embree", "egl"}) {
+    const RunResult report = run_sightlined({"devices", "--sampler", sampler});
+    EXPECT_NE(report.output.find("used because: asked for with --sampler"), std::string::npos) << sampler << report.output;
+  }
+  EXPECT_EQ(run_sightlined({"devices"}).output.find("asked for"), std::string::npos);
+}
+
+TEST(DaemonFlags, WhatIsForOneRunOnlyIsNoPartOfAConfiguration) {
+  const RunResult printed = run_sightlined({"--inject-fault", "sampler:3", "--print-config"});
+  ASSERT_EQ(printed.exit_code, 0) << printed.errors;
+  const test::TemporaryFolder folder;
+  for (const std::string name :
+       {"inject-fault", "config", "print-config", "check-config", "version", "describe", "help", "json", "live", "tls", "address", "devices", "healthcheck"}) {
+    EXPECT_EQ(printed.output.find("\n" + name + "="), std::string::npos) << name;
+    EXPECT_EQ(printed.output.find("\n" + name + "."), std::string::npos) << name;
+    EXPECT_EQ(printed.output.find("[" + name + "]"), std::string::npos) << name;
+    std::ofstream(folder / "wrong.conf") << "# none\n" << name << " = true\n";
+    const RunResult checked = run_sightlined({"--config", folder / "wrong.conf", "--check-config"});
+    EXPECT_EQ(checked.exit_code, 2) << name;
+    EXPECT_NE(checked.errors.find("line 2"), std::string::npos) << name << checked.errors;
+  }
+}
+
 // --- listeners
 // ---------------------------------------------------------------------------------------------------
 
@@ -182,6 +206,21 @@ TEST(Daemon, AFileThatIsNoSocketIsLeftAlone) {
       run_sightlined({"--sampler", "embree", "--listen", "none", "--listen-unix", folder / "precious"});
   EXPECT_GT(result.exit_code, 0);
   EXPECT_EQ(read_text(folder / "precious"), "data");
+}
+
+TEST(Daemon, AStepBudgetOfLessThanAMillisecondLowersTheQuality) {
+  Daemon daemon({"--listen", "127.0.0.1:0", "--step-budget-ms", "0.001"});
+  ASSERT_TRUE(daemon.wait_until_ready()) << daemon.errors();
+  Stream stream(connect(daemon.addresses().front()));
+  stream.open(open_with_boxes(2));
+  bool degraded = false;
+  for (uint64_t sequence = 1; sequence < 3000 && !degraded; ++sequence) {
+    stream.send(move_tick(sequence, 1, 0.1));
+    const auto reply = stream.read();
+    ASSERT_TRUE(reply && reply->has_camera());
+    degraded = reply->camera().flags().degraded();
+  }
+  EXPECT_TRUE(degraded);
 }
 
 // --- the end
