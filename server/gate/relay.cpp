@@ -18,7 +18,7 @@ namespace {
 constexpr int kReadsInARow = 4;
 // Time in which a client must take what is left for it once gRPC has closed the connection.
 constexpr double kFarewellS = 2.0;
-// Of a side that has hung up, as much is read although the other side takes nothing. gRPC's end of a pair never leaves so much.
+// The relay reads this much from a side that has hung up, even while the other side takes nothing. gRPC's end of a pair leaves less.
 constexpr size_t kMostLeft = 512 << 10;
 
 }  // namespace
@@ -163,8 +163,8 @@ void Relay::serve(Side& side, uint32_t events) {
   settle(line);
 }
 
-// False when the connection is broken. What is left in the socket of a side that has hung up is read at once, because its end comes
-// after that.
+// False when the connection is broken. A side that has hung up is read to its end even while the other side takes nothing, because epoll
+// reports the hang-up until then.
 bool Relay::read_from(Side& side) {
   Line& line = *side.line;
   const auto has_room = [&] { return side.hung_up ? side.other->waiting.size() < kMostLeft : side.other->waiting.empty(); };
