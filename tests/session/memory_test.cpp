@@ -154,15 +154,12 @@ TEST(SessionMemory, StepsOutsideTheirRingAreRefused) {
     damaged.replace(at, 16, pair_of(next, count));
     return second.session->resume(Session::memory_layout(), damaged).has_value();
   };
-  std::vector<size_t> rings;
+  // Other figures may have the same bytes; any values of these are accepted.
+  size_t rings = 0;
   for (const uint64_t count : {kTicks - 1, kTicks})
-    for (size_t at = 0; (at = memory.find(pair_of(count, count), at)) != std::string::npos; ++at) rings.push_back(at);
-  ASSERT_EQ(rings.size(), 4u) << "two for each target";
-  for (const size_t at : rings) {
-    EXPECT_TRUE(accepted(at, 31, 32));
-    EXPECT_FALSE(accepted(at, 32, 32));
-    EXPECT_FALSE(accepted(at, 31, 33));
-  }
+    for (size_t at = 0; (at = memory.find(pair_of(count, count), at)) != std::string::npos; ++at)
+      rings += accepted(at, 31, 32) && !accepted(at, 32, 32) && !accepted(at, 31, 33);
+  EXPECT_EQ(rings, 4u) << "two for each target";
 }
 
 TEST(SessionMemory, DamagedBytesAreRefused) {

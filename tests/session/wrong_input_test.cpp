@@ -364,7 +364,7 @@ TEST(SessionChecks, ARotationSpeedOrTurnMayBeAsLargeAsItsRangeSays) {
   for (const double length : {0.9991, 1.0009}) EXPECT_EQ(turned(length), "") << length;
   for (const double length : {0.0, 0.9989, 1.0011, kNan, kInf}) EXPECT_EQ(turned(length), "p.rotation") << length;
   EXPECT_EQ(field_of(check_speed({0, 0, -1e6}, "v")), "");
-  EXPECT_EQ(field_of(check_speed({1e6, 0, 100}, "v")), "");
+  EXPECT_EQ(field_of(check_speed({999'999, 0, 100}, "v")), "");
   EXPECT_EQ(field_of(check_speed({0, 1.01e6, 0}, "v")), "v");
   EXPECT_EQ(field_of(check_speed({8e5, 8e5, 0}, "v")), "v") << "it is the length that counts";
   EXPECT_EQ(field_of(check_turn({0, -1000, 0}, "w")), "");
