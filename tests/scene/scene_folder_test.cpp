@@ -151,7 +151,9 @@ TEST_F(SceneFolder, MissingFilesAndFoldersAndPipesAreNamedErrors) {
   EXPECT_EQ(error_of("pipe.glb").code, ErrorCode::kInvalidArgument);
   EXPECT_EQ(error_of("").code, ErrorCode::kInvalidArgument);
   EXPECT_EQ(error_of("hall.txt").code, ErrorCode::kInvalidArgument);
-  EXPECT_EQ(error_of(std::string(5000, 'a') + ".glb").code, ErrorCode::kInvalidArgument);
+  std::string long_name(5000, 'a');
+  long_name += ".glb";
+  EXPECT_EQ(error_of(long_name).code, ErrorCode::kInvalidArgument);
 }
 
 TEST_F(SceneFolder, ABrokenFileSaysWhatIsBroken) {
