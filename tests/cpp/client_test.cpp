@@ -427,7 +427,9 @@ TEST(ClientAndDaemon, ATokenIsShownOverASocketAndNeverInTheClear) {
   std::ofstream(access) << "token game control " << token << '\n';
   std::filesystem::permissions(access, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   DaemonProcess daemon({"--sampler", "embree", "--access-file", access, "--listen", "none", "--listen-unix", socket});
-  auto known = Client::connect("unix:" + socket, 10s, {}, {.token = token});
+  ClientCredentials game;
+  game.token = token;
+  auto known = Client::connect("unix:" + socket, 10s, {}, game);
   ASSERT_TRUE(known) << to_string(known.error());
   EXPECT_TRUE(known->server_info(10s));
   const auto session = known->open_session(two_capsules(), 10s);
@@ -437,7 +439,7 @@ TEST(ClientAndDaemon, ATokenIsShownOverASocketAndNeverInTheClear) {
   const auto refused = stranger->open_session(two_capsules(), 10s);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().field, "credentials");
-  const auto unsafe = Client::connect("127.0.0.1:1", 10s, {}, {.token = token});
+  const auto unsafe = Client::connect("127.0.0.1:1", 10s, {}, game);
   ASSERT_FALSE(unsafe);
   EXPECT_EQ(unsafe.error().code, ErrorCode::kInvalidArgument);
   EXPECT_EQ(unsafe.error().field, "token");
