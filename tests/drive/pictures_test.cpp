@@ -84,6 +84,16 @@ TEST_F(PicturesTest, EveryPixelShowsWhatIsThere) {
   EXPECT_GT(picture.at(kMiddle, 89)[0], 130) << "the floor is in the light";
 }
 
+TEST_F(PicturesTest, TheCaptionHasTheShareOfEachTargetInItsColour) {
+  const Picture picture = draw_frame(*world_, at(0.0), kWidth);
+  for (const Rgb& colour : {kFirst, kSecond}) {
+    int pixels = 0;
+    for (int y = 0; y < kCaption; ++y)
+      for (int x = 0; x < picture.width; ++x) pixels += picture.at(x, y) == colour;
+    EXPECT_GT(pixels, 50) << "100 % in its colour";
+  }
+}
+
 TEST_F(PicturesTest, TheGroundOfTheCaptionIsDark) {
   const Picture picture = draw_frame(*world_, at(0.0), kWidth);
   const Rgb sky = picture.at(0, 1), dark = picture.at(4, 3);
