@@ -157,7 +157,8 @@ def mutation():
             "table for 12 s. The golden recording is not among them: it notices every bit. Headers are not mutated, and so neither is what stands in them "
             "alone. Mutants that no test can notice are listed apart and do not count. The score is the share of the others that is killed, in brackets with "
             "its 95 % interval (Wilson), which says how far the drawn ones may mislead about the folder. The last row counts all that were drawn, whatever "
-            "the sizes of the folders. The goal is 85 %.\n\n" +
+            "the sizes of the folders. The goal is 85 %. Many tests were written with the drawn mutants in view, so another seed may give a lower "
+            "score.\n\n" +
             table(["folder", "mutants", "tried", "killed", "equal", "score"], rows) +
             "\nThose that survived:\n\n" + survivor_table([mutant for mutant in alive if mutant not in equal], reasons) +
             ("\nThose that no test can notice:\n\n" + survivor_table(equal, reasons) if equal else ""))
