@@ -13,7 +13,7 @@ namespace {
 
 class ConnectionFlagsTest : public testing::Test {
  protected:
-  // Writes a file with this content, and returns its path.
+  // Writes a file, and returns its path.
   std::string file(const std::string& name, const std::string& content) {
     const std::filesystem::path path = folder_ / name;
     std::ofstream(path, std::ios::binary) << content;
