@@ -9,16 +9,17 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 presets=("$@")
 [ ${#presets[@]} -gt 0 ] || presets=(asan tsan)
-in_process=(service_test gate_test schedule_test recorder_test session_test)
-# These start the daemon, and read their own files. ThreadSanitizer would end such a daemon with an error for reports that are not ours.
-with_daemon=(daemon_test recording_daemon_test)
+with_threads=(service_test gate_test schedule_test recorder_test)
+# Under AddressSanitizer only. Sessions have no threads. The others start the daemon, which ThreadSanitizer would end with an error for reports
+# that are not ours.
+others=(session_test daemon_test recording_daemon_test)
 deploy/install-packages.sh build
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export ASAN_OPTIONS=detect_stack_use_after_return=0
 
 for preset in "${presets[@]}"; do
-  programs=("${in_process[@]}")
-  [ "$preset" != asan ] || programs+=("${with_daemon[@]}")
+  programs=("${with_threads[@]}")
+  [ "$preset" != asan ] || programs+=("${others[@]}")
   SECONDS=0
   cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
   cmake --build --preset "$preset" --parallel "$(nproc)" --target "${programs[@]}"

@@ -18,8 +18,6 @@ namespace {
 constexpr int kReadsInARow = 4;
 // Time in which a client must take what is left for it once gRPC has closed the connection.
 constexpr double kFarewellS = 2.0;
-// The relay reads this much from a side that has hung up, even while the other side takes nothing. gRPC's end of a pair leaves less.
-constexpr size_t kMostLeft = 512 << 10;
 
 }  // namespace
 
@@ -31,6 +29,7 @@ struct Relay::Side {
   bool ended = false;                  // it sends nothing more
   bool hung_up = false;                // nor takes anything
   std::vector<std::byte> waiting = {};  // bytes for this side that it has not taken yet
+  bool watched = false;                // by epoll
   uint32_t interest = 0;               // what epoll watches for
 };
 
@@ -144,6 +143,7 @@ void Relay::begin(Line& line) {
   for (Side* side : {&line.client, &line.grpc}) {
     epoll_event event{.events = side->interest = EPOLLIN, .data = {.ptr = side}};
     added = added && ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, side->fd, &event) == 0;
+    side->watched = added;
   }
   if (!added) return end(line, {});
   // Bytes that came with the end of the handshake raise no further event.
@@ -163,12 +163,10 @@ void Relay::serve(Side& side, uint32_t events) {
   settle(line);
 }
 
-// False when the connection is broken. A side that has hung up is read to its end even while the other side takes nothing, because epoll
-// reports the hang-up until then.
+// False when the connection is broken.
 bool Relay::read_from(Side& side) {
   Line& line = *side.line;
-  const auto has_room = [&] { return side.hung_up ? side.other->waiting.size() < kMostLeft : side.other->waiting.empty(); };
-  for (int reads = 0; reads < kReadsInARow && !side.ended && has_room(); ++reads) {
+  for (int reads = 0; reads < kReadsInARow && !side.ended && side.other->waiting.empty(); ++reads) {
     const ssize_t size = ::recv(side.fd, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
     if (size == 0) {
@@ -289,26 +287,26 @@ void Relay::settle(Line& line) {
       if (!send_answers(line)) return end(line, {});
     }
     if (line.client.waiting.empty()) return end(line, {});
-    if (line.connection->deadline_s == 0.0) line.connection->deadline_s = gate_now_s() + kFarewellS;
   }
+  if ((line.grpc.ended || line.grpc.hung_up) && line.connection->deadline_s == 0.0)
+    line.connection->deadline_s = gate_now_s() + kFarewellS;
   // The client has closed: gRPC learns of it when it has read everything, and closes in turn.
   if (line.client.ended && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
-  adjust(line.client);
-  adjust(line.grpc);
+  if (!adjust(line.client) || !adjust(line.grpc)) end(line, {});
 }
 
-void Relay::adjust(Side& side) {
-  // epoll would report the hang-up again and again until the other side has taken everything.
-  if (side.hung_up && side.ended && side.waiting.empty()) {
-    ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side.fd, nullptr);
-    return;
-  }
+// False when the kernel has no memory for it.
+bool Relay::adjust(Side& side) {
   uint32_t interest = 0;
   if (!side.ended && side.other->waiting.empty()) interest |= EPOLLIN;
   if (!side.waiting.empty()) interest |= EPOLLOUT;
-  if (interest == side.interest) return;
+  // epoll reports a hang-up even to those who do not ask for it, again and again.
+  const bool watched = interest != 0 || !side.hung_up;
+  if (watched == side.watched && interest == side.interest) return true;
+  const int change = !watched ? EPOLL_CTL_DEL : side.watched ? EPOLL_CTL_MOD : EPOLL_CTL_ADD;
+  side.watched = watched;
   epoll_event event{.events = side.interest = interest, .data = {.ptr = &side}};
-  ::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, side.fd, &event);
+  return ::epoll_ctl(epoll_.get(), change, side.fd, &event) == 0;
 }
 
 void Relay::end(Line& line, std::string_view reason) {

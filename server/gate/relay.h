@@ -2,7 +2,7 @@
 //
 // gRPC owns its end of each socket pair. The relay holds at most kMostHeld bytes for each direction of a connection: it reads from
 // one side only when the other side has taken everything. A client that stops reading is therefore stopped by gRPC's flow control
-// as if there were no relay. Once gRPC has closed, the relay also holds what was left in the pair, and the client has 2 s to take it.
+// as if there were no relay. Once gRPC has closed, the client has 2 s to take what is left in the pair.
 //
 // A connection for whose bytes no memory is left is cut; the others go on.
 //
@@ -79,7 +79,7 @@ class Relay {
   void watch_client(Line& line, std::span<const std::byte> bytes);
   bool write_to(Side& side, const std::byte* bytes, size_t size);
   bool flush(Side& side);
-  void adjust(Side& side);
+  bool adjust(Side& side);
   void settle(Line& line);
   void end(Line& line, std::string_view reason);
 

@@ -19,6 +19,10 @@ struct Ends {
     for (auto [ours, theirs] : {std::pair(&client, &connection->outer), std::pair(&grpc, &connection->inner)}) {
       int pair[2];
       EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair), 0);
+      // As with a large net.core.wmem_default, where the test may set it.
+      const int size = 4 << 20;
+      if (::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUFFORCE, &size, sizeof size) != 0)
+        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &size, sizeof size);
       *ours = FileDescriptor(pair[0]);
       *theirs = FileDescriptor(pair[1]);
     }

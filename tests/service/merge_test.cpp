@@ -11,6 +11,15 @@ namespace {
 
 constexpr int kBoxes = 100;
 
+// Steps that take little time, also under sanitizers: what is merged does not depend on them.
+v1::OpenSession open_quick_session() {
+  v1::OpenSession open = open_with_boxes(kBoxes);
+  open.mutable_tuning()->mutable_aggregate()->set_candidates(50);
+  open.mutable_tuning()->mutable_sample()->set_points(4);
+  open.mutable_tuning()->mutable_sample()->set_resolution(8);
+  return open;
+}
+
 v1::Tick burst_tick(uint64_t sequence) {
   return move_tick(sequence, 1 + sequence % kBoxes, 0.01 * static_cast<double>(sequence));
 }
@@ -18,7 +27,7 @@ v1::Tick burst_tick(uint64_t sequence) {
 // The state of a session that received the same ticks one by one.
 uint64_t hash_when_told_slowly(const ServiceWorld& world, uint64_t ticks) {
   Stream stream(world.channel());
-  stream.open(open_with_boxes(kBoxes));
+  stream.open(open_quick_session());
   uint64_t hash = 0;
   for (uint64_t i = 1; i <= ticks; ++i) {
     stream.send(burst_tick(i));
@@ -47,7 +56,7 @@ TEST(Merge, ABurstOfTicksIsAppliedWholeAndAnsweredForTheNewest) {
   const uint64_t expected = hash_when_told_slowly(world, kTicks);
 
   Stream stream(world.channel());
-  stream.open(open_with_boxes(kBoxes));
+  stream.open(open_quick_session());
   world.device.close_gate();
   stream.send(burst_tick(1));
   world.device.wait_until_held(1);
@@ -73,7 +82,7 @@ TEST(Merge, ABurstOfTicksIsAppliedWholeAndAnsweredForTheNewest) {
 TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
   ServiceWorld world;
   Stream stream(world.channel());
-  stream.open(open_with_boxes(kBoxes));
+  stream.open(open_quick_session());
   world.device.close_gate();
   stream.send(burst_tick(1));
   world.device.wait_until_held(1);
@@ -111,7 +120,7 @@ TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
   };
   ServiceWorld world;
   Stream burst(world.channel()), slow(world.channel());
-  v1::OpenSession open = open_with_boxes(kBoxes);
+  v1::OpenSession open = open_quick_session();
   open.mutable_diagnostics()->set_depth_maps(true);
   for (Stream* stream : {&burst, &slow}) stream->open(open);
   for (uint64_t i = 1; i <= kTicks; ++i) {
@@ -151,7 +160,7 @@ TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
 TEST(Merge, AFullInboxStopsReading) {
   ServiceWorld world;
   Stream stream(world.channel());
-  stream.open(open_with_boxes(kBoxes));
+  stream.open(open_quick_session());
   world.device.close_gate();
   stream.send(burst_tick(1));
   world.device.wait_until_held(1);
@@ -220,7 +229,7 @@ TEST(Merge, AClientThatNeverReadsIsHeldBackAndNoOtherIs) {
 TEST(Merge, AReaderThatWakesUpGetsEverything) {
   constexpr uint64_t kTicks = 3000;
   const ServiceWorld world;
-  v1::OpenSession open = open_with_boxes(kBoxes);
+  v1::OpenSession open = open_quick_session();
   open.mutable_tuning()->mutable_sample()->set_resolution(64);
   open.mutable_diagnostics()->set_depth_maps(true);
   Stream stream(world.channel());

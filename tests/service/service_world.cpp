@@ -177,7 +177,7 @@ HeldLoaders::HeldLoaders(WorkerPool& loaders) {
 // ----------------------------------------------------------------------------------------------------
 
 Stream::Stream(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControlService::NewStub(channel)) {
-  context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(240));  // enough under sanitizers, too
   call_ = stub_->Control(&context_);
 }
 
