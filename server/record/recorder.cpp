@@ -442,7 +442,8 @@ void RecordWriter::housekeep() {
   for (ActiveSession& active : active_)
     if (active.file && !folder_.exists(active.file_name))
       lose_file(active, Error{ErrorCode::kNotFound, active.file_name, "was removed while it was written"});
-  const bool had_room = !std::exchange(no_room_, {}).has_value();
+  const bool had_room = !no_room_.has_value();
+  no_room_.reset();
   Status room = folder_.make_room(now_ns_(), being_written_);
   warn_of_stuck_files();
   if (room && !had_room) set_folder_trouble({});

@@ -188,7 +188,7 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
     // Equal hashes are not enough: all placements are compared.
     if (auto alive = it->second.lock();
         alive && alive->placements.size() == placements.size() &&
-        std::memcmp(alive->placements.data(), placements.data(), placements.size_bytes()) == 0)
+        (placements.empty() || std::memcmp(alive->placements.data(), placements.data(), placements.size_bytes()) == 0))
       return alive;
   return nullptr;
 }
