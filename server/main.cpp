@@ -20,11 +20,11 @@
 #include <iostream>
 #include <memory>
 #include <new>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 
 #include "server/base/cpu_budget.h"
+#include "server/device_report.h"
 #include "server/flags.h"
 #include "server/gl/software_renderer.h"
 #include "server/health_check.h"
@@ -505,72 +505,6 @@ int serve_or_explain(const Flags& flags, const Log& log, const std::function<Com
   return EXIT_FAILURE;
 }
 
-std::string device_note(const EglDeviceInfo& device) {
-  if (!device.trouble.empty()) return device.trouble;
-  std::string note = device.software ? "software" : "hardware";
-  if (device.robust) note += ", robust";
-  return note;
-}
-
-// One line of the list of devices. Embree has no index and no node.
-struct DeviceRow {
-  bool used = false;
-  const char* kind = "egl";
-  int index = -1;
-  std::string platform, node, renderer, version, note;
-};
-
-std::vector<DeviceRow> device_rows(const EglOptions& options, const Result<SamplerDecision>& decision) {
-  const auto chosen = [&](SamplerChoice choice) { return decision && decision->sampler == choice; };
-  std::vector<DeviceRow> rows;
-  for (const EglDeviceInfo& device : list_egl_devices(options))
-    rows.push_back({chosen(SamplerChoice::kEgl) && device.chosen, "egl", device.index, device.platform, device.drm_node, device.renderer,
-                    device.gl_version, device_note(device)});
-  rows.push_back({chosen(SamplerChoice::kEmbree), "embree", -1, "cpu", "", make_embree_sampler_device()->renderer(), "", ""});
-  return rows;
-}
-
-void print_devices(const std::vector<DeviceRow>& rows) {
-  const auto or_dash = [](const std::string& text) { return text.empty() ? "-" : text.c_str(); };
-  std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
-  for (const DeviceRow& row : rows) {
-    const std::string index = row.index < 0 ? "" : std::to_string(row.index);
-    std::printf("%-5s %-6s %-6s %-12s %-20s %s", row.used ? "*" : "", row.kind, or_dash(index), row.platform.c_str(), or_dash(row.node),
-                or_dash(row.renderer));
-    row.note.empty() ? std::printf("\n") : std::printf(", %s (%s)\n", or_dash(row.version), row.note.c_str());
-  }
-}
-
-void print_devices_json(const std::vector<DeviceRow>& rows, const Result<SamplerDecision>& decision) {
-  nlohmann::ordered_json json{{"used", decision ? decision->reason : ""},
-                              {"trouble", decision ? "" : to_string(decision.error())},
-                              {"devices", nlohmann::ordered_json::array()}};
-  for (const DeviceRow& row : rows)
-    json["devices"].push_back({{"used", row.used},
-                               {"kind", row.kind},
-                               {"index", row.index},
-                               {"platform", row.platform},
-                               {"node", row.node},
-                               {"renderer", row.renderer},
-                               {"version", row.version},
-                               {"note", row.note}});
-  std::printf("%s\n", json.dump(2).c_str());
-}
-
-int report_devices(const Flags& flags, bool json) {
-  const EglOptions options = egl_options(flags);
-  const auto decision = decide_sampler(flags.sampler, options, [&] { return choose_egl_device(options); });
-  const std::vector<DeviceRow> rows = device_rows(options, decision);
-  if (json) {
-    print_devices_json(rows, decision);
-    return EXIT_SUCCESS;
-  }
-  print_devices(rows);
-  std::printf("%s\n", decision ? ("used because: " + decision->reason).c_str()
-                               : ("none would be used: " + to_string(decision.error())).c_str());
-  return EXIT_SUCCESS;
-}
-
 // Returns only when it fails.
 int become_demo(const std::vector<std::string>& arguments) {
   std::error_code none;
@@ -594,7 +528,7 @@ int main(int argc, char** argv) {
   if (const auto* exit = std::get_if<Exit>(&command)) return exit->code;
   if (const auto* demo = std::get_if<BecomeDemo>(&command)) return become_demo(demo->arguments);
   prepare_process();
-  if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags, report->json);
+  if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags.sampler, egl_options(report->flags), report->json);
   if (const auto* check = std::get_if<CheckHealth>(&command))
     return check_health(health_address(*check), check->alive ? "liveness" : "readiness", std::cout, std::cerr);
   const Flags& flags = std::get<Serve>(command).flags;
