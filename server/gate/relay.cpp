@@ -300,7 +300,7 @@ bool Relay::adjust(Side& side) {
   uint32_t interest = 0;
   if (!side.ended && side.other->waiting.empty()) interest |= EPOLLIN;
   if (!side.waiting.empty()) interest |= EPOLLOUT;
-  // epoll reports a hang-up even to those who do not ask for it, again and again.
+  // epoll reports a hang-up again and again, whether it is asked for or not. So such a socket leaves epoll while there is nothing to do for it.
   const bool watched = interest != 0 || !side.hung_up;
   if (watched == side.watched && interest == side.interest) return true;
   const int change = !watched ? EPOLL_CTL_DEL : side.watched ? EPOLL_CTL_MOD : EPOLL_CTL_ADD;
