@@ -24,12 +24,7 @@ constexpr double kCalmS = 0.05;
 // A plan is straight if it leads this part of the way that its speed allows.
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
-constexpr double kFarBehind = 1.6;
-// While at most this share of the targets is hidden, a camera on a plan answers more slowly, by this factor. So the noise of the maps does
-// not shake it, and it is quick when sight is at stake.
-constexpr double kAtEaseShare = 0.03, kAtEaseResponse = 2.0;
-// The way to a better view is worth while over about this length.
-constexpr double kWayToViewM = 40.0;
+constexpr double kFarBehind = 3.0;
 // A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
 // not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
@@ -72,8 +67,7 @@ class PlanPricer {
       : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
         lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
     const double factor = several_factor(in.step.targets);
-    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor;
-    distance_ = std::max(weights_.distance / (factor * factor), pull_to_view());
+    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, in.step.input.settings.move.viewpoint_search.keep_shot_below);
   }
 
@@ -87,11 +81,6 @@ class PlanPricer {
   }
 
  private:
-  // A plan ends where the lattice does. It does not know that the desired position, far beyond, shows more than any cell on the
-  // way. So each metre towards it is worth a part of what will be seen from there and is not seen from here.
-  double pull_to_view() const {
-    return occlusion_ * hidden_less(in_.step, in_.carried.viewpoints, in_.step.camera.pose.position_m, in_.desired_m) / kWayToViewM;
-  }
   void price_hidden(size_t slice) {
     const std::span<float> costs = planner_.costs(slice);
     const std::span<const SharePart> shares = ahead_.shares(slice);
@@ -230,7 +219,7 @@ class GoalSearch {
   // ---- the flight plan ----
 
   Goal fly(const FlightPlan& plan) {
-    const double response_s = in_.step.input.settings.move.move_response_s * (is_at_ease() ? kAtEaseResponse : 1.0);
+    const double response_s = in_.step.input.settings.move.move_response_s;
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kGoalS);
     if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
@@ -246,8 +235,6 @@ class GoalSearch {
     goal.velocity_mps = steer_velocity(in_.step.camera, wanted_mps, in_.step.input.limits, response_s, in_.step.move_s);
     return goal;
   }
-
-  bool is_at_ease() const { return in_.sights.hidden[in_.sights.own_candidate] < kAtEaseShare; }
 
   // The plan flies straight on for all its time, and far beyond it. So the camera may be faster than the mean speed of a plan.
   bool is_far_behind(const FlightPlan& plan) const {

@@ -120,9 +120,6 @@ struct ViewpointScratch {
 };
 void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot,
                        ViewpointScratch& scratch);
-// How much less of the targets is hidden from `there_m` than from `here_m`, [-1, 1], by the viewpoints nearest to both and those beside
-// them. 0 while the search knows little or is off.
-double hidden_less(const StepContext& step, const ViewpointMap& viewpoints, const glm::dvec3& here_m, const glm::dvec3& there_m);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
 

@@ -75,19 +75,6 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
                                settings.coherence, std::cref(allowed));
 }
 
-bool knows_enough(const StepContext& step, const ViewpointMap& viewpoints) {
-  return viewpoints.known_s() >= kKnownShare * step.input.settings.move.viewpoint_search.memory_s;
-}
-
-// The hidden share of the targets at the viewpoint nearest to an offset (not zero) from their centre, and at those beside it.
-double hidden_from(const StepContext& step, const ViewpointMap& viewpoints, const glm::dvec3& offset_m) {
-  const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
-  const size_t place = viewpoints.nearest_viewpoint(offset_m);
-  std::array<float, kMaxTargets> seen;
-  for (size_t i = 0; i < targets.size(); ++i) seen[i] = (viewpoints.share(i, place) + viewpoints.share_beside(i, place)) / 2;
-  return hidden_share(targets, std::span(seen).first(targets.size()));
-}
-
 // Drops the results, which would be outdated when the search is switched on again, and returns to the client's shot.
 void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
   viewpoints.forget();
@@ -142,21 +129,16 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   const ViewpointLook& look = taken.plan.look;
   if (!look.searches) return stop_search(viewpoints, shot);
   if (step.move_s <= 0) return;
+  const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
   viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
   viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
-                   taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()),
-                   step.input.settings.move.viewpoint_search.memory_s);
-  if (knows_enough(step, viewpoints) && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
+                   taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()), memory_s);
+  const bool knows = viewpoints.known_s() >= kKnownShare * memory_s;
+  if (knows && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =
       *shot.viewpoint == shot.asked_viewpoint ? shot.asked_offset_m : viewpoints.offset_m(*shot.viewpoint);
-}
-
-double hidden_less(const StepContext& step, const ViewpointMap& viewpoints, const glm::dvec3& here_m, const glm::dvec3& there_m) {
-  const glm::dvec3 here_offset_m = here_m - step.center_m(), there_offset_m = there_m - step.center_m();
-  if (!knows_enough(step, viewpoints) || glm::length(here_offset_m) < 1e-6 || glm::length(there_offset_m) < 1e-6) return 0;
-  return hidden_from(step, viewpoints, here_offset_m) - hidden_from(step, viewpoints, there_offset_m);
 }
 
 }  // namespace sightline

@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0xf92d96a4585053b0;
-constexpr uint64_t kLlvmpipeHash = 0xf92d96a4585053b0;
+constexpr uint64_t kEmbreeHash = 0x327dd2a31be49e6d;
+constexpr uint64_t kLlvmpipeHash = 0x327dd2a31be49e6d;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
