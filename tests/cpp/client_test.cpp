@@ -265,7 +265,7 @@ TEST_F(ClientTest, ASessionOutlivesItsClientAndMayBeDroppedWhileOpen) {
 TEST_F(ClientTest, UnreadAnswersAreBoundedAndTheNewestAreKept) {
   Client client = connect();
   const auto session = open(client);
-  // Sends one tick at a time, so that few are merged; more of them on a busy machine, where many are.
+  // Sends one tick at a time, so that few are merged. On a busy machine many are, so it goes on until something is dropped.
   size_t ticks = 0;
   while (ticks < ClientSession::kMaxUnread + 40 || (session->dropped_events() == 0 && ticks < 10 * ClientSession::kMaxUnread)) {
     ASSERT_TRUE(session->send(tick(++ticks)));
