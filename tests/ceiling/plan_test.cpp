@@ -137,6 +137,16 @@ TEST(Ceiling, LeavesTheWayOfACartThatItSeesComing) {
   EXPECT_GT(run.metrics.least_clearance_m, CameraLimits{}.body_radius_m);
 }
 
+// The bar sinks between the camera and the ground. All places that see the target are in the sphere round it, and most are free.
+TEST(Ceiling, IsNotBarredBesideALongColliderThatMoves) {
+  scenes::Motion bar;
+  bar.add(0.0, {0, 0.4, 4}, {1, 0, 0, 0});
+  bar.add(2.0, {0, 0.1, 4}, {1, 0, 0, 0});
+  const Played run = played(test::SmallScene(2, {0, 2, 5}).target("anna", {0, 0, 0}).mover("bar", {0.1, 0.1, 24}, bar), 2);
+  EXPECT_EQ(run.plan.most_joint, 1.0);
+  EXPECT_EQ(run.metrics.joint_visible_share(), 1.0);
+}
+
 TEST(Ceiling, IsTheSameOnEveryRun) {
   test::Place place(test::SmallScene(2, {0, 1, 3}).target("anna", {0, 0, -1.5}).box("wall", {4, 9, 0.25}, {0, 0, 0}));
   const CeilingPlan one = plan_of(place, 2), two = plan_of(place, 2);

@@ -81,5 +81,21 @@ TEST_F(SightTest, TurnsTakeTheirPointsInTurnsUntilAllWereTaken) {
   EXPECT_TRUE(differ);
 }
 
+// From some places the first three rays are all blocked, and others would arrive.
+TEST_F(SightTest, ThreeBlockedRaysAtTheBeginningCountAsHidden) {
+  const SightEstimate& estimate = look(std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
+  int hidden = 0, doubtful = 0;
+  for (double x_m = -1.5; x_m <= 1.5; x_m += 0.02) {
+    const glm::dvec3 eye_m(x_m, 1, 8);
+    const double first = estimate.shares(eye_m, 3).least_share, all = estimate.shares(eye_m, kExtentPoints).least_share;
+    EXPECT_GE(all, 3 * first / kExtentPoints) << x_m;
+    EXPECT_TRUE(first > 0.0 || all == 0.0) << x_m;
+    hidden += first == 0.0;
+    doubtful += first > 0.0 && first < 0.5;
+  }
+  EXPECT_GT(hidden, 5);
+  EXPECT_GT(doubtful, 0);
+}
+
 }  // namespace
 }  // namespace sightline

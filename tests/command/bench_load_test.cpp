@@ -298,6 +298,17 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   expect_error("/nowhere/bench.json");
 }
 
+// The file is opened before the load begins, and stays empty.
+TEST_F(BenchCommandTest, AFailedRunWritesNoResult) {
+  const test::TemporaryFolder folder;
+  options_.json = folder / "bench.json";
+  options_.preset = "magic";
+  expect_error("magic");
+  std::ifstream file(options_.json);
+  ASSERT_TRUE(file.is_open());
+  EXPECT_EQ(file.peek(), std::ifstream::traits_type::eof());
+}
+
 // By default a daemon lets one client open fewer.
 TEST_F(BenchCommandTest, TheStartedDaemonHasRoomForAllSessions) {
   options_.world.sessions = 100;
