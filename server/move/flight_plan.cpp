@@ -417,9 +417,10 @@ std::optional<uint32_t> FlightPlanner::candidate_at(const glm::dvec3& position_m
   return candidate == UINT32_MAX ? std::nullopt : std::optional(candidate);
 }
 
-double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const {
+// The mean of the values of the open cells around a position, weighted by how near they are; all eight cells together have the weight 1.
+template <typename Value>
+double FlightPlanner::mean_of_open(const glm::dvec3& position_m, double least_open, double otherwise, const Value& value_of) const {
   const glm::dvec3 at = position_m / spacing_m_, low = glm::floor(at), part = at - low;
-  const Pull& pull = pull_[slice];
   double sum = 0, weights = 0;
   for (int k = 0; k < 8; ++k) {
     const glm::ivec3 corner(k & 1, k >> 1 & 1, k >> 2);
@@ -429,11 +430,24 @@ double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double
     if (open_[address] == 0) continue;
     const glm::dvec3 share = glm::mix(1.0 - part, part, glm::dvec3(corner));
     const double weight = share.x * share.y * share.z;
-    sum += weight * (cost_[slice][address] - pull.weight * glm::distance(glm::dvec3(cell) * spacing_m_, pull.point_m));
+    sum += weight * value_of(address, cell);
     weights += weight;
   }
-  if (!(weights > 1e-6)) return otherwise;
-  return sum / weights + pull.weight * glm::distance(position_m, pull.point_m);
+  return weights > least_open ? sum / weights : otherwise;
+}
+
+double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const {
+  const Pull& pull = pull_[slice];
+  const double mean = mean_of_open(position_m, 1e-6, INFINITY, [&](size_t address, const glm::ivec3& cell) {
+    return cost_[slice][address] - pull.weight * glm::distance(glm::dvec3(cell) * spacing_m_, pull.point_m);
+  });
+  return std::isfinite(mean) ? mean + pull.weight * glm::distance(position_m, pull.point_m) : otherwise;
+}
+
+double FlightPlanner::cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const {
+  const std::vector<float>& values = value(slice);
+  // The plans of the cells on the other side of a wall are none of this side.
+  return mean_of_open(position_m, 0.3, otherwise, [&](size_t address, const glm::ivec3&) { return static_cast<double>(values[address]); });
 }
 
 }  // namespace sightline

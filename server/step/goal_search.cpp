@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "server/move/best_acceleration.h"
 #include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
@@ -25,6 +26,8 @@ constexpr double kCalmS = 0.05;
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
 constexpr double kFarBehind = 3.0;
+// The effort of a plan's acceleration at the default move_response_s, in units of the cost of a plan. It grows with the square of that time.
+constexpr double kEffortM = 0.17, kDefaultResponseS = 0.2;
 // A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
 // not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
@@ -219,21 +222,45 @@ class GoalSearch {
   // ---- the flight plan ----
 
   Goal fly(const FlightPlan& plan) {
-    const double response_s = in_.step.input.settings.move.move_response_s;
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kGoalS);
     if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
     Goal goal = goal_at(plan.candidates.back(), to_m);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
-    glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
-    if (is_far_behind(plan)) wanted_mps = faster(wanted_mps);
-    if (!ways_.is_free(to_m)) {  // round a corner
-      const glm::dvec3 first_m = plan.point_m[1] - eye_m();
-      const double length_m = glm::length(first_m);
-      if (length_m > 1e-9) wanted_mps = first_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s, 2 * in_.step.move_s)) / length_m);
-    }
-    goal.velocity_mps = steer_velocity(in_.step.camera, wanted_mps, in_.step.input.limits, response_s, in_.step.move_s);
+    goal.velocity_mps = steer_velocity(in_.step.camera, velocity_of(plan, to_m), in_.step.input.limits, response_s(), in_.step.move_s);
     return goal;
+  }
+  double response_s() const { return in_.step.input.settings.move.move_response_s; }
+
+  // The velocity that the camera tries to have on a plan, which leads it to `to_m`.
+  glm::dvec3 velocity_of(const FlightPlan& plan, const glm::dvec3& to_m) {
+    glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
+    const bool hurries = is_far_behind(plan);
+    if (hurries) wanted_mps = faster(wanted_mps);
+    if (!ways_.is_free(to_m)) return round_corner(plan, wanted_mps);
+    if (hurries) return wanted_mps;
+    const double time_s = std::max(response_s(), in_.step.move_s);
+    const glm::dvec3& velocity_mps = in_.step.camera.velocity_mps;
+    const auto acceleration_mps2 = best_acceleration_mps2(planner_, settings_, acceleration_input((wanted_mps - velocity_mps) / time_s));
+    return acceleration_mps2 ? velocity_mps + *acceleration_mps2 * time_s : wanted_mps;
+  }
+  // To the plan's first point.
+  glm::dvec3 round_corner(const FlightPlan& plan, const glm::dvec3& wanted_mps) const {
+    const glm::dvec3 way_m = plan.point_m[1] - eye_m();
+    const double length_m = glm::length(way_m);
+    if (length_m < 1e-9) return wanted_mps;
+    return way_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s(), 2 * in_.step.move_s)) / length_m);
+  }
+  AccelerationInput acceleration_input(const glm::dvec3& planned_mps2) const {
+    const double response = response_s() / kDefaultResponseS;
+    return {.position_m = eye_m(),
+            .velocity_mps = in_.step.camera.velocity_mps,
+            .group_velocity_mps = group_velocity_mps(in_.step),
+            .planned_mps2 = planned_mps2,
+            .max_speed_mps = in_.step.input.limits.max_speed_mps,
+            .max_acceleration_mps2 = in_.step.input.limits.max_acceleration_mps2,
+            .first_slice_s = ahead().ahead_s(0),
+            .effort_m = kEffortM * response * response};
   }
 
   // The plan flies straight on for all its time, and far beyond it. So the camera may be faster than the mean speed of a plan.
