@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x327dd2a31be49e6d;
-constexpr uint64_t kLlvmpipeHash = 0x327dd2a31be49e6d;
+constexpr uint64_t kEmbreeHash = 0x4dd4d1a76f0755fd;
+constexpr uint64_t kLlvmpipeHash = 0x4dd4d1a76f0755fd;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
