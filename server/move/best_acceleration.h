@@ -1,11 +1,13 @@
 // The acceleration with which a camera begins its flight plan.
 //
 // A plan (flight_plan.h) flies each leg at one mean speed and turns at once. The camera has a velocity and limits. So accelerations in many
-// directions are tried. Each is held for a third of a second. It costs what the slices cost at the positions that the camera passes, the length of its
-// way, its own strength, the square of the velocity to which it leads, and the cheapest plan from the position and at the time where it ends. The
-// result is the mean of all accelerations, with the weights exp(-cost / kTemperatureM). So it changes only a little where the noise of the maps makes
-// now one of them the cheapest and now another. The plan's own acceleration is among them, with the weight of several: it decides between two sides
-// that are equally good.
+// directions are tried. Each is held for a third of a second. It costs what the slices cost at the positions that the camera passes, and what the
+// cheapest plan costs from the position and the time at which it ends. Its way, its strength and the velocity to which it leads cost a little too, so
+// that the camera is calm where all places are alike.
+//
+// The result is the mean of all accelerations, with the weights exp(-cost / kTemperatureM). It changes only a little where the noise of the
+// maps makes now one of them the cheapest and now another. The plan's own acceleration is among them and counts as several: it decides between two
+// sides that are equally good.
 //
 // The weights are those of path integral control (Williams, Aldrich, Theodorou: Model Predictive Path Integral Control, Journal of
 // Guidance, Control, and Dynamics 40, 2017).

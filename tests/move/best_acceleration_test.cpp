@@ -37,7 +37,7 @@ class AccelerationTest : public testing::Test {
     }
     planner_.plan({.position_m = kMiddleM}, settings_);
   }
-  // Of an acceleration, by the header's words.
+  // The cost of an acceleration by what the header says.
   double plain_cost(const glm::dvec3& a) const {
     const auto position_at = [&](double t) { return input_.position_m + input_.velocity_mps * t + a * (t * t / 2); };
     double sum = 0, way_m = 0, end_s = 0;
