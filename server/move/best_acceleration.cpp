@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// An acceleration is held for about this time, and at least until the first slice.
+// An acceleration is held until the last slice within this time, and at least until the first.
 constexpr double kHoldS = 0.35;
 // Then the camera drifts on for this time before the plan leads it elsewhere.
 constexpr double kDriftS = 0.1;

@@ -1,7 +1,7 @@
 // The acceleration with which a camera begins its flight plan.
 //
 // A plan (flight_plan.h) flies each leg at one mean speed and turns at once. The camera has a velocity and limits. So accelerations in many
-// directions are tried. Each is held for a third of a second. It costs what the slices cost at the positions that the camera passes, and what the
+// directions are tried. Each is held until the last slice within 0.35 s. It costs what the slices cost at the positions that the camera passes, and what the
 // cheapest plan costs from the position and the time at which it ends. Its way, its strength and the velocity to which it leads cost a little too, so
 // that the camera is calm where all places are alike.
 //
@@ -29,7 +29,8 @@ struct AccelerationInput {
   double effort_m = 0.2;  // >= 0: cost of the greatest acceleration, in units of the cost of a plan; it grows with the square
 };
 
-// The planner must have made its plan, with `settings`. Empty if no acceleration keeps the camera in the lattice's open cells. Deterministic.
+// In m/s^2, no longer than the limit. The planner must have made its plan, with `settings`. Empty if no acceleration keeps the camera in the lattice's
+// open cells. Reads its arguments alone, and allocates nothing. Deterministic.
 std::optional<glm::dvec3> best_acceleration_mps2(const FlightPlanner& planner, const FlightSettings& settings,
                                                  const AccelerationInput& input);
 

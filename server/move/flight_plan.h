@@ -80,8 +80,8 @@ class FlightPlanner {
   // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none. The distance from the
   // point that add_distances was given counts exactly.
   double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
-  // What the cheapest plan costs from a position and a slice on, [0, slice_count()], after `plan`: the sum over its slices, with its way and the time
-  // after it. Interpolated as above, but `otherwise` also where the position is hardly in an open cell.
+  // The cost of the cheapest plan that begins at a position and a slice, [0, slice_count()]: the sum over its slices, with its way and the time
+  // after it. Valid after `plan`. Interpolated as above, but `otherwise` also where the position is hardly in an open cell.
   double cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const;
   size_t slice_count() const { return cost_.size(); }
 

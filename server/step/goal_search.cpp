@@ -26,8 +26,8 @@ constexpr double kCalmS = 0.05;
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
 constexpr double kFarBehind = 3.0;
-// The effort of a plan's acceleration at the default move_response_s, in units of the cost of a plan. It grows with the square of that time.
-constexpr double kEffortM = 0.17, kDefaultResponseS = 0.2;
+// What the greatest acceleration costs at this move_response_s, in units of the cost of a plan. It grows with the square of that time.
+constexpr double kEffortM = 0.17, kEffortResponseS = 0.2;
 // A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
 // not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
@@ -252,7 +252,7 @@ class GoalSearch {
     return way_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s(), 2 * in_.step.move_s)) / length_m);
   }
   AccelerationInput acceleration_input(const glm::dvec3& planned_mps2) const {
-    const double response = response_s() / kDefaultResponseS;
+    const double response = response_s() / kEffortResponseS;
     return {.position_m = eye_m(),
             .velocity_mps = in_.step.camera.velocity_mps,
             .group_velocity_mps = group_velocity_mps(in_.step),
