@@ -1,3 +1,4 @@
+#include <epoxy/egl.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -60,6 +61,52 @@ TEST(EglContextTest, AnIndexWithoutADeviceIsUnavailable) {
   ASSERT_FALSE(context);
   EXPECT_EQ(context.error().code, ErrorCode::kUnavailable);
   for (const int index : {-1, egl_device_count(), egl_device_count() + 1}) EXPECT_EQ(egl_drm_node(index), "") << index;
+}
+
+// A machine without a GPU has no device with a DRM node, so this stands in for a driver's. Epoxy calls EGL through variables.
+class DrmNodeTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (egl_device_count() < 1) GTEST_SKIP() << "no EGL device";
+    driver_ = epoxy_eglQueryDeviceStringEXT;
+    epoxy_eglQueryDeviceStringEXT = [](EGLDeviceEXT, EGLint name) -> const char* {
+      constexpr EGLint kRenderNode = 0x3377;  // EGL_DRM_RENDER_NODE_FILE_EXT
+      if (name == EGL_EXTENSIONS) return extensions;
+      if (name == kRenderNode) return render_node;
+      return name == EGL_DRM_DEVICE_FILE_EXT ? "/dev/dri/card0" : nullptr;
+    };
+  }
+  void TearDown() override {
+    if (driver_) epoxy_eglQueryDeviceStringEXT = driver_;
+  }
+
+  static inline const char *extensions = "", *render_node = nullptr;
+
+ private:
+  decltype(epoxy_eglQueryDeviceStringEXT) driver_ = nullptr;
+};
+
+TEST_F(DrmNodeTest, IsTheRenderNodeOrElseTheCard) {
+  render_node = "/dev/dri/renderD128";
+  for (const char* words : {"EGL_EXT_device_drm EGL_EXT_device_drm_render_node", "EGL_EXT_device_drm_render_node EGL_EXT_device_drm", "EGL_EXT_device_drm_render_node"}) {
+    extensions = words;
+    EXPECT_EQ(egl_drm_node(0), "/dev/dri/renderD128") << words;
+  }
+  for (const char* words : {"EGL_EXT_device_drm", "EGL_EXT_device_query EGL_EXT_device_drm EGL_NV_device_cuda"}) {
+    extensions = words;
+    EXPECT_EQ(egl_drm_node(0), "/dev/dri/card0") << words;
+  }
+  render_node = nullptr;
+  extensions = "EGL_EXT_device_drm EGL_EXT_device_drm_render_node";
+  EXPECT_EQ(egl_drm_node(0), "/dev/dri/card0");
+}
+
+TEST_F(DrmNodeTest, IsAskedForOnlyWithTheExtension) {
+  render_node = "/dev/dri/renderD128";
+  for (const char* words : {static_cast<const char*>(nullptr), "", "EGL_EXT_device_drm_render_nodes", "EGL_NV_device_cuda XEGL_EXT_device_drm"}) {
+    extensions = words;
+    EXPECT_EQ(egl_drm_node(0), "") << (words ? words : "none");
+  }
 }
 
 TEST(ProgramTest, CompilerComplaintsAreValuesThatNameTheStage) {
