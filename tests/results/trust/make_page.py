@@ -154,7 +154,7 @@ def mutation():
     equal = [mutant for mutant in alive if reasons.get(score.key(mutant), {}).get("equal")]
     return (f"`tests/mutation.sh`: small changes of the program, drawn with seed {data['seed']}; a test that fails, crashes or hangs kills one. A mutant meets "
             "the tests that come past it: those of its folder and the nearest wider ones (`tests/mutation/nearest.py`) for 12 s, and then all others of that "
-            "table for 12 s. The golden recording is not among them: it notices every bit. Headers are not mutated, and so neither is what stands in them "
+            "table for 12 s; some survivors were tried again for 60 s each. The golden recording is not among them: it notices every bit. Headers are not mutated, and so neither is what stands in them "
             "alone. Mutants that no test can notice are listed apart and do not count. The score is the share of the others that is killed, in brackets with "
             "its 95 % interval (Wilson), which says how far the drawn ones may mislead about the folder. The last row counts all that were drawn, whatever "
             "the sizes of the folders. The goal is 85 %. Many tests were written with the drawn mutants in view, so another seed may give a lower "
