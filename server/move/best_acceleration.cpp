@@ -33,7 +33,7 @@ void fly(Flight& flight, const glm::dvec3& acceleration_mps2, double max_speed_m
   flight.way_m += glm::length(step_m);
 }
 
-// In units of the cost of a plan; infinite if it leads out of the open cells.
+// In units of the cost of a plan; infinite if it leads out of the open cells or into a wall.
 double cost_of(const FlightPlanner& planner, const FlightSettings& settings, const AccelerationInput& input, const glm::dvec3& acceleration_mps2) {
   Flight flight{input.position_m, input.velocity_mps};
   double sum = 0, passed_s = 0;
@@ -45,6 +45,7 @@ double cost_of(const FlightPlanner& planner, const FlightSettings& settings, con
     if (!std::isfinite(here)) return INFINITY;
     sum += here;
   }
+  if (input.is_free && !input.is_free(flight.position_m)) return INFINITY;
   const double strength = glm::length(acceleration_mps2) / input.max_acceleration_mps2;
   const glm::dvec3 relative_mps = flight.velocity_mps - input.group_velocity_mps;
   return (sum + planner.cost_from(flight.position_m + flight.velocity_mps * kDriftS, slice, INFINITY)) / static_cast<double>(planner.slice_count()) +

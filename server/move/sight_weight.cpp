@@ -1,6 +1,7 @@
 #include "server/move/sight_weight.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace sightline {
@@ -28,6 +29,13 @@ double effective_count(std::span<const double> sight_weights) {
   double sum = 0, sum_of_squares = 0;
   for (const double weight : sight_weights) sum += weight, sum_of_squares += weight * weight;
   return sum > 0 ? sum * sum / sum_of_squares : 0.0;
+}
+
+double picture_loss(double hidden_share, double count) {
+  constexpr double kNotWhole = 0.5;
+  const double several = std::max(1.0, count / 2);
+  const double not_whole = std::min(1.0, 2 * std::max(1.0, count) * hidden_share);
+  return std::lerp(hidden_share, not_whole, kNotWhole / (several * several));
 }
 
 }  // namespace sightline

@@ -2,6 +2,7 @@
 // (paper 3.3, 5).
 #include <algorithm>
 
+#include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -178,7 +179,7 @@ void Aggregation::add_up_hidden() {
     sights_.hidden[i] = std::clamp(by_staying[i] + by_passing[i], 0.0, 1.0);
 }
 
-// The hidden share of the targets from each cell at the slices that are due.
+// What a picture from each cell is expected to lack at the slices that are due.
 void Aggregation::renew_slices() {
   HiddenAhead& ahead = memory_.ahead;
   if (!weighs_hidden_) return ahead.restart();
@@ -187,15 +188,17 @@ void Aggregation::renew_slices() {
   memory_.ahead_targets = targets;
   ahead.advance(memory_.lattice, step_.move_s);
   const size_t cells = memory_.lattice.size();
+  const double count = effective_count(step_.targets.sight_weights);
   for (const SampledSlice& slice : plan_.slices) {
     HiddenShares& hidden = scratch_.hidden_by;
     hidden.reset(scratch_.places.size());
     scratch_.composer.add_hidden(taken_.of(slice.sampled), settings_.relative_bias, hidden_weights(1.0), hidden);
     take_from_moved_cells(hidden.by_staying);
     take_from_moved_cells(hidden.by_passing);
+    // Before renewals are averaged, since a target is rarely whole where it is often hidden in part.
     scratch_.shares.resize(cells);
     for (size_t i = 0; i < cells; ++i)
-      scratch_.shares[i] = static_cast<float>(std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0));
+      scratch_.shares[i] = static_cast<float>(picture_loss(std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0), count));
     ahead.renew(slice.due.slice, memory_.lattice, scratch_.shares, kNewShare);
   }
 }

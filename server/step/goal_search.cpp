@@ -22,6 +22,8 @@ constexpr double kAfterwards = 0.3;
 constexpr double kAnswerS = 0.15;
 // The time constant with which that point moves, so that it does not jump between two plans that are equally good.
 constexpr double kCalmS = 0.05;
+// A point of the plan that is no farther than this is where the camera is.
+constexpr double kHereM = 0.05;
 // A plan is straight if it leads this part of the way that its speed allows.
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
@@ -89,9 +91,10 @@ class PlanPricer {
     const std::span<const SharePart> shares = ahead_.shares(slice);
     const std::vector<uint32_t>& addresses = lattice_.addresses();
     const auto occlusion = static_cast<float>(occlusion_), tolerance = static_cast<float>(tolerance_);
+    const double count = effective_count(in_.step.targets.sight_weights);
     for (size_t i = 0; i < addresses.size(); ++i) {
       const SharePart known = shares[addresses[i]];
-      const float share = known == kUnknownShare ? static_cast<float>(in_.sights.hidden[i]) : known * (1.0f / kWholeShare);
+      const float share = known == kUnknownShare ? static_cast<float>(picture_loss(in_.sights.hidden[i], count)) : known * (1.0f / kWholeShare);
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
   }
@@ -237,21 +240,28 @@ class GoalSearch {
     glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
     const bool hurries = is_far_behind(plan);
     if (hurries) wanted_mps = faster(wanted_mps);
-    if (!ways_.is_free(to_m)) return round_corner(plan, wanted_mps);
+    if (!ways_.is_free(to_m)) wanted_mps = round_corner(reachable_m(plan), wanted_mps);
     if (hurries) return wanted_mps;
     const double time_s = std::max(response_s(), in_.step.move_s);
     const glm::dvec3& velocity_mps = in_.step.camera.velocity_mps;
     const auto acceleration_mps2 = best_acceleration_mps2(planner_, settings_, acceleration_input((wanted_mps - velocity_mps) / time_s));
     return acceleration_mps2 ? velocity_mps + *acceleration_mps2 * time_s : wanted_mps;
   }
-  // To the plan's first point.
-  glm::dvec3 round_corner(const FlightPlan& plan, const glm::dvec3& wanted_mps) const {
-    const glm::dvec3 way_m = plan.point_m[1] - eye_m();
+  // The farthest point of the plan that the body can reach straight.
+  glm::dvec3 reachable_m(const FlightPlan& plan) {
+    size_t last = plan.point_m.size() - 1;
+    while (last > 1 && !ways_.is_free(plan.point_m[last])) --last;
+    // A plan may begin in the cell where the camera is. The camera must not wait there for a way that is never quite free.
+    if (last + 1 < plan.point_m.size() && glm::distance(plan.point_m[last], eye_m()) < kHereM) ++last;
+    return plan.point_m[last];
+  }
+  glm::dvec3 round_corner(const glm::dvec3& corner_m, const glm::dvec3& wanted_mps) const {
+    const glm::dvec3 way_m = corner_m - eye_m();
     const double length_m = glm::length(way_m);
     if (length_m < 1e-9) return wanted_mps;
     return way_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s(), 2 * in_.step.move_s)) / length_m);
   }
-  AccelerationInput acceleration_input(const glm::dvec3& planned_mps2) const {
+  AccelerationInput acceleration_input(const glm::dvec3& planned_mps2) {
     const double response = response_s() / kEffortResponseS;
     return {.position_m = eye_m(),
             .velocity_mps = in_.step.camera.velocity_mps,
@@ -260,6 +270,7 @@ class GoalSearch {
             .max_speed_mps = in_.step.input.limits.max_speed_mps,
             .max_acceleration_mps2 = in_.step.input.limits.max_acceleration_mps2,
             .first_slice_s = ahead().ahead_s(0),
+            .is_free = [this](const glm::dvec3& position_m) { return ways_.is_free(position_m); },
             .effort_m = kEffortM * response * response};
   }
 

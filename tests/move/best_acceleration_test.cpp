@@ -117,6 +117,20 @@ TEST_F(AccelerationTest, KeepsToOpenCells) {
   EXPECT_FALSE(best_acceleration_mps2(planner_, settings_, input_)) << "from inside the wall";
 }
 
+// Costs are interpolated between cells, so those of a cell behind a thin wall also count before the wall.
+TEST_F(AccelerationTest, DoesNotPressAgainstAWallBetweenTwoOpenCells) {
+  plan([](const glm::dvec3& position_m, size_t) { return 20 * distance_from(position_m, kMiddleM + glm::dvec3(4, 0, 0)); });
+  EXPECT_GT(best().x, 9.0);
+  input_.is_free = [](const glm::dvec3& to_m) { return to_m.x <= kMiddleM.x + 1e-9; };
+  EXPECT_LE(best().x, 0.0);
+  // A gap beside the camera: those to it are the cheapest of the rest.
+  input_.is_free = [](const glm::dvec3& to_m) { return to_m.x <= kMiddleM.x + 1e-9 || to_m.z > kMiddleM.z + 0.2; };
+  EXPECT_GT(best().x, 3.0);
+  EXPECT_GT(best().z, 3.0);
+  input_.is_free = [](const glm::dvec3&) { return false; };
+  EXPECT_FALSE(best_acceleration_mps2(planner_, settings_, input_));
+}
+
 TEST_F(AccelerationTest, IsTheMeanThatAPlainSearchFinds) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     CounterRandom random(seed, 0, RandomPurpose::kTest);

@@ -74,5 +74,37 @@ TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   }
 }
 
+TEST(PictureLoss, OfTwoTargetsAPartOfOneIsHalfOfIt) {
+  EXPECT_EQ(picture_loss(0.0, 2), 0.0);
+  EXPECT_DOUBLE_EQ(picture_loss(0.25, 2), 0.5 * 0.25 + 0.5) << "half of one is hidden";
+  EXPECT_DOUBLE_EQ(picture_loss(0.125, 2), 0.5 * 0.125 + 0.5 * 0.5) << "a quarter of one";
+  EXPECT_DOUBLE_EQ(picture_loss(0.5, 1), 0.5 * 0.5 + 0.5) << "half of the only one";
+  EXPECT_EQ(picture_loss(1.0, 2), 1.0);
+}
+
+TEST(PictureLoss, OfManyTargetsAPartCountsLess) {
+  EXPECT_DOUBLE_EQ(picture_loss(0.25, 4), 0.875 * 0.25 + 0.125);
+  EXPECT_NEAR(picture_loss(0.25, 100), 0.25, 1e-3);
+}
+
+TEST(PictureLoss, GrowsWithTheHiddenShareAndStaysAShare) {
+  for (double count = 0; count <= 32; count += 0.25) {
+    double former = -1;
+    for (double hidden = 0; hidden <= 1; hidden += 1.0 / 64) {
+      const double loss = picture_loss(hidden, count);
+      EXPECT_GT(loss, former) << count << " " << hidden;
+      EXPECT_GE(loss, hidden);
+      EXPECT_LE(loss, 1.0);
+      former = loss;
+    }
+  }
+}
+
+// All optional targets together are a tenth of a required one.
+TEST(PictureLoss, AnOptionalTargetHardlyCounts) {
+  const double weights[] = {1.0, 0.1};
+  EXPECT_LT(picture_loss(0.1 / 1.1, effective_count(weights)), 0.2 * picture_loss(1.0 / 1.1, effective_count(weights)));
+}
+
 }  // namespace
 }  // namespace sightline

@@ -62,6 +62,29 @@ TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   EXPECT_GT(round_about, 0) << "the straight line was blocked";
 }
 
+// Two targets have walked on behind a wall that the camera touches. Costs are interpolated across the wall, and a plan over it begins in the
+// camera's own cell: neither may keep the camera where it is.
+TEST(MinCost, ACameraAtAWallGoesOverItAtOnce) {
+  for (const double height_m : {1.3, 1.8, 2.3}) {
+    Filming world;
+    world.add_box(10, {0, 1.25, 0}, {12, 1.25, 0.15});
+    glm::dvec3 first(0.4, 0.95, -3.5), second(-0.4, 0.95, -2);
+    const glm::dvec3 walk(0, 0, -1.4);
+    world.add_target(1, first);
+    world.add_target(2, second);
+    world.place({0, height_m, 0.15 + world.limits.body_radius_m + 0.02}, first);
+    Watch watch(world);
+    StepResult r;
+    int steps = 0;
+    do {
+      world.move(1, first += walk * kTick, walk);
+      world.move(2, second += walk * kTick, walk);
+      world.step_in(watch, r);
+    } while ((r.targets[0].visible_share < 1.0 || r.targets[1].visible_share < 1.0) && ++steps < 300);
+    EXPECT_LT(steps, 45) << height_m;
+  }
+}
+
 // Screens on three sides and above: only from the far side is the target seen.
 TEST(MinCost, TheSurveyTurnsToTheOpenSide) {
   OneFilmed world({0, 1.6, 5});
