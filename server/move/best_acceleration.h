@@ -28,7 +28,8 @@ struct AccelerationInput {
   glm::dvec3 planned_mps2{0.0};  // the acceleration that leads straight to the plan's next point; any length
   double max_speed_mps = 10.0, max_acceleration_mps2 = 10.0;  // > 0
   double first_slice_s = 0.1;  // time from the present to the planner's slice 0, > 0
-  // Returns whether the body can go straight from `position_m` to a position. Empty: nothing is in the way.
+  // Returns whether the body can go straight from `position_m` to a position. Empty: nothing is in the way. It is called for
+  // each acceleration that keeps to open cells, about 80 times at most.
   std::function<bool(const glm::dvec3& to_m)> is_free = {};
   double effort_m = 0.2;  // >= 0: cost of the greatest acceleration, in units of the cost of a plan; it grows with the square
 };

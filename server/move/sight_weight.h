@@ -21,8 +21,8 @@ double effective_count(std::span<const double> sight_weights);
 
 // How much a picture lacks, [0, 1], from which `hidden_share`, [0, 1], of the targets is hidden. `count` is effective_count(), >= 0. A picture in which
 // one target is not whole is nearly as bad as one in which half of it is hidden. So up to half of the loss is reached when half of an average target is hidden, and
-// the rest grows with the share. It is up to half with one or two targets. With more targets, few places show them all, and a camera that only sought these would see
-// nothing to choose between the others: the part of a target counts less, by the square of their number.
+// the rest grows with the share. It is up to half with one or two targets. With more targets it is less, by the square of their number: few places show
+// them all, and all others would seem alike. Deterministic.
 double picture_loss(double hidden_share, double count);
 
 }  // namespace sightline

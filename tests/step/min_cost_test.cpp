@@ -81,7 +81,7 @@ TEST(MinCost, ACameraAtAWallGoesOverItAtOnce) {
       world.move(2, second += walk * kTick, walk);
       world.step_in(watch, r);
     } while ((r.targets[0].visible_share < 1.0 || r.targets[1].visible_share < 1.0) && ++steps < 300);
-    EXPECT_LT(steps, 45) << height_m;
+    EXPECT_LT(steps, 45) << height_m << ": at full acceleration, 34 steps take the camera from the lowest place to above the wall";
   }
 }
 
