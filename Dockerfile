@@ -1,7 +1,7 @@
 # Sightline's daemon as a sidecar image.
 #
-#   docker build -t sightline .                                  without OpenGL, for nodes without a GPU
-#   docker build -t sightline:gpu --target gpu .                 with OpenGL
+#   docker build -t sightline .                                  without OpenGL
+#   docker build -t sightline:gpu --target gpu .                 with OpenGL, which is slower on every machine measured
 #   docker run --rm -v sightline-socket:/run/sightline sightline
 #   docker run --rm --user "$(id -u)" -v "$PWD:/out" sightline demo --out /out/demo
 #
@@ -9,9 +9,9 @@
 # metrics and probes. deploy/README.md says how to use TCP instead. The last line plays a generated scene and leaves the page of the session
 # in ./demo. /scenes holds two scenes, hall.glb and rooms.glb, until a folder is mounted over it.
 #
-# The image "gpu" uses a GPU where there is one, and the CPU elsewhere. Run it with the NVIDIA container toolkit (--gpus all,
-# NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL next to Mesa's. For AMD and Intel, pass --device /dev/dri. Add
-# --require-gpu so that the daemon refuses to start on a node that has lost its GPU.
+# The image "gpu" uses a GPU when the daemon is started with --require-gpu; it then refuses to start on a node that has lost its GPU. Run it with the
+# NVIDIA container toolkit (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL next to Mesa's. For AMD and
+# Intel, pass --device /dev/dri.
 
 FROM debian:bookworm-slim AS build
 COPY deploy/install-packages.sh /src/deploy/install-packages.sh

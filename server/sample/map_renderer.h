@@ -10,7 +10,8 @@
 //   a draw call for each map                  0.12  0.85  2.5 ms
 //   whole clusters from a device buffer       4.2   51    210 ms; finding them (0.10, 1.1, 5.2 ms) takes the CPU longer than finding the
 //                                             single triangles (0.06, 0.53, 1.4 ms), so no GPU can make this way the faster one
-// No way has been measured on a GPU.
+// On an NVIDIA H100 this way is slower than Embree, since the search for the triangles takes longer than all rays of the maps (tests/results/speed/gpu.md).
+// The other ways have not been measured on a GPU.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// Chooses the sampler. On a GPU that is EGL. Where OpenGL renders in software Embree is faster (tests/bench/sample_bench), and it needs
-// no OpenGL at all.
+// Chooses the sampler. That is Embree, which needs no OpenGL and was faster on every machine measured, also on one with an NVIDIA H100
+// (tests/results/speed/gpu.md): a map has so few texels that finding the triangles to draw takes longer than all its rays.
 #pragma once
 
 #include <chrono>
@@ -19,11 +19,11 @@ struct SamplerDecision {
   std::string reason;                              // for people: a clause, without a full stop
 };
 
-// Returns the device that EGL would use, as choose_egl_device does. Called only for kAuto.
+// Returns the device that EGL would use, as choose_egl_device does.
 using FindEgl = std::function<Result<EglDeviceInfo>()>;
 
-// kEgl and kEmbree are taken as asked. kAuto takes EGL when its device is hardware, and Embree when it is a software renderer or missing.
-// With `require_gpu`, or when the named device cannot be used, kAuto returns the error of `find`: an explicit wish is never ignored.
+// kEgl and kEmbree are taken as asked. kAuto takes Embree, unless `options` name a device or require a GPU: then it takes EGL, and
+// returns the error of `find` when that device cannot be used. `find` is called only then.
 Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find);
 
 struct ChosenSampler {

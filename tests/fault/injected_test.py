@@ -49,7 +49,7 @@ def until(condition, what, seconds=30):
 
 def has_egl():
     devices = subprocess.run([SIGHTLINED, "devices"], capture_output=True, text=True, timeout=60).stdout
-    return any("egl" in line.split()[:2] and "Core Profile" in line for line in devices.splitlines())
+    return any("egl" in line.split()[:2] and "robust)" in line for line in devices.splitlines())
 
 
 class Injected(unittest.TestCase):

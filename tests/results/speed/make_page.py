@@ -227,7 +227,7 @@ def introduction(how):
 `tests/results/speed/make.sh` makes this page: do not edit it by hand. `make_page.py` writes it again from the tables in this folder. It was measured on
 {how['cores']} cores ({how['cpu']}) without a GPU, in {how['minutes']} minutes, at commit {how['commit']}. Samplers: {how['samplers']}.
 All contenders of a table run frame by frame in turn, over the same scene at the same time, so ratios are more reliable than single figures. There
-is no measurement on a GPU yet.
+is a [page of its own](gpu.md) on a GPU.
 """
 
 

@@ -8,6 +8,7 @@ import unittest
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
+import gpu_page  # noqa: E402
 import make_page  # noqa: E402
 import service  # noqa: E402
 from svg_plots import LogAxis, line_plot  # noqa: E402
@@ -33,6 +34,12 @@ class KeptPage(unittest.TestCase):
             self.assertEqual(make_page.make_page(copy), (HERE / "README.md").read_text(encoding="utf-8"))
             for plot in (HERE / "plots").iterdir():
                 self.assertEqual((copy / "plots" / plot.name).read_text(), plot.read_text(), plot.name)
+
+    def test_on_a_gpu_is_what_its_tables_make(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            copy = pathlib.Path(scratch) / "speed"
+            shutil.copytree(HERE, copy)
+            self.assertEqual(gpu_page.make_page(copy), (HERE / "gpu.md").read_text(encoding="utf-8"))
 
 
 class Claims(unittest.TestCase):
