@@ -73,7 +73,8 @@ class PlanPricer {
         lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
     const double factor = several_factor(in.step.targets);
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
-    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, in.step.input.settings.move.viewpoint_search.keep_shot_below);
+    const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
+    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, effective_count(in.step.targets.sight_weights)));
   }
 
   void price() {

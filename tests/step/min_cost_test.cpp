@@ -110,6 +110,26 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   EXPECT_EQ(r.status, TrackingStatus::kTracking);
 }
 
+// Posts hide less of the standing targets than ViewpointSearchSettings::keep_shot_below, so the camera does not chase the gaps between them.
+TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
+  OneFilmed world;
+  world.add_target(2, {1.2, 1, 0});
+  for (int i = -10; i <= 10; ++i) world.add_box(100 + static_cast<uint64_t>(i + 10), {0.5 * i, 1, 3}, {0.015, 4, 0.015}, {.collides = false});
+  Watch watch(world);
+  StepResult r;
+  double way_m = 0, hidden = 0;
+  for (int i = 0; i < 600; ++i) {
+    const glm::dvec3 before_m = world.camera().pose.position_m;
+    world.step_in(watch, r);
+    way_m += glm::distance(before_m, world.camera().pose.position_m);
+    const CandidateSights& sights = world.dump().sights;
+    hidden += sights.hidden[sights.own_candidate] / 600;
+  }
+  EXPECT_GT(hidden, 0.02);
+  EXPECT_LT(hidden, world.settings.move.viewpoint_search.keep_shot_below);
+  EXPECT_LT(way_m, 1.0);
+}
+
 // A wall comes between the camera and the target within one step. A wall that moves may soon be gone, so it counts little at first.
 TEST(MinCost, WhatMovesHidesLittleAtFirstAndWhatStaysAllAtOnce) {
   const auto hidden_after = [](bool moves, int steps) {
