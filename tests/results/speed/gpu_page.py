@@ -22,7 +22,7 @@ otherwise, on a GPU node too.
 
 ## Tests
 
-`gl_test`, `egl_test` (maps of both samplers compared with each other and with rays), `samplers_test`, `replay_test`, `sampler_choice_test`, all of `daemon_test` and `Fault_injected`'s lost context passed. The context is
+`gl_test`, `egl_test` (maps of both samplers compared with each other and with rays), `samplers_test`, `replay_test`, `daemon_test` (with the choice of the sampler) and `Fault_injected`'s lost context passed. The context is
 robust. The golden recording's hash is for llvmpipe and Embree only; that test skipped.
 
 ## A step
