@@ -1,5 +1,5 @@
-// Chooses the sampler. That is Embree, which needs no OpenGL and was faster on every machine measured, also on one with an NVIDIA H100
-// (tests/results/speed/gpu.md): a map has so few texels that finding the triangles to draw takes longer than all its rays.
+// Chooses the sampler. That is Embree, which needs no OpenGL. It was faster on every machine measured, also on one with an NVIDIA H100
+// (tests/results/speed/gpu.md). A map has so few texels that finding the triangles to draw takes longer than all its rays.
 #pragma once
 
 #include <chrono>

@@ -240,7 +240,7 @@ void embree_single_rays(benchmark::State& state) {
   state.counters["p99_us"] = takes_us[takes_us.size() * 99 / 100];
 }
 
-// The lower bound for any render: a map with nothing to draw is cleared and read back.
+// A take without triangles draws nothing. What is left is to make the context current and to release it.
 void egl_nothing(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});

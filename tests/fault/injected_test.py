@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """injected_test.py SIGHTLINED STUBS [CLASS.METHOD...]: faults inside a daemon (--inject-fault). The session that meets one suffers alone, is told, and is counted."""
+import json
 import pathlib
 import subprocess
 import sys
@@ -48,8 +49,8 @@ def until(condition, what, seconds=30):
 
 
 def has_egl():
-    devices = subprocess.run([SIGHTLINED, "devices"], capture_output=True, text=True, timeout=60).stdout
-    return any("egl" in line.split()[:2] and "robust)" in line for line in devices.splitlines())
+    report = subprocess.run([SIGHTLINED, "devices", "--json"], capture_output=True, text=True, timeout=60).stdout
+    return any(device["kind"] == "egl" and device["version"] for device in json.loads(report)["devices"])
 
 
 class Injected(unittest.TestCase):

@@ -34,21 +34,15 @@ the paper's basic way: one point for each target, and no filter. *default, r³* 
 REASON = """
 ## Why
 
-A take of two maps of 7 x 7 texels takes {two_egl} us with OpenGL and {two_embree} us with Embree. Timers in the sampler gave, over 1,360 takes of two maps that took 138 us each at the median:
+A take of two maps of 7 x 7 texels takes {two_egl} us with OpenGL and {two_embree} us with Embree. Timers that were put into the sampler for this measurement gave, in the mean of 1,360 takes of two maps, of 138 us each at the median:
 
-| part of a take | us |
-| --- | --: |
-| find the triangles that the maps can show (processor) | 82 |
-| make the context current and release it | 20 |
-| clear, upload, draw, ask for the texels | 16 |
-| wait for the GPU | 21 |
-| distances from the triangles that the texels show (processor) | 6 |
+{parts}
 
 - **The processor finds the triangles.** That alone takes longer than Embree's rays of the same maps. A map has 49 texels, so there is little to draw: the GPU is idle nearly all the time.
-- **A GPU that finds them itself** would still need about {nothing} us for a take: so long takes one of two maps with nothing to draw. Embree takes {sixteen_embree} us for 16 maps, so such a sampler could win with tens of maps
-  in one take. It was not built: depth maps are {sample_share} % of a default step, so it could make the step shorter by that at most.
+- **A GPU that finds them itself** would still need about {gpu_part} us for a take: the context, the draw and the wait. Embree takes {sixteen_embree} us for 16 maps, so such a sampler could win with many maps
+  in one take. It was not built: depth maps are {sample_share} % of a default step with Embree, so it could make the step shorter by that at most.
 - **All triangles drawn**, as in the paper: `speed_bench` on the same machine, two maps of 7 x 7, takes {draw_all} ms for that alone, {draw_all_times} times as long as a whole step with Embree.
-- Sessions that are taken together cost less: 20 sessions with two maps each take 107 us a session in one round, and 208 us one after the other (`sample_bench`, `egl_sessions`).
+- Sessions that are taken together cost less: 20 sessions with two maps each take {together} us a session in one round, and {alone} us one after the other (`sample_bench`, `egl_sessions`).
 
 ## Depth maps
 
@@ -77,6 +71,10 @@ def with_p95(row):
     return f"{number(row['total_p50_ms'], 3)} ({number(row['total_p95_ms'], 3)})"
 
 
+def part_table(parts):
+    return markdown(["<part of a take", "us"], [[row["part"], number(row["us"], 0)] for row in parts]).rstrip()
+
+
 def map_table(maps):
     rows = []
     for egl in (row for row in maps if row["sampler"] == "egl"):
@@ -101,11 +99,14 @@ def session_table(folder):
 
 def make_page(folder):
     data = folder / "gpu"
-    steps, maps, peers = read_table(data / "step.csv"), read_table(data / "maps.csv"), read_table(data / "rows.csv")
+    steps, maps, peers, parts, sessions = (read_table(data / name)
+                                           for name in ("step.csv", "maps.csv", "rows.csv", "take.csv", "sessions.csv"))
     default = {sampler: find(steps, sampler=sampler, settings="default", r=7) for sampler in ("egl", "embree")}
     two = {sampler: find(maps, sampler=sampler, maps=2, r=7) for sampler in ("egl", "embree")}
     draw_all, embree_step = (find(peers, section="peers", x=7, row=name) for name in ("draw all", "embree"))
-    reason = REASON.format(two_egl=number(two["egl"]["p50_us"], 0), two_embree=number(two["embree"]["p50_us"], 1), nothing=27,
+    reason = REASON.format(two_egl=number(two["egl"]["p50_us"], 0), two_embree=number(two["embree"]["p50_us"], 1), parts=part_table(parts), together=number(find(sessions, taken="in one round")["us"], 0),
+                           alone=number(find(sessions, taken="one after the other")["us"], 0),
+                           gpu_part=number(sum(row["us"] for row in parts if "(processor)" not in row["part"]), 0),
                            sixteen_embree=number(find(maps, sampler="embree", maps=16, r=7)["p50_us"], 0),
                            sample_share=number(100 * default["embree"]["sample_p50_ms"] / default["embree"]["total_p50_ms"], 0),
                            draw_all=number(draw_all["p50_ms"], 2), draw_all_times=number(draw_all["p50_ms"] / embree_step["p50_ms"], 0))

@@ -758,9 +758,9 @@ type CostWeights struct {
 	// The cost of seeing no target, compared with seeing all. Small: the camera keeps its shot although a wall hides the targets.
 	// Large: it avoids even a leaf. It counts more from three targets on, twice from four equal targets on, so that each target matters.
 	Occlusion *float64 `protobuf:"fixed64,1,opt,name=occlusion,proto3,oneof" json:"occlusion,omitempty"`
-	// A loss up to this value costs nothing. A picture's loss is the hidden share of its targets, raised where a target is not whole: with two
-	// equal targets, a hidden share of 0.02 is a loss of 0.05, and with one target 0.033 is. 0: the camera never comes to rest. 1: occlusion costs nothing,
-	// with one or two targets. From three targets on it is a smaller loss, half of it from four equal targets on.
+	// A loss up to this value costs nothing. A picture's loss is the hidden share of its targets, raised where a target is not whole. With two
+	// equal targets, a hidden share of 0.02 is a loss of 0.05. With one target, a share of 0.033 is. 0: the camera never comes to rest. 1: occlusion costs
+	// nothing, with one or two targets. From three targets on it is a smaller loss, half of it from four equal targets on.
 	Tolerance *float64 `protobuf:"fixed64,2,opt,name=tolerance,proto3,oneof" json:"tolerance,omitempty"`
 	// The cost of a metre between the candidate and the desired position.
 	Distance *float64 `protobuf:"fixed64,3,opt,name=distance,proto3,oneof" json:"distance,omitempty"`
