@@ -20,9 +20,9 @@ std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const B
   return std::nullopt;
 }
 
-// The texel that contains a far-plane coordinate. It is clamped, since rounding may put a candidate at the edge of the bound outside.
-int texel_between(double low, double high, double at, int resolution) {
-  return std::clamp(static_cast<int>((at - low) / (high - low) * resolution), 0, resolution - 1);
+// The column or row whose ray passes nearest to a far-plane coordinate.
+int ray_between(double low, double high, double at, double jitter, int resolution) {
+  return nearest_ray((at - low) / (high - low) * resolution, jitter, resolution);
 }
 
 // Compares every candidate with the map of the link's second target, in the basis of the link's volume.
@@ -31,8 +31,8 @@ void add_bits(const ChainLink& link, const DepthMap& map, double slack, Candidat
   for (size_t i = 0; i < candidates.size(); ++i) {
     const glm::dvec3 place = candidates.position_m[i];
     const PairCoordinates at = pair_coordinates(v, place);
-    const int x = texel_between(v.xb_min, v.xb_max, at.xb, v.resolution);
-    const int y = texel_between(v.y_top, -v.y_top, at.y, v.resolution);
+    const int x = ray_between(v.xb_min, v.xb_max, at.xb, map.view.jitter.x, v.resolution);
+    const int y = ray_between(v.y_top, -v.y_top, at.y, map.view.jitter.y, v.resolution);
     if (glm::distance(place, map.view.eye_m) <= map.distance_at(x, y) * slack)
       candidates.visible_targets[i] |= 1u << link.to;
   }

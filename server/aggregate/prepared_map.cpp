@@ -43,8 +43,8 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
   const glm::dvec3 eye = view.eye_m - extent.middle_m, back = view.world_from_view[2];
   const double per_width = view.width / (view.right - view.left),
                per_height = view.height / (view.top - view.bottom);
-  const glm::dvec3 across = (view.world_from_view[0] + view.left * back) * per_width + 0.5 * back,
-                   up = (view.world_from_view[1] + view.bottom * back) * per_height + 0.5 * back;
+  const glm::dvec3 across = (view.world_from_view[0] + view.left * back) * per_width + view.jitter.x * back,
+                   up = (view.world_from_view[1] + view.bottom * back) * per_height + view.jitter.y * back;
   const double across_0 = -glm::dot(across, eye), up_0 = -glm::dot(up, eye), depth_0 = glm::dot(back, eye);
   const double depth_error = error_of(back, depth_0, extent.reach_m);
   // The sum, not the maximum, because a sum stays NaN when one of them is.
@@ -56,9 +56,12 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
   out.eye_x = static_cast<float>(eye.x), out.eye_y = static_cast<float>(eye.y),
   out.eye_z = static_cast<float>(eye.z);
   out.last_column = static_cast<float>(view.width - 1), out.last_row = static_cast<float>(view.height - 1);
+  out.per_half_width = 2.0f / static_cast<float>(view.width), out.per_half_height = 2.0f / static_cast<float>(view.height);
+  out.middle_x = static_cast<float>(1 - 2 * view.jitter.x / view.width), out.middle_y = static_cast<float>(1 - 2 * view.jitter.y / view.height);
+  out.per_half = std::fmax(out.per_half_width, out.per_half_height);
   out.least_depth = static_cast<float>(2.1 * depth_error);
   out.texel_error = static_cast<float>(2.1 * coordinate_error);
-  out.texel_rounding = static_cast<float>(8 * kRounding * std::fmax(view.width, view.height));
+  out.texel_rounding = static_cast<float>(16 * kRounding * std::fmax(view.width, view.height));
   out.square_error = static_cast<float>(kSquareError * glm::dot(apart, apart));
   const double nearest = depth_0 - extent.radius_m - depth_error;
   out.before = nearest > kWellBefore * depth_0 && nearest > 4 * depth_error;
@@ -121,16 +124,18 @@ template <bool kPasses>
     const float in_x = x > 0.0f ? x : 0.0f, in_y = y > 0.0f ? y : 0.0f;
     const auto column = static_cast<int32_t>((in_x < map.last_column ? in_x : map.last_column) + 0.5f),
                row = static_cast<int32_t>((in_y < map.last_row ? in_y : map.last_row) + 0.5f);
-    // Offset from the texel's middle: at most half a texel inside the window, more outside, because the texel was clamped.
-    const float of_x = x - static_cast<float>(column), of_y = y - static_cast<float>(row);
-    const float off_x = of_x < 0.0f ? -of_x : of_x, off_y = of_y < 0.0f ? -of_y : of_y;
+    // From the middle of the window to its edge, 1; and the coordinate's distance from where the nearest ray changes.
+    const float off_x = std::abs(x * map.per_half_width - map.middle_x), off_y = std::abs(y * map.per_half_height - map.middle_y);
     const float off = off_x > off_y ? off_x : off_y;
+    const float change_x = std::abs(std::abs(x - static_cast<float>(column)) - 0.5f), change_y = std::abs(std::abs(y - static_cast<float>(row)) - 0.5f);
+    const float change = change_x < change_y ? change_x : change_y;
     const float dx = px - map.eye_x, dy = py - map.eye_y, dz = pz - map.eye_z;
     const float limit_m2 = limits_m2[row * map.stride + column];
     const float over = dx * dx + dy * dy + dz * dz - limit_m2;
 
     const bool before = depth > map.least_depth, behind = depth < -map.least_depth;
-    const bool inside = before & (off < 0.5f - error), beside = before & (off > 0.5f + error);
+    const float edge_error = error * map.per_half;
+    const bool inside = before & (off < 1.0f - edge_error) & (change > error), beside = before & (off > 1.0f + edge_error);
     const int32_t hidden = kPasses ? kHiddenSight + (std::bit_cast<int32_t>(limit_m2) & 1) : kHiddenSight;
     int32_t sight = behind | beside ? kUnknownSight : kUnsureSight;
     sight = inside & (over < -map.square_error) ? kVisibleSight : sight;
@@ -174,6 +179,11 @@ SIGHTLINE_X86_V4 inline __m512i texel_at(__m512 coordinate, __m512 last) {
   return _mm512_cvtps_epi32(_mm512_min_ps(_mm512_max_ps(coordinate, _mm512_setzero_ps()), last));
 }
 
+// The distance from the nearest of ..., -0.5, 0.5, 1.5, ..., with a sign. The last argument asks for the rest beside the nearest integer.
+SIGHTLINE_X86_V4 inline __m512 from_half(__m512 coordinate) {
+  return _mm512_reduce_ps(_mm512_add_ps(coordinate, _mm512_set1_ps(0.5f)), 0);
+}
+
 // The limits of a small map are in four registers, where reading one costs a tenth of reading memory.
 template <bool kSmall, bool kBefore, bool kPasses>
 SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
@@ -183,14 +193,17 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
                eye_z = _mm512_set1_ps(map.eye_z), last_column = _mm512_set1_ps(map.last_column),
                last_row = _mm512_set1_ps(map.last_row), least_depth = _mm512_set1_ps(map.least_depth),
                square_error = _mm512_set1_ps(map.square_error),
-               less_square_error = _mm512_set1_ps(-map.square_error), half = _mm512_set1_ps(0.5f);
+               less_square_error = _mm512_set1_ps(-map.square_error), whole = _mm512_set1_ps(1.0f),
+               per_half = _mm512_set1_ps(map.per_half);
+  const __m512 per_half_width = _mm512_set1_ps(map.per_half_width), middle_x = _mm512_set1_ps(map.middle_x),
+               per_half_height = _mm512_set1_ps(map.per_half_height), middle_y = _mm512_set1_ps(map.middle_y);
   const __m512i stride = _mm512_set1_epi32(map.stride), one = _mm512_set1_epi32(1);
   const __m512 limits_0 = _mm512_loadu_ps(limits_m2),
                limits_1 = kSmall ? _mm512_loadu_ps(limits_m2 + 16) : limits_0,
                limits_2 = kSmall ? _mm512_loadu_ps(limits_m2 + 32) : limits_0,
                limits_3 = kSmall ? _mm512_loadu_ps(limits_m2 + 48) : limits_0;
-  __m512 within = _mm512_set1_ps(0.5f - map.greatest_error),
-         without = _mm512_set1_ps(0.5f + map.greatest_error);
+  __m512 error = _mm512_set1_ps(map.greatest_error), within = _mm512_set1_ps(1.0f - map.greatest_error * map.per_half),
+         without = _mm512_set1_ps(1.0f + map.greatest_error * map.per_half);
   __mmask16 any_unsure = 0;
   for (size_t i = 0; i < tile.count; i += PlaceTile::kTilePad) {
     const __m512 px = _mm512_load_ps(tile.x_m + i), py = _mm512_load_ps(tile.y_m + i),
@@ -199,9 +212,9 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
     const __m512 x = _mm512_mul_ps(at(across, px, py, pz), per_depth),
                  y = _mm512_mul_ps(at(up, px, py, pz), per_depth);
     const __m512i column = texel_at(x, last_column), row = texel_at(y, last_row);
-    // The greater of the distances from the texel's middle, along either axis.
-    const __m512 off = _mm512_range_ps(_mm512_sub_ps(x, _mm512_cvtepi32_ps(column)),
-                                       _mm512_sub_ps(y, _mm512_cvtepi32_ps(row)), 0b1011);
+    // The greater of the distances from the window's middle, and the smaller of those from where the nearest ray changes, along either axis.
+    const __m512 off = _mm512_range_ps(_mm512_fmsub_ps(x, per_half_width, middle_x), _mm512_fmsub_ps(y, per_half_height, middle_y), 0b1011),
+                 change = _mm512_range_ps(from_half(x), from_half(y), 0b1010);
     __m512 limit_m2;
     if constexpr (kSmall) {
       const __m512i texel = _mm512_add_epi32(_mm512_slli_epi32(row, 3), column);
@@ -216,13 +229,14 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
 
     __mmask16 before = 0xFFFF, elsewhere = 0;
     if constexpr (!kBefore) {
-      const __m512 error =
-          _mm512_fmadd_ps(_mm512_set1_ps(map.texel_error), per_depth, _mm512_set1_ps(map.texel_rounding));
-      within = _mm512_sub_ps(half, error), without = _mm512_add_ps(half, error);
+      error = _mm512_fmadd_ps(_mm512_set1_ps(map.texel_error), per_depth, _mm512_set1_ps(map.texel_rounding));
+      const __m512 edge_error = _mm512_mul_ps(error, per_half);
+      within = _mm512_sub_ps(whole, edge_error), without = _mm512_add_ps(whole, edge_error);
       before = _mm512_cmp_ps_mask(depth, least_depth, _CMP_GT_OQ);
       elsewhere = _mm512_cmp_ps_mask(depth, _mm512_sub_ps(_mm512_setzero_ps(), least_depth), _CMP_LT_OQ);
     }
-    const __mmask16 inside = _mm512_mask_cmp_ps_mask(before, off, within, _CMP_LT_OQ);
+    const __mmask16 inside =
+        _mm512_mask_cmp_ps_mask(_mm512_mask_cmp_ps_mask(before, change, error, _CMP_GT_OQ), off, within, _CMP_LT_OQ);
     elsewhere |= _mm512_mask_cmp_ps_mask(before, off, without, _CMP_GT_OQ);
     const __mmask16 visible = _mm512_mask_cmp_ps_mask(inside, over, less_square_error, _CMP_LT_OQ),
                     hidden = _mm512_mask_cmp_ps_mask(inside, over, square_error, _CMP_GT_OQ);

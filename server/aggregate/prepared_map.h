@@ -26,16 +26,20 @@ struct PlaceRow {
   float operator()(float px, float py, float pz) const { return x * px + y * py + z * pz + at_origin; }
 };
 
-// The texel coordinates of a position, relative to the middle of texel (0, 0), are across / depth and up / depth.
+// The texel coordinates of a position, relative to the ray of texel (0, 0), are across / depth and up / depth. So the nearest ray has the
+// rounded coordinates.
 struct PreparedMap {
   const DepthMap* map = nullptr;
   PlaceRow across, up, depth;
   float eye_x = 0, eye_y = 0, eye_z = 0;  // relative to the tile's origin, metres
   float last_column = 0, last_row = 0;
+  // A position is inside the window when |across / depth * per_half_width - middle_x| < 1, and likewise for the rows.
+  float per_half_width = 0, middle_x = 0, per_half_height = 0, middle_y = 0;
   int32_t stride = 0;        // limits in a row
   float least_depth = 0;     // twice the error of depth; a depth of larger size has the right sign
   float texel_error = 0;     // the error of a texel coordinate is at most texel_error / depth + texel_rounding
   float texel_rounding = 0;
+  float per_half = 0;        // the greater of per_half_width and per_half_height
   float square_error = 0;    // greatest error of a squared distance, m^2
   // All positions are well in front of the eye. Then no texel coordinate has a larger error than greatest_error.
   bool before = false;

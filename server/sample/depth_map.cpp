@@ -1,5 +1,8 @@
 #include "server/sample/depth_map.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace sightline {
 
 glm::dvec3 texel_direction(const MapView& view, int x, int y) {
@@ -19,6 +22,10 @@ MapPoint project(const MapView& view, const glm::dvec3& point_m) {
   out.y = (p.y / -p.z - view.bottom) / (view.top - view.bottom) * view.height;
   out.in_window = out.x >= 0 && out.x < view.width && out.y >= 0 && out.y < view.height;
   return out;
+}
+
+int nearest_ray(double coordinate, double jitter, int count) {
+  return static_cast<int>(std::clamp(std::floor(coordinate - jitter + 0.5), 0.0, static_cast<double>(count - 1)));
 }
 
 }  // namespace sightline

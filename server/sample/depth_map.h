@@ -1,7 +1,7 @@
 // Depth maps, taken from points on targets towards the bound (paper 3.2).
 //
-// Each texel holds the distance along its ray to the first occluder, and which occluder that is. A candidate camera position sees the
-// point exactly when it is nearer than the texel to which it projects.
+// Each texel holds the distance along its ray to the first occluder, and which occluder that is. A candidate camera position counts as
+// seeing the point when it is nearer than the distance along the ray that passes nearest to it.
 #pragma once
 
 #include <cstdint>
@@ -41,6 +41,10 @@ struct MapPoint {
   bool in_window = false;  // in front of the eye and inside the window
 };
 MapPoint project(const MapView& view, const glm::dvec3& point_m);
+
+// The column or row of the ray that passes nearest to a continuous texel coordinate, among `count` rays. That need not be the texel that
+// contains the coordinate, whose ray may pass almost a whole texel away.
+int nearest_ray(double coordinate, double jitter, int count);
 
 // One map to be taken.
 struct MapRequest {

@@ -62,14 +62,17 @@ Case random_case(CounterRandom& random) {
   return c;
 }
 
-// Candidates on the rays between texels and through texel centres, exactly at the texel's depth: the last bit decides.
+// Candidates at the window's edges, on the texels' rays and in the middle between them, exactly at the texel's depth: the last bit decides.
 void add_places_on_edges(CounterRandom& random, Case& c) {
   for (const DepthMap& map : c.maps)
     for (int i = 0; i < 200; ++i) {
       const int x = static_cast<int>(random.next_in(0, map.view.width + 1)),
                 y = static_cast<int>(random.next_in(0, map.view.height + 1));
       MapView edges = map.view;
-      edges.jitter = random.next_unit() < 0.5 ? glm::dvec2(0.0) : glm::dvec2(0.5, 0.0);
+      const double kind = random.next_unit();
+      if (kind < 0.3) edges.jitter = glm::dvec2(0.0);
+      else if (kind < 0.6) edges.jitter.x = 0.0;
+      else if (kind < 0.9) edges.jitter.x -= 0.5;
       const glm::dvec3 along = glm::normalize(texel_direction(edges, x, y));
       const double far_m = map.distance_at(std::min(x, map.view.width - 1), std::min(y, map.view.height - 1));
       const double at_m = std::isfinite(far_m) && far_m > 0 ? far_m * (1 + c.bias) : random.next_in(0.1, 9);
@@ -135,6 +138,33 @@ TEST(LookUp, AgreesWithTheDefinitionForEveryCandidate) {
   EXPECT_GT(several_maps, 50u);
   EXPECT_GT(singly, 0u);
   EXPECT_LT(singly, all / 20) << "texels of no number among them";
+}
+
+// The definition, against a search of all rays.
+TEST(LookUp, TheRayThatPassesNearestDecides) {
+  CounterRandom random(9, 0, RandomPurpose::kTest);
+  int at_the_edge = 0;
+  for (int trial = 0; trial < 5000; ++trial) {
+    DepthMap map;
+    map.view.width = 1 + static_cast<int>(random.next_below(9)), map.view.height = 1 + static_cast<int>(random.next_below(9));
+    map.view.jitter = {random.next_unit(), random.next_unit()};
+    for (int i = 0; i < map.view.width * map.view.height; ++i) map.distance_m.push_back(random.next_unit() < 0.5 ? 1.0f : 100.0f);
+    map.occluder.assign(map.distance_m.size(), 5);
+    const glm::dvec3 place_m(random.next_in(-9, 9), random.next_in(-9, 9), -9);
+    const auto nearest = [&](double at_window, int count, double jitter) {
+      const auto away = [&](int k) { return std::abs((k + jitter) / count * 18 - 9 - at_window); };
+      int best = 0;
+      for (int k = 1; k < count; ++k)
+        if (away(k) < away(best)) best = k;
+      return best;
+    };
+    const int x = nearest(place_m.x, map.view.width, map.view.jitter.x), y = nearest(place_m.y, map.view.height, map.view.jitter.y);
+    const Sight sight = look_up(std::span(&map, 1), place_m, 0.0);
+    EXPECT_TRUE(sight.known);
+    EXPECT_EQ(sight.visible, map.distance_at(x, y) == 100.0f) << trial;
+    at_the_edge += place_m.x < (map.view.jitter.x - 0.5) / map.view.width * 18 - 9;
+  }
+  EXPECT_GT(at_the_edge, 50) << "where no ray passes within half a texel";
 }
 
 TEST(LookUp, HiddenIsHiddenByWhatStaysWhenNothingPasses) {

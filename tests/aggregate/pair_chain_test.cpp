@@ -159,23 +159,23 @@ std::optional<bool> shows(const std::vector<Box>& boxes, const glm::dvec3& eye, 
   return grown;
 }
 
-// The texel into whose cell a position falls, found by trying every texel; nothing when it lies on the border of two
-// cells.
+// The texel whose ray passes nearest to a position, found by trying every texel; nothing when two pass equally near.
 std::optional<glm::ivec2> texel_of(const MapView& view, const glm::dvec3& place) {
   const glm::dvec3 offset = place - view.eye_m, forward = -view.world_from_view[2];
   const glm::dvec3 at = offset / glm::dot(offset, forward);
-  MapView centred = view;
-  centred.jitter = {0.5, 0.5};
+  glm::ivec2 nearest(0);
+  double least = INFINITY, second = INFINITY;
   for (int y = 0; y < view.height; ++y)
     for (int x = 0; x < view.width; ++x) {
-      const glm::dvec3 apart = at - texel_direction(centred, x, y);
-      const double across =
-          std::abs(glm::dot(apart, view.world_from_view[0])) / (view.right - view.left) * view.width;
-      const double along =
-          std::abs(glm::dot(apart, view.world_from_view[1])) / (view.top - view.bottom) * view.height;
-      if (std::max(across, along) < 0.5 - 1e-6) return glm::ivec2(x, y);
+      const glm::dvec3 apart = at - texel_direction(view, x, y);
+      const double across = glm::dot(apart, view.world_from_view[0]) / (view.right - view.left) * view.width;
+      const double along = glm::dot(apart, view.world_from_view[1]) / (view.top - view.bottom) * view.height;
+      const double distance = std::hypot(across, along);
+      if (distance < least) second = least, least = distance, nearest = {x, y};
+      else second = std::min(second, distance);
     }
-  return std::nullopt;
+  if (second - least < 1e-6) return std::nullopt;
+  return nearest;
 }
 
 // Boxes between the targets and the ball. None is so near a target that the target's near plane cuts it.
@@ -213,8 +213,7 @@ std::vector<DepthMap> take_maps(const Scene& scene, const PairChain& chain, size
 
 class PairChainOf : public testing::TestWithParam<int> {};
 
-// The two targets of the first volume are judged by straight lines; every other one by the ray of the texel that the
-// candidate falls into.
+// The two targets of the first volume are judged by straight lines; every other one by the ray that passes nearest to the candidate.
 TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
   const size_t n = GetParam();
   CounterRandom random(42, n, RandomPurpose::kTest);

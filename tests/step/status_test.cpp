@@ -74,7 +74,7 @@ struct Walk : Filming {
 };
 
 TEST(Status, SaysWhatTheSharesOfTheReplySay) {
-  Walk world(3);
+  Walk world(5);
   int steps_with[7] = {};
   for (int i = 0; i < 700; ++i) {
     world.walk(i * kTick);
@@ -183,14 +183,13 @@ TEST(Status, IsBlockedByTheInstanceInTheWay) {
   EXPECT_GT(blocked, 60);
 }
 
-// Some candidates are inside the closed box with the target.
+// Some candidates are inside the closed box with the target. The bound reaches them only when it has grown.
 TEST(Status, IsBlockedByTheBoxThatTheTargetIsIn) {
   OneFilmed world;
   world.add_box(10, {0, 1, 0}, {2.5, 2.5, 2.5});
-  StepResult r;
-  for (int i = 0; i < 180; ++i) world.step(kTick);
-  for (int i = 0; i < 60; ++i) {
-    r = world.step(kTick);
+  for (int i = 0; i < 30; ++i) world.step(kTick);
+  for (int i = 0; i < 210; ++i) {
+    const StepResult r = world.step(kTick);
     ASSERT_EQ(r.status, TrackingStatus::kBlocked) << i;
     ASSERT_EQ(r.blocked_by, 10u) << i;
   }

@@ -362,7 +362,7 @@ TEST(Step, TheFilterOverlooksAPassingPost) {
     world.settings.aggregate.filter.mode = mode;
     world.settings.sample.resolution = 15;
     world.add_target(1, {0, 1, 0});
-    world.add_box(10, {-3, 1, 3}, {0.15, 3, 0.05}, {.collides = false});
+    world.add_box(10, {-3, 1, 3}, {0.2, 3, 0.05}, {.collides = false});
     world.place({0, 1.2, 6}, {0, 1, 0});
     double path = 0;
     for (int i = 0; i < 120; ++i) {
