@@ -21,7 +21,7 @@ Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double 
     if (!at.in_window) continue;
     const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width), y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
     Sight sight{.known = true};
-    sight.visible = at.distance_m <= map.distance_at(x, y) * (1.0 + relative_bias);
+    sight.visible = at.depth_m <= map.depth_at(x, y) * (1.0 + relative_bias);
     if (!sight.visible) sight.occluder = map.occluder_at(x, y);
     return sight;
   }
@@ -38,7 +38,7 @@ void LookUp::begin_maps(double relative_bias, std::span<const uint8_t> passes) {
   // If no occluder passes, no map has to be searched for them.
   passes_ = passes.empty() || std::memchr(passes.data(), 1, passes.size()) ? passes : std::span<const uint8_t>{};
   maps_.clear();
-  limits_m2_.clear();
+  limits_m_.clear();
   exact_count_ = 0;
 }
 
@@ -47,12 +47,12 @@ void LookUp::expect_maps(std::span<const DepthMap> maps) {
   size_t limits = 0;
   for (const DepthMap& map : maps) limits += std::max(map.distance_m.size(), kLeastLimits);
   maps_.reserve(maps.size());
-  limits_m2_.reserve(limits);
+  limits_m_.reserve(limits);
 }
 
 size_t LookUp::add_maps(std::span<const DepthMap> maps) {
   const size_t first = maps_.size();
-  for (const DepthMap& map : maps) maps_.push_back(prepare_map(map, extent_, relative_bias_, passes_, limits_m2_));
+  for (const DepthMap& map : maps) maps_.push_back(prepare_map(map, extent_, relative_bias_, passes_, limits_m_));
   return first;
 }
 
@@ -80,7 +80,7 @@ std::span<const uint8_t> LookUp::look(size_t first_map, size_t count, SightTile&
   bool unsure = false;
   for (size_t k = 0; k < count; ++k) {
     const PreparedMap& map = maps_[first_map + k];
-    unsure |= look_at_map(map, limits_m2_.data(), tile.places, k == 0, tile.sights);
+    unsure |= look_at_map(map, limits_m_.data(), tile.places, k == 0, tile.sights);
     any_passing_ |= map.passing;
   }
   if (unsure) settle({maps_[first_map].map, count}, tile);

@@ -1,9 +1,8 @@
 // Looks candidates up in depth maps: does a candidate see the point from which a map was taken? `look_up` answers for one candidate in
 // double precision, and `LookUp` for many at once with the same answers.
 //
-// LookUp works in single precision, with one division for each candidate and map instead of four and a root, and eight or sixteen
-// candidates an instruction. Every number has a bound of its rounding error. Where the error could change the answer, LookUp falls back to
-// `look_up`. These are a few candidates in 10,000, close to a texel's edge, to the eye's plane or to the texel's distance. This is
+// LookUp works in single precision, with one division for each candidate and map, and eight or sixteen candidates an instruction. Every number has a bound of its rounding error. Where the error could change the answer, LookUp falls back to
+// `look_up`. These are a few candidates in 10,000, as near to another ray, close to the window's edge, to the eye's plane or to the texel's depth. This is
 // the floating-point filter of exact geometric predicates (Fortune & Van Wyk, "Static analysis yields efficient exact integer arithmetic
 // for computational geometry", 1996; Shewchuk, "Adaptive precision floating-point arithmetic", 1997).
 #pragma once
@@ -26,8 +25,8 @@ struct Sight {
   uint32_t occluder = kNoOccluder;  // mirror slot of the occluder when known and not visible
 };
 
-// Returns whether `point_m` sees the point from which the maps were taken. It does when its distance is at most that of the texel whose ray
-// passes nearest to it.
+// Returns whether `point_m` sees the point from which the maps were taken. It does when its depth is at most that of the texel whose ray
+// passes nearest to it (see sample/depth_map.h).
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
 
 // A tile of candidates and what they see. Keep this scratch memory of 13 KiB on the stack: a thread's stack is in the cache, where the
@@ -75,7 +74,7 @@ class LookUp {
   double relative_bias_ = 0.0;
   std::span<const uint8_t> passes_;
   std::vector<PreparedMap> maps_;
-  std::vector<float> limits_m2_;  // of all maps
+  std::vector<float> limits_m_;  // of all maps
   bool any_passing_ = false;
   size_t exact_count_ = 0;
 };

@@ -20,21 +20,14 @@ std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const B
   return std::nullopt;
 }
 
-// The column or row whose ray passes nearest to a far-plane coordinate.
-int ray_between(double low, double high, double at, double jitter, int resolution) {
-  return nearest_ray((at - low) / (high - low) * resolution, jitter, resolution);
-}
-
-// Compares every candidate with the map of the link's second target, in the basis of the link's volume.
+// Compares every candidate with the map of the link's second target. A candidate at the edge of the bound may be outside the window by
+// rounding.
 void add_bits(const ChainLink& link, const DepthMap& map, double slack, CandidateSet& candidates) {
-  const PairVolume& v = link.volume;
+  const MapView& view = map.view;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    const glm::dvec3 place = candidates.position_m[i];
-    const PairCoordinates at = pair_coordinates(v, place);
-    const int x = ray_between(v.xb_min, v.xb_max, at.xb, map.view.jitter.x, v.resolution);
-    const int y = ray_between(v.y_top, -v.y_top, at.y, map.view.jitter.y, v.resolution);
-    if (glm::distance(place, map.view.eye_m) <= map.distance_at(x, y) * slack)
-      candidates.visible_targets[i] |= 1u << link.to;
+    const MapPoint at = project(view, candidates.position_m[i]);
+    const int x = nearest_ray(at.x, view.jitter.x, view.width), y = nearest_ray(at.y, view.jitter.y, view.height);
+    if (at.depth_m <= map.depth_at(x, y) * slack) candidates.visible_targets[i] |= 1u << link.to;
   }
 }
 

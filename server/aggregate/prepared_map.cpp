@@ -1,6 +1,7 @@
 #include "server/aggregate/prepared_map.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -21,9 +22,6 @@ namespace {
 constexpr double kRounding = 0x1p-24;
 // A sum of four products of rounded factors has an error of at most 6 roundings of the sum of their sizes.
 constexpr double kSumError = 8 * kRounding;
-// The squared distance of two rounded points has an error of at most 12 roundings of the squared sizes. The limit that it is compared with,
-// and the limit's last bit, add 9. Fused multiply-adds round less.
-constexpr double kSquareError = 32 * kRounding;
 // All positions are well in front of the eye when the depth of the nearest is at least this share of the middle's depth.
 constexpr double kWellBefore = 0.2;
 
@@ -51,10 +49,7 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
   const double coordinate_error = error_of(across, across_0, extent.reach_m) +
                                   error_of(up, up_0, extent.reach_m) +
                                   std::fmax(view.width, view.height) * depth_error;
-  const glm::dvec3 apart = extent.reach_m + glm::abs(eye);
   out.across = row_of(across, across_0), out.up = row_of(up, up_0), out.depth = row_of(-back, depth_0);
-  out.eye_x = static_cast<float>(eye.x), out.eye_y = static_cast<float>(eye.y),
-  out.eye_z = static_cast<float>(eye.z);
   out.last_column = static_cast<float>(view.width - 1), out.last_row = static_cast<float>(view.height - 1);
   out.per_half_width = 2.0f / static_cast<float>(view.width), out.per_half_height = 2.0f / static_cast<float>(view.height);
   out.middle_x = static_cast<float>(1 - 2 * view.jitter.x / view.width), out.middle_y = static_cast<float>(1 - 2 * view.jitter.y / view.height);
@@ -62,36 +57,39 @@ void set_rows(const MapView& view, const PlaceExtent& extent, PreparedMap& out) 
   out.least_depth = static_cast<float>(2.1 * depth_error);
   out.texel_error = static_cast<float>(2.1 * coordinate_error);
   out.texel_rounding = static_cast<float>(16 * kRounding * std::fmax(view.width, view.height));
-  out.square_error = static_cast<float>(kSquareError * glm::dot(apart, apart));
+  // The limit and its last bit add three roundings, less than half of the depth's error.
+  out.limit_error = static_cast<float>(2 * depth_error);
   const double nearest = depth_0 - extent.radius_m - depth_error;
   out.before = nearest > kWellBefore * depth_0 && nearest > 4 * depth_error;
   out.greatest_error = static_cast<float>(1.01 * out.texel_error / nearest + out.texel_rounding);
 }
 
-float square_limit(float distance_m, double slack) {
-  const double limit_m = distance_m * slack;
-  // Nothing is nearer than a negative distance, although its square is positive.
-  return static_cast<float>(limit_m < 0 ? std::numeric_limits<double>::quiet_NaN() : limit_m * limit_m);
-}
-
-SIGHTLINE_VECTOR_CLONES
-void set_limits(const float* __restrict distance_m, size_t count, double slack, float* __restrict limits_m2) {
-  for (size_t i = 0; i < count; ++i) limits_m2[i] = square_limit(distance_m[i], slack);
-}
-
-// Rows of eight limits, of which only the first `width` are used.
-SIGHTLINE_VECTOR_CLONES
-void set_small_limits(const float* distance_m, int width, int height, double slack, float* limits_m2) {
-  for (int y = 0; y < height; ++y) {
-    float row[kSmallMap] = {};
-    for (int x = 0; x < width; ++x) row[x] = distance_m[y * width + x];
-    for (int x = 0; x < kSmallMap; ++x) limits_m2[y * kSmallMap + x] = square_limit(row[x], slack);
+// The squares of the columns' or rows' offsets from the view axis, at one unit of depth.
+using Squares = std::array<double, kMaxMapSize>;
+void set_squares(double low, double high, double jitter, int count, Squares& squares) {
+  for (int i = 0; i < count; ++i) {
+    const double offset = low + (i + jitter) / count * (high - low);
+    squares[static_cast<size_t>(i)] = offset * offset;
   }
+}
+
+SIGHTLINE_VECTOR_CLONES
+void set_limit_row(const float* __restrict distance_m, const double* __restrict squares, double square, int width, double slack, float* __restrict limits_m) {
+  for (int x = 0; x < width; ++x) limits_m[x] = static_cast<float>(distance_m[x] * slack / std::sqrt(1.0 + square + squares[x]));
+}
+
+void set_limits(const DepthMap& map, double slack, int stride, float* limits_m) {
+  const MapView& view = map.view;
+  Squares columns, rows;
+  set_squares(view.left, view.right, view.jitter.x, view.width, columns);
+  set_squares(view.bottom, view.top, view.jitter.y, view.height, rows);
+  for (int y = 0; y < view.height; ++y)
+    set_limit_row(&map.distance_m[static_cast<size_t>(y * view.width)], columns.data(), rows[static_cast<size_t>(y)], view.width, slack, limits_m + y * stride);
 }
 
 // Returns whether any texel's occluder passes, and if so marks those texels in the last bits of their limits. Infinite limits hide nothing
 // and stay as they are, because another last bit would make them NaN.
-bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t stride, float* limits_m2) {
+bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t stride, float* limits_m) {
   const auto of_texel = [&](size_t texel) {
     const uint32_t occluder = map.occluder[texel];
     return occluder != kNoOccluder && passes[occluder] != 0 && !std::isinf(map.distance_m[texel]);
@@ -101,17 +99,17 @@ bool set_passing(const DepthMap& map, std::span<const uint8_t> passes, int32_t s
   if (!any) return false;
   for (int y = 0; y < map.view.height; ++y)
     for (int x = 0; x < map.view.width; ++x) {
-      float& limit_m2 = limits_m2[y * stride + x];
+      float& limit_m = limits_m[y * stride + x];
       const bool passing = of_texel(static_cast<size_t>(y * map.view.width + x));
-      if (!std::isinf(limit_m2))
-        limit_m2 = std::bit_cast<float>((std::bit_cast<uint32_t>(limit_m2) & ~1u) | passing);
+      if (!std::isinf(limit_m))
+        limit_m = std::bit_cast<float>((std::bit_cast<uint32_t>(limit_m) & ~1u) | passing);
     }
   return true;
 }
 
 // A sight is certain only if a comparison holds, so NaN never gives a certain sight.
 template <bool kPasses>
-[[gnu::always_inline]] inline bool look(const PreparedMap& map, const float* __restrict limits_m2,
+[[gnu::always_inline]] inline bool look(const PreparedMap& map, const float* __restrict limits_m,
                                         const PlaceTile& tile, bool first, uint8_t* __restrict sights) {
   int32_t any_unsure = 0;
   const int32_t former = first ? 0 : 0xFF;
@@ -129,17 +127,16 @@ template <bool kPasses>
     const float off = off_x > off_y ? off_x : off_y;
     const float change_x = std::abs(std::abs(x - static_cast<float>(column)) - 0.5f), change_y = std::abs(std::abs(y - static_cast<float>(row)) - 0.5f);
     const float change = change_x < change_y ? change_x : change_y;
-    const float dx = px - map.eye_x, dy = py - map.eye_y, dz = pz - map.eye_z;
-    const float limit_m2 = limits_m2[row * map.stride + column];
-    const float over = dx * dx + dy * dy + dz * dz - limit_m2;
+    const float limit_m = limits_m[row * map.stride + column];
+    const float over = depth - limit_m;
 
     const bool before = depth > map.least_depth, behind = depth < -map.least_depth;
     const float edge_error = error * map.per_half;
     const bool inside = before & (off < 1.0f - edge_error) & (change > error), beside = before & (off > 1.0f + edge_error);
-    const int32_t hidden = kPasses ? kHiddenSight + (std::bit_cast<int32_t>(limit_m2) & 1) : kHiddenSight;
+    const int32_t hidden = kPasses ? kHiddenSight + (std::bit_cast<int32_t>(limit_m) & 1) : kHiddenSight;
     int32_t sight = behind | beside ? kUnknownSight : kUnsureSight;
-    sight = inside & (over < -map.square_error) ? kVisibleSight : sight;
-    sight = inside & (over > map.square_error) ? hidden : sight;
+    sight = inside & (over < -map.limit_error) ? kVisibleSight : sight;
+    sight = inside & (over > map.limit_error) ? hidden : sight;
     const int32_t before_this = sights[i] & former;
     sight = before_this == kUnknownSight ? sight : before_this;
     any_unsure |= sight & kUnsureSight;
@@ -149,15 +146,15 @@ template <bool kPasses>
 }
 
 SIGHTLINE_VECTOR_CLONES
-bool look_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_plainly(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                   uint8_t* sights) {
-  return look<false>(map, limits_m2, tile, first, sights);
+  return look<false>(map, limits_m, tile, first, sights);
 }
 
 SIGHTLINE_VECTOR_CLONES
-bool look_plainly_passing(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_plainly_passing(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                           uint8_t* sights) {
-  return look<true>(map, limits_m2, tile, first, sights);
+  return look<true>(map, limits_m, tile, first, sights);
 }
 
 #ifdef SIGHTLINE_X86_V4
@@ -186,22 +183,20 @@ SIGHTLINE_X86_V4 inline __m512 from_half(__m512 coordinate) {
 
 // The limits of a small map are in four registers, where reading one costs a tenth of reading memory.
 template <bool kSmall, bool kBefore, bool kPasses>
-SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m, const PlaceTile& tile,
                               bool first, uint8_t* sights) {
   const RowV4 across = spread(map.across), up = spread(map.up), depth_row = spread(map.depth);
-  const __m512 eye_x = _mm512_set1_ps(map.eye_x), eye_y = _mm512_set1_ps(map.eye_y),
-               eye_z = _mm512_set1_ps(map.eye_z), last_column = _mm512_set1_ps(map.last_column),
-               last_row = _mm512_set1_ps(map.last_row), least_depth = _mm512_set1_ps(map.least_depth),
-               square_error = _mm512_set1_ps(map.square_error),
-               less_square_error = _mm512_set1_ps(-map.square_error), whole = _mm512_set1_ps(1.0f),
+  const __m512 last_column = _mm512_set1_ps(map.last_column), last_row = _mm512_set1_ps(map.last_row),
+               least_depth = _mm512_set1_ps(map.least_depth), limit_error = _mm512_set1_ps(map.limit_error),
+               less_limit_error = _mm512_set1_ps(-map.limit_error), whole = _mm512_set1_ps(1.0f),
                per_half = _mm512_set1_ps(map.per_half);
   const __m512 per_half_width = _mm512_set1_ps(map.per_half_width), middle_x = _mm512_set1_ps(map.middle_x),
                per_half_height = _mm512_set1_ps(map.per_half_height), middle_y = _mm512_set1_ps(map.middle_y);
   const __m512i stride = _mm512_set1_epi32(map.stride), one = _mm512_set1_epi32(1);
-  const __m512 limits_0 = _mm512_loadu_ps(limits_m2),
-               limits_1 = kSmall ? _mm512_loadu_ps(limits_m2 + 16) : limits_0,
-               limits_2 = kSmall ? _mm512_loadu_ps(limits_m2 + 32) : limits_0,
-               limits_3 = kSmall ? _mm512_loadu_ps(limits_m2 + 48) : limits_0;
+  const __m512 limits_0 = _mm512_loadu_ps(limits_m),
+               limits_1 = kSmall ? _mm512_loadu_ps(limits_m + 16) : limits_0,
+               limits_2 = kSmall ? _mm512_loadu_ps(limits_m + 32) : limits_0,
+               limits_3 = kSmall ? _mm512_loadu_ps(limits_m + 48) : limits_0;
   __m512 error = _mm512_set1_ps(map.greatest_error), within = _mm512_set1_ps(1.0f - map.greatest_error * map.per_half),
          without = _mm512_set1_ps(1.0f + map.greatest_error * map.per_half);
   __mmask16 any_unsure = 0;
@@ -215,17 +210,16 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
     // The greater of the distances from the window's middle, and the smaller of those from where the nearest ray changes, along either axis.
     const __m512 off = _mm512_range_ps(_mm512_fmsub_ps(x, per_half_width, middle_x), _mm512_fmsub_ps(y, per_half_height, middle_y), 0b1011),
                  change = _mm512_range_ps(from_half(x), from_half(y), 0b1010);
-    __m512 limit_m2;
+    __m512 limit_m;
     if constexpr (kSmall) {
       const __m512i texel = _mm512_add_epi32(_mm512_slli_epi32(row, 3), column);
-      limit_m2 = _mm512_mask_mov_ps(_mm512_permutex2var_ps(limits_0, texel, limits_1),
+      limit_m = _mm512_mask_mov_ps(_mm512_permutex2var_ps(limits_0, texel, limits_1),
                                     _mm512_test_epi32_mask(texel, _mm512_set1_epi32(32)),
                                     _mm512_permutex2var_ps(limits_2, texel, limits_3));
     } else {
-      limit_m2 = _mm512_i32gather_ps(_mm512_add_epi32(_mm512_mullo_epi32(row, stride), column), limits_m2, 4);
+      limit_m = _mm512_i32gather_ps(_mm512_add_epi32(_mm512_mullo_epi32(row, stride), column), limits_m, 4);
     }
-    const __m512 dx = _mm512_sub_ps(px, eye_x), dy = _mm512_sub_ps(py, eye_y), dz = _mm512_sub_ps(pz, eye_z);
-    const __m512 over = _mm512_fmadd_ps(dz, dz, _mm512_fmadd_ps(dy, dy, _mm512_fmsub_ps(dx, dx, limit_m2)));
+    const __m512 over = _mm512_sub_ps(depth, limit_m);
 
     __mmask16 before = 0xFFFF, elsewhere = 0;
     if constexpr (!kBefore) {
@@ -238,14 +232,14 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
     const __mmask16 inside =
         _mm512_mask_cmp_ps_mask(_mm512_mask_cmp_ps_mask(before, change, error, _CMP_GT_OQ), off, within, _CMP_LT_OQ);
     elsewhere |= _mm512_mask_cmp_ps_mask(before, off, without, _CMP_GT_OQ);
-    const __mmask16 visible = _mm512_mask_cmp_ps_mask(inside, over, less_square_error, _CMP_LT_OQ),
-                    hidden = _mm512_mask_cmp_ps_mask(inside, over, square_error, _CMP_GT_OQ);
+    const __mmask16 visible = _mm512_mask_cmp_ps_mask(inside, over, less_limit_error, _CMP_LT_OQ),
+                    hidden = _mm512_mask_cmp_ps_mask(inside, over, limit_error, _CMP_GT_OQ);
     auto unsure = static_cast<__mmask16>(~(visible | hidden | elsewhere));
     __m128i sight = _mm_maskz_set1_epi8(visible, kVisibleSight);
     sight = _mm_mask_mov_epi8(sight, hidden, _mm_set1_epi8(kHiddenSight));
     if constexpr (kPasses)
       sight =
-          _mm_mask_mov_epi8(sight, _mm512_mask_test_epi32_mask(hidden, _mm512_castps_si512(limit_m2), one),
+          _mm_mask_mov_epi8(sight, _mm512_mask_test_epi32_mask(hidden, _mm512_castps_si512(limit_m), one),
                             _mm_set1_epi8(kPassingSight));
     sight = _mm_mask_mov_epi8(sight, unsure, _mm_set1_epi8(kUnsureSight));
     auto* const out = reinterpret_cast<__m128i*>(sights + i);
@@ -262,13 +256,13 @@ SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, co
 }
 
 template <bool kSmall>
-SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile,
+SIGHTLINE_X86_V4 bool look_v4(const PreparedMap& map, const float* limits_m, const PlaceTile& tile,
                               bool first, uint8_t* sights) {
   if (map.before)
-    return map.passing ? look_v4<kSmall, true, true>(map, limits_m2, tile, first, sights)
-                       : look_v4<kSmall, true, false>(map, limits_m2, tile, first, sights);
-  return map.passing ? look_v4<kSmall, false, true>(map, limits_m2, tile, first, sights)
-                     : look_v4<kSmall, false, false>(map, limits_m2, tile, first, sights);
+    return map.passing ? look_v4<kSmall, true, true>(map, limits_m, tile, first, sights)
+                       : look_v4<kSmall, true, false>(map, limits_m, tile, first, sights);
+  return map.passing ? look_v4<kSmall, false, true>(map, limits_m, tile, first, sights)
+                     : look_v4<kSmall, false, false>(map, limits_m, tile, first, sights);
 }
 
 #endif
@@ -280,43 +274,40 @@ bool is_small(const MapView& view) {
 }  // namespace
 
 PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double relative_bias,
-                        std::span<const uint8_t> passes, std::vector<float>& limits_m2) {
+                        std::span<const uint8_t> passes, std::vector<float>& limits_m) {
   PreparedMap out;
   out.map = &map;
   set_rows(map.view, extent, out);
   const bool small = is_small(map.view);
   out.stride = small ? kSmallMap : map.view.width;
-  out.first_limit = limits_m2.size();
+  out.first_limit = limits_m.size();
   // Limits that are not set are never used. There are at least 16, because whole vectors are read.
   const size_t count = small ? kSmallMap * kSmallMap : std::max<size_t>(map.distance_m.size(), 16);
-  limits_m2.resize(out.first_limit + count);
-  float* const limits = &limits_m2[out.first_limit];
-  if (small)
-    set_small_limits(map.distance_m.data(), map.view.width, map.view.height, 1.0 + relative_bias, limits);
-  else
-    set_limits(map.distance_m.data(), map.distance_m.size(), 1.0 + relative_bias, limits);
+  limits_m.resize(out.first_limit + count);
+  float* const limits = &limits_m[out.first_limit];
+  set_limits(map, 1.0 + relative_bias, out.stride, limits);
   out.passing = !passes.empty() && set_passing(map, passes, out.stride, limits);
   return out;
 }
 
-bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_at_map_plainly(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                          uint8_t* sights) {
-  limits_m2 += map.first_limit;
-  return map.passing ? look_plainly_passing(map, limits_m2, tile, first, sights)
-                     : look_plainly(map, limits_m2, tile, first, sights);
+  limits_m += map.first_limit;
+  return map.passing ? look_plainly_passing(map, limits_m, tile, first, sights)
+                     : look_plainly(map, limits_m, tile, first, sights);
 }
 
-bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_at_map(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                  uint8_t* sights) {
 #ifdef SIGHTLINE_X86_V4
   static const bool v4 = runs_x86_v4();
   if (v4) {
-    limits_m2 += map.first_limit;
-    return is_small(map.map->view) ? look_v4<true>(map, limits_m2, tile, first, sights)
-                                   : look_v4<false>(map, limits_m2, tile, first, sights);
+    limits_m += map.first_limit;
+    return is_small(map.map->view) ? look_v4<true>(map, limits_m, tile, first, sights)
+                                   : look_v4<false>(map, limits_m, tile, first, sights);
   }
 #endif
-  return look_at_map_plainly(map, limits_m2, tile, first, sights);
+  return look_at_map_plainly(map, limits_m, tile, first, sights);
 }
 
 }  // namespace sightline

@@ -31,7 +31,6 @@ struct PlaceRow {
 struct PreparedMap {
   const DepthMap* map = nullptr;
   PlaceRow across, up, depth;
-  float eye_x = 0, eye_y = 0, eye_z = 0;  // relative to the tile's origin, metres
   float last_column = 0, last_row = 0;
   // A position is inside the window when |across / depth * per_half_width - middle_x| < 1, and likewise for the rows.
   float per_half_width = 0, middle_x = 0, per_half_height = 0, middle_y = 0;
@@ -40,11 +39,11 @@ struct PreparedMap {
   float texel_error = 0;     // the error of a texel coordinate is at most texel_error / depth + texel_rounding
   float texel_rounding = 0;
   float per_half = 0;        // the greater of per_half_width and per_half_height
-  float square_error = 0;    // greatest error of a squared distance, m^2
+  float limit_error = 0;     // the error of the difference of a depth and a limit near it, metres
   // All positions are well in front of the eye. Then no texel coordinate has a larger error than greatest_error.
   bool before = false;
   float greatest_error = 0;
-  // Index of the map's first limit in the list for all maps. The limit of a texel is the greatest squared distance that sees, m^2. A small
+  // Index of the map's first limit in the list for all maps. The limit of a texel is the greatest depth that sees, metres. A small
   // map has kSmallMap rows of kSmallMap limits. If `passing`, the last bit of a limit is 1 where the texel's occluder passes.
   size_t first_limit = 0;
   bool passing = false;
@@ -53,18 +52,18 @@ struct PreparedMap {
 // The limits of a map with at most this many texels on each side fit into vector registers.
 inline constexpr int kSmallMap = 8;
 
-// Prepares a map for positions within `extent`, and appends its limits to `limits_m2`. `passes` has an entry for each mirror slot, or is
+// Prepares a map for positions within `extent`, and appends its limits to `limits_m`. `passes` has an entry for each mirror slot, or is
 // empty.
 PreparedMap prepare_map(const DepthMap& map, const PlaceExtent& extent, double relative_bias,
-                        std::span<const uint8_t> passes, std::vector<float>& limits_m2);
+                        std::span<const uint8_t> passes, std::vector<float>& limits_m);
 
 // Writes the sights of a tile's candidates, and up to kTilePad bytes more. Unless `first`, `sights` holds the result of earlier maps of the
 // same point, and only unknown sights are replaced. Returns whether a sight may be kUnsureSight.
-bool look_at_map(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_at_map(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                  uint8_t* sights);
 
 // The same without AVX-512 intrinsics.
-bool look_at_map_plainly(const PreparedMap& map, const float* limits_m2, const PlaceTile& tile, bool first,
+bool look_at_map_plainly(const PreparedMap& map, const float* limits_m, const PlaceTile& tile, bool first,
                          uint8_t* sights);
 
 }  // namespace sightline

@@ -11,12 +11,16 @@ glm::dvec3 texel_direction(const MapView& view, int x, int y) {
                                            view.bottom + v * (view.top - view.bottom), -1.0);
 }
 
+double longest_direction(const MapView& view) {
+  return std::hypot(1.0, std::max(std::abs(view.left), std::abs(view.right)), std::max(std::abs(view.bottom), std::abs(view.top)));
+}
+
 MapPoint project(const MapView& view, const glm::dvec3& point_m) {
   const glm::dvec3 offset = point_m - view.eye_m;
   const glm::dvec3 p =
       offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
   MapPoint out;
-  out.distance_m = glm::length(offset);
+  out.depth_m = -p.z;
   if (p.z >= 0.0) return out;
   out.x = (p.x / -p.z - view.left) / (view.right - view.left) * view.width;
   out.y = (p.y / -p.z - view.bottom) / (view.top - view.bottom) * view.height;

@@ -1,7 +1,9 @@
 // Depth maps, taken from points on targets towards the bound (paper 3.2).
 //
 // Each texel holds the distance along its ray to the first occluder, and which occluder that is. A candidate camera position counts as
-// seeing the point when it is nearer than the distance along the ray that passes nearest to it.
+// seeing the point when it is no deeper, along the view axis, than the occluder of the ray that passes nearest to it. With depths, walls and
+// floors at right angles to the view axis, as those of most levels are to the faces of a cube map, hide exactly what is behind them. With
+// distances along the ray, places close behind them would seem to see the point.
 #pragma once
 
 #include <cstdint>
@@ -33,11 +35,13 @@ struct MapView {
 
 // World direction of the ray through the jittered texel (x, y); its length is one unit of depth along the view axis.
 glm::dvec3 texel_direction(const MapView& view, int x, int y);
+// The greatest length of such a direction.
+double longest_direction(const MapView& view);
 
 // A world point projected into a map.
 struct MapPoint {
   double x = 0, y = 0;     // continuous texel coordinates: texel i covers [i, i + 1)
-  double distance_m = 0;   // from the eye, Euclidean
+  double depth_m = 0;      // along the view axis
   bool in_window = false;  // in front of the eye and inside the window
 };
 MapPoint project(const MapView& view, const glm::dvec3& point_m);
@@ -52,7 +56,7 @@ struct MapRequest {
   uint32_t layer_mask = 0xFFFFFFFF;  // draws instances with (layers & layer_mask) != 0
   // Moving occluders are placed where their velocities take them in this time, in seconds, [0, 2].
   double ahead_s = 0.0;
-  // The greatest distance from the eye, in metres, at which occluders must be found. Texels may miss or confuse occluders beyond it, so
+  // The greatest depth along the view axis, in metres, at which occluders must be found. Texels may miss or confuse occluders beyond it, so
   // candidates beyond it must not be looked up. A sampler saves time by ending its search there.
   double far_m = std::numeric_limits<double>::infinity();
   std::span<const uint32_t> ignored_slots =
@@ -68,6 +72,8 @@ struct DepthMap {
 
   float distance_at(int x, int y) const { return distance_m[static_cast<size_t>(y) * view.width + x]; }
   uint32_t occluder_at(int x, int y) const { return occluder[static_cast<size_t>(y) * view.width + x]; }
+  // distance_at as depth along the view axis.
+  double depth_at(int x, int y) const { return distance_at(x, y) / glm::length(texel_direction(view, x, y)); }
 };
 
 }  // namespace sightline

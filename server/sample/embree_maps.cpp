@@ -149,7 +149,7 @@ void EmbreeMaps::Packet::aim(const MapRequest& request, const TexelRays& texels,
   const int columns = std::min(shape.width, request.view.width - x0),
             rows = std::min(shape.height, request.view.height - y0);
   for (int i = 0; i < kRays; ++i) {
-    rays.ray.tfar[i] = far_m / length[i];
+    rays.ray.tfar[i] = far_m;
     valid[i] = (x[i] < columns) & (y[i] < rows) ? -1 : 0;
     slot[i] = kNoOccluder;
   }
@@ -242,7 +242,7 @@ void EmbreeMaps::take_sight(const SceneMirror& mirror, const MapRequest& request
   const float length = glm::length(direction);
   const RayCone cone{.axis = direction / length};
   const TopScene& top = fixed_->top;
-  SingleRay ray(request, static_cast<float>(request.far_m) / length);
+  SingleRay ray(request, static_cast<float>(request.far_m));
   uint32_t slot = kNoOccluder;
   const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone)
                                               ? request.ignored_slots

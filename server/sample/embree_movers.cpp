@@ -108,7 +108,7 @@ void EmbreeMovers::find(const SceneMirror& mirror, const MapRequest& request, co
   const Centers& centers = centers_in(mirror, request.ahead_s);
   const glm::dvec3& eye_m = request.view.eye_m;
   const glm::vec3 eye(eye_m - anchor_m_);
-  const auto far_m = static_cast<float>(request.far_m);
+  const auto far_m = static_cast<float>(request.far_m * longest_direction(request.view));
   const float margin_m = kRounding * (std::abs(eye.x) + std::abs(eye.y) + std::abs(eye.z));
   mark(centers, eye, cone, far_m, margin_m);
   for (size_t i = 0; i < slots_.size(); ++i) {

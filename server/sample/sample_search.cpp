@@ -32,16 +32,9 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
   draw_shown(list);
 }
 
-// Depths are along the view axis, the far end is a distance from the eye.
 void SampleSearch::hide_beyond_far() {
   const MapView& view = request_->view;
-  hidden_from_m_.assign(static_cast<size_t>(view.width) * view.height, std::numeric_limits<float>::infinity());
-  if (std::isinf(request_->far_m)) return;
-  const auto far_m = static_cast<float>(request_->far_m * (1.0 + kHidingMargin));
-  for (int y = 0; y < view.height; ++y)
-    for (int x = 0; x < view.width; ++x)
-      hidden_from_m_[static_cast<size_t>(y * view.width + x)] =
-          far_m / glm::length(glm::vec3(texel_direction(view, x, y)));
+  hidden_from_m_.assign(static_cast<size_t>(view.width) * view.height, static_cast<float>(request_->far_m * (1.0 + kHidingMargin)));
 }
 
 bool SampleSearch::later(const Waiting& a, const Waiting& b) {

@@ -18,7 +18,7 @@ namespace sightline {
 class SampleSearch {
  public:
   // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels and
-  // kHidingMargin, of those that are no farther than request.far_m. `table` has taken in `mirror` as it is, up to request.ahead_s.
+  // kHidingMargin, of those that are no deeper than request.far_m. `table` has taken in `mirror` as it is, up to request.ahead_s.
   void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request, DrawList& list);
 
  private:

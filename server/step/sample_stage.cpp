@@ -262,14 +262,14 @@ void plan_sights(const StepContext& step, SamplePlan& plan) {
     plan.views.push_back(plan_sight(point_m, position_on_course_m(step)));
 }
 
-// The greatest distance from the eye of any position that is looked up in this step's maps. Candidates lie in the
-// bound, and the camera moves by one step at most. Candidates of pair volumes may lie anywhere before their far plane.
-double far_m(const SampleInput& in, const SamplePlan& plan, const glm::dvec3& eye_m) {
+// The greatest depth of any position that is looked up in this map. Candidates lie in the bound, and the camera moves by one step at most.
+// Candidates of pair volumes may lie anywhere before their far plane.
+double far_m(const SampleInput& in, const SamplePlan& plan, const MapView& view) {
   if (plan.pair.used) return std::numeric_limits<double>::infinity();
   const CameraState& camera = in.step.camera;
   const double speed_mps = std::max(in.step.input.limits.max_speed_mps, glm::length(camera.velocity_mps));
-  const double bound_m = glm::distance(eye_m, in.bound.center_m) + in.bound.radius_m;
-  const double camera_m = glm::distance(eye_m, camera.pose.position_m) + speed_mps * in.step.move_s;
+  const double bound_m = glm::dot(view.eye_m - in.bound.center_m, view.world_from_view[2]) + in.bound.radius_m;
+  const double camera_m = glm::distance(view.eye_m, camera.pose.position_m) + speed_mps * in.step.move_s;
   return beyond_all_m(std::max(bound_m, camera_m));
 }
 
@@ -279,7 +279,7 @@ void request(const SampleInput& in, const Sampled& sampled, double ahead_s, Samp
       plan.requests[view] = {.view = plan.views[view],
                              .layer_mask = in.step.input.targets[target].layer_mask,
                              .ahead_s = ahead_s,
-                             .far_m = far_m(in, plan, plan.views[view].eye_m),
+                             .far_m = far_m(in, plan, plan.views[view]),
                              .ignored_slots = in.step.targets.ignored_slots[target]};
     };
     const MapRange& points = sampled.points_of_target[target];

@@ -167,6 +167,25 @@ TEST(LookUp, TheRayThatPassesNearestDecides) {
   EXPECT_GT(at_the_edge, 50) << "where no ray passes within half a texel";
 }
 
+// However coarse the map is.
+TEST(LookUp, AWallAcrossTheViewHidesExactlyWhatIsBehindIt) {
+  CounterRandom random(10, 0, RandomPurpose::kTest);
+  for (int trial = 0; trial < 3000; ++trial) {
+    const double wall_m = random.next_in(0.5, 9);
+    DepthMap map;
+    map.view.width = map.view.height = 1 + static_cast<int>(random.next_below(6));
+    map.view.jitter = {random.next_unit(), random.next_unit()};
+    for (int y = 0; y < map.view.height; ++y)
+      for (int x = 0; x < map.view.width; ++x)
+        map.distance_m.push_back(static_cast<float>(wall_m * glm::length(texel_direction(map.view, x, y))));
+    map.occluder.assign(map.distance_m.size(), 5);
+    const double depth_m = wall_m + random.next_in(-0.01, 0.01);
+    const glm::dvec3 place_m(random.next_in(-depth_m, depth_m), random.next_in(-depth_m, depth_m), -depth_m);
+    if (std::abs(depth_m - wall_m) < 1e-5) continue;
+    EXPECT_EQ(look_up(std::span(&map, 1), place_m, 0.0).visible, depth_m < wall_m) << trial;
+  }
+}
+
 TEST(LookUp, HiddenIsHiddenByWhatStaysWhenNothingPasses) {
   CounterRandom random(6, 0, RandomPurpose::kTest);
   const Case c = random_case(random);
@@ -208,16 +227,16 @@ TEST(LookUp, PortableAndVectorisedLookupsAgree) {
     Case c = random_case(random);
     add_places_on_edges(random, c);
     const PlaceExtent extent = extent_of(c.places);
-    std::vector<float> limits_m2;
+    std::vector<float> limits_m;
     std::vector<PreparedMap> maps;
-    for (const DepthMap& map : c.maps) maps.push_back(prepare_map(map, extent, c.bias, c.passes, limits_m2));
+    for (const DepthMap& map : c.maps) maps.push_back(prepare_map(map, extent, c.bias, c.passes, limits_m));
     PlaceTile tile;
     for (size_t first = 0; first < c.places.size(); first += kTilePlaces) {
       fill_tile(c.places, first, extent.middle_m, tile);
       std::array<std::array<uint8_t, kTilePlaces + PlaceTile::kTilePad>, 2> sights;
       for (size_t k = 0; k < maps.size(); ++k) {
-        look_at_map(maps[k], limits_m2.data(), tile, k == 0, sights[0].data());
-        look_at_map_plainly(maps[k], limits_m2.data(), tile, k == 0, sights[1].data());
+        look_at_map(maps[k], limits_m.data(), tile, k == 0, sights[0].data());
+        look_at_map_plainly(maps[k], limits_m.data(), tile, k == 0, sights[1].data());
       }
       for (size_t i = 0; i < tile.count; ++i)
         for (const auto& way : sights)

@@ -239,7 +239,10 @@ TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
         const auto texel = texel_of(maps[target].view, place);
         const glm::dvec3 direction =
             exact || !texel ? place - eye : texel_direction(maps[target].view, texel->x, texel->y);
-        const auto shown = shows(scene.boxes, eye, direction, glm::distance(eye, place));
+        // As far along that ray as the candidate is deep.
+        const glm::dvec3 axis = -maps[target].view.world_from_view[2];
+        const double depth = glm::dot(place - eye, axis) / glm::dot(direction, axis);
+        const auto shown = shows(scene.boxes, eye, direction, depth * glm::length(direction));
         if (!shown || (!exact && !texel)) {
           ++hairs;
           continue;

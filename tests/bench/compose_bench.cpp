@@ -104,13 +104,13 @@ template <auto kLookAt>
 void one_map(benchmark::State& state) {
   const Scene scene(kTilePlaces, 1, 1, static_cast<int>(state.range(0)));
   const PlaceExtent extent = extent_of(scene.place_m);
-  std::vector<float> limits_m2;
-  const PreparedMap map = prepare_map(scene.maps[0], extent, kBias, {}, limits_m2);
+  std::vector<float> limits_m;
+  const PreparedMap map = prepare_map(scene.maps[0], extent, kBias, {}, limits_m);
   PlaceTile tile;
   fill_tile(scene.place_m, 0, extent.middle_m, tile);
   std::array<uint8_t, kTilePlaces + PlaceTile::kTilePad> sights;
   for (auto _ : state) {
-    kLookAt(map, limits_m2.data(), tile, true, sights.data());
+    kLookAt(map, limits_m.data(), tile, true, sights.data());
     benchmark::DoNotOptimize(sights);
   }
 }

@@ -46,9 +46,7 @@ struct Filming {
   // Every viewpoint sees target `i` except those in `hidden`, and those farther out in the same directions.
   void look(size_t i, const std::set<size_t>& hidden) {
     RoundMaps maps(center(), 64);
-    for (const size_t place : hidden)
-      *maps.texel(center() + viewpoints.offset_m(place)) =
-          static_cast<float>(glm::length(viewpoints.offset_m(place)) - 0.1);
+    for (const size_t place : hidden) maps.hide(center() + viewpoints.offset_m(place), 0.1);
     viewpoints.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {

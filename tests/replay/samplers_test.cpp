@@ -32,7 +32,8 @@ class BothSampler final : public Sampler {
     for (size_t i = 0; i < maps.size(); ++i) {
       // Surfaces beyond the requested depth need not be found.
       const auto seen = [far_m = requests[i].far_m](const DepthMap& map, size_t texel) {
-        return map.distance_m[texel] <= far_m ? map.occluder[texel] : kNoOccluder;
+        const int width = map.view.width, x = static_cast<int>(texel) % width, y = static_cast<int>(texel) / width;
+        return map.depth_at(x, y) <= far_m ? map.occluder[texel] : kNoOccluder;
       };
       uint64_t same = 0;
       for (size_t k = 0; k < maps[i].occluder.size(); ++k) same += seen(maps[i], k) == seen(others_[i], k);

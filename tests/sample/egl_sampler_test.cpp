@@ -114,11 +114,12 @@ TEST(EglSamplerTest, AMapThatEndsShowsAllThatIsNearer) {
     ASSERT_TRUE(sampler->take(mirror, requests, ended));
     for (size_t i = 0; i < endless.size(); ++i)
       for (size_t texel = 0; texel < endless[i].distance_m.size(); ++texel) {
-        const bool is_nearer = endless[i].distance_m[texel] <= far_m;
+        const int width = endless[i].view.width, x = static_cast<int>(texel) % width, y = static_cast<int>(texel) / width;
+        const bool is_nearer = endless[i].depth_at(x, y) <= far_m;
         nearer += is_nearer;
         left_out += ended[i].occluder[texel] == kNoOccluder && endless[i].occluder[texel] != kNoOccluder;
         if (!is_nearer) {
-          EXPECT_GT(ended[i].distance_m[texel], far_m);  // nothing, or another instance beyond the limit
+          EXPECT_GT(ended[i].depth_at(x, y), far_m);  // nothing, or another instance beyond the limit
           continue;
         }
         EXPECT_EQ(ended[i].occluder[texel], endless[i].occluder[texel]);
