@@ -25,8 +25,8 @@ struct Sight {
   uint32_t occluder = kNoOccluder;  // mirror slot of the occluder when known and not visible
 };
 
-// Returns whether `point_m` sees the point from which the maps were taken. It does when its depth is at most that of the texel whose ray
-// passes nearest to it (see sample/depth_map.h).
+// Returns whether `point_m` sees the point from which the maps were taken: by the ray that passes nearest to `point_m` (see
+// sample/depth_map.h).
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
 
 // A tile of candidates and what they see. Keep this scratch memory of 13 KiB on the stack: a thread's stack is in the cache, where the

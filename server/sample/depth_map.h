@@ -1,9 +1,10 @@
 // Depth maps, taken from points on targets towards the bound (paper 3.2).
 //
-// Each texel holds the distance along its ray to the first occluder, and which occluder that is. A candidate camera position counts as
-// seeing the point when it is no deeper, along the view axis, than the occluder of the ray that passes nearest to it. With depths, walls and
-// floors at right angles to the view axis, as those of most levels are to the faces of a cube map, hide exactly what is behind them. With
-// distances along the ray, places close behind them would seem to see the point.
+// Each texel holds the distance along its ray to the first occluder, and which occluder that is. The ray that passes nearest to a candidate
+// camera position decides whether it sees the point: if the candidate is no deeper, along the view axis, than the ray's occluder.
+//
+// Depths are compared because walls and floors at right angles to the view axis then hide exactly what is behind them. Most of a level's are
+// at right angles to a face of a cube map. If distances were compared, candidates close behind a wall would seem to see the point.
 #pragma once
 
 #include <cstdint>
