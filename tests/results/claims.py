@@ -1,5 +1,6 @@
 """The claims about the results. A claim is computed from the tables alone; no outcome is written down here."""
 import collections
+import math
 import operator
 
 from figures import distinct, find, greatest, mean, number, of_shared_seeds, over_seeds, percent, select, total, weighted_mean
@@ -181,9 +182,10 @@ def _against(runs, rival, name, what, better, best, show):
         if own is None or other is None:
             continue
         scenes.append(scene)
-        if own == other != best:
+        ties = math.isclose(own, other, abs_tol=1e-6)  # the tables are rounded
+        if ties and other != best:
             equal.append(f"{scene} ({show(own)})")
-        elif own != other and not better(own, other):
+        elif not ties and not better(own, other):
             failing.append(f"{scene} ({show(own)} against {show(other)})")
     return _in_scenes(f"Every scene: {what} than {rival}", scenes, failing, equal)
 
