@@ -25,9 +25,10 @@ std::optional<ObservedCamera> nothing(const Replies&) {
 // Two people walk at 3 m/s, in bends, and are filmed with the default preset.
 class Walk {
  public:
-  explicit Walk(const Convention& convention = {})
+  explicit Walk(const Convention& convention = {}, bool searches_viewpoints = true)
       : game_([&](SessionOptions& options) {
           options.settings = preset_settings(Preset::kSightline);
+          options.settings.move.search_viewpoints = searches_viewpoints;
           options.convention = convention;
         }) {}
 
@@ -148,6 +149,7 @@ class Smoothed {
   Pose pose_;
 };
 
+// The shot stays the same, because another one, as good, may be 1.6 m farther away.
 TEST(ObservedCamera, ASuggestionLeadsAClientThatSmooths) {
   constexpr int kTicks = 1700;  // the people walk 85 m
   const auto mean_distance_m = [](const Replies& replies) {
@@ -156,13 +158,13 @@ TEST(ObservedCamera, ASuggestionLeadsAClientThatSmooths) {
       sum += glm::distance(place_of(replies[i]), Walk::middle_m(static_cast<double>(i + 1) * kTickS));
     return sum / static_cast<double>(replies.size());
   };
-  Walk free;
+  Walk free({}, false);
   const double free_m = mean_distance_m(free.play(kTicks, nothing));
   for (const double time_constant_s : {0.1, 0.2, 0.3}) {
-    Walk walk;
+    Walk walk({}, false);
     const Replies replies = walk.play(kTicks, Smoothed(time_constant_s));
     expect_within(walk.limits(), replies);
-    EXPECT_NEAR(mean_distance_m(replies), free_m, 1.0) << time_constant_s;
+    EXPECT_NEAR(mean_distance_m(replies), free_m, 0.1) << time_constant_s;
     EXPECT_GT(place_of(replies.back()).x, 75.0) << time_constant_s;
   }
 }
