@@ -240,7 +240,7 @@ void embree_single_rays(benchmark::State& state) {
   state.counters["p99_us"] = takes_us[takes_us.size() * 99 / 100];
 }
 
-// A take without triangles draws nothing. What is left is to make the context current and to release it.
+// A take without triangles draws nothing: the sampler only makes the context current and releases it.
 void egl_nothing(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});
