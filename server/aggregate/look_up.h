@@ -4,8 +4,8 @@
 // LookUp works in single precision, with one division for each candidate and map, and eight or sixteen candidates an instruction. Every
 // number has a bound of its rounding error. Where the error could change the answer, LookUp falls back to `look_up`. This happens to a few
 // candidates in 10,000: those about as near to another ray, and those close to the window's edge, to the eye's plane or to the texel's
-// depth. This is the floating-point filter of exact geometric predicates (Fortune & Van Wyk, "Static analysis yields efficient exact integer arithmetic
-// for computational geometry", 1996; Shewchuk, "Adaptive precision floating-point arithmetic", 1997).
+// depth. This is the floating-point filter of exact geometric predicates (Fortune & Van Wyk, "Static analysis yields efficient exact
+// integer arithmetic for computational geometry", 1996; Shewchuk, "Adaptive precision floating-point arithmetic", 1997).
 #pragma once
 
 #include <cstdint>
