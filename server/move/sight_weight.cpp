@@ -31,6 +31,11 @@ double effective_count(std::span<const double> sight_weights) {
   return sum > 0 ? sum * sum / sum_of_squares : 0.0;
 }
 
+double several_factor(double count) {
+  constexpr double kMost = 3.0;
+  return std::clamp(count / 2, 1.0, kMost);
+}
+
 double picture_loss(double hidden_share, double count) {
   constexpr double kNotWhole = 0.5;
   const double several = std::max(1.0, count / 2);

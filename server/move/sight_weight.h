@@ -19,6 +19,11 @@ inline double sight_weight(const TrackedTarget& target, double optional_share) {
 // The number of equal targets that share their weight as these do: (sum w)^2 / sum w^2. Targets of little weight hardly count. 0 without a weight.
 double effective_count(std::span<const double> sight_weights);
 
+// Hidden shares are means over the targets, so a part of one target counts the less, the more targets there are. Times this factor, [1, 3], a part costs
+// as much from three targets on as with two. It has a bound, because a camera with very many targets would never be calm. `count` is
+// effective_count(), >= 0.
+double several_factor(double count);
+
 // How much a picture lacks, [0, 1], from which `hidden_share`, [0, 1], of the targets is hidden. `count` is effective_count(), >= 0. A picture in which
 // one target is not whole is nearly as bad as one in which half of it is hidden. So up to half of the loss is reached when half of an average target is hidden, and
 // the rest grows with the share. It is up to half with one or two targets. With more targets it is less, by the square of their number: few places show

@@ -57,21 +57,14 @@ void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& cle
 
 // ---- the flight plan ----
 
-// Hidden shares are means over the targets, so a part of one target counts the less, the more targets there are. From three targets on, this
-// factor makes up for that: a part costs as much as with two. It has a bound, because a camera with very many targets would never be calm.
-// The distance from the desired position then counts less, by the square of the factor. Few places show many targets. A camera that is
-// drawn away from them again and again does not show them, and is not calm.
-double several_factor(const TargetsNow& targets) {
-  constexpr double kMost = 3.0;
-  return std::clamp(effective_count(targets.sight_weights) / 2, 1.0, kMost);
-}
-
 class PlanPricer {
  public:
   PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
       : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
         lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
-    const double factor = several_factor(in.step.targets);
+    // The distance from the desired position counts less, by the square of the factor. Few places show many targets. A camera that is drawn away
+    // from them again and again does not show them, and is not calm.
+    const double factor = several_factor(effective_count(in.step.targets.sight_weights));
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, effective_count(in.step.targets.sight_weights)));

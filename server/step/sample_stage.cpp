@@ -4,8 +4,10 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <span>
 
 #include "server/base/random.h"
+#include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -140,12 +142,28 @@ glm::dvec3 turned(const glm::dvec3& v, double rad) {
   return {c * v.x + s * v.z, v.y, c * v.z - s * v.x};
 }
 
+glm::dvec3 box_middle_m(const Instance& instance) {
+  return transform_point(instance.world_from_instance, glm::dvec3(instance.geometry->bounds.center()));
+}
+
+// How far to move a point of a target, given its offset from the target's middle, so that the plan takes the target to be wider and taller than it
+// is. A place that would just see the whole target is no good: the camera and the target come by a little elsewhere, and places lie apart.
+// The margin is not below the target, where the ground is. With `several` (several_factor) targets it is smaller, since few places show them all.
+glm::dvec3 margin_m(const glm::dvec3& from_middle_m, double several) {
+  constexpr double kWiderM = 0.35, kTallerM = 0.45;
+  const double out_m = std::hypot(from_middle_m.x, from_middle_m.z);
+  const double wider = out_m > kWiderM ? kWiderM / out_m : 1.0;
+  const double taller_m = std::clamp(from_middle_m.y / 2, 0.0, kTallerM);
+  return glm::dvec3(wider * from_middle_m.x, taller_m, wider * from_middle_m.z) / several;
+}
+
 // Picks the points of the targets at the slices that are due. In each slice all targets go on as predicted or turn to one side, by
 // chance, since people do turn. The estimates of several steps together hold every way that they may go.
 class SlicePicker {
  public:
   SlicePicker(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan)
-      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kTurn) {}
+      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kTurn),
+        several_(several_factor(effective_count(in.step.targets.sight_weights))) {}
 
   void pick() {
     const MoveSettings& settings = in_.step.input.settings.move;
@@ -187,11 +205,15 @@ class SlicePicker {
                         .moved_m = way_m,
                         .round = in_.step.input.tick + slice.due.slice,
                         .count = std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points))};
-    add_points(slice.sampled.points_m, scratch_.picker.pick(scene, in_.step.targets.pieces[i], view), [&](uint32_t slot) {
+    std::vector<glm::dvec3>& points_m = slice.sampled.points_m;
+    const size_t first = points_m.size();
+    add_points(points_m, scratch_.picker.pick(scene, in_.step.targets.pieces[i], view), [&](uint32_t slot) {
       Affine then = scene.instances()[slot].world_from_instance;
       then[3] += way_m;
       return then;
     });
+    const glm::dvec3 middle_m = box_middle_m(scene.instances()[in_.step.targets.pieces[i].front().slot]) + way_m;
+    for (glm::dvec3& point_m : std::span(points_m).subspan(first)) point_m += margin_m(point_m - middle_m, several_);
   }
   // The part of a predicted way that leads through no wall.
   glm::dvec3 free_way(const glm::dvec3& from_m, const glm::dvec3& way_m) const {
@@ -208,6 +230,7 @@ class SlicePicker {
   SampleScratch& scratch_;
   SamplePlan& plan_;
   CounterRandom random_;
+  const double several_;
   std::array<double, kSlices> turns_rad_{};
 };
 

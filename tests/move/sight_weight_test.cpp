@@ -57,6 +57,13 @@ TEST(SightWeight, TargetsOfLittleWeightHardlyCount) {
   EXPECT_NEAR(effective_count(Weights{1, 1, 0.01, 0.01, 0.01}), 2.0, 0.07);
 }
 
+TEST(SightWeight, APartOfOneOfSeveralTargetsCountsAsMuchAsWithTwo) {
+  EXPECT_EQ(several_factor(0), 1.0);
+  EXPECT_EQ(several_factor(1), 1.0);
+  for (const double count : {2.0, 3.0, 4.5, 6.0}) EXPECT_DOUBLE_EQ(several_factor(count) / count, 1.0 / 2) << count;
+  EXPECT_EQ(several_factor(32), 3.0) << "bounded";
+}
+
 // From one candidate a single required target is hidden, from the other all optional ones are.
 TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
   CounterRandom random(24, 0, RandomPurpose::kTest);

@@ -1,6 +1,9 @@
 // The camera moves before a target is hidden, because its flight plan knows from where the target will be seen.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "tests/support/filming.h"
 
 namespace sightline::test {
@@ -48,6 +51,44 @@ TEST(Anticipation, IsWorthMoreThanAnswering) {
   RoundACorner answers;
   answers.settings.move.prediction_s = 0;
   EXPECT_GT(answers.hidden_steps(), RoundACorner().hidden_steps() + 6) << "without a prediction it comes too late";
+}
+
+// The extremes of the points from which a plan's maps are taken, relative to the target's middle.
+struct PointsOfPlan {
+  double aside_m = 0, above_m = 0, below_m = 0;
+};
+PointsOfPlan points_of_plan(size_t targets) {
+  World world;
+  world.settings = Filming().settings;
+  world.place({0, 3, 9}, {0, 1, 0});
+  for (size_t i = 0; i < targets; ++i) world.add_target(1 + i, {0, 1, 0});
+  PointsOfPlan extremes;
+  for (int i = 0; i < 200; ++i) {
+    world.step(1.0 / 60);
+    for (const SampledSlice& slice : world.dump().plan.slices)
+      for (const glm::dvec3& point : slice.sampled.points_m) {
+        extremes.aside_m = std::max(extremes.aside_m, std::hypot(point.x, point.z));
+        extremes.above_m = std::max(extremes.above_m, point.y - 1);
+        extremes.below_m = std::max(extremes.below_m, 1 - point.y);
+      }
+  }
+  return extremes;
+}
+
+// A capsule of 0.3 m by 0.9 m, standing.
+TEST(Anticipation, PlansForTargetsThatAreWiderAndTaller) {
+  const PointsOfPlan two = points_of_plan(2);
+  EXPECT_NEAR(two.aside_m, 2 * 0.3, 0.02);
+  EXPECT_NEAR(two.above_m, 1.5 * 0.9, 0.05);
+  EXPECT_LE(two.below_m, 0.9 + 1e-6) << "the ground is there";
+}
+
+TEST(Anticipation, ManyTargetsHaveASmallerMargin) {
+  const PointsOfPlan four = points_of_plan(4), eight = points_of_plan(8);
+  EXPECT_NEAR(four.aside_m, 1.5 * 0.3, 0.02);
+  EXPECT_NEAR(four.above_m, 1.25 * 0.9, 0.05);
+  EXPECT_NEAR(eight.aside_m, 4.0 / 3 * 0.3, 0.02);
+  EXPECT_NEAR(eight.above_m, 7.0 / 6 * 0.9, 0.05);
 }
 
 }  // namespace
