@@ -146,9 +146,10 @@ glm::dvec3 box_middle_m(const Instance& instance) {
   return transform_point(instance.world_from_instance, glm::dvec3(instance.geometry->bounds.center()));
 }
 
-// How far to move a point of a target, given its offset from the target's middle, so that the plan takes the target to be wider and taller than it
-// is. A place that would just see the whole target is no good: the camera and the target come by a little elsewhere, and places lie apart.
-// The margin is not below the target, where the ground is. With `several` (several_factor) targets it is smaller, since few places show them all.
+// By how much to move a point of a target, given its offset from the target's middle, so that the plan takes the target to be wider and taller
+// than it is. A place that only just shows the whole target soon loses it, because the camera and the target never pass exactly where they were
+// expected, and because places lie apart. There is no margin below the target, where the ground is. With several targets (`several` is
+// several_factor) the margin is smaller, since few places show them all.
 glm::dvec3 margin_m(const glm::dvec3& from_middle_m, double several) {
   constexpr double kWiderM = 0.35, kTallerM = 0.45;
   const double out_m = std::hypot(from_middle_m.x, from_middle_m.z);

@@ -1,7 +1,7 @@
 """The page about levels and situations, levels.md: what the default does where nothing was tuned."""
 import json
 
-from claims import RIVALS, rarely_blind_claim, scene_claims, verdict
+from claims import RIVALS, ceiling_claims, rarely_blind_claim, scene_claims, verdict
 from figures import distinct, greatest, markdown, mean, number, percent, read_table, select, total
 from scene_tables import ceiling_part
 
@@ -15,6 +15,9 @@ def levels_page(folder, ceilings):
     parts = [introduction(how)] + notes(folder)
     for prefix, title in GROUPS:
         parts += group_parts(title, of_group(runs, prefix), of_group(ceilings, prefix))
+    study = folder / "scenes.csv"
+    if study.exists():
+        parts += all_scenes_part(read_table(study) + runs, ceilings)
     uses = folder / "uses.csv"
     if uses.exists():
         parts.append(uses_part(read_table(uses), runs, former_runs(folder)))
@@ -59,6 +62,14 @@ def group_parts(title, runs, ceilings):
 """ + markdown(["<scene", *RIVALS, "sightline", "r_N", "blind s", "with a way s", "at a_max", "RMS jerk m/s³", "goal jumps /s", "collisions"],
                [scene_row(scene, select(runs, scene=scene)) for scene in distinct(runs, "scene")])
     return [text] + [part.replace("## What is possible", "### What is possible") for part in ceiling_part(ceilings, runs)]
+
+
+def all_scenes_part(runs, ceilings):
+    """The part about these scenes and those of the results page together; none without a ceiling."""
+    if not ceilings:
+        return []
+    _, claim = ceiling_claims(runs, ceilings, "all scenes, those of the results page included")
+    return ["## All scenes with a ceiling\n\n" + markdown(["<claim", "<verdict", "<figure"], [[claim.text, verdict(claim), claim.figure]])]
 
 
 def scene_row(scene, runs):

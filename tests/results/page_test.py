@@ -335,6 +335,12 @@ class Levels(unittest.TestCase):
         self.assertEqual(["**holds**" in line for line in blind], [True, False, False])
         self.assertIn("in 0 of 1 scenes; not in lift (30.00 %)", blind[2])
 
+    def test_the_mean_of_all_scenes_counts_those_of_the_results_page(self):
+        ceilings = [{"scene": scene, "seed": 1.0, "joint_visible_share": share, "most_joint": 1.0} for scene, share in (("level-one", 1.0), ("hall", 0.5))]
+        page = self.page([run("level-one", "sightline", 1.0, 0.9, 1.0)], ceilings, scenes=[run("hall", "sightline", 1.0, 0.4, 1.0)])
+        self.assertIn("90 % of the ceiling's joint share | **does not hold** | 85.0 % over 2 scenes |", page)
+        self.assertNotIn("All scenes with a ceiling", self.page([run("level-one", "sightline", 1.0, 0.9, 1.0)], scenes=[run("hall", "sightline", 1.0, 0.4, 1.0)]))
+
     def test_its_notes_stand_before_the_groups(self):
         self.assertNotIn("Lift: waits", self.page([run("lift", "sightline", 1.0, 0.5, 1.0)]))
         page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0)], notes="- Lift: waits.")
