@@ -213,6 +213,7 @@ class SlicePicker {
       then[3] += way_m;
       return then;
     });
+    // The middle of its first piece, not of all, which would swing with every limb.
     const glm::dvec3 middle_m = box_middle_m(scene.instances()[in_.step.targets.pieces[i].front().slot]) + way_m;
     for (glm::dvec3& point_m : std::span(points_m).subspan(first)) point_m += margin_m(point_m - middle_m, several_);
   }

@@ -57,11 +57,10 @@ TEST(Anticipation, IsWorthMoreThanAnswering) {
 struct PointsOfPlan {
   double aside_m = 0, above_m = 0, below_m = 0;
 };
-PointsOfPlan points_of_plan(size_t targets) {
-  World world;
+// The targets' middle is at (0, 1, 0).
+PointsOfPlan points_of_plan(World& world) {
   world.settings = Filming().settings;
   world.place({0, 3, 9}, {0, 1, 0});
-  for (size_t i = 0; i < targets; ++i) world.add_target(1 + i, {0, 1, 0});
   PointsOfPlan extremes;
   for (int i = 0; i < 200; ++i) {
     world.step(1.0 / 60);
@@ -75,20 +74,36 @@ PointsOfPlan points_of_plan(size_t targets) {
   return extremes;
 }
 
-// A capsule of 0.3 m by 0.9 m, standing.
+// Capsules of 0.3 m by 0.9 m, standing.
+PointsOfPlan points_of_walkers(size_t targets) {
+  World world;
+  for (size_t i = 0; i < targets; ++i) world.add_target(1 + i, {0, 1, 0});
+  return points_of_plan(world);
+}
+
 TEST(Anticipation, PlansForTargetsThatAreWiderAndTaller) {
-  const PointsOfPlan two = points_of_plan(2);
+  const PointsOfPlan two = points_of_walkers(2);
   EXPECT_NEAR(two.aside_m, 2 * 0.3, 0.02);
   EXPECT_NEAR(two.above_m, 1.5 * 0.9, 0.05);
   EXPECT_LE(two.below_m, 0.9 + 1e-6) << "the ground is there";
 }
 
 TEST(Anticipation, ManyTargetsHaveASmallerMargin) {
-  const PointsOfPlan four = points_of_plan(4), eight = points_of_plan(8);
+  const PointsOfPlan four = points_of_walkers(4), eight = points_of_walkers(8);
   EXPECT_NEAR(four.aside_m, 1.5 * 0.3, 0.02);
   EXPECT_NEAR(four.above_m, 1.25 * 0.9, 0.05);
   EXPECT_NEAR(eight.aside_m, 4.0 / 3 * 0.3, 0.02);
   EXPECT_NEAR(eight.above_m, 7.0 / 6 * 0.9, 0.05);
+}
+
+TEST(Anticipation, LargeTargetsHaveAMarginInMetres) {
+  World world;
+  world.add_box(1, {0, 1, 0}, {2, 1.5, 2});
+  world.targets.resize(1);
+  world.targets[0].instance_id = 1;
+  const PointsOfPlan lorry = points_of_plan(world);
+  EXPECT_NEAR(lorry.aside_m, std::hypot(2, 2) + 0.35, 0.15);
+  EXPECT_NEAR(lorry.above_m, 1.5 + 0.45, 0.1);
 }
 
 }  // namespace
