@@ -167,6 +167,8 @@ class Bench {
       arguments.SetMaxReceiveMessageSize(-1);
       // They were good for the client's own connection.
       channel = grpc::CreateCustomChannel(address, *channel_credentials(credentials, address), arguments);
+      // gRPC 1.51 may fail its first try for no reason (its pull request 35064); this waits for the next one.
+      channel->WaitForConnected(std::chrono::system_clock::now() + kOpenTimeout);
     }
     const int64_t late_ns = to_ns(schedule_.interval_s());
     return *streams.emplace_back(std::make_unique<BenchStream>(loop_, channel, std::move(protocol), late_ns, credentials.token));

@@ -141,7 +141,11 @@ std::shared_ptr<grpc::Channel> connect(const std::string& address) {
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // a reader that stops takes 64 KiB, not megabytes
   arguments.SetMaxReceiveMessageSize(-1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  // gRPC 1.51 may overwrite the errno of connect() on a new thread, and then fails the first try for no reason (gRPC's
+  // pull request 35064). This waits for its next try.
+  channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  return channel;
 }
 
 v1::GetServerInfoResponse server_info(const std::shared_ptr<grpc::Channel>& channel) {

@@ -195,7 +195,10 @@ void live(const std::string& address, unsigned number, Clock::time_point end, Fi
     // A connection of its own, as another process would have.
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    const auto stub = v1::CameraControlService::NewStub(grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
+    const auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+    // The first try to connect may fail for no reason (see connect() in tests/service/service_world.cpp).
+    channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    const auto stub = v1::CameraControlService::NewStub(channel);
     const std::string scene = round % 3 == 1 ? upload(*stub, figures, 1000 * number + round) : "";
     const auto length = std::min<Clock::duration>(std::chrono::milliseconds(20'000 + random() % 20'000), end - Clock::now());
     Life(*stub, figures, number * 7919 + round).run(length, round % 2 == 1, scene);
