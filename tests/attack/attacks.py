@@ -325,7 +325,7 @@ def recording_folder():
 ATTACKS = [
     Attack(0, "no attack", "", nothing),
     Attack(1, "1,074 idle connections with 1,024 file descriptors, all closed again", "deaf until a restart; nothing logged",
-           idle_connections, limits={resource.RLIMIT_NOFILE: 1024}),
+           idle_connections, limits={"nofile": 1024}),
     Attack(2, "HTTP/2 rapid reset", "27 MB -> 2.9 GB and kept; others fail until 15 s after; 41 MB of log", rapid_resets),
     Attack(3, "gzip bombs", "512 MiB from 0.5 MB; all sessions frozen for 3.6 s", compressed_bombs),
     Attack(4, "a log that nobody reads", "opens hang, then every session and Health", unread_log, flags=("--log-level", "debug"),

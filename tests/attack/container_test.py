@@ -76,7 +76,7 @@ class Container(unittest.TestCase):
 
     def test_the_budgets_fit_it_together(self):
         with MemoryCgroup(MIB) as group:
-            text = subprocess.run([Daemon.path, "--print-config", "--sessions-memory-mib=300"], capture_output=True, text=True, preexec_fn=group.join).stdout
+            text = subprocess.run(group.inside([Daemon.path, "--print-config", "--sessions-memory-mib=300"]), capture_output=True, text=True).stdout
         budgets = {name: int(number) for name, number in re.findall(r"^([a-z-]+-mib)=(\d+)$", text, re.MULTILINE)}
         self.assertEqual(budgets["sessions-memory-mib"], 300, "what is set stays")
         self.assertGreater(budgets["transport-memory-mib"], 0)

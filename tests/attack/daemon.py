@@ -1,7 +1,6 @@
 """A daemon under attack, a healthy client beside it, and an attacker that writes HTTP/2 frames by hand."""
 import os
 import pathlib
-import resource
 import signal
 import socket
 import struct
@@ -21,7 +20,7 @@ HEALTH = "/grpc.health.v1.Health/"
 
 
 class Daemon:
-    """sightlined as a child process. `limits` are of setrlimit: {resource.RLIMIT_NOFILE: 1024}. Use it in a `with` statement."""
+    """sightlined as a child process. `limits` are flags of prlimit: {"nofile": 1024}. Use it in a `with` statement."""
 
     path = None  # of the program; the test's main sets it
     # Each daemon gets a control group with so much memory, as a container has; None: none does. A test's main sets it by `in_containers`.
@@ -34,15 +33,12 @@ class Daemon:
         self.log_path = pathlib.Path(self.folder.name, "log")
         self.stderr = stderr if stderr is not None else open(self.log_path, "wb")
 
-        def limit():
-            if self.group:
-                self.group.join()
-            for what, value in (limits or {}).items():
-                resource.setrlimit(what, (value, value))
-
-        self.process = subprocess.Popen(
-            [self.path, *listen, "--ready-file", str(self.ready), *(() if "--sampler" in arguments else ("--sampler", "embree")), *arguments],
-            stdout=subprocess.DEVNULL, stderr=self.stderr, preexec_fn=limit)
+        sampler = () if "--sampler" in arguments else ("--sampler", "embree")
+        command = [self.path, *listen, "--ready-file", str(self.ready), *sampler, *arguments]
+        # Programs set the limits, not a preexec_fn: that would fork, and gRPC's threads can make a fork of Python hang or crash.
+        if limits:
+            command = ["prlimit", *(f"--{name}={value}" for name, value in limits.items()), *command]
+        self.process = subprocess.Popen(self.group.inside(command) if self.group else command, stdout=subprocess.DEVNULL, stderr=self.stderr)
         if wait:
             self.wait_until_ready()
 

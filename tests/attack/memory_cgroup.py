@@ -24,9 +24,9 @@ class MemoryCgroup:
             self.close()
             raise
 
-    def join(self):
-        """The calling process, for what it starts next."""
-        (self.path / "cgroup.procs").write_text("0")
+    def inside(self, command):
+        """The command line that runs this command inside the group, under the same process id."""
+        return ["sh", "-c", 'echo 0 > "$0" && exec "$@"', str(self.path / "cgroup.procs"), *command]
 
     def close(self):
         # The kernel may need a moment to see that the last process has ended.

@@ -137,7 +137,7 @@ class Memory(unittest.TestCase):
     def test_a_start_without_memory_says_so(self):
         for mib in (60, 100, 200, 400, 800, 1600):
             with self.subTest(mib):
-                with Daemon(limits={resource.RLIMIT_AS: mib << 20}, wait=False) as daemon:
+                with Daemon(limits={"as": mib << 20}, wait=False) as daemon:
                     time.sleep(1.5)
                     if daemon.process.poll() is None:
                         self.assertEqual(daemon.stop(), 0)

@@ -33,7 +33,7 @@ class Transport(unittest.TestCase):
 
     def test_idle_connections_make_way_and_leave_the_daemon_listening(self):
         resource.setrlimit(resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
-        with Daemon(limits={resource.RLIMIT_NOFILE: 1024}) as daemon:
+        with Daemon(limits={"nofile": 1024}) as daemon:
             idle = [connect(daemon.address) for _ in range(1074)]
             time.sleep(0.5)
             self.assertTrue(server_info(daemon.address).version, "while they are open")
