@@ -37,7 +37,7 @@ constexpr Pace kHurried{};
 
 // A camera that has seen nobody for so long takes a way through the whole level, and searches it again after this time, since targets move. It
 // does so sooner if it hardly moves.
-constexpr double kBlindS = 5.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
+constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
 
