@@ -35,7 +35,10 @@ test::RecordedHallOptions golden_options() {
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
-  if (argc != 2) return 2;
+  if (argc != 2 || argv[1][0] == '-') {
+    std::fprintf(stderr, "Usage: make_golden FILE\n");
+    return 2;
+  }
   const auto sampler = sightline::make_embree_sampler_device();
   const auto hall = sightline::test::record_hall(*sampler, sightline::golden_options());
   if (testing::Test::HasFailure()) return 1;
