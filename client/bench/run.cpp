@@ -26,7 +26,7 @@ using namespace std::chrono_literals;
 
 constexpr size_t kDaemonSessions = 64;  // that the started daemon allows, unless the load or a flag asks for more
 constexpr auto kStartTimeout = 60s;
-constexpr auto kOpenTimeout = 60s;
+constexpr auto kOpenTimeout = 60s, kConnectTimeout = 5s;
 constexpr auto kSettleTimeout = 5s;  // for the answers to the last ticks
 constexpr auto kPoll = 5ms;
 constexpr auto kLongestWait = 100ms;  // between two updates of the progress bar
@@ -159,8 +159,8 @@ class Bench {
   // ---- sessions
 
   // Adds a stream. Every so many streams share a connection of their own, as the sessions of one game server would.
-  BenchStream& add_stream(const std::string& address, const ClientCredentials& credentials, BenchProtocol protocol, Streams& streams,
-                          std::shared_ptr<grpc::Channel>& channel) {
+  Status add_stream(const std::string& address, const ClientCredentials& credentials, BenchProtocol protocol, Streams& streams,
+                    std::shared_ptr<grpc::Channel>& channel) {
     if (streams.size() % options_.sessions_per_channel == 0) {
       grpc::ChannelArguments arguments;
       arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -168,17 +168,20 @@ class Bench {
       // They were good for the client's own connection.
       channel = grpc::CreateCustomChannel(address, *channel_credentials(credentials, address), arguments);
       // gRPC 1.51 may fail its first try for no reason (its pull request 35064); this waits for the next one.
-      channel->WaitForConnected(std::chrono::system_clock::now() + kOpenTimeout);
+      if (!channel->WaitForConnected(std::chrono::system_clock::now() + kConnectTimeout))
+        return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);
     }
     const int64_t late_ns = to_ns(schedule_.interval_s());
-    return *streams.emplace_back(std::make_unique<BenchStream>(loop_, channel, std::move(protocol), late_ns, credentials.token));
+    streams.push_back(std::make_unique<BenchStream>(loop_, channel, std::move(protocol), late_ns, credentials.token));
+    return {};
   }
 
   Status open_sessions(size_t first, size_t until) {
     for (size_t i = first; i < until; ++i) {
       v1::OpenSession open = world_->open(i, scene_hash_);
       open.MergeFrom(settings_);
-      add_stream(address_, credentials_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
+      const Status added = add_stream(address_, credentials_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
+      if (!added) return added;
     }
     for (size_t i = first; i < until; ++i) {
       bar_.show("open", i, options_.world.sessions);
@@ -209,9 +212,10 @@ class Bench {
   Status open_rest() {
     if (const Status opened = open_sessions(1, options_.world.sessions); !opened) return opened;
     std::shared_ptr<grpc::Channel> channel;
-    for (size_t i = 0; has_echo() && i < sessions_.size(); ++i)
-      add_stream(options_.echo, {}, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_,
-                 channel);
+    for (size_t i = 0; has_echo() && i < sessions_.size(); ++i) {
+      const Status added = add_stream(options_.echo, {}, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_, channel);
+      if (!added) return added;
+    }
     return {};
   }
 

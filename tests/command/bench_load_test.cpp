@@ -294,6 +294,9 @@ TEST_F(BenchCommandTest, WhatCannotBeLoadedIsAnErrorThatSaysWhy) {
   options_.preset = "magic";
   expect_error("magic");
   options_ = quick_options();
+  options_.echo = "unix:/nowhere/echo.sock";
+  expect_error("unavailable: address: no server answers at unix:/nowhere/echo.sock");
+  options_ = quick_options();
   options_.json = "/nowhere/bench.json";
   expect_error("/nowhere/bench.json");
 }
