@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # The tests of the service, of its threads and of what they share, under sanitizers: tests/sanitizers.sh [asan] [tsan] [daemon]
 #
-# Builds only what these tests need, into build/asan and build/tsan, and runs them, as many programs at a time as there are processors. Without
-# arguments it runs both sanitizers; `daemon` adds the tests that start the daemon, and those of sessions.
+# Builds only what these tests need, into build/asan and build/tsan, and runs them, as many parts of programs at a time as there are processors.
+# Without arguments it runs both sanitizers; `daemon` adds the tests that start the daemon, and those of sessions.
 #
 # AddressSanitizer comes with UndefinedBehaviorSanitizer, and every report fails. A report of ThreadSanitizer fails when it is about our code on
 # both sides: Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race (service/tsan_reports.py).
@@ -20,8 +20,20 @@ done
 [ ${#presets[@]} -gt 0 ] || presets=(asan tsan)
 deploy/install-packages.sh build
 
-test_program() { "build/$preset/bin/$1" --gtest_brief=1 || echo "$1" >>"$reports/failed"; }
-export -f test_program
+# Runs one part of a program's tests: test_part "PROGRAM INDEX". What failed is written down.
+test_part() {
+  read -r program index <<<"$1"
+  local log=$logs/$program.$index
+  GTEST_TOTAL_SHARDS=$parts GTEST_SHARD_INDEX=$index "build/$preset/bin/$program" --gtest_brief=1 2>&1 | tee "$log"
+  [ "${PIPESTATUS[0]}" != 0 ] || return 0
+  local failed=
+  # A program that was killed does not say how many tests ran, and then all of them run again.
+  ! grep -q '^\[=*\] .* ran' "$log" || failed=$(sed -n 's/^\[  FAILED  \] \([^ ,]*\.[^ ,]*\).*/\1/p' "$log" | sort -u | paste -sd:)
+  echo "$program ${failed:-*}" >>"$logs/failed"
+}
+export -f test_part
+parts=$(nproc)
+export parts
 
 for preset in "${presets[@]}"; do
   programs=(service_test gate_test schedule_test recorder_test)
@@ -31,20 +43,22 @@ for preset in "${presets[@]}"; do
   cmake --build --preset "$preset" --parallel "$(nproc)" --target "${programs[@]}"
   echo "== $preset: built in $SECONDS s"
   SECONDS=0
-  export preset reports=$PWD/build/$preset/reports
-  rm -rf "$reports"
-  mkdir -p "$reports"
-  touch "$reports/failed"
+  export preset reports=$PWD/build/$preset/reports logs=$PWD/build/$preset/logs
+  rm -rf "$reports" "$logs"
+  mkdir -p "$reports" "$logs"
+  touch "$logs/failed"
   export ASAN_OPTIONS=detect_stack_use_after_return=0:log_path=$reports/report
   export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1:log_path=$reports/report
   export TSAN_OPTIONS=suppressions=$PWD/tests/service/tsan.supp:exitcode=0:log_path=$reports/report
-  printf '%s\n' "${programs[@]}" | xargs -P "$(nproc)" -I PROGRAM bash -c 'test_program PROGRAM'
+  for program in "${programs[@]}"; do
+    for ((index = 0; index < parts; ++index)); do echo "$program $index"; done
+  done | xargs -P "$parts" -I PART bash -c 'test_part "PART"'
   # Everything is several times slower here. A test for which a busy machine had no time gets another try, alone; reports count in any case.
   failed=0
-  while read -r program; do
-    "build/$preset/bin/$program" --gtest_brief=1 || failed=1
-  done <"$reports/failed"
-  rm "$reports/failed"
+  while read -r program tests; do
+    echo "== $preset: $program --gtest_filter=$tests failed and gets another try"
+    "build/$preset/bin/$program" --gtest_brief=1 --gtest_filter="$tests" || failed=1
+  done <"$logs/failed"
   if [ "$preset" = tsan ]; then
     /usr/bin/python3 tests/service/tsan_reports.py "$reports" || failed=1
   elif [ -n "$(ls "$reports")" ]; then

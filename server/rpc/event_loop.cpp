@@ -18,8 +18,8 @@ constexpr std::chrono::microseconds kLongRest{100};
 
 }  // namespace
 
-EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue)
-    : queue_(std::move(queue)), thread_([this] { run(); }) {}
+EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now)
+    : queue_(std::move(queue)), now_(std::move(now)), thread_([this] { run(); }) {}
 
 // The queue is shut down only after the last call, because a call that is still stepping starts operations at its end.
 EventLoop::~EventLoop() {
@@ -39,7 +39,7 @@ void EventLoop::defer(std::shared_ptr<ShortTask> task) {
 }
 
 bool EventLoop::lags() const {
-  return std::chrono::steady_clock::now() - rested_ > kLongestBusy;
+  return now_() - rested_ > kLongestBusy;
 }
 
 void EventLoop::run_oldest() {
@@ -60,7 +60,7 @@ void EventLoop::call_ends() {
 
 // A ping comes through the queue like every other event, so it also shows a loop that hangs inside gRPC.
 std::chrono::steady_clock::duration EventLoop::silent() {
-  const auto now = std::chrono::steady_clock::now();
+  const auto now = now_();
   const std::lock_guard lock(ping_.mutex);
   if (ping_.owed) return now - ping_.since;
   ping_.owed = true;
@@ -86,11 +86,11 @@ bool EventLoop::next(Event*& event, bool& ok) {
   const gpr_timespec at_once = gpr_time_0(GPR_CLOCK_MONOTONIC), whenever = gpr_inf_future(GPR_CLOCK_MONOTONIC);
   for (;;) {
     const bool rests = deferred_.empty();
-    const auto before = std::chrono::steady_clock::now();
+    const auto before = now_();
     const CompletionQueue::NextStatus found = queue_->AsyncNext(&tag, &ok, rests ? whenever : at_once);
     after_long_rest_ = false;
     if (rests) {
-      const auto now = std::chrono::steady_clock::now();
+      const auto now = now_();
       if (now - before >= kLeastRest) rested_ = now;
       after_long_rest_ = now - before >= kLongRest;
     }
@@ -105,7 +105,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 
 void EventLoop::run() {
   ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
-  rested_ = std::chrono::steady_clock::now();
+  rested_ = now_();
   Event* event = nullptr;
   bool ok = false;
   while (next(event, ok)) {

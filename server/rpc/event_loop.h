@@ -16,6 +16,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -44,8 +45,10 @@ class ShortTask {
 
 class EventLoop {
  public:
-  // Starts the thread.
-  explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue);
+  using Clock = std::function<std::chrono::steady_clock::time_point()>;
+
+  // Starts the thread. `now` is called from any thread.
+  explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now = std::chrono::steady_clock::now);
   // When the queue belongs to a server, that server must have shut down. Returns once every call has ended and every
   // event was delivered.
   ~EventLoop();
@@ -86,6 +89,7 @@ class EventLoop {
   void run_oldest();
 
   const std::unique_ptr<grpc::CompletionQueue> queue_;
+  const Clock now_;
   // Used by the loop's thread only.
   std::deque<std::shared_ptr<ShortTask>> deferred_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do
