@@ -191,5 +191,15 @@ TEST(PrintedRows, StandUnderTheNamesOfTheirColumns) {
   EXPECT_EQ(printed({}, std::span(rows).first(1)), "  first" + gap(39) + gap(13) + "1" + gap(12) + "22\n");
 }
 
+TEST(FrameOfAReply, IsAJumpAfterACutOrATickTooLongToFly) {
+  v1::CameraReply plain, cut, capped;
+  for (v1::CameraReply* reply : {&plain, &cut, &capped}) reply->mutable_pose()->mutable_rotation()->set_w(1);
+  cut.set_cut(true);
+  capped.mutable_flags()->set_dt_capped(true);
+  EXPECT_FALSE(frame_of(plain, {}).jump);
+  EXPECT_TRUE(frame_of(cut, {}).jump);
+  EXPECT_TRUE(frame_of(capped, {}).jump);
+}
+
 }  // namespace
 }  // namespace sightline

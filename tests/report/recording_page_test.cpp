@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "client/report/digest.h"
-#include "client/report/figures.h"
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
 #include "client/report/placeholders.h"
@@ -494,16 +493,6 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
 }
 
 // Motion across a jump is no motion of the camera.
-TEST(FrameOfAReply, IsAJumpAfterACutOrATickTooLongToFly) {
-  v1::CameraReply plain, cut, capped;
-  for (v1::CameraReply* reply : {&plain, &cut, &capped}) reply->mutable_pose()->mutable_rotation()->set_w(1);
-  cut.set_cut(true);
-  capped.mutable_flags()->set_dt_capped(true);
-  EXPECT_FALSE(frame_of(plain, {}).jump);
-  EXPECT_TRUE(frame_of(cut, {}).jump);
-  EXPECT_TRUE(frame_of(capped, {}).jump);
-}
-
 TEST_F(ReportPage, PicturesComeWithTheTruthOfTheirFrames) {
   RecordingPageOptions options = plain();
   options.pictures = 3, options.picture_width = 64;
