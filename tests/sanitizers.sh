@@ -20,7 +20,7 @@ done
 [ ${#presets[@]} -gt 0 ] || presets=(asan tsan)
 deploy/install-packages.sh build
 
-# Runs one part of a program's tests: test_part "PROGRAM INDEX". What failed is written down.
+# Runs one part of a program's tests: test_part "PROGRAM INDEX". Writes what failed to $logs/failed: the program, and its tests as a --gtest_filter.
 test_part() {
   read -r program index <<<"$1"
   local log=$logs/$program.$index

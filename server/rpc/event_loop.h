@@ -47,7 +47,7 @@ class EventLoop {
  public:
   using Clock = std::function<std::chrono::steady_clock::time_point()>;
 
-  // Starts the thread. `now` is called from any thread.
+  // Starts the thread. `now` is monotonic. It is called from several threads at once, and until the destruction ends.
   explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now = std::chrono::steady_clock::now);
   // When the queue belongs to a server, that server must have shut down. Returns once every call has ended and every
   // event was delivered.

@@ -191,6 +191,7 @@ TEST(PrintedRows, StandUnderTheNamesOfTheirColumns) {
   EXPECT_EQ(printed({}, std::span(rows).first(1)), "  first" + gap(39) + gap(13) + "1" + gap(12) + "22\n");
 }
 
+// Motion across a jump is no motion of the camera.
 TEST(FrameOfAReply, IsAJumpAfterACutOrATickTooLongToFly) {
   v1::CameraReply plain, cut, capped;
   for (v1::CameraReply* reply : {&plain, &cut, &capped}) reply->mutable_pose()->mutable_rotation()->set_w(1);

@@ -492,7 +492,6 @@ TEST_F(ReportPage, SettingsAreTheWholeOfWhatWasInEffect) {
   EXPECT_TRUE(json_of("Lens: radians, vertical at the end").is_null());  // the lens did not change
 }
 
-// Motion across a jump is no motion of the camera.
 TEST_F(ReportPage, PicturesComeWithTheTruthOfTheirFrames) {
   RecordingPageOptions options = plain();
   options.pictures = 3, options.picture_width = 64;

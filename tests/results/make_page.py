@@ -125,8 +125,8 @@ Each scene is played at {how['rate_hz']} Hz with {how['seeds']} and Embree as th
 at 512 x 512 with an id for each body. Every {how['paper_every']}th frame of Tables 2 and 3 is judged, and every {how['scenes_every']}th of the scenes. Motion,
 collisions and reactions are judged at every frame. The headers in `client/truth` define the figures. *sightline* is the
 default; *paper* is the method as printed, with RobustMove, a prediction of 300 ms and the filter 6/10. The tables are `table1.csv`, `table2.csv`,
-`table3.csv` and `scenes.csv` (one row a run). Everything but times is the same on every run with the same seeds on
-machines of one kind; [on another](../replay/README.md), a bit may decide otherwise in a few runs.
+`table3.csv` and `scenes.csv` (one row a run). On machines of one kind, everything but times is the same
+on every run with the same seeds. [Machines of another kind](../replay/README.md) round differently, so a few runs may differ there.
 
 [Levels and situations](levels.md) shows the default in scenes that nothing was tuned in.
 """

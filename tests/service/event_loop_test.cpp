@@ -35,7 +35,7 @@ class TestClock {
   std::atomic<int64_t> us_{0}, per_look_us_{0};
 };
 
-// Of a clock that moves on by this with each look, every rest is a long one. A task that runs at once is not late.
+// When the clock moves on by this with each look, every rest is a long one, and a task that runs at once is not late.
 constexpr microseconds kLongRestPerLook{150};
 // Longer than a loop may be busy.
 constexpr milliseconds kTooLong{5};
@@ -241,7 +241,7 @@ TEST_F(EventLoopTest, LaterEventsAreReadBeforeMoreTasksRun) {
   EXPECT_TRUE(one_only);
 }
 
-// What held the loop up before it rested does not count.
+// After a rest, the loop is no longer late, whatever held it up before.
 TEST_F(EventLoopTest, TakesTasksAgainAfterARest) {
   Noted noted;
   Once(loop(), [&] {
