@@ -9,8 +9,9 @@
 namespace sightline {
 namespace {
 
-// From level to steep, so that the camera can look over heads, hedges and pillars.
-constexpr std::array<double, ViewpointMap::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15};
+// From level to almost overhead, so that the camera can look over heads, hedges and pillars, and down between obstacles. By default its
+// elevation is at most 1.4.
+constexpr std::array<double, ViewpointMap::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15, 1.37};
 constexpr std::array<double, ViewpointMap::kDistances> kDistanceShares = {0.4, 0.7, 1.0, ViewpointMap::kFarthestShare};
 
 size_t place_at(size_t azimuth, size_t elevation, size_t distance) {

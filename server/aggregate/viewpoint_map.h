@@ -20,7 +20,7 @@ namespace sightline {
 // Allocates only when targets are added. Not thread-safe. Deterministic.
 class ViewpointMap {
  public:
-  static constexpr size_t kAzimuths = 16, kElevations = 5, kDistances = 4;
+  static constexpr size_t kAzimuths = 16, kElevations = 6, kDistances = 4;
   static constexpr size_t kViewpoints = kAzimuths * kElevations * kDistances;
   // Distance of the farthest viewpoints as a multiple of the distance given to `follow`.
   static constexpr double kFarthestShare = 1.4;

@@ -15,6 +15,9 @@ using namespace test;
 
 const auto kAnywhere = [](const glm::dvec3&) { return true; };
 
+// Between viewpoints beside each other.
+constexpr size_t kNextElevation = ViewpointMap::kDistances, kNextAzimuth = ViewpointMap::kElevations * kNextElevation;
+
 // Targets around a centre at the origin, the viewpoints around them, the requested shot and the present one.
 struct Filming {
   std::vector<TrackedTarget> targets;
@@ -141,7 +144,7 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   EXPECT_EQ(film.choose(), 186u);
   EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(186); }), 86u)
       << "weighed, and only the change counts";
-  film.look(0, {86 + 20, 86 - 20});
+  film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth});
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
   film.settings.keep_shot_below = 0.6;
   EXPECT_EQ(film.choose(), 86u);
@@ -149,7 +152,7 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
 
 TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   Filming film;
-  film.look(0, {86 + 20, 86 - 20, 86 + 4, 86 - 4});  // the neighbours of a viewpoint in the middle ring, which itself sees the target
+  film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth, 86 + kNextElevation, 86 - kNextElevation});  // the neighbours of a viewpoint in the middle ring, which itself sees the target
   film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
   const auto only = [&](size_t a, size_t b) {
     return [&film, a, b](const glm::dvec3& offset) {
