@@ -152,7 +152,8 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
 
 TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   Filming film;
-  film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth, 86 + kNextElevation, 86 - kNextElevation});  // the neighbours of a viewpoint in the middle ring, which itself sees the target
+  // The neighbours of a viewpoint in a middle ring, which itself sees the target.
+  film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth, 86 + kNextElevation, 86 - kNextElevation});
   film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
   const auto only = [&](size_t a, size_t b) {
     return [&film, a, b](const glm::dvec3& offset) {
