@@ -9,8 +9,8 @@
 namespace sightline {
 namespace {
 
-// From level to almost overhead, so that the camera can look over heads, hedges and pillars, and down between obstacles. By default its
-// elevation is at most 1.4.
+// From level to almost overhead, so that the camera can look over heads, hedges and pillars, and down between obstacles. The camera's
+// greatest elevation is 1.4 by default.
 constexpr std::array<double, ViewpointMap::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15, 1.37};
 constexpr std::array<double, ViewpointMap::kDistances> kDistanceShares = {0.4, 0.7, 1.0, ViewpointMap::kFarthestShare};
 

@@ -382,6 +382,7 @@ uint64_t Session::memory_layout() {
   static const uint64_t number = [] {
     FieldLayout<StateFields> layout;
     layout(StateFields::Memory{});
+    layout(std::array<uint8_t, ViewpointMap::kViewpoints>{});  // shares of viewpoints have a meaning only among as many
     return layout.number();
   }();
   return number;

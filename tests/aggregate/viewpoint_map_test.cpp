@@ -257,8 +257,10 @@ TEST(ViewpointMap, LearnsFromRaysThatAWallHidesOneSide) {
   int hidden = 0;
   for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place) {
     const glm::dvec3 offset = viewpoints.offset_m(place);
-    const double x = offset.x, texel = 2.0 / 8 * std::max(std::abs(offset.y), std::abs(offset.z));
-    if (std::abs(x - 1) < texel) continue;
+    const double x = offset.x;
+    // The ray that decides passes up to half a texel away, across the view axis of its face. Only the axis x is at right angles to the wall.
+    const double texel_m = 2.0 / 8 * std::max(std::abs(offset.y), std::abs(offset.z));
+    if (std::abs(x - 1) < texel_m) continue;
     EXPECT_EQ(viewpoints.share(0, place), x > 1 ? 0.0f : 1.0f) << "x " << x;
     hidden += x > 1;
   }

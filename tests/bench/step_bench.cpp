@@ -1,5 +1,5 @@
 // Times a step on the city (280 K triangles), stage by stage: Table 1 of the paper. tests/bench/step_timing.h says what is timed. One row for each sampler, settings and resolution.
-// The longest step is the one that takes longest in each of three rounds of the same steps.
+// The column `longest` says how long the longest step takes without interruptions (see kRounds).
 //
 //   step_bench [--frames N] [--csv FILE]     N steps a row (default: 1200)
 //   step_bench --row embree,sightline,7      only this row, for a profiler
@@ -17,8 +17,8 @@
 namespace sightline {
 namespace {
 
-// The same steps are taken in each round. What interrupts the thread lengthens a step in one round, hardly ever the same step in all. So the
-// shortest time of each step over the rounds is its own, and the longest of these is the longest step.
+// The same steps are taken in each round. An interruption lengthens a step in one round, hardly ever the same step in all of them. So the
+// shortest time of each step over the rounds counts, and the longest of these belongs to the longest step.
 constexpr int kRounds = 3;
 
 struct RowTiming {

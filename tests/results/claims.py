@@ -23,6 +23,16 @@ def claim_if(text, needed, test, figure):
     return Claim(text, bool(test(*needed)), figure(*needed))
 
 
+# ---- table 1 ----
+
+def step_claims(table1):
+    """By sampler."""
+    return [claim_if(f"Default with {row['sampler']}: no step takes longer than three medians", [row["total_longest_ms"], row["total_p50_ms"]],
+                     lambda longest, median: longest <= 3 * median,
+                     lambda longest, median: f"{number(longest, 2)} ms, {number(longest / median, 1)} medians")
+            for row in select(table1, settings="default")]
+
+
 # ---- table 3 ----
 
 def stability_claims(table3):

@@ -9,7 +9,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-page=tests/results seeds=8 ceiling_seeds=2 frames=2000 rate=60 paper_every=4 scenes_every=10
+page=tests/results seeds=8 ceiling_seeds=3 frames=2000 rate=60 paper_every=4 scenes_every=10
 case "${1:-}" in
   "") ;;
   --seeds) seeds=$2 ;;
@@ -52,11 +52,11 @@ paper_settings 'stability'
 evaluate fence --scene fence --scene fence-board --truth-every "$paper_every" --policy sightline
 settings=() shown=""
 evaluate scenes --truth-every "$scenes_every"
-level_groups=(--group levels --group situations)
+level_groups=(--group levels)
 [ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles)
-evaluate levels --truth-every "$scenes_every" "${level_groups[@]}"
+evaluate levels --truth-every "$scenes_every" --group situations "${level_groups[@]}"
 # The ceiling needs several seconds for each second of a scene.
-seeds=$ceiling_seeds evaluate ceiling --truth-every "$scenes_every" --policy ceiling
+seeds=$ceiling_seeds evaluate ceiling --truth-every "$scenes_every" --policy ceiling --group study "${level_groups[@]}"
 minutes=$(((SECONDS + 59) / 60))
 
 python3 tests/results/make_page.py "$page" --raw "$raw" --how "commands=$commands" --how "rate_hz=$rate" --how "seeds=$seeds seed(s)" --how "level_seeds=$seeds seed(s)" \

@@ -12,7 +12,7 @@ import json
 import math
 import pathlib
 
-from claims import model_claims, model_name, scene_claims, stability_claims, verdict
+from claims import model_claims, model_name, scene_claims, stability_claims, step_claims, verdict
 from figures import distinct, find, image, markdown, mean, number, over_seeds, percent, read_table, select, total, weighted_mean, write_table
 from levels_page import levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
@@ -93,7 +93,7 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
-    parts = [introduction(how, times), claims_part(models, stabilities, scene_claims(runs, ceilings)), notes_part(folder), table1_part(times),
+    parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings)), notes_part(folder), table1_part(times),
              table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
@@ -134,10 +134,10 @@ on every run with the same seeds. [Machines of another kind](../replay/README.md
 
 # ---- claims ----
 
-def claims_part(models, stabilities, of_scenes):
+def claims_part(times, models, stabilities, of_scenes):
     text = "## Claims\n\nComputed from the tables in this folder.\n"
     for title, claims in (("Table 3: stability", stability_claims(stabilities)), ("Table 2: occlusion", model_claims(models)),
-                          ("All scenes", of_scenes)):
+                          ("Table 1: what a step costs", step_claims(times)), ("All scenes", of_scenes)):
         rows = [[claim.text, verdict(claim), claim.figure] for claim in claims]
         text += f"\n### {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], rows)
     return text
@@ -149,10 +149,10 @@ def table1_part(times):
     text = """## Table 1: what a step costs
 
 The city has 280 K triangles and two targets; maps have r x r texels, and there are about r³ candidates. Nothing else ran. Times are medians in
-milliseconds, with the 95th percentile in brackets. *Longest* is the longest of all steps, with the number of medians that it takes in brackets; each step
-was taken three times, and its shortest time counts, since the machine interrupts a step now and then. *paper* is the preset paper with Basic, without filter and prediction. *sightline* is the default with about r³ candidates, and
-*default* the default as it is. Render, intersect and
-select are our sample, aggregate and move. The paper's machine was an Intel Core 2 T7600 at 2.33 GHz with an NVidia FX 3500.
+milliseconds, with the 95th percentile in brackets. *Longest* is the longest step, with the number of medians that it takes in brackets. Each step
+was taken three times for it, and the shortest time counts, because the machine interrupts a step now and then. *paper* is the preset paper with Basic,
+without filter and prediction. *sightline* is the default with about r³ candidates, and *default* the default as it is. Render, intersect and select
+are our sample, aggregate and move. The paper's machine was an Intel Core 2 T7600 at 2.33 GHz with an NVidia FX 3500.
 """
     for sampler in distinct(times, "sampler"):
         rows = select(times, sampler=sampler)

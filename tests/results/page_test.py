@@ -130,6 +130,17 @@ class PaperTables(unittest.TestCase):
 
 # ---- claims ----
 
+class StepClaims(unittest.TestCase):
+    def found(self, longest_ms):
+        rows = [{"sampler": "embree", "settings": settings, "total_p50_ms": 0.5, "total_longest_ms": longest}
+                for settings, longest in (("paper", 9.0), ("default", longest_ms))]
+        return claims.step_claims(rows)
+
+    def test_the_default_takes_three_medians_at_most(self):
+        self.assertEqual([claim.holds for claim in self.found(1.5) + self.found(1.51)], [True, False])
+        self.assertEqual(self.found(2.0)[0].figure, "2.00 ms, 4.0 medians")
+
+
 class StabilityClaims(unittest.TestCase):
     def test_all_hold_at_the_very_thresholds(self):
         found = claims.stability_claims(good_table3())
