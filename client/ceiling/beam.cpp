@@ -259,7 +259,7 @@ class Beam {
       return in_picture(pose, lens_, target.aim_m);
     });
     TargetsSeen seen = sight_.shares(state.place_m, kFirstRays);
-    if (inside && seen.least_share == 1.0) seen = sight_.shares(state.place_m, kAllRays);
+    if (inside && seen.least_share == 1.0) seen = sight_.shares(state.place_m, kAllRays, kFirstRays);
     if (inside && !careful_ && seen.least_share >= kSurelySeen) return;
     if (inside && seen.least_share < kSurelyHidden)
       state.cost += costs_.picture(false, seen.mean_share);

@@ -56,23 +56,23 @@ TargetsSeen SightEstimate::from(const glm::dvec3& eye_m) const {
   return is_allowed(eye_m) && fits(eye_m) ? shares(eye_m, rays_) : TargetsSeen{};
 }
 
-TargetsSeen SightEstimate::shares(const glm::dvec3& eye_m, size_t rays) const {
+TargetsSeen SightEstimate::shares(const glm::dvec3& eye_m, size_t rays, size_t known_free) const {
   TargetsSeen sight{.allowed = true, .least_share = 1.0};
   for (const Body& body : bodies_) {
-    const double seen = share(body, eye_m, rays);
+    const double seen = share(body, eye_m, rays, known_free);
     sight.mean_share += seen / static_cast<double>(bodies_.size());
     sight.least_share = std::min(sight.least_share, seen);
   }
   return sight;
 }
 
-double SightEstimate::share(const Body& body, const glm::dvec3& eye_m, size_t rays) const {
+double SightEstimate::share(const Body& body, const glm::dvec3& eye_m, size_t rays, size_t known_free) const {
   const auto points = body.surface->points(transform_point(body.mesh_from_world, eye_m));
   RayFilter filter;
   filter.layer_mask = body.layer_mask;
   filter.ignored_slots = std::span(&body.slot, 1);
-  size_t seen = 0;
-  for (size_t k = 0; k < rays; ++k) {
+  size_t seen = known_free;
+  for (size_t k = known_free; k < rays; ++k) {
     if (k == kFirstRays && seen == 0) return 0.0;
     const glm::dvec3 point_m = transform_point(body.world_from_mesh, points[(first_point_ + k) % kExtentPoints]);
     const glm::vec3 way(point_m - eye_m);

@@ -36,8 +36,9 @@ class SightEstimate {
   void refresh(size_t turn);
   TargetsSeen from(const glm::dvec3& eye_m) const;
   // The two parts of `from`. is_allowed returns whether the limits of distance and elevation hold. `shares` ignores the picture's edges.
+  // If all of the first `known_free` rays are known to reach every target from here, they are not traced again.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
-  TargetsSeen shares(const glm::dvec3& eye_m, size_t rays) const;
+  TargetsSeen shares(const glm::dvec3& eye_m, size_t rays, size_t known_free = 0) const;
   std::span<const TrackedTarget> targets() const { return targets_; }
 
  private:
@@ -47,7 +48,7 @@ class SightEstimate {
     uint32_t slot = 0;
     uint32_t layer_mask = 0;
   };
-  double share(const Body& body, const glm::dvec3& eye_m, size_t rays) const;
+  double share(const Body& body, const glm::dvec3& eye_m, size_t rays, size_t known_free) const;
   bool fits(const glm::dvec3& eye_m) const;
 
   const ScenarioWorld& world_;

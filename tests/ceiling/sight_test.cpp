@@ -97,5 +97,22 @@ TEST_F(SightTest, ThreeBlockedRaysAtTheBeginningCountAsHidden) {
   EXPECT_GT(doubtful, 0);
 }
 
+// At the edge of the wall, some places see the first rays arrive and later ones blocked.
+TEST_F(SightTest, RaysThatAreKnownToArriveAreNotTracedAgain) {
+  constexpr size_t kKnown = 16;
+  const SightEstimate& estimate = look(std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
+  int partly_seen = 0;
+  for (double x_m = -1.5; x_m <= 1.5; x_m += 0.02) {
+    const glm::dvec3 eye_m(x_m, 1, 8);
+    const double all = estimate.shares(eye_m, kExtentPoints).least_share;
+    const double trusting = estimate.shares(eye_m, kExtentPoints, kKnown).least_share;
+    EXPECT_GE(trusting, double{kKnown} / kExtentPoints) << x_m;
+    if (estimate.shares(eye_m, kKnown).least_share < 1.0) continue;
+    EXPECT_EQ(trusting, all) << x_m;
+    partly_seen += all < 1.0;
+  }
+  EXPECT_GT(partly_seen, 0);
+}
+
 }  // namespace
 }  // namespace sightline
