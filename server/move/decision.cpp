@@ -16,6 +16,8 @@ std::string_view explain(MoveReason reason) {
       return "no position in reach sees any target; looking farther away";
     case MoveReason::kOnTrail:
       return "no position in reach sees any target; following the targets' path";
+    case MoveReason::kFarViewpoint:
+      return "targets have been hidden for seconds; going to a viewpoint farther away that sees more of them";
     case MoveReason::kNoTargets:
       return "no target has a weight";
     case MoveReason::kPaused:
@@ -66,6 +68,8 @@ std::string_view to_string(MoveReason reason) {
       return "horizon_grown";
     case MoveReason::kOnTrail:
       return "on_trail";
+    case MoveReason::kFarViewpoint:
+      return "far_viewpoint";
     case MoveReason::kNoTargets:
       return "no_targets";
     case MoveReason::kPaused:

@@ -32,6 +32,7 @@ enum class MoveReason {
   kBestPartial,
   kHorizonGrown,
   kOnTrail,
+  kFarViewpoint,
   kNoTargets,
   kPaused,
   kBlockedByGeometry,

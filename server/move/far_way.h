@@ -1,5 +1,5 @@
-// The way through free space to a point far beyond the bound, for a camera that has seen nobody for long: A* (Hart, Nilsson and Raphael 1968)
-// over a cubic grid fixed in the world.
+// The way through free space to a point far beyond the bound, for a camera that has not seen its targets for long: A* (Hart, Nilsson and
+// Raphael 1968) over a cubic grid fixed in the world.
 //
 // The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go, such as through the
 // floor of a lift's cabin. This grid has the body's size, so a way through a door is found wherever there is one, as far as the search may look.
@@ -17,11 +17,12 @@ namespace sightline {
 // Points of a way, the next one first, without the position where it begins.
 using WayPoints = InlineVector<glm::dvec3, 32>;
 
-// How long the camera has seen nobody, and the way that it takes then.
+// How long the camera has not seen its targets, and the way that it takes then.
 struct BlindState {
-  double blind_s = 0.0;
-  double searched_s = 0.0;  // since the last search for a way
-  WayPoints way_m;          // empty: none was found or needed
+  double blind_s = 0.0;       // since it saw any of them
+  double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them
+  double searched_s = 0.0;    // since the last search for a way
+  WayPoints way_m;            // empty: none was found or needed
 };
 
 struct FarWayInput {

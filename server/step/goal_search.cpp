@@ -1,11 +1,14 @@
 // The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the coming
-// second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay.
+// second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay. A plan does
+// not lead through a time of little sight to a better one later. So a camera that has not seen all its targets for seconds takes a far way.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
 
 #include "server/move/best_acceleration.h"
+#include "server/move/coherence.h"
 #include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
@@ -38,6 +41,9 @@ constexpr Pace kHurried{};
 // A camera that has seen nobody for so long takes a way through the whole level, and searches it again after this time, since targets move. It
 // does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
+// A camera that has for so long seen less of its targets, by this share, than the viewpoint search knows to be seen at the wanted shot takes
+// such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
+constexpr double kShotGainsS = 2.0, kShotGain = 0.3, kShotNearM = 1.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
 
@@ -319,36 +325,67 @@ class GoalSearch {
     return plan.candidates.empty() ? stay_here() : fly(plan);
   }
 
-  // ---- a far way: round whatever keeps a camera blind for long ----
+  // ---- a far way: round whatever keeps a camera from seeing its targets for long ----
 
   // The camera's own sights decide, over a short time. The maps see more than there is through gaps and past movers, so plans made by them may
   // lead nowhere.
   static BlindState blind_since(const MoveInput& in) {
-    if (seen_of_late(in.step, in.carried) != 0) return {};
+    const uint32_t seen = seen_of_late(in.step, in.carried);
+    if (seen == in.step.targets.steered) return {};
     BlindState blind = in.carried.blind;
-    blind.blind_s += in.step.move_s, blind.searched_s += in.step.move_s;
+    blind.searched_s += in.step.move_s;
+    const bool gains = gain_by_shot(in) > (blind.way_m.empty() ? kShotGain : kShotGain / 2);
+    blind.shot_gains_s = gains ? blind.shot_gains_s + in.step.move_s : 0.0;
+    if (seen == 0) {
+      blind.blind_s += in.step.move_s;
+    } else {
+      if (blind.blind_s >= kBlindS || !gains) blind.way_m.clear();
+      blind.blind_s = 0.0;
+    }
     return blind;
+  }
+  // The share of the targets that is hidden from the camera now, less that which the viewpoint search knows to be hidden at the wanted shot.
+  static double gain_by_shot(const MoveInput& in) {
+    if (!in.carried.shot.viewpoint) return 0.0;
+    std::array<float, kMaxTargets> own, there;
+    for (size_t i = 0; i < in.step.target_count(); ++i) {
+      own[i] = static_cast<float>(in.carried.shares.share(i).value_or(0.0));
+      there[i] = in.carried.viewpoints.share(i, *in.carried.shot.viewpoint);
+    }
+    const auto hidden = [&](const std::array<float, kMaxTargets>& seen) {
+      return hidden_share(in.step.targets.tracked_targets, std::span(seen).first(in.step.target_count()));
+    };
+    return hidden(own) - hidden(there);
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
     const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
-    if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck) return std::nullopt;
-    if (blind_.searched_s >= kSearchAgainS) find_far_way(body_radius_m);
+    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= kShotGainsS;
+    if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck && !to_shot) return std::nullopt;
+    if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
     scratch_.way.clear();
     Goal goal{.choice = {MoveStatus::kEscaping, MoveReason::kHorizonGrown, -1},
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0))};
-    goal.searches = true, goal.way_m = leg->length_m;
+    if (to_shot) goal.choice = {MoveStatus::kPartial, MoveReason::kFarViewpoint, -1};
+    goal.searches = !to_shot, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;
   }
-  // To the nearest steered target.
-  void find_far_way(double body_radius_m) {
-    blind_.searched_s = 0.0;
+  FarWayInput way_to_shot(double body_radius_m) const {
+    return {.from_m = eye_m(), .to_m = in_.desired_m, .body_radius_m = body_radius_m, .near_m = kShotNearM, .keep_off_m = 0.0};
+  }
+  FarWayInput way_to_target(double body_radius_m) const {
     FarWayInput input{.from_m = eye_m(), .to_m = nearest_target_m(), .body_radius_m = body_radius_m};
     input.keep_off_m = std::max(input.keep_off_m, in_.step.input.settings.move.min_distance_m + FarWayFinder::kCellM / 2);
     input.near_m = std::max(input.near_m, input.keep_off_m + FarWayFinder::kCellM);
+    return input;
+  }
+  // To the wanted shot, or to the nearest steered target.
+  void find_far_way(bool to_shot, double body_radius_m) {
+    blind_.searched_s = 0.0;
+    const FarWayInput input = to_shot ? way_to_shot(body_radius_m) : way_to_target(body_radius_m);
     if (glm::distance(input.from_m, input.to_m) > FarWayFinder::kReachM) return blind_.way_m.clear();
     std::vector<uint32_t>& slots = scratch_.target_slots;
     slots.clear();
@@ -357,8 +394,8 @@ class GoalSearch {
       for (const TargetPiece& piece : pieces) slots.push_back(piece.slot);
     std::sort(slots.begin(), slots.end());
     scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachM, slots);
-    WayPoints found_m;  // where nothing is found, the former way still leads nearer
-    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m)) blind_.way_m = found_m;
+    WayPoints found_m;  // where nothing is found, the former way still leads nearer to the target
+    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m) || to_shot) blind_.way_m = found_m;
   }
   glm::dvec3 nearest_target_m() const {
     glm::dvec3 nearest_m = in_.step.center_m();

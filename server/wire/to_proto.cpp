@@ -60,6 +60,8 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
+    case MoveReason::kFarViewpoint:
+      return v1::MOVE_REASON_FAR_VIEWPOINT;
     case MoveReason::kCut:
       return v1::MOVE_REASON_CUT;
   }

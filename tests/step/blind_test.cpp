@@ -1,4 +1,4 @@
-// A camera that has seen nobody for long takes a way through the whole level.
+// A camera that has not seen its targets for long takes a way through the whole level.
 #include <gtest/gtest.h>
 
 #include "tests/support/filming.h"
@@ -59,6 +59,60 @@ TEST(Blind, OnItsWayItSaysThatItSeeksAndHowLongItTakes) {
     seeking += r.status == TrackingStatus::kSeeking && r.view_s && *r.view_s > 0.5;
   }
   EXPECT_GT(seeking, 60);
+}
+
+// Two people walk side by side through two rows of rooms with walls 5 m high. The doors of a row are in one line. The camera is in a door behind
+// the first person. Without a roof, both are in sight only from high above; the other row can have one.
+struct Rooms : Filming {
+  static constexpr double kRoomM = 6, kHalfWallM = 2.5, kDoorM = 1.4, kDoorHeightM = 2.4;
+  explicit Rooms(bool other_is_roofed) {
+    add_target(1, {1, 0.9, 3});
+    add_target(2, {1, 0.9, -3});
+    add_box(9, {24, -0.5, 0}, {40, 0.5, 20});
+    uint64_t id = 10;
+    for (const double z : {-6.0, 0.0, 6.0}) add_box(id++, {24, kHalfWallM, z}, {30, kHalfWallM, 0.1});
+    for (double x = 0; x < 50; x += kRoomM)
+      for (const double z : {-3.0, 3.0})
+        for (const double side : {-1.0, 1.0}) {
+          const double half_m = (kRoomM / 2 - kDoorM / 2) / 2;
+          add_box(id++, {x, kHalfWallM, z + side * (kDoorM / 2 + half_m)}, {0.1, kHalfWallM, half_m});
+        }
+    for (double x = 0; x < 50; x += kRoomM)
+      for (const double z : {-3.0, 3.0}) add_box(id++, {x, kHalfWallM + kDoorHeightM / 2, z}, {0.1, kHalfWallM - kDoorHeightM / 2, kDoorM / 2});
+    if (other_is_roofed) add_box(id++, {24, 2 * kHalfWallM + 0.1, -3}, {30, 0.1, 3});
+    place({-2, 1.6, 3}, {0, 1.2, 3});
+  }
+  StepResult walk() {
+    x_m += kMps / 60;
+    move(1, {1 + x_m, 0.9, 3}, {kMps, 0, 0}), move(2, {1 + x_m, 0.9, -3}, {kMps, 0, 0});
+    return step(1.0 / 60);
+  }
+  static constexpr double kMps = 1.4;
+  double x_m = 0;
+};
+
+TEST(Blind, ACameraThatSeesOneOfTwoForSecondsGoesToWhereItSeesBoth) {
+  Rooms world(false);
+  int both = 0, goes = 0;
+  for (int i = 0; i < 600; ++i) {
+    const StepResult r = world.walk();
+    goes += r.reason == MoveReason::kFarViewpoint;
+    if (i >= 360) both += r.targets[0].visible_share > 0.5 && r.targets[1].visible_share > 0.5;
+  }
+  EXPECT_GT(both, 190) << "of 240 steps";
+  EXPECT_GT(goes, 0);
+}
+
+TEST(Blind, ACameraStaysWithTheOneThatItSeesWhereTheOtherIsSeenFromNowhere) {
+  Rooms world(true);
+  int first = 0, goes = 0;
+  for (int i = 0; i < 600; ++i) {
+    const StepResult r = world.walk();
+    goes += r.reason == MoveReason::kFarViewpoint;
+    if (i >= 120) first += r.targets[0].visible_share > 0.5;
+  }
+  EXPECT_GT(first, 400) << "of 480 steps";
+  EXPECT_EQ(goes, 0);
 }
 
 }  // namespace

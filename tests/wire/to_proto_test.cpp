@@ -338,7 +338,8 @@ TEST(ToProto, ReasonsAndWhatATargetIsLikeAreSent) {
       {MoveReason::kBlockedByGeometry, v1::MOVE_REASON_BLOCKED_BY_GEOMETRY},
       {MoveReason::kBodyOverlap, v1::MOVE_REASON_BODY_OVERLAP},
       {MoveReason::kObservedCut, v1::MOVE_REASON_OBSERVED_CUT},
-      {MoveReason::kCut, v1::MOVE_REASON_CUT}};
+      {MoveReason::kCut, v1::MOVE_REASON_CUT},
+      {MoveReason::kFarViewpoint, v1::MOVE_REASON_FAR_VIEWPOINT}};
   for (const auto& [reason, expected] : reasons) {
     answer->step.reason = reason;
     camera_reply_to_proto(*answer, *wire.session, {}, reply);

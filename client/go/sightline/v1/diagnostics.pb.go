@@ -202,6 +202,8 @@ const (
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
 	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
+	// Targets have been hidden for 2 s. It goes to a viewpoint farther away that sees more of them, although it may see less on its way.
+	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 )
 
 // Enum value maps for MoveReason.
@@ -220,6 +222,7 @@ var (
 		10: "MOVE_REASON_BEST_ALL_VISIBLE",
 		11: "MOVE_REASON_ON_TRAIL",
 		12: "MOVE_REASON_CUT",
+		13: "MOVE_REASON_FAR_VIEWPOINT",
 	}
 	MoveReason_value = map[string]int32{
 		"MOVE_REASON_UNSPECIFIED":         0,
@@ -235,6 +238,7 @@ var (
 		"MOVE_REASON_BEST_ALL_VISIBLE":    10,
 		"MOVE_REASON_ON_TRAIL":            11,
 		"MOVE_REASON_CUT":                 12,
+		"MOVE_REASON_FAR_VIEWPOINT":       13,
 	}
 )
 
@@ -1410,7 +1414,7 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"\x17TRACKING_STATUS_SEEKING\x10\x05\x12\x1b\n" +
 	"\x17TRACKING_STATUS_BLOCKED\x10\x06\x12\x1b\n" +
 	"\x17TRACKING_STATUS_WAITING\x10\a\x12\x18\n" +
-	"\x14TRACKING_STATUS_LOST\x10\b*\x93\x03\n" +
+	"\x14TRACKING_STATUS_LOST\x10\b*\xb2\x03\n" +
 	"\n" +
 	"MoveReason\x12\x1b\n" +
 	"\x17MOVE_REASON_UNSPECIFIED\x10\x00\x12 \n" +
@@ -1426,7 +1430,8 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"\x1cMOVE_REASON_BEST_ALL_VISIBLE\x10\n" +
 	"\x12\x18\n" +
 	"\x14MOVE_REASON_ON_TRAIL\x10\v\x12\x13\n" +
-	"\x0fMOVE_REASON_CUT\x10\f*X\n" +
+	"\x0fMOVE_REASON_CUT\x10\f\x12\x1d\n" +
+	"\x19MOVE_REASON_FAR_VIEWPOINT\x10\r*X\n" +
 	"\n" +
 	"VolumeUsed\x12\x1b\n" +
 	"\x17VOLUME_USED_UNSPECIFIED\x10\x00\x12\x17\n" +
