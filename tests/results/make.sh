@@ -9,7 +9,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-page=tests/results seeds=8 ceiling_seeds=3 frames=2000 rate=60 paper_every=4 scenes_every=10
+page=tests/results seeds=8 ceiling_seeds=5 frames=2000 rate=60 paper_every=4 scenes_every=10
 case "${1:-}" in
   "") ;;
   --seeds) seeds=$2 ;;
