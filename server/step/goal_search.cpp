@@ -41,8 +41,8 @@ constexpr Pace kHurried{};
 // A camera that has seen nobody for so long takes a way through the whole level, and searches it again after this time, since targets move. It
 // does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// A camera that has for so long seen less of its targets, by this share, than the viewpoint search knows to be seen at the wanted shot takes
-// such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
+// The viewpoint search may know that this share more of the targets is seen at the wanted shot. When it has known that for so long, the camera
+// takes such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
 constexpr double kShotGainsS = 2.0, kShotGain = 0.3, kShotNearM = 1.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
