@@ -77,7 +77,7 @@ double SightEstimate::share(const Body& body, const glm::dvec3& eye_m, size_t ra
     const glm::dvec3 point_m = transform_point(body.world_from_mesh, points[(first_point_ + k) % kExtentPoints]);
     const glm::vec3 way(point_m - eye_m);
     const auto near = static_cast<float>(lens_.near_m / std::max(1e-3f, glm::length(way)));
-    seen += world_.occluders().trace(eye_m, way, near, kRayEnd, filter).slot == UINT32_MAX;
+    seen += !world_.occluders().is_blocked(eye_m, way, near, kRayEnd, filter);
   }
   return static_cast<double>(seen) / static_cast<double>(rays);
 }

@@ -36,7 +36,7 @@ void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
     filter.ignored_slots = std::span(&own, 1);
     for (size_t i = 0; i < candidates.size(); ++i) {
       const glm::vec3 way(candidates.position_m[i] - aim);
-      if (occluders.trace(aim, way, 0.0f, 1.0f, filter).slot == UINT32_MAX)
+      if (!occluders.is_blocked(aim, way, 0.0f, 1.0f, filter))
         candidates.visible_targets[i] |= 1u << k;
     }
   }

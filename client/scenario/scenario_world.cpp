@@ -54,6 +54,15 @@ glm::dvec3 ScenarioWorld::targets_center_m() const {
   return sum / weights;
 }
 
+bool ScenarioWorld::is_aim_hidden(const Target& target, const glm::dvec3& from_m) const {
+  const uint32_t own = *mirror_.slot_of(target.instance_id);
+  RayFilter others;
+  others.layer_mask = target.layer_mask;
+  others.ignored_slots = std::span(&own, 1);
+  const glm::dvec3 aim_m = aim_point_m(mirror_.instances()[own]);
+  return occluders_.is_blocked(aim_m, glm::vec3(from_m - aim_m), 0.0f, 1.0f, others);
+}
+
 glm::dvec3 aim_point_m(const Instance& target) {
   return transform_point(target.world_from_instance, glm::dvec3(target.geometry->bounds.center()));
 }

@@ -29,6 +29,8 @@ class ScenarioWorld {
   const std::vector<Target>& targets() const { return targets_; }
   // The weighted mean of the targets' aim points at the present time; world, metres. There must be a target.
   glm::dvec3 targets_center_m() const;
+  // True if anything but the target itself lies between a position (world) and the target's aim point.
+  bool is_aim_hidden(const Target& target, const glm::dvec3& from_m) const;
 
  private:
   ScenarioWorld(const Scenario& scenario, EmbreeDevice& device);

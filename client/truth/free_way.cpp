@@ -61,15 +61,8 @@ class Search {
 
   // The first target whose aim point is in free sight; 0: none. Ids of a scenario begin at 1.
   uint64_t seen_from(const glm::dvec3& position_m) const {
-    for (const Target& target : world_.targets()) {
-      const uint32_t own = *world_.mirror().slot_of(target.instance_id);
-      RayFilter others;
-      others.layer_mask = target.layer_mask;
-      others.ignored_slots = std::span(&own, 1);
-      const glm::dvec3 aim_m = aim_point_m(*world_.mirror().find(target.instance_id));
-      if (world_.occluders().trace(aim_m, glm::vec3(position_m - aim_m), 0.0f, 1.0f, others).slot == UINT32_MAX)
-        return target.instance_id;
-    }
+    for (const Target& target : world_.targets())
+      if (!world_.is_aim_hidden(target, position_m)) return target.instance_id;
     return 0;
   }
 

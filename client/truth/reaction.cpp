@@ -7,16 +7,6 @@
 namespace sightline {
 namespace {
 
-// True when anything but the target itself lies between a position and the target's aim point.
-bool blocked(const ScenarioWorld& world, const Target& target, const glm::dvec3& position_m) {
-  const uint32_t own = *world.mirror().slot_of(target.instance_id);
-  RayFilter filter;
-  filter.layer_mask = target.layer_mask;
-  filter.ignored_slots = std::span(&own, 1);
-  const glm::dvec3 aim = aim_point_m(*world.mirror().find(target.instance_id));
-  return world.occluders().trace(aim, glm::vec3(position_m - aim), 0.0f, 1.0f, filter).slot != UINT32_MAX;
-}
-
 class Reactions {
  public:
   Reactions(ScenarioWorld& world, std::span<const CameraFrame> frames) : world_(world), frames_(frames) {
@@ -25,7 +15,7 @@ class Reactions {
       centers_m_.push_back(world.targets_center_m());
       std::vector<bool>& hidden = hidden_.emplace_back();
       for (const Target& target : world.targets())
-        hidden.push_back(blocked(world, target, frame.camera.position_m));
+        hidden.push_back(world.is_aim_hidden(target, frame.camera.position_m));
     }
   }
 
@@ -53,7 +43,7 @@ class Reactions {
     const glm::dvec3 offset_m = frames_[onset].camera.position_m - centers_m_[onset];
     for (size_t j = onset; j < frames_.size(); ++j) {
       world_.set_time(frames_[j].time_s);
-      if (!blocked(world_, world_.targets()[k], centers_m_[j] + offset_m)) return false;
+      if (!world_.is_aim_hidden(world_.targets()[k], centers_m_[j] + offset_m)) return false;
       if (frames_[j].time_s - frames_[onset].time_s >= kSustainedS - 1e-9) return true;
     }
     return false;

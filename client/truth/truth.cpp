@@ -240,8 +240,7 @@ BodyTruth measure_body(const EmbreeScene& colliders, const glm::dvec3& before_m,
   BodyTruth body;
   body.clearance_m = colliders.nearest_surface_m(now_m, BodyTruth::kReachM);
   const glm::dvec3 way = now_m - before_m;
-  if (glm::length(way) > 0)
-    body.crossed = colliders.trace(before_m, glm::vec3(way), 0.0f, 1.0f).slot != UINT32_MAX;
+  if (glm::length(way) > 0) body.crossed = colliders.is_blocked(before_m, glm::vec3(way), 0.0f, 1.0f);
   return body;
 }
 

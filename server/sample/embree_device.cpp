@@ -138,8 +138,8 @@ bool TopScene::holds(uint32_t slot) const {
 FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_filter)
     : top(&filtered_top), filter(&ray_filter) {
   rtcInitIntersectContext(&embree);
-  if (!ray_filter.ignored_slots.empty() || ray_filter.only_slot != UINT32_MAX)
-    embree.filter = reject_filtered;
+  const bool ignores = std::ranges::any_of(ray_filter.ignored_slots, [&](uint32_t slot) { return filtered_top.holds(slot); });
+  if (ignores || ray_filter.only_slot != UINT32_MAX) embree.filter = reject_filtered;
 }
 
 EmbreeDevice::Impl::Impl() : device(rtcNewDevice(nullptr)) {

@@ -30,15 +30,24 @@ bool is_traceable(const glm::dvec3& origin_m, const glm::vec3& direction) {
   return is_near(origin_m) && is_near(direction);
 }
 
+// False if a ray with this filter can hit nothing of `top`.
+bool can_hit(const TopScene& top, const RayFilter& filter) {
+  return !top.entries.empty() && (filter.only_slot == UINT32_MAX || top.holds(filter.only_slot));
+}
+
+RTCRay ray_in(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
+              const RayFilter& filter) {
+  const glm::vec3 origin(origin_m - top.anchor_m);
+  return {origin.x, origin.y, origin.z, near, direction.x, direction.y, direction.z, 0.0f, far, filter.layer_mask, 0, 0};
+}
+
 // Replaces `hit` when something nearer than it is hit.
 void trace_top(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
                const RayFilter& filter, RayHit& hit) {
-  if (top.entries.empty()) return;
-  const glm::vec3 origin(origin_m - top.anchor_m);
+  if (!can_hit(top, filter)) return;
   FilterContext context(top, filter);
   RTCRayHit query{};
-  query.ray = {origin.x, origin.y, origin.z, near, direction.x, direction.y, direction.z, 0.0f,
-               std::min(far, hit.distance_m), filter.layer_mask, 0, 0};
+  query.ray = ray_in(top, origin_m, direction, near, std::min(far, hit.distance_m), filter);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(top.scene.get(), &context.embree, &query);
@@ -47,6 +56,15 @@ void trace_top(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3&
   hit.distance_m = query.ray.tfar;
   hit.slot = entry.slot;
   hit.normal = transform_normal(entry.linear, {query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z});
+}
+
+bool is_blocked_in_top(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3& direction, float near,
+                       float far, const RayFilter& filter) {
+  if (!can_hit(top, filter)) return false;
+  FilterContext context(top, filter);
+  RTCRay ray = ray_in(top, origin_m, direction, near, far, filter);
+  rtcOccluded1(top.scene.get(), &context.embree, &ray);
+  return ray.tfar < 0.0f;  // Embree's mark for a hit
 }
 
 // Ericson, Real-Time Collision Detection (2005), 5.1.5.
@@ -140,6 +158,14 @@ RayHit EmbreeScene::trace(const glm::dvec3& origin_m, const glm::vec3& direction
   trace_top(impl_->fixed->top, origin_m, direction, near, far, filter, hit);
   trace_top(filter.ahead ? impl_->ahead : impl_->moving, origin_m, direction, near, far, filter, hit);
   return hit;
+}
+
+bool EmbreeScene::is_blocked(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
+                             const RayFilter& filter) const {
+  if (!is_traceable(origin_m, direction)) return false;
+  const TopScene& moving = filter.ahead ? impl_->ahead : impl_->moving;
+  return is_blocked_in_top(impl_->fixed->top, origin_m, direction, near, far, filter) ||
+         is_blocked_in_top(moving, origin_m, direction, near, far, filter);
 }
 
 float EmbreeScene::nearest_surface_m(const glm::dvec3& point_m, float reach_m,

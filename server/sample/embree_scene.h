@@ -79,6 +79,9 @@ class EmbreeScene {
   // `far` may be infinity. A ray that is not finite, or beyond 1e18, hits nothing.
   RayHit trace(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
                const RayFilter& filter = {}) const;
+  // True if `trace` would hit something. Faster, because any hit will do.
+  bool is_blocked(const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
+                  const RayFilter& filter = {}) const;
   // Distance in metres to the nearest surface, or `reach_m` when none is nearer (by rtcPointQuery).
   float nearest_surface_m(const glm::dvec3& point_m, float reach_m, std::span<const uint32_t> ignored_slots = {}) const;
 

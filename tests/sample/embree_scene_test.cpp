@@ -20,6 +20,16 @@ using test::kInfinity;
 using test::SceneMaker;
 using test::Triangle;
 
+// is_blocked with no limit, just beyond the first hit, and just before it.
+bool blocks_as_brute_force(const EmbreeScene& scene, const glm::dvec3& origin, const glm::dvec3& direction,
+                           const RayFilter& filter, const BruteHit& want) {
+  const auto is_blocked = [&](double far) {
+    return scene.is_blocked(origin, glm::vec3(direction), 0.01f, static_cast<float>(far), filter);
+  };
+  if (want.slot == UINT32_MAX) return !is_blocked(kInfinity);
+  return is_blocked(kInfinity) && is_blocked(1.001 * want.distance) && !is_blocked(0.999 * want.distance);
+}
+
 // Counts rays whose answer differs; rays within 1e-6 of an edge may fall on either side.
 int count_differences(const SceneMirror& mirror, const EmbreeScene& scene, bool occluders, SceneMaker& maker,
                       const RayFilter& filter, int rays) {
@@ -34,7 +44,7 @@ int count_differences(const SceneMirror& mirror, const EmbreeScene& scene, bool 
     const bool same_distance = want.slot == UINT32_MAX
                                    ? std::isinf(hit.distance_m)
                                    : std::abs(hit.distance_m - want.distance) < 1e-5 * want.distance + 1e-5;
-    different += !(same_slot && same_distance);
+    different += !(same_slot && same_distance) || !blocks_as_brute_force(scene, origin, direction, filter, want);
   }
   return different;
 }
@@ -112,6 +122,7 @@ TEST_F(EmbreeSceneTest, RaysFromNowhereMeetNothing) {
       origin[axis] = direction[axis] = bad;
       EXPECT_EQ(scene.trace(origin, glm::vec3(ahead), 0.0f, kInfinity).slot, UINT32_MAX) << bad;
       EXPECT_EQ(scene.trace(here, glm::vec3(direction), 0.0f, kInfinity).slot, UINT32_MAX) << bad;
+      EXPECT_FALSE(scene.is_blocked(origin, glm::vec3(ahead), 0.0f, kInfinity)) << bad;
     }
 }
 
