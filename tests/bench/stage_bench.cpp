@@ -68,7 +68,7 @@ std::vector<Row> rows() {
 // camera's start.
 class Walkers {
  public:
-  static Result<std::unique_ptr<Walkers>> make(TimedCity& city, size_t count) {
+  static Result<std::unique_ptr<Walkers>> make(LoadedScene& city, size_t count) {
     std::unique_ptr<Walkers> walkers(new Walkers(*city.scenario));
     std::vector<NodeBinding> bindings;
     for (const ScenarioActor& actor : city.scenario->actors()) bindings.push_back({actor.name, actor.id});
@@ -135,7 +135,7 @@ struct Camera {
   Stepper stepper;
 };
 
-Result<std::unique_ptr<Camera>> make_camera(TimedCity& city, SamplerDevice& device, size_t targets) {
+Result<std::unique_ptr<Camera>> make_camera(LoadedScene& city, SamplerDevice& device, size_t targets) {
   auto world = Walkers::make(city, targets);
   if (!world) return tl::unexpected(world.error());
   auto camera = std::make_unique<Camera>(Camera{std::move(*world), device.make_sampler(), {}});
@@ -147,7 +147,7 @@ struct Times {
   std::vector<double> sample_ms, aggregate_ms, move_ms, total_ms, candidates;
 };
 
-Status step(const TimedCity& city, Camera& camera, const StepSettings& settings, int tick, Times& times) {
+Status step(const LoadedScene& city, Camera& camera, const StepSettings& settings, int tick, Times& times) {
   Walkers& world = *camera.world;
   world.set_time(tick % 600 * kTickS);
   const CameraLimits limits;
@@ -165,7 +165,7 @@ Status step(const TimedCity& city, Camera& camera, const StepSettings& settings,
   return {};
 }
 
-Status run(TimedCity& city, SamplerDevice& device, const Row& row, int steps) {
+Status run(LoadedScene& city, SamplerDevice& device, const Row& row, int steps) {
   std::vector<std::unique_ptr<Camera>> cameras;
   for (size_t k = 0; k < row.cameras; ++k) {
     auto camera = make_camera(city, device, row.targets);
@@ -190,7 +190,7 @@ Status run(TimedCity& city, SamplerDevice& device, const Row& row, int steps) {
 
 int main(int argc, char** argv) {
   using namespace sightline;
-  const auto city = TimedCity::load();
+  const auto city = LoadedScene::load("city");
   if (!city) return std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), 1;
   const auto device = make_embree_sampler_device();
   std::printf("%-16s %7s %10s %4s %6s %8s %9s %8s %8s  %8s %8s   (ms)\n", "settings", "targets", "candidates", "r", "maps",

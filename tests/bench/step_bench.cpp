@@ -1,8 +1,9 @@
-// Times a step on the city (280 K triangles), stage by stage: Table 1 of the paper. tests/bench/step_timing.h says what is timed. One row for each sampler, settings and resolution.
+// Times a step, stage by stage, for each sampler, settings and resolution. tests/bench/step_timing.h says what is timed.
 // The column `longest` says how long the longest step takes without interruptions (see kRounds).
 //
 //   step_bench [--frames N] [--csv FILE]     N steps a row (default: 1200)
 //   step_bench --row embree,sightline,7      only this row, for a profiler
+//   step_bench --scene level-rooms-parted    another scene of the catalogue
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <fstream>
@@ -26,11 +27,11 @@ struct RowTiming {
   double longest_ms = 0.0;  // the longest step
 };
 
-Result<RowTiming> time_steps(TimedCity& city, SamplerDevice& device, const TimedSettings& timed, int r, int frames) {
+Result<RowTiming> time_steps(LoadedScene& scene, SamplerDevice& device, const TimedSettings& timed, int r, int frames) {
   RowTiming row;
   std::vector<double> shortest_ms(static_cast<size_t>(frames), std::numeric_limits<double>::infinity());
   for (int round = 0; round < kRounds; ++round) {
-    const auto timer = StepTimer::make(city, device, timed.settings, r, timed_candidates(timed, r));
+    const auto timer = StepTimer::make(scene, device, timed.settings, r, timed_candidates(timed, r));
     if (!timer) return tl::unexpected(timer.error());
     for (int i = -StepTimer::kWarmUpSteps; i < frames; ++i) {
       const auto took_ms = (*timer)->step();
@@ -68,7 +69,7 @@ class Tables {
   bool finish() {
     table_.print(std::cout);
     std::cout
-        << "\nmilliseconds. The paper (2012, NVidia FX 3500): r = 5: 1.77 ms, 7: 3.62, 10: 7.83, 15: 24.63\n";
+        << "\nmilliseconds. The paper (its city; 2012, NVidia FX 3500): r = 5: 1.77 ms, 7: 3.62, 10: 7.83, 15: 24.63\n";
     return !csv_.is_open() || csv_.flush();
   }
 
@@ -86,9 +87,9 @@ class Tables {
                 {"longest", true}}};
 };
 
-Status run(int frames, const std::string& only_row, Tables& tables) {
-  const auto city = TimedCity::load();
-  if (!city) return tl::unexpected(city.error());
+Status run(const std::string& scene_name, int frames, const std::string& only_row, Tables& tables) {
+  const auto scene = LoadedScene::load(scene_name);
+  if (!scene) return tl::unexpected(scene.error());
   std::string no_egl;
   const auto devices = timed_samplers(&no_egl);
   if (!no_egl.empty()) std::cerr << "no rows for EGL: " << no_egl << '\n';
@@ -97,7 +98,7 @@ Status run(int frames, const std::string& only_row, Tables& tables) {
       for (const int r : kTimedResolutions) {
         const std::string row = std::string(device->kind()) + ',' + std::string(timed.name) + ',' + std::to_string(r);
         if (timed_candidates(timed, r) == 0 || (!only_row.empty() && row != only_row)) continue;
-        const auto timing = time_steps(**city, *device, timed, r, frames);
+        const auto timing = time_steps(**scene, *device, timed, r, frames);
         if (!timing) return tl::unexpected(timing.error());
         tables.add(*device, timed, r, *timing);
       }
@@ -110,17 +111,18 @@ Status run(int frames, const std::string& only_row, Tables& tables) {
 int main(int argc, char** argv) {
   using namespace sightline;
   prepare_software_rendering();
-  CLI::App app("Times steps on the city: Table 1 of the paper");
+  CLI::App app("Times steps on a generated scene; on the city, Table 1 of the paper");
   int frames = 1200;
-  std::string csv, row;
+  std::string csv, row, scene = "city";
   app.add_option("--frames", frames, "Steps in each row")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   app.add_option("--csv", csv, "File for the table, with every figure");
+  app.add_option("--scene", scene, "Name of a generated scene")->capture_default_str();
   app.add_option("--row", row, "Time only this row: SAMPLER,SETTINGS,R");
   CLI11_PARSE(app, argc, argv);
   Tables tables(csv);
-  if (const Status done = run(frames, row, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
+  if (const Status done = run(scene, frames, row, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
   if (!tables.finish()) return std::cerr << csv << " cannot be written\n", 1;
   return 0;
 }

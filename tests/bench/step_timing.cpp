@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "client/truth/metrics.h"
-#include "scenes/city.h"
+#include "scenes/catalog.h"
 #include "server/step/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
@@ -47,40 +47,44 @@ std::vector<std::unique_ptr<SamplerDevice>> timed_samplers(std::string* no_egl) 
   return devices;
 }
 
-Result<std::unique_ptr<TimedCity>> TimedCity::load() {
-  auto city = std::make_unique<TimedCity>();
-  const auto asset = read_gltf(scenes::make_city({}), nullptr, city->store);
+Result<std::unique_ptr<LoadedScene>> LoadedScene::load(const std::string& name) {
+  const scenes::CatalogEntry* entry = scenes::find_scene(name);
+  if (!entry) return fail(ErrorCode::kNotFound, "scene", "no generated scene is named \"" + name + '"');
+  const auto file = entry->make({});
+  if (!file) return tl::unexpected(file.error());
+  auto scene = std::make_unique<LoadedScene>();
+  const auto asset = read_gltf(*file, nullptr, scene->store);
   if (!asset) return tl::unexpected(asset.error());
   auto scenario = Scenario::from_asset(*asset);
   if (!scenario) return tl::unexpected(scenario.error());
-  city->scenario = std::make_unique<Scenario>(std::move(*scenario));
-  const auto world = ScenarioWorld::make(*city->scenario, city->store, city->device);
+  scene->scenario = std::make_unique<Scenario>(std::move(*scenario));
+  const auto world = ScenarioWorld::make(*scene->scenario, scene->store, scene->device);
   if (!world) return tl::unexpected(world.error());
   for (const Target& target : (*world)->targets())
-    city->tables.push_back(city->extents.get((*world)->mirror().find(target.instance_id)->geometry));
-  return city;
+    scene->tables.push_back(scene->extents.get((*world)->mirror().find(target.instance_id)->geometry));
+  return scene;
 }
 
-Result<std::unique_ptr<StepTimer>> StepTimer::make(TimedCity& city, SamplerDevice& device,
+Result<std::unique_ptr<StepTimer>> StepTimer::make(LoadedScene& scene, SamplerDevice& device,
                                                    StepSettings settings, int resolution, int candidates) {
   settings.sample.resolution = resolution;
   settings.aggregate.candidates = candidates;
   if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
-  auto world = ScenarioWorld::make(*city.scenario, city.store, city.device);
+  auto world = ScenarioWorld::make(*scene.scenario, scene.store, scene.device);
   if (!world) return tl::unexpected(world.error());
-  return std::unique_ptr<StepTimer>(new StepTimer(city, device, settings, std::move(*world)));
+  return std::unique_ptr<StepTimer>(new StepTimer(scene, device, settings, std::move(*world)));
 }
 
-StepTimer::StepTimer(TimedCity& city, SamplerDevice& device, StepSettings settings,
+StepTimer::StepTimer(LoadedScene& scene, SamplerDevice& device, StepSettings settings,
                      std::unique_ptr<ScenarioWorld> world)
-    : city_(city), settings_(settings), world_(std::move(world)), sampler_(device.make_sampler()) {
-  for (const auto& table : city.tables) tables_.push_back(table.get());
+    : scene_(scene), settings_(settings), world_(std::move(world)), sampler_(device.make_sampler()) {
+  for (const auto& table : scene.tables) tables_.push_back(table.get());
 }
 
 void StepTimer::to_next_frame() {
-  const auto frames = static_cast<uint64_t>(city_.scenario->duration_s() / kTickS);
+  const auto frames = static_cast<uint64_t>(scene_.scenario->duration_s() / kTickS);
   const uint64_t frame = tick_ % frames;
-  if (frame == 0) stepper_.place_camera(city_.scenario->camera(), glm::dvec3(0.0));
+  if (frame == 0) stepper_.place_camera(scene_.scenario->camera(), glm::dvec3(0.0));
   world_->set_time(static_cast<double>(frame) * kTickS);
 }
 
@@ -88,7 +92,7 @@ Result<double> StepTimer::step() {
   to_next_frame();
   const int64_t begin_ns = monotonic_ns();
   const StepInput input{
-      world_->mirror(), world_->targets(), limits_, settings_, city_.scenario->lens(), 1, tick_, kTickS,
+      world_->mirror(), world_->targets(), limits_, settings_, scene_.scenario->lens(), 1, tick_, kTickS,
       tables_};
   const auto result = stepper_.take(input, *sampler_, monotonic_ns);
   const double total_ms = to_ms(monotonic_ns() - begin_ns);

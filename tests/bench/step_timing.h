@@ -1,5 +1,5 @@
-// Times a step, stage by stage, on the city (280 K triangles): Table 1 of the paper. Two targets walk, the maps have r x r texels,
-// and there are about r^3 candidates.
+// Times a step, stage by stage, on a generated scene. On the city (280 K triangles, two walking targets) that is Table 1 of the
+// paper: the maps have r x r texels, and there are about r^3 candidates.
 //
 // Times are wall-clock times of the calling thread. Nothing else should run on the machine.
 #pragma once
@@ -34,14 +34,15 @@ inline constexpr int kTimedResolutions[] = {5, 7, 10, 15};
 // A program that may render in software must call prepare_software_rendering first.
 std::vector<std::unique_ptr<SamplerDevice>> timed_samplers(std::string* no_egl);
 
-// The city, loaded once for any number of timings. Used by one thread at a time.
-struct TimedCity {
+// A scene of the catalogue, loaded once for any number of timings. Used by one thread at a time.
+struct LoadedScene {
   GeometryStore store;
   EmbreeDevice device;
   ExtentCache extents;
   std::unique_ptr<Scenario> scenario;
   std::vector<std::shared_ptr<const ExtentTable>> tables;  // one for each target
-  static Result<std::unique_ptr<TimedCity>> load();
+  // kNotFound when no scene has this name.
+  static Result<std::unique_ptr<LoadedScene>> load(const std::string& name);
 };
 
 struct Percentiles {
@@ -54,15 +55,15 @@ struct StepTiming {
   Percentiles total;  // the whole step
 };
 
-// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the city it starts again from the first,
+// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the scene it starts again from the first,
 // with the camera at its start.
 class StepTimer {
  public:
   // Both must outlive it. `resolution`: r, [2, 64]. `candidates`: about as many, [27, 32768].
-  static Result<std::unique_ptr<StepTimer>> make(TimedCity& city, SamplerDevice& device,
+  static Result<std::unique_ptr<StepTimer>> make(LoadedScene& scene, SamplerDevice& device,
                                                  StepSettings settings, int resolution,
                                                  int candidates);
-  // Takes the next frame's step and returns its duration in milliseconds, without the city's own movement. The first kWarmUpSteps
+  // Takes the next frame's step and returns its duration in milliseconds, without the scene's own movement. The first kWarmUpSteps
   // load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
   Result<double> step();
   StepTiming timing() const;  // all 0 before the first step that counts
@@ -70,11 +71,11 @@ class StepTimer {
   static constexpr int kWarmUpSteps = 5;
 
  private:
-  StepTimer(TimedCity& city, SamplerDevice& device, StepSettings settings,
+  StepTimer(LoadedScene& scene, SamplerDevice& device, StepSettings settings,
             std::unique_ptr<ScenarioWorld> world);
   void to_next_frame();
 
-  TimedCity& city_;
+  LoadedScene& scene_;
   const StepSettings settings_;
   const std::unique_ptr<ScenarioWorld> world_;
   const std::unique_ptr<Sampler> sampler_;

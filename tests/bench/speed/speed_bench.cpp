@@ -117,7 +117,7 @@ T must(Result<T> result) {
 
 // The scenario `city` (280 K triangles, two targets).
 struct City {
-  std::unique_ptr<TimedCity> loaded = must(TimedCity::load());
+  std::unique_ptr<LoadedScene> loaded = must(LoadedScene::load("city"));
   const Scenario& scenario = *loaded->scenario;
   std::vector<const ExtentTable*> tables;
 
