@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -38,8 +39,7 @@ class ReportPage : public testing::Test {
   }
 
   // The same file with changed replies.
-  static std::string rewritten(const std::string& bytes,
-                               const std::function<void(v1::CameraReply&)>& change) {
+  static std::string rewritten(const std::string& bytes, const std::function<void(v1::CameraReply&)>& change) {
     const Recording recording = read(bytes);
     std::string out;
     RecordingWriter writer(std::make_unique<StringSink>(out), recording.info());
@@ -87,8 +87,7 @@ class ReportPage : public testing::Test {
   }
 
   static size_t frames_with_cells(const SessionPage& page) {
-    return static_cast<size_t>(std::count_if(page.frames.begin(), page.frames.end(),
-                                             [](const PageFrame& f) { return !f.cells.empty(); }));
+    return static_cast<size_t>(std::ranges::count_if(page.frames, [](const PageFrame& f) { return !f.cells.empty(); }));
   }
 
   static std::string figure(const SessionPage& page, const std::string& name) {
@@ -154,17 +153,12 @@ TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
     }
     for (size_t m = 0; m < gltf.movers.size(); ++m)
       for (size_t i = 0; i < gltf.movers[m].poses.size(); ++i) {
-        EXPECT_LT(glm::distance(gltf.movers[m].poses[i].position_m, other.movers[m].poses[i].position_m),
-                  1e-6);
+        EXPECT_LT(glm::distance(gltf.movers[m].poses[i].position_m, other.movers[m].poses[i].position_m), 1e-6);
         EXPECT_LT(angle_between(gltf.movers[m].poses[i].rotation, other.movers[m].poses[i].rotation), 1e-6);
       }
     for (size_t i = 0; i < gltf.instances.size(); ++i) {
-      EXPECT_LT(
-          glm::distance(gltf.instances[i].world_from_instance[3], other.instances[i].world_from_instance[3]),
-          1e-6);
-      EXPECT_LT(
-          glm::distance(gltf.instances[i].geometry->bounds.max, other.instances[i].geometry->bounds.max),
-          1e-4f);
+      EXPECT_LT(glm::distance(gltf.instances[i].world_from_instance[3], other.instances[i].world_from_instance[3]), 1e-6);
+      EXPECT_LT(glm::distance(gltf.instances[i].geometry->bounds.max, other.instances[i].geometry->bounds.max), 1e-4f);
     }
   }
 }
@@ -236,8 +230,8 @@ TEST_F(ReportPage, TargetsThatChangeAreAllThereEachInItsFrames) {
 TEST_F(ReportPage, MasksOfCellsFollowTheTargetsOfThePage) {
   const RecordedYard yard = record_yard(*sampler_, {.candidates = true});
   const SessionPage page = page_of(yard.bytes);
-  const std::vector<std::vector<size_t>> page_targets = {{0, 1},
-                                                         {2, 0}};  // by the reply's target, before and after
+  // By the reply's target, before and after the change.
+  const std::vector<std::vector<size_t>> page_targets = {{0, 1}, {2, 0}};
   for (size_t i = 0; i < page.frames.size(); ++i) {
     const v1::Candidates& candidates = yard.replies[i].candidates();
     ASSERT_EQ(page.frames[i].cells.size(), static_cast<size_t>(candidates.visible_masks_size()));
