@@ -27,7 +27,7 @@ Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
 
 std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
-                                  size_t former, const ViewpointSearchSettings& settings,
+                                  size_t former, double take_asked_below, const ViewpointSearchSettings& settings,
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
@@ -43,15 +43,15 @@ std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<cons
     return candidate;
   };
   // Little may be hidden of the required targets, and of all targets alike.
-  const auto is_good_enough = [&](size_t place) {
+  const auto is_good_enough = [&](size_t place, double hidden_below) {
     const ShotCandidate candidate = candidate_at(place);
     const double first = hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead;
     const double alike = hidden_share_by_weight(targets, candidate.seen_share) +
                          hidden_share_by_weight(targets, std::span(beside).first(targets.size()));
-    return std::max(first, alike) / 2 <= settings.keep_shot_below;
+    return std::max(first, alike) / 2 <= hidden_below && allowed(viewpoints.offset_m(place));
   };
-  for (const size_t place : {asked_place, former})
-    if (is_good_enough(place) && allowed(viewpoints.offset_m(place))) return place;
+  if (is_good_enough(asked_place, take_asked_below)) return asked_place;
+  if (is_good_enough(former, settings.keep_shot_below)) return former;
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
   // The first of equal viewpoints wins, in whichever order they are tried.

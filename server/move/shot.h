@@ -18,8 +18,8 @@ namespace sightline {
 // The pose at `offset_m` (not zero) from the targets' centre, looking at it without roll: good enough to compare shots.
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
 
-// The viewpoint that the camera should go to. It is the asked one if that is good enough, else the former one if that is, else the one of
-// least cost. Empty when none is allowed.
+// The viewpoint that the camera should go to. It is the asked one if at most `take_asked_below` of the targets is hidden from there, else the
+// former one if that holds for settings.keep_shot_below, else the one of least cost. Empty when none is allowed.
 //   viewpoints:  of these targets, in this order.
 //   asked:       the shot that the client asked for, with all targets taken as seen; `asked_place` is the viewpoint nearest to it.
 //   present:     the present shot, with all targets taken as seen.
@@ -27,7 +27,7 @@ Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
 //   allowed:     true if an offset from the centre keeps the limits of distance and elevation, and the targets fit the picture.
 std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
-                                  size_t former, const ViewpointSearchSettings& settings,
+                                  size_t former, double take_asked_below, const ViewpointSearchSettings& settings,
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed);
 

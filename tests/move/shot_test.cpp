@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -27,6 +28,7 @@ struct Filming {
   size_t former = 0;
   ViewpointSearchSettings settings{.keep_shot_below = -1, .switch_margin = 0};  // no shot is good enough to be kept unweighed
   CoherenceSettings coherence;
+  double take_asked_below = -1;
 
   explicit Filming(std::vector<double> weights = {1.0}) {
     for (size_t i = 0; i < weights.size(); ++i) {
@@ -54,7 +56,7 @@ struct Filming {
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
     return choose_shot(viewpoints, targets, asked, viewpoints.nearest_viewpoint(asked.from_center_m), present, former,
-                       settings, coherence, allowed);
+                       std::max(take_asked_below, settings.keep_shot_below), settings, coherence, allowed);
   }
 };
 
@@ -148,6 +150,19 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
   film.settings.keep_shot_below = 0.6;
   EXPECT_EQ(film.choose(), 86u);
+}
+
+// While the targets move, no shot is kept unweighed but the asked one.
+TEST(Shot, TheAskedOneIsTakenAgainAsSoonAsItIsGood) {
+  Filming film;
+  film.capture(film.viewpoints.offset_m(86), film.asked), film.capture(film.viewpoints.offset_m(186), film.present);
+  film.former = 186, film.settings.switch_margin = 0.1;
+  film.look(0, {});
+  EXPECT_EQ(film.choose(), 186u) << "as good, and no change";
+  film.take_asked_below = 0.05;
+  EXPECT_EQ(film.choose(), 86u);
+  film.look(0, {86});
+  EXPECT_NE(film.choose(), 86u);
 }
 
 TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {

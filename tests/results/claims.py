@@ -2,8 +2,9 @@
 import collections
 import math
 import operator
+import statistics
 
-from figures import distinct, find, greatest, mean, number, of_shared_seeds, over_seeds, percent, select, total, weighted_mean
+from figures import distinct, find, greatest, mean, number, of_shared_seeds, over_seeds, percent, select, standard_error, total, weighted_mean
 
 # `holds` is None where the tables lack a figure that the claim needs.
 Claim = collections.namedtuple("Claim", "text holds figure")
@@ -25,12 +26,14 @@ def claim_if(text, needed, test, figure):
 
 # ---- table 1 ----
 
-def step_claims(table1):
-    """By sampler."""
-    return [claim_if(f"Default with {row['sampler']}: no step takes longer than three medians", [row["total_longest_ms"], row["total_p50_ms"]],
-                     lambda longest, median: longest <= 3 * median,
-                     lambda longest, median: f"{number(longest, 2)} ms, {number(longest / median, 1)} medians")
-            for row in select(table1, settings="default")]
+def step_claims(table1, costs=()):
+    """By sampler. `costs`: the medians of a step before and with the plan, measured in turns."""
+    claims = [claim_if(f"Default with {row['sampler']}: no step takes longer than three medians", [row["total_longest_ms"], row["total_p50_ms"]],
+                       lambda longest, median: longest <= 3 * median,
+                       lambda longest, median: f"{number(longest, 2)} ms, {number(longest / median, 1)} medians")
+              for row in select(table1, settings="default")]
+    return claims + [claim_if(f"Default with {row['sampler']}: a step takes no longer than before the plan, in turns", [row["before_ms"], row["with_plan_ms"]],
+                              lambda before, now: now <= before, lambda before, now: f"{number(now, 2)} against {number(before, 2)} ms") for row in costs]
 
 
 # ---- table 3 ----
@@ -120,7 +123,8 @@ def _longer_is_worse(table2, model):
 
 # ---- all scenes ----
 
-def scene_claims(runs, ceilings=()):
+def scene_claims(runs, ceilings=(), former=()):
+    """`former`: runs of the default of the builds before the plan."""
     claims = []
     for rival in RIVALS:
         claims.append(_against(runs, rival, "joint_visible_share", "a higher joint visible share",
@@ -128,9 +132,12 @@ def scene_claims(runs, ceilings=()):
         claims.append(_against(runs, rival, "episodes", "fewer episodes of lost sight", operator.lt, 0.0,
                                lambda n: number(n, 1)))
     for name, text in (("body_collisions", "no frame in which the body touches a collider"),
-                       ("limit_violations", "no frame that breaks a motion limit")):
+                       ("limit_violations", "no frame beyond the limits of speed, acceleration or turning")):
         claims.append(_none_of(runs, name, text))
-    return claims + _calm_claims(runs) + [_report_claim(runs)] + (ceiling_claims(runs, ceilings) if ceilings else [])
+    claims += _calm_claims(runs) + [_report_claim(runs)]
+    if former:
+        claims.append(_no_loss_claim(runs, former))
+    return claims + (ceiling_claims(runs, ceilings) if ceilings else [])
 
 
 def _calm_claims(runs):
@@ -145,6 +152,21 @@ def _calm_claims(runs):
         _at_most(runs, "rms_jerk_mps3", "RMS jerk under 150 m/s³", operator.lt, 150.0, mean, lambda n: number(n, 0) + " m/s³"),
         _at_most(runs, "goal_jumps_per_s", "fewer than 2 jumps of the goal a second", operator.lt, 2.0, mean, rate),
     ]
+
+
+def _no_loss_claim(runs, former):
+    """A loss counts if it is greater than two standard errors of its mean over the seeds that both played."""
+    failing, scenes = [], []
+    for scene in distinct(former, "scene"):
+        both = of_shared_seeds(select(_own(runs), scene=scene), select(former, scene=scene))
+        own, before = ({row["seed"]: row["joint_visible_share"] for row in rows} for rows in both)
+        losses = [before[seed] - own[seed] for seed in own]
+        if not losses:
+            continue
+        scenes.append(scene)
+        if statistics.mean(losses) > 2 * standard_error(losses) + 1e-6:
+            failing.append(f"{scene} ({percent(statistics.mean(own.values()))} against {percent(statistics.mean(before.values()))})")
+    return _in_scenes("Every scene: no lower joint visible share than before the plan, beyond two standard errors", scenes, failing)
 
 
 def rarely_blind_claim(runs):

@@ -1,6 +1,7 @@
 """Tables of figures: reading them, taking means over seeds, and writing numbers as text."""
 import csv
 import math
+import statistics
 
 
 def read_table(path):
@@ -58,6 +59,11 @@ def greatest(rows, name):
 
 def total(rows, name):
     return sum(row.get(name) or 0 for row in rows)
+
+
+def standard_error(values):
+    """Of the mean; 0 for a single value."""
+    return statistics.stdev(values) / math.sqrt(len(values)) if len(values) > 1 else 0.0
 
 
 def number(value, digits):

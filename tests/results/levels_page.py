@@ -1,9 +1,9 @@
-"""The page about levels and situations, levels.md: what the default does where nothing was tuned."""
+"""The page about levels and situations, levels.md: what the default does there, and what builds before it did."""
 import json
 
 from claims import RIVALS, ceiling_claims, rarely_blind_claim, scene_claims, verdict
-from figures import distinct, greatest, markdown, mean, number, percent, read_table, select, total
-from scene_tables import ceiling_part
+from figures import distinct, greatest, markdown, mean, number, of_shared_seeds, percent, read_table, select, total
+from scene_tables import ceiling_part, delay
 
 GROUPS = (("level-", "Levels of boxes"), ("tile-", "Levels composed of tiles"), ("", "Situations"))
 
@@ -13,14 +13,15 @@ def levels_page(folder, ceilings):
     runs = read_table(folder / "levels.csv")
     how = json.loads((folder / "how.json").read_text(encoding="utf-8"))
     parts = [introduction(how)] + notes(folder)
+    former = former_runs(folder, "levels")
     for prefix, title in GROUPS:
-        parts += group_parts(title, of_group(runs, prefix), of_group(ceilings, prefix))
+        parts += group_parts(title, of_group(runs, prefix), of_group(ceilings, prefix), of_group(former, prefix))
     study = folder / "scenes.csv"
     if study.exists():
         parts += all_scenes_part(read_table(study) + runs, ceilings)
     uses = folder / "uses.csv"
     if uses.exists():
-        parts.append(uses_part(read_table(uses), runs, former_runs(folder)))
+        parts.append(uses_part(read_table(uses), runs, former))
     return "\n".join(parts)
 
 
@@ -30,8 +31,9 @@ def of_group(rows, prefix):
     return [row for row in rows if (row["scene"].startswith(prefix) if prefix else not row["scene"].startswith(others))]
 
 
-def former_runs(folder):
-    former = folder / "levels-before-plan.csv"
+def former_runs(folder, name):
+    """The runs of the builds before the plan. They were kept from then, so `make.sh` does not make them."""
+    former = folder / f"{name}-before-plan.csv"
     return read_table(former) if former.exists() else []
 
 
@@ -44,22 +46,26 @@ def notes(folder):
 def introduction(how):
     return f"""# Levels and situations
 
-The scenes of the groups `levels`, `tiles` and `situations` were made to judge with, and no setting was tuned on the seeds played here. They are played at
+The scenes of the groups `levels`, `tiles` and `situations` were made to judge with. [Seeds](README.md#seeds) says what they were used for. They are played at
 {how['rate_hz']} Hz with {how['level_seeds']}, and every {how['scenes_every']}th picture is judged. [scenes/README.md](../../scenes/README.md) says what each scene is, and
 [the results page](README.md) what the figures mean. `tests/results/make.sh` makes both pages; `levels.csv` has one row a run.
+
+*Before the plan* are builds whose routes no longer lead through walls, and which have no flight plan yet: of 23 November 2026 in levels and situations, and of
+22 November in the 19 scenes of the results page. Their runs are kept in `levels-before-plan.csv` and `scenes-before-plan.csv`.
 """
 
 
-def group_parts(title, runs, ceilings):
+def group_parts(title, runs, ceilings, former):
     """The parts about one group of scenes; none if it was not played."""
     if not runs:
         return []
     ceilings = [row for row in ceilings if row["scene"] in distinct(runs, "scene")]
-    claims = [[claim.text, verdict(claim), claim.figure] for claim in [rarely_blind_claim(runs), *scene_claims(runs, ceilings)]]
+    claims = [[claim.text, verdict(claim), claim.figure] for claim in [rarely_blind_claim(runs), *scene_claims(runs, ceilings, former)]]
     text = f"## {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], claims) + """
-*Joint*: share of the pictures in which every target is visible to 95 %, by policy. The other columns are about the default.
+*Joint*: share of the pictures in which every target is visible to 95 %, by policy. The other columns are about the default. *With a way*: the longest
+time with nobody in sight during which the camera could have flown, from rest and within 2 s, to a place that sees a target.
 
-""" + markdown(["<scene", *RIVALS, "sightline", "r_N", "blind s", "with a way s", "at a_max", "RMS jerk m/s³", "goal jumps /s", "collisions"],
+""" + markdown(["<scene", *RIVALS, "sightline", "r_N", "blind s", "with a way s", "at a_max", "RMS jerk m/s³", "goal jumps /s", "reversals /s", "turn s", "collisions"],
                [scene_row(scene, select(runs, scene=scene)) for scene in distinct(runs, "scene")])
     return [text] + [part.replace("## What is possible", "### What is possible") for part in ceiling_part(ceilings, runs)]
 
@@ -77,7 +83,8 @@ def scene_row(scene, runs):
     joints = [percent(mean(select(runs, policy=policy), "joint_visible_share"), 1) for policy in (*RIVALS, "sightline")]
     return [scene, *joints, percent(mean(own, "r_n")), number(greatest(own, "longest_blind_s"), 1),
             number(greatest(own, "longest_blind_with_way_s"), 1), percent(mean(own, "acceleration_limit_share"), 1),
-            number(mean(own, "rms_jerk_mps3"), 0), number(mean(own, "goal_jumps_per_s"), 2), int(total(own, "body_collisions"))]
+            number(mean(own, "rms_jerk_mps3"), 0), number(mean(own, "goal_jumps_per_s"), 2),
+            number(mean(own, "reversals_per_s"), 2), delay(own, "mean_turn_answer_s", "turns"), int(total(own, "body_collisions"))]
 
 
 # ---- one use each ----
@@ -86,18 +93,20 @@ def uses_part(uses, runs, former):
     rows = [use_row(use, runs, former) for use in uses]
     return """## Uses that went wrong once
 
-Each row was a complaint about an early build. It is now a scene of its own, played here, or a test. *Before*: what that build did. *Before the plan*: the
-scene, played by the last build without the flight plan. Figures are means over the seeds that were played; *blind* is the longest stretch of any seed without a visible pixel.
+Each row was a complaint about an early build. It is now a scene of its own, played here, or a test, or both. *Before*: what that build did. Figures are means
+over seeds; *blind* is the longest stretch of any seed without a visible pixel. The build before the plan played fewer seeds, so *same seeds* is the present build
+with those alone, and *now* with all. What a test asserts or shows stands in words.
 
-""" + markdown(["<use", "<expected", "<before", "<scene or test", "<before the plan", "<now"], rows)
+""" + markdown(["<use", "<expected", "<before", "<scene or test", "<before the plan", "<same seeds", "<now"], rows)
 
 
 def use_row(use, runs, former):
-    scene = use["where"]
-    own = select(runs, scene=scene, policy="sightline")
-    if not own:
-        return [use["use"], use["expected"], use["before"], f"`{scene}`", "", "tested"]
-    return [use["use"], use["expected"], use["before"], f"`{scene}`", sights(select(former, scene=scene, policy="sightline")), sights(own)]
+    tests = (use["test"] or "").split("; ")
+    places = [f"`{place}`" for place in (use["scene"], *tests) if place]
+    own, before = (select(rows, scene=use["scene"], policy="sightline") for rows in (runs, former))
+    before, same = of_shared_seeds(before, own)
+    now = [text for text in (sights(own), use["now"]) if text]
+    return [use["use"], use["expected"], use["before"], ", ".join(places), sights(before), sights(same), "; ".join(now)]
 
 
 def sights(runs):

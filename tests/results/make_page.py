@@ -14,7 +14,7 @@ import pathlib
 
 from claims import model_claims, model_name, scene_claims, stability_claims, step_claims, verdict
 from figures import distinct, find, image, markdown, mean, number, over_seeds, percent, read_table, select, total, weighted_mean, write_table
-from levels_page import levels_page
+from levels_page import former_runs, levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
 from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
@@ -31,7 +31,7 @@ RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_
 CEILING_COLUMNS = ("scene", "seed", "joint_visible_share", "most_joint", "body_collisions", "limit_violations")
 LEVEL_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "all_seen", "r_n", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                  "acceleration_limit_share", "speed_limit_share", "rms_jerk_mps3", "goal_jumps_per_s", "body_collisions", "limit_violations",
-                 "tracking_while_lost", "reported_pairs", "filtered_share_error")
+                 "tracking_while_lost", "reported_pairs", "filtered_share_error", "reversals_per_s", "turns", "mean_turn_answer_s")
 HOW_KEYS = ("commands", "rate_hz", "seeds", "level_seeds", "paper_every", "scenes_every", "minutes", "cores")
 
 
@@ -93,13 +93,17 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
-    parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings)), notes_part(folder), table1_part(times),
+    parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
              table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
 def measured_ceilings(folder):
     return read_table(folder / "ceiling.csv") if (folder / "ceiling.csv").exists() else []
+
+
+def former_costs(folder):
+    return read_table(folder / "cost-before-plan.csv") if (folder / "cost-before-plan.csv").exists() else []
 
 
 def notes_part(folder):
@@ -128,16 +132,21 @@ default; *paper* is the method as printed, with RobustMove, a prediction of 300 
 `table3.csv` and `scenes.csv` (one row a run). On machines of one kind, everything but times is the same
 on every run with the same seeds. [Machines of another kind](../replay/README.md) round differently, so a few runs may differ there.
 
-[Levels and situations](levels.md) shows the default in scenes that nothing was tuned in.
+[Levels and situations](levels.md) shows the default in other scenes.
+
+### Seeds
+
+Seeds 1 to 8 are for judging, and seeds from 101 on are for tuning. A change was tuned with those, and then judged. The judgement decided whether it was kept,
+so a few were dropped after it; [trials](trials.md) has both. At first, the first seeds of the 19 scenes on this page served for tuning too.
 """
 
 
 # ---- claims ----
 
-def claims_part(times, models, stabilities, of_scenes):
+def claims_part(times, models, stabilities, of_scenes, former_costs):
     text = "## Claims\n\nComputed from the tables in this folder.\n"
     for title, claims in (("Table 3: stability", stability_claims(stabilities)), ("Table 2: occlusion", model_claims(models)),
-                          ("Table 1: what a step costs", step_claims(times)), ("All scenes", of_scenes)):
+                          ("Table 1: what a step costs", step_claims(times, former_costs)), ("All scenes", of_scenes)):
         rows = [[claim.text, verdict(claim), claim.figure] for claim in claims]
         text += f"\n### {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], rows)
     return text

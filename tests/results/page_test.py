@@ -136,6 +136,12 @@ class StepClaims(unittest.TestCase):
                 for settings, longest in (("paper", 9.0), ("default", longest_ms))]
         return claims.step_claims(rows)
 
+    def test_a_step_that_takes_longer_than_before_the_plan_fails(self):
+        costs = [{"sampler": sampler, "before_ms": 0.5, "with_plan_ms": now} for sampler, now in (("embree", 0.5), ("egl", 0.6))]
+        found = claims.step_claims([], costs)
+        self.assertEqual([claim.holds for claim in found], [True, False])
+        self.assertEqual(found[1].figure, "0.60 against 0.50 ms")
+
     def test_the_default_takes_three_medians_at_most(self):
         self.assertEqual([claim.holds for claim in self.found(1.5) + self.found(1.51)], [True, False])
         self.assertEqual(self.found(2.0)[0].figure, "2.00 ms, 4.0 medians")
@@ -246,6 +252,18 @@ class SceneClaims(unittest.TestCase):
             for row in figures.select(runs, scene="hall"):
                 row["episodes"] = episodes
             self.assertIs(claims.scene_claims(runs)[1].holds, holds)
+
+    def test_a_loss_since_the_plan_counts_beyond_two_standard_errors(self):
+        for losses, holds in (((0.1, 0.1), False), ((0.1, -0.02), True), ((0.1, 0.06), False), ((0.0, 0.0), True), ((-0.1, -0.1), True)):
+            former = [run("hall", "sightline", seed, 0.9 + loss, 1.0) for seed, loss in zip((1.0, 2.0), losses)]
+            former.append(run("hall", "sightline", 9.0, 1.0, 1.0))  # no run of now has this seed
+            claim = claims.scene_claims(good_runs(), former=former)[-1]
+            self.assertIs(claim.holds, holds, losses)
+        self.assertEqual(len(claims.scene_claims(good_runs(), former=former)), 17)
+
+    def test_the_loss_is_named_with_both_figures(self):
+        former = [run(scene, "sightline", seed, joint, 1.0) for scene, joint in (("hall", 0.95), ("forest", 0.5)) for seed in (1.0, 2.0)]
+        self.assertEqual(claims.scene_claims(good_runs(), former=former)[-1].figure, "in 1 of 2 scenes; not in hall (90.00 % against 95.00 %)")
 
     def test_one_touch_and_one_violation_are_one_too_many(self):
         for name in ("body_collisions", "limit_violations"):
@@ -361,13 +379,15 @@ class Levels(unittest.TestCase):
         page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0)])
         self.assertNotIn("tiles", page.split("## ", 1)[1])
 
-    def test_a_use_shows_the_build_before_and_now_or_its_test(self):
-        uses = [{"use": "a lift", "expected": "waits", "before": "crushed", "where": "lift"},
-                {"use": "an echo", "expected": "the same", "before": "slow", "where": "Echo.IsTheSame"}]
+    def test_a_use_shows_the_build_before_and_now_and_its_tests(self):
+        uses = [{"use": "a lift", "expected": "waits", "before": "crushed", "scene": "lift", "test": "Lift.Rides", "now": "it rides"},
+                {"use": "an echo", "expected": "the same", "before": "slow", "scene": None, "test": "Echo.Is; Echo.Was", "now": "the same"}]
         former = [run("lift", "sightline", 1.0, 0.1, 1.0, r_n=0.9, longest_blind_s=20.0)]
-        page = self.page([run("lift", "sightline", 1.0, 0.5, 1.0, r_n=0.25, longest_blind_s=2.0)], uses=uses, levels_before_plan=former)
-        self.assertIn("| a lift | waits | crushed | `lift` | joint 10.0 %, nobody 90.0 %, blind 20.0 s | joint 50.0 %, nobody 25.0 %, blind 2.0 s |", page)
-        self.assertIn("| an echo | the same | slow | `Echo.IsTheSame` |  | tested |", page)
+        now = [run("lift", "sightline", 1.0, 0.5, 1.0, r_n=0.25, longest_blind_s=2.0), run("lift", "sightline", 2.0, 0.7, 1.0, r_n=0.35, longest_blind_s=1.0)]
+        page = self.page(now, uses=uses, levels_before_plan=former)
+        self.assertIn("| a lift | waits | crushed | `lift`, `Lift.Rides` | joint 10.0 %, nobody 90.0 %, blind 20.0 s | joint 50.0 %, nobody 25.0 %, blind 2.0 s | "
+                      "joint 60.0 %, nobody 30.0 %, blind 2.0 s; it rides |", page)
+        self.assertIn("| an echo | the same | slow | `Echo.Is`, `Echo.Was` |  |  | the same |", page)
 
 
 class Page(unittest.TestCase):

@@ -38,6 +38,23 @@ TEST(GivenUp, AReplySaysWhichWishItBreaks) {
   for (const int count : {low, high_enough, far, near_enough}) EXPECT_GT(count, 10) << "the run shows every case";
 }
 
+// A drone above a street with houses, from three elevations on.
+TEST(GivenUp, ADroneKeepsItsLeastElevationAboveAWalker) {
+  for (const double least_rad : {0.6, 0.9, 1.2}) {
+    OneFilmed world(glm::dvec3(0, 1, 0) + 9.0 * glm::dvec3(0, std::sin(least_rad + 0.1), std::cos(least_rad + 0.1)));
+    world.settings.move.min_elevation_rad = least_rad;
+    for (uint64_t i = 0; i < 8; ++i)
+      world.add_box(10 + i, {6.0 * static_cast<double>(i), 3, i % 2 == 0 ? 4.5 : -4.5}, {2, 3, 2});
+    int given_up = 0;
+    for (int i = 0; i < 60 * 25; ++i) {
+      const double x_m = 1.4 / 60 * i;
+      world.move(1, {x_m, 1, 0}, {1.4, 0, 0});
+      given_up += world.step(1.0 / 60).flags.elevation_given_up;
+    }
+    EXPECT_EQ(given_up, 0) << least_rad;
+  }
+}
+
 TEST(GivenUp, NothingIsGivenUpWithoutATarget) {
   OneFilmed world({0, -40, 90});
   EXPECT_TRUE(world.step(1.0 / 60).flags.elevation_given_up);

@@ -110,6 +110,29 @@ TEST(MinCost, AShotInPlainSightIsKept) {
   EXPECT_EQ(r.status, TrackingStatus::kTracking);
 }
 
+// Pillars hide a walking target from the asked shot now and then. After each, the camera comes back to that shot.
+TEST(MinCost, TheCameraComesBackToTheAskedShotOfAWalkingTarget) {
+  constexpr double kMps = 1.4, kPillarsEveryM = 15, kHalfPillarM = 0.35;
+  const glm::dvec3 asked_m(0, 0.6, 6);
+  OneFilmed world;
+  for (uint64_t i = 1; i <= 3; ++i) world.add_box(10 + i, {kPillarsEveryM * static_cast<double>(i), 2, 3}, {kHalfPillarM, 2, kHalfPillarM});
+  Watch watch(world);
+  StepResult r;
+  int elsewhere = 0, returns = 0;
+  bool was_away = false;
+  for (int i = 0; i < 60 * 40; ++i) {
+    const double x_m = kMps * kTick * i;
+    world.move(1, {x_m, 1, 0}, {kMps, 0, 0});
+    world.step_in(watch, r);
+    const double away_m = glm::distance(world.camera().pose.position_m, glm::dvec3(x_m, 1, 0) + asked_m);
+    elsewhere += away_m > 0.5;
+    returns += was_away && away_m < 0.2;
+    was_away = was_away ? away_m >= 0.2 : away_m > 2;
+  }
+  EXPECT_EQ(returns, 3) << "once for each pillar";
+  EXPECT_LT(elsewhere, 60 * 20);
+}
+
 // Posts hide less of the standing targets than ViewpointSearchSettings::keep_shot_below, so the camera does not chase the gaps between them.
 TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
   OneFilmed world;
