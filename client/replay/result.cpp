@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "client/base/text_table.h"
-#include "client/truth/metrics.h"
 
 namespace sightline {
 namespace {
@@ -100,7 +99,7 @@ ReplayVerdict ReplayResult::verdict() const {
   if (expected_equal() || (never_equal_.empty() && compared_before_gap_ > equal_before_gap_))
     return ReplayVerdict::kDiffers;
   const bool near =
-      replies_.position_m() <= kPopM && replies_.direction_deg() <= kPopRad * 180 / std::numbers::pi;
+      replies_.position_m() <= kVisibleJumpM && replies_.direction_deg() <= kVisibleJumpRad * 180 / std::numbers::pi;
   return near ? ReplayVerdict::kAlike : ReplayVerdict::kDiffers;
 }
 

@@ -13,8 +13,11 @@
 
 namespace sightline {
 
-// Replies that need not be equal are alike while the camera is nearer to its recorded pose than a visible jump (kPopM and
-// kPopRad of client/truth/metrics.h).
+// A camera that is so far from its recorded pose would be seen to jump.
+inline constexpr double kVisibleJumpM = 0.5;
+inline constexpr double kVisibleJumpRad = 0.08726646259971647;  // 5 degrees
+
+// Replies that need not be equal are alike while the camera is nearer to its recorded pose than a visible jump.
 // kNothing: the recording has no reply, so there is nothing to compare.
 enum class ReplayVerdict { kEqual, kAlike, kDiffers, kNothing };
 

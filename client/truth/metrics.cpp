@@ -39,23 +39,16 @@ constexpr RunFigure kFigures[] = {
     {"acceleration_limit_share", [](const Run& r) { return r.acceleration_limit_share; }},
     {"speed_limit_share", [](const Run& r) { return r.speed_limit_share; }},
     {"reversals_per_s", [](const Run& r) { return r.reversals_per_s; }},
-    {"pops", [](const Run& r) { return double(r.pops); }},
     {"body_collisions", [](const Run& r) { return double(r.body_collisions); }},
     {"least_clearance_m", [](const Run& r) { return r.least_clearance_m; }},
     {"limit_violations", [](const Run& r) { return double(r.limit_violations); }},
 };
-
-bool pops(const CameraFrame& before, const CameraFrame& now) {
-  return glm::distance(now.camera.position_m, before.camera.position_m) > kPopM ||
-         angle_between(now.camera.rotation, before.camera.rotation) > kPopRad;
-}
 
 void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
                 RunMetrics& metrics) {
   for (size_t i = 1; i < frames.size(); ++i) {
     if (frames[i].jump) continue;
     metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
-    metrics.pops += pops(frames[i - 1], frames[i]);
     if (truths.empty()) continue;
     const auto &before = truths[i - 1].centers, &now = truths[i].centers;
     for (size_t k = 0; k < std::min(before.size(), now.size()); ++k)

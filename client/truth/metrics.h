@@ -58,9 +58,6 @@ struct RunMetrics {
   // Length of the path of the targets' projected centres in the picture, summed over targets, in picture heights (paper,
   // section 6). Only pairs of neighbouring frames that both hold the centre count.
   double d_s_heights = 0.0;
-  // Frames that are more than kPopM or kPopRad from the frame before, without a declared jump. A camera that keeps its motion
-  // limits has none.
-  size_t pops = 0;
   double peak_speed_mps = 0.0, peak_acceleration_mps2 = 0.0;
   double peak_angular_speed_radps = 0.0, peak_angular_acceleration_radps2 = 0.0;
   double rms_acceleration_mps2 = 0.0;
@@ -76,9 +73,6 @@ struct RunFigure {
   double (*of)(const RunMetrics& run);
 };
 std::span<const RunFigure> run_figures();
-
-inline constexpr double kPopM = 0.5;
-inline constexpr double kPopRad = 0.08726646259971647;  // 5 degrees
 
 // The visibility of a target in one picture.
 struct SightSample {
