@@ -25,6 +25,15 @@ Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
   return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
 }
 
+double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place) {
+  std::array<float, kMaxTargets> seen, beside;
+  for (size_t i = 0; i < targets.size(); ++i) seen[i] = viewpoints.share(i, place), beside[i] = viewpoints.share_beside(i, place);
+  const std::span<const float> seen_share(seen.data(), targets.size()), share_beside(beside.data(), targets.size());
+  const double first = hidden_share(targets, seen_share) + hidden_share(targets, share_beside);
+  const double alike = hidden_share_by_weight(targets, seen_share) + hidden_share_by_weight(targets, share_beside);
+  return std::max(first, alike) / 2;
+}
+
 std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
                                   const ShotState& asked, size_t asked_place, const ShotState& present,
                                   size_t former, double take_asked_below, const ViewpointSearchSettings& settings,
@@ -42,13 +51,8 @@ std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<cons
     candidate.hidden_ahead = hidden_share(targets, std::span(beside).first(targets.size()));
     return candidate;
   };
-  // Little may be hidden of the required targets, and of all targets alike.
   const auto is_good_enough = [&](size_t place, double hidden_below) {
-    const ShotCandidate candidate = candidate_at(place);
-    const double first = hidden_share(targets, candidate.seen_share) + candidate.hidden_ahead;
-    const double alike = hidden_share_by_weight(targets, candidate.seen_share) +
-                         hidden_share_by_weight(targets, std::span(beside).first(targets.size()));
-    return std::max(first, alike) / 2 <= hidden_below && allowed(viewpoints.offset_m(place));
+    return hidden_round_about(viewpoints, targets, place) <= hidden_below && allowed(viewpoints.offset_m(place));
   };
   if (is_good_enough(asked_place, take_asked_below)) return asked_place;
   if (is_good_enough(former, settings.keep_shot_below)) return former;

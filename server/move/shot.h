@@ -18,7 +18,11 @@ namespace sightline {
 // The pose at `offset_m` (not zero) from the targets' centre, looking at it without roll: good enough to compare shots.
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
 
-// The viewpoint that the camera should go to. It is the asked one if at most `take_asked_below` of the targets is hidden from there, else the
+// The share of the targets that is hidden from a viewpoint and from those beside it, in the mean of both, [0, 1]: of the required targets, or of
+// all alike, whichever is more.
+double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place);
+
+// The viewpoint that the camera should go to. It is the asked one if at most `take_asked_below` is hidden round about, else the
 // former one if that holds for settings.keep_shot_below, else the one of least cost. Empty when none is allowed.
 //   viewpoints:  of these targets, in this order.
 //   asked:       the shot that the client asked for, with all targets taken as seen; `asked_place` is the viewpoint nearest to it.

@@ -43,8 +43,8 @@ struct StateFields {
   }
   template <typename A, SameAs<WantedShot> T>
   static void each(A& archive, T& shot) {
-    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, viewpoint] = shot;
-    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, viewpoint);
+    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint] = shot;
+    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint);
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {

@@ -15,9 +15,9 @@ namespace {
 constexpr uint64_t kStepsPerChoice = 4;
 // The results are used once the search has run for this share of its memory time.
 constexpr double kKnownShare = 0.5;
-// While the targets move, the client's shot is taken wherever at most this share of them is hidden. Without it, the camera would stay for good
-// at any viewpoint that sees as much.
-constexpr double kAskedIsGoodBelow = 0.05;
+// While the targets move, the client's shot is taken again when at most this share of them has been hidden there for so long. Without it, the
+// camera would stay for good at any viewpoint that sees as much. Where others keep passing before the targets, the shot is not free for long.
+constexpr double kAskedIsGoodBelow = 0.05, kAskedIsGoodS = 1.5;
 // The eyes of the maps lie within this share of the target's box, since the corners of a box are mostly outside the
 // shape.
 constexpr double kBoxShare = 0.7;
@@ -65,7 +65,6 @@ void capture(const StepContext& step, const glm::dvec3& offset_m, ShotState& sho
 void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot, ViewpointScratch& scratch) {
   MoveSettings settings = step.input.settings.move;
   const bool stand = targets_stand(step);
-  const double take_asked_below = stand ? settings.viewpoint_search.keep_shot_below : kAskedIsGoodBelow;
   if (!stand) settings.viewpoint_search.keep_shot_below = 0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
@@ -75,6 +74,10 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };
   shot.asked_viewpoint = viewpoints.nearest_viewpoint(scratch.asked.from_center_m);
+  const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
+  shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.move_s : 0.0;
+  const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
+  const double take_asked_below = is_good ? kAskedIsGoodBelow : settings.viewpoint_search.keep_shot_below;
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, scratch.asked, shot.asked_viewpoint,
                                scratch.present, shot.viewpoint.value_or(shot.asked_viewpoint), take_asked_below, settings.viewpoint_search,
                                settings.coherence, std::cref(allowed));

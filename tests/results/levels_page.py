@@ -50,8 +50,8 @@ The scenes of the groups `levels`, `tiles` and `situations` were made to judge w
 {how['rate_hz']} Hz with {how['level_seeds']}, and every {how['scenes_every']}th picture is judged. [scenes/README.md](../../scenes/README.md) says what each scene is, and
 [the results page](README.md) what the figures mean. `tests/results/make.sh` makes both pages; `levels.csv` has one row a run.
 
-*Before the plan* are builds whose routes no longer lead through walls, and which have no flight plan yet: of 23 November 2026 in levels and situations, and of
-22 November in the 19 scenes of the results page. Their runs are kept in `levels-before-plan.csv` and `scenes-before-plan.csv`.
+*Before the plan* are builds whose routes no longer lead through walls, and which have no flight plan yet. In levels and situations the build is of 23 November
+2026, and in the 19 scenes of the results page of 22 November. Their runs are kept in `levels-before-plan.csv` and `scenes-before-plan.csv`.
 """
 
 
