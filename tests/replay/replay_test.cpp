@@ -166,12 +166,13 @@ TEST_F(ReplayHere, AStartFromASnapshotNeedNotBeEqual) {
 }
 
 // A cut from the middle of a recording without memories begins with a snapshot tick that no reply answers.
+// The camera keeps its shot in this part. The memory of which shot it was going to is not in the file.
 TEST_F(ReplayHere, CutGoesOnWhereTheRecordingWas) {
-  const RecordedHall hall = record_hall(*sampler_, {.ticks = 960});
+  const RecordedHall hall = record_hall(*sampler_, {.ticks = 1140});
   MemorySink sink;
-  const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 15.5}, sink);
+  const auto cut = cut_recording(open_recording(hall.bytes), {.start_s = 18.5}, sink);
   ASSERT_TRUE(cut.has_value()) << to_string(cut.error());
-  EXPECT_EQ(cut->snapshot_ticks, 929u);
+  EXPECT_EQ(cut->snapshot_ticks, 1109u);
   EXPECT_EQ(cut->lead_messages, 0u);
   const Replayed replayed = replay_here(sink.bytes());
   EXPECT_EQ(replayed.replies, 31u);
