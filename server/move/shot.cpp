@@ -19,6 +19,18 @@ double cost_of(const ShotCandidate& candidate, const ShotState& asked, const Sho
          2;
 }
 
+// What is known of a viewpoint, target by target.
+struct SharesAt {
+  std::array<float, kMaxTargets> seen, beside;
+  size_t targets;
+
+  SharesAt(const ViewpointMap& viewpoints, size_t target_count, size_t place) : targets(target_count) {
+    for (size_t i = 0; i < targets; ++i) seen[i] = viewpoints.share(i, place), beside[i] = viewpoints.share_beside(i, place);
+  }
+  std::span<const float> seen_share() const { return std::span(seen).first(targets); }
+  std::span<const float> share_beside() const { return std::span(beside).first(targets); }
+};
+
 }  // namespace
 
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
@@ -26,11 +38,9 @@ Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
 }
 
 double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place) {
-  std::array<float, kMaxTargets> seen, beside;
-  for (size_t i = 0; i < targets.size(); ++i) seen[i] = viewpoints.share(i, place), beside[i] = viewpoints.share_beside(i, place);
-  const std::span<const float> seen_share(seen.data(), targets.size()), share_beside(beside.data(), targets.size());
-  const double first = hidden_share(targets, seen_share) + hidden_share(targets, share_beside);
-  const double alike = hidden_share_by_weight(targets, seen_share) + hidden_share_by_weight(targets, share_beside);
+  const SharesAt shares(viewpoints, targets.size(), place);
+  const double first = hidden_share(targets, shares.seen_share()) + hidden_share(targets, shares.share_beside());
+  const double alike = hidden_share_by_weight(targets, shares.seen_share()) + hidden_share_by_weight(targets, shares.share_beside());
   return std::max(first, alike) / 2;
 }
 
@@ -40,17 +50,6 @@ std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<cons
                                   const CoherenceSettings& coherence,
                                   const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const glm::dvec3 center_m = weighted_center_m(targets);
-  std::array<float, kMaxTargets> seen, beside;
-  // Without the pose, which is the most expensive part.
-  const auto candidate_at = [&](size_t place) {
-    for (size_t i = 0; i < targets.size(); ++i) {
-      seen[i] = viewpoints.share(i, place);
-      beside[i] = viewpoints.share_beside(i, place);
-    }
-    ShotCandidate candidate{.world_from_camera = {}, .seen_share = std::span(seen).first(targets.size())};
-    candidate.hidden_ahead = hidden_share(targets, std::span(beside).first(targets.size()));
-    return candidate;
-  };
   const auto is_good_enough = [&](size_t place, double hidden_below) {
     return hidden_round_about(viewpoints, targets, place) <= hidden_below && allowed(viewpoints.offset_m(place));
   };
@@ -60,9 +59,12 @@ std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<cons
   std::optional<size_t> best;
   // The first of equal viewpoints wins, in whichever order they are tried.
   const auto try_place = [&](size_t place) {
-    ShotCandidate candidate = candidate_at(place);
+    const SharesAt shares(viewpoints, targets.size(), place);
+    ShotCandidate candidate{.world_from_camera = {}, .seen_share = shares.seen_share()};
+    candidate.hidden_ahead = hidden_share(targets, shares.share_beside());
     const double hold = place == former ? settings.switch_margin : 0.0;
     if (unseen_cost(candidate, targets, coherence) - hold > least) return;
+    // Last, because it is the most expensive part.
     candidate.world_from_camera = pose_of_shot(center_m, viewpoints.offset_m(place));
     const double cost = cost_of(candidate, asked, present, targets, coherence) - hold;
     const bool better = cost < least || (cost == least && best && place < *best);

@@ -18,8 +18,8 @@ namespace sightline {
 // The pose at `offset_m` (not zero) from the targets' centre, looking at it without roll: good enough to compare shots.
 Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m);
 
-// The share of the targets that is hidden from a viewpoint and from those beside it, in the mean of both, [0, 1]: of the required targets, or of
-// all alike, whichever is more.
+// The hidden share of the targets, [0, 1]: the mean of that from a viewpoint and that from those beside it. It is taken of the required targets
+// first, and of all targets alike; the greater one counts.
 double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place);
 
 // The viewpoint that the camera should go to. It is the asked one if at most `take_asked_below` is hidden round about, else the

@@ -36,7 +36,7 @@ struct WantedShot {
   glm::dvec3 offset_m{0.0};        // from the targets' centre to the camera, world axes
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
-  double asked_seen_s = 0.0;       // for so long hardly anything has been hidden there
+  double asked_seen_s = 0.0;       // hardly anything has been hidden there for this time
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
 
   // The chosen viewpoint; empty while the client's shot is kept.

@@ -38,8 +38,8 @@ constexpr double kEffortM = 0.17, kEffortResponseS = 0.2;
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
 constexpr Pace kHurried{};
 
-// A camera that has seen nobody for so long takes a way through the level, up to 60 m away, and searches it again after this time, since targets move. It
-// does so sooner if it hardly moves.
+// A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again after this time, since
+// targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot. When it has known that for so long, the camera
 // takes such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.

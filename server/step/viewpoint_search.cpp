@@ -88,6 +88,7 @@ void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
   viewpoints.forget();
   if (shot.viewpoint) shot.offset_m = shot.asked_offset_m;
   shot.viewpoint.reset();
+  shot.asked_seen_s = 0.0;
 }
 
 }  // namespace

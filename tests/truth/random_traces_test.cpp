@@ -114,7 +114,7 @@ Scenario any_scenario(GeometryStore& store) {
   return *Scenario::from_asset(*read_gltf(scenes::make_hall({.duration_s = 2.0}), nullptr, store));
 }
 
-TEST(Travel, PopsAndScreenTravelEqualAPlainCountOnRandomTraces) {
+TEST(Travel, BothTravelsEqualAPlainSumOnRandomTraces) {
   GeometryStore store;
   const Scenario scenario = any_scenario(store);
   Random random(2);
