@@ -202,8 +202,8 @@ struct StateFields {
 
   template <typename A, SameAs<BlindState> T>
   static void each(A& archive, T& blind) {
-    auto& [blind_s, shot_gains_s, searched_s, way] = blind;
-    archive(blind_s, shot_gains_s, searched_s, way);
+    auto& [blind_s, shot_gains_s, searched_s, way, view, view_s] = blind;
+    archive(blind_s, shot_gains_s, searched_s, way, view, view_s);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {

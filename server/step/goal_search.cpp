@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "server/base/inline_vector.h"
 #include "server/move/best_acceleration.h"
 #include "server/move/coherence.h"
 #include "server/move/sight_weight.h"
@@ -17,8 +18,10 @@ namespace {
 
 // A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are longer.
 constexpr double kWayM = 4.0;
-// The cost of a place outside the limits of distance and elevation, metres.
+// The cost of a place outside the limits of distance and elevation, metres. The limits go along with targets that move this far within a plan:
+// a camera behind a car flies where the car is now, which is too near to it. Those of targets on foot stay where they are.
 constexpr float kOutsideLimits = 100.0f;
+constexpr double kLimitsMoveM = 2.5;
 // How much the last slice of a plan counts for the time after it, in plans.
 constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
@@ -41,6 +44,9 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again after this time, since
 // targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
+// A camera without a view goes to the nearest place that has one, and looks for another after this time. Maps that differ by a few texels show
+// different places.
+constexpr double kViewHoldsS = 0.1;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot. When it has known that for so long, the camera
 // takes such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
 constexpr double kShotGainsS = 2.0, kShotGain = 0.3, kShotNearM = 1.0;
@@ -77,8 +83,15 @@ class PlanPricer {
   }
 
   void price() {
+    for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
     price_limits();
+    double limits_at_s = 0;
     for (size_t slice = 0; slice < kSlices; ++slice) {
+      const double passed_s = ahead_.ahead_s(slice) - limits_at_s;
+      if (passed_s * fastest_mps() > kLimitsMoveM) {
+        limits_at_s += passed_s;
+        move_limits(passed_s);
+      }
       price_hidden(slice);
       planner_.blur(slice, weights_.surroundings);
       planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
@@ -98,8 +111,18 @@ class PlanPricer {
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
   }
+  double fastest_mps() const {
+    double fastest_mps = 0;
+    for (const TrackedTarget& t : targets_)
+      if (t.steered()) fastest_mps = std::max(fastest_mps, glm::length(t.velocity_mps));
+    return fastest_mps;
+  }
+  void move_limits(double time_s) {
+    for (TrackedTarget& t : targets_) t.aim_m += t.velocity_mps * time_s;
+    price_limits();
+  }
   void price_limits() {
-    const PlaceLimits limits(in_.step.targets.tracked_targets, in_.step.input.settings.move);
+    const PlaceLimits limits(targets_, in_.step.input.settings.move);
     outside_.assign(planner_.cell_count(), 0.0f);
     for (size_t i = 0; i < lattice_.size(); ++i)
       if (!limits.hold(in_.sights.position_m[i])) outside_[planner_.cell_of(i)] = kOutsideLimits;
@@ -108,6 +131,7 @@ class PlanPricer {
   const MoveInput& in_;
   FlightPlanner& planner_;
   std::vector<float>& outside_;  // by cell: the cost of being outside the limits
+  InlineVector<TrackedTarget, kMaxTargets> targets_;  // where they are when these limits hold
   const CostWeights& weights_;
   const HiddenAhead& ahead_;
   const Lattice& lattice_;
@@ -149,6 +173,7 @@ class GoalSearch {
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
     std::optional<Goal> goal = take_far_way(body_radius_m);
+    blind_.view_m.reset();
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
     goal->blind = blind_;
     return *goal;
@@ -296,16 +321,33 @@ class GoalSearch {
                            .first_leg_is_free = [&](uint32_t node) { return ways_.is_free(position_m[node]); },
                            .spacing_m = in_.carried.candidates.lattice.spacing_m()};
     scratch_.routes.begin(nodes, static_cast<uint32_t>(in_.sights.own_candidate), body_radius_m);
-    while (const auto candidate = scratch_.routes.settle_next())
-      if (in_.sights.hidden[*candidate] < kAllHidden) {
-        scratch_.way = scratch_.routes.to(*candidate);
-        const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-        Goal goal = goal_at(*candidate, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS));
-        goal.searches = true;
-        goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
-        return goal;
+    const std::optional<uint32_t> view = find_view();
+    if (!view) return escape(plan);
+    scratch_.way = scratch_.routes.to(*view);
+    const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
+    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS));
+    goal.searches = true;
+    goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
+    return goal;
+  }
+  // The candidate that the camera is on its way to, for a while, or else the nearest that sees a target.
+  std::optional<uint32_t> find_view() {
+    const auto& former_m = in_.carried.blind.view_m;
+    blind_.view_s = in_.carried.blind.view_s + in_.step.move_s;
+    const bool holds = former_m && blind_.view_s < kViewHoldsS;
+    const std::optional<uint32_t> former = holds ? planner_.candidate_at(*former_m) : std::nullopt;
+    std::optional<uint32_t> view;
+    while (const auto candidate = scratch_.routes.settle_next()) {
+      if (former == *candidate) {
+        blind_.view_m = former_m;
+        return former;
       }
-    return escape(plan);
+      if (!view && in_.sights.hidden[*candidate] < kAllHidden) view = candidate;
+      if (view && !former) break;
+    }
+    if (view) blind_.view_m = in_.sights.position_m[*view];
+    blind_.view_s = 0.0;
+    return view;
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);

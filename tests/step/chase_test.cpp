@@ -42,5 +42,27 @@ TEST_P(Chase, TheCameraIsAsFastAsItMayBehindAFasterTarget) {
 
 INSTANTIATE_TEST_SUITE_P(Limits, Chase, testing::Values(Limits{12, 4}, Limits{10, 10}, Limits{40, 20}, Limits{3, 30}));
 
+// Where the camera will be in a second, behind the car, is too near to where the car is now.
+TEST(Chase, TheGoalBehindACarThatSpeedsUpDoesNotJump) {
+  OneFilmed world({-6, 3, 0});
+  world.limits.max_speed_mps = 40;
+  world.limits.max_acceleration_mps2 = 20;
+  constexpr double kTickS = 1.0 / 60;
+  std::optional<glm::dvec3> former_m;
+  double x_m = 0, speed_mps = 0;
+  int jumps = 0;
+  for (int i = 0; i < 300; ++i) {
+    speed_mps = std::min(30.0, speed_mps + 10 * kTickS);
+    world.move(1, {x_m += speed_mps * kTickS, 1, 0}, {speed_mps, 0, 0});
+    world.step(kTickS);
+    const std::optional<glm::dvec3> goal_m = world.dump().decision.goal_m;
+    ASSERT_TRUE(goal_m) << "step " << i;
+    const glm::dvec3 from_car_m = *goal_m - glm::dvec3(x_m, 0, 0);
+    if (former_m) jumps += glm::distance(from_car_m, *former_m) > 0.5;
+    former_m = from_car_m;
+  }
+  EXPECT_EQ(jumps, 0);
+}
+
 }  // namespace
 }  // namespace sightline::test
