@@ -42,6 +42,29 @@ TEST_P(Chase, TheCameraIsAsFastAsItMayBehindAFasterTarget) {
 
 INSTANTIATE_TEST_SUITE_P(Limits, Chase, testing::Values(Limits{12, 4}, Limits{10, 10}, Limits{40, 20}, Limits{3, 30}));
 
+// The target is suddenly 8 m farther off and stays there. A camera that has not seen it hurries after it.
+double fastest_mps(bool hidden) {
+  OneFilmed world;
+  const auto place_target = [&](const glm::dvec3& at_m) {
+    world.move(1, at_m);
+    if (hidden) world.move(2, at_m);
+  };
+  if (hidden) world.add_box(2, {0, 1, 0}, {1, 1, 1});
+  for (int i = 0; i < 60; ++i) place_target({0, 1, 0}), world.step(1.0 / 60);
+  double fastest_mps = 0;
+  for (int i = 0; i < 240; ++i) {
+    place_target({0, 1, -8}), world.step(1.0 / 60);
+    fastest_mps = std::max(fastest_mps, glm::length(world.camera().velocity_mps));
+  }
+  return fastest_mps;
+}
+
+TEST(Chase, ACameraThatSeesItsTargetIsInLessOfAHurryThanOneThatDoesNot) {
+  const double seen_mps = fastest_mps(false), unseen_mps = fastest_mps(true);
+  EXPECT_GT(seen_mps, 1);
+  EXPECT_GT(unseen_mps, 1.3 * seen_mps);
+}
+
 // Where the camera will be in a second, behind the car, is too near to where the car is now.
 TEST(Chase, TheGoalBehindACarThatSpeedsUpDoesNotJump) {
   OneFilmed world({-6, 3, 0});
