@@ -21,7 +21,7 @@ constexpr double kWayM = 4.0;
 // The cost of a place outside the limits of distance and elevation, metres. The limits go along with targets that move this far within a plan:
 // a camera behind a car flies where the car is now, which is too near to it. Those of targets on foot stay where they are.
 constexpr float kOutsideLimits = 100.0f;
-constexpr double kLimitsMoveM = 2.5;
+constexpr double kLimitsMoveM = 4.0;
 // How much the last slice of a plan counts for the time after it, in plans.
 constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
@@ -330,24 +330,23 @@ class GoalSearch {
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  // The candidate that the camera is on its way to, for a while, or else the nearest that sees a target.
+  // The nearest candidate that sees a target. While there is one, the camera keeps for a while to the one that was the nearest.
   std::optional<uint32_t> find_view() {
     const auto& former_m = in_.carried.blind.view_m;
     blind_.view_s = in_.carried.blind.view_s + in_.step.move_s;
     const bool holds = former_m && blind_.view_s < kViewHoldsS;
     const std::optional<uint32_t> former = holds ? planner_.candidate_at(*former_m) : std::nullopt;
-    std::optional<uint32_t> view;
+    std::optional<uint32_t> nearest;
+    bool reaches_former = false;
     while (const auto candidate = scratch_.routes.settle_next()) {
-      if (former == *candidate) {
-        blind_.view_m = former_m;
-        return former;
-      }
-      if (!view && in_.sights.hidden[*candidate] < kAllHidden) view = candidate;
-      if (view && !former) break;
+      reaches_former = reaches_former || former == *candidate;
+      if (!nearest && in_.sights.hidden[*candidate] < kAllHidden) nearest = candidate;
+      if (nearest && (!former || reaches_former)) break;
     }
-    if (view) blind_.view_m = in_.sights.position_m[*view];
-    blind_.view_s = 0.0;
-    return view;
+    if (!nearest) return std::nullopt;
+    if (!reaches_former) blind_.view_s = 0.0;
+    blind_.view_m = reaches_former ? *former_m : in_.sights.position_m[*nearest];
+    return reaches_former ? former : nearest;
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
