@@ -44,9 +44,9 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again after this time, since
 // targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// A camera without a view goes to the nearest place that has one, and looks for another after this time. Maps that differ by a few texels show
-// different places.
-constexpr double kViewHoldsS = 0.1;
+// A camera without a view goes to the nearest place that has one. Maps that differ by a few texels show different places, so when it has been
+// without a view for a while, it keeps to one place for a moment.
+constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot. When it has known that for so long, the camera
 // takes such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
 constexpr double kShotGainsS = 2.0, kShotGain = 0.3, kShotNearM = 1.0;
@@ -334,7 +334,7 @@ class GoalSearch {
   std::optional<uint32_t> find_view() {
     const auto& former_m = in_.carried.blind.view_m;
     blind_.view_s = in_.carried.blind.view_s + in_.step.move_s;
-    const bool holds = former_m && blind_.view_s < kViewHoldsS;
+    const bool holds = former_m && blind_.view_s < kViewHoldsS && blind_.blind_s > kViewHoldsAfterS;
     const std::optional<uint32_t> former = holds ? planner_.candidate_at(*former_m) : std::nullopt;
     std::optional<uint32_t> nearest;
     bool reaches_former = false;
