@@ -61,8 +61,8 @@ TEST(Blind, OnItsWayItSaysThatItSeeksAndHowLongItTakes) {
   EXPECT_GT(seeking, 60);
 }
 
-// A wide wall is between the camera and its target, which is behind the left half of the wall at one tick and behind the right half at the
-// next. So the nearest place that sees it is another one at every tick.
+// A wide wall is between the camera and its target. The target is behind the left half at one tick and behind the right half at the next, so
+// the nearest place that sees it is another one at every tick.
 struct BehindAWall : OneFilmed {
   BehindAWall() : OneFilmed({0, 1.5, 5}) {
     settings.move.prediction_s = 0;
