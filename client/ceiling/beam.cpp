@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 #include "client/ceiling/sight.h"
 #include "client/truth/truth.h"
@@ -93,10 +94,15 @@ class Beam {
     const size_t step_ticks = kStagesPerStep * timeline_.ticks_per_stage;
     while (ends.back() + 1 < timeline_.ticks) {
       const size_t end = std::min(ends.back() + step_ticks, timeline_.ticks - 1);
-      steps.push_back(next_step(steps.back(), ends.back(), end));
+      std::vector<State> next = next_step(steps.back(), ends.back(), end);
+      if (next.empty()) break;
+      steps.push_back(std::move(next));
       ends.push_back(end);
     }
-    return {path_of(steps, ends, start), steps.back().front().cost};
+    BeamResult result{path_of(steps, ends, start), steps.back().front().cost};
+    if (result.path.size() < timeline_.ticks) result.cost += kTouchCost;
+    result.path.resize(timeline_.ticks, result.path.back());
+    return result;
   }
 
  private:

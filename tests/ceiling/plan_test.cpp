@@ -73,6 +73,13 @@ TEST(Ceiling, IsNothingForATargetInAClosedBox) {
   EXPECT_EQ(run.plan.joint, 0.0);
 }
 
+TEST(Ceiling, OfACameraThatStartsInAWallIsToStayThere) {
+  test::Place place(test::SmallScene(2, {0, 1.5, 5}).target("anna", {0, 0, 0}).box("wall", {20, 20, 1}, {0, 0, 5}));
+  const CeilingPlan plan = plan_of(place, 2);
+  ASSERT_EQ(plan.path.size(), static_cast<size_t>(std::lround(2 / kTickS)) + 1);
+  for (const Pose& pose : plan.path) EXPECT_EQ(pose.position_m, glm::dvec3(0, 1.5, 5));
+}
+
 // The camera starts at rest. It sees past the wall's end no sooner than a straight way leads to where the line of sight is free.
 TEST(Ceiling, OfATargetBehindAWallIsWhatIsLeftAfterTheWayRoundIt) {
   constexpr double kDurationS = 4.0, kHalfWallM = 2.0;
