@@ -68,7 +68,8 @@ def ceiling_part(ceilings, runs):
 
 The ceiling is a camera that knows the whole scenario in advance. It keeps the same motion limits, body, distances and elevations as the default. Its
 joint share was reached, so the true ceiling is no lower. *At most* is an upper estimate on a grid, for a camera that accelerates at once. *Of the
-ceiling* is the default's joint share as a share of the one that the ceiling reached, over the same seeds.
+ceiling* is the default's joint share as a share of the one that the ceiling reached, over the same seeds. It counts for at most 100 % in means, since the
+ceiling's search may miss a way that the default takes.
 
 """ + markdown(["<scene", "seeds", "default", "ceiling", "at most", "of the ceiling"], rows)]
 
