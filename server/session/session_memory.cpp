@@ -357,16 +357,19 @@ struct StateFields {
     return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
+  static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
     const auto past = [](const TargetPast& of) { return possible(of.predictor.travel_) && possible(of.predictor.turn_); };
     const auto track = [](const ShareWindow::Track& of) { return of.kept <= kShareSteps; };
     const auto& shares = state.shares.tracks_;
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
+    const glm::dvec3& eye_m = state.camera.pose.position_m;
+    const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
     return possible(state.candidates) && possible(state.viewpoints) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
-           known(state.shot.viewpoint.value_or(0));
+           known(state.shot.viewpoint.value_or(0)) && near_view;
   }
 };
 
