@@ -29,8 +29,8 @@ struct BeamResult {
   double cost = 0.0;       // by the search's own pictures, which are coarser than the judge's
 };
 
-// `start` is the camera at tick 0, at rest. Where no way leads on, such as from inside a wall, the camera stays. Deterministic. Moves the time of
-// `world`.
+// `start` is the camera at tick 0, at rest. Where no way leads on, such as from inside a wall, the camera stops at once and stays. Deterministic.
+// Moves the time of `world`.
 BeamResult search_beam(ScenarioWorld& world, ExtentCache& extents, const Pose& start, const Guide& guide,
                        const Timeline& timeline, const CameraLimits& limits, const MoveSettings& place_limits, const BeamOptions& options);
 

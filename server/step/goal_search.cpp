@@ -85,10 +85,11 @@ class PlanPricer {
   void price() {
     for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
     price_limits();
+    const double fastest_mps = fastest_target_mps();
     double limits_at_s = 0;
     for (size_t slice = 0; slice < kSlices; ++slice) {
       const double passed_s = ahead_.ahead_s(slice) - limits_at_s;
-      if (passed_s * fastest_mps() > kLimitsMoveM) {
+      if (passed_s * fastest_mps > kLimitsMoveM) {
         limits_at_s += passed_s;
         move_limits(passed_s);
       }
@@ -111,7 +112,7 @@ class PlanPricer {
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
   }
-  double fastest_mps() const {
+  double fastest_target_mps() const {
     double fastest_mps = 0;
     for (const TrackedTarget& t : targets_)
       if (t.steered()) fastest_mps = std::max(fastest_mps, glm::length(t.velocity_mps));
