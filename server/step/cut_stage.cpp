@@ -55,7 +55,7 @@ double apart(const glm::dvec3& a_m, const glm::dvec3& b_m) {
 
 // The wanted shot first, then the viewpoints: best seen lately, and nearest to the wanted shot.
 void rank_places(const SampleInput& in, const ViewpointMap& viewpoints, CutScratch& scratch) {
-  const glm::dvec3 wanted_m = framed_offset_m(in.step, in.shot.offset_m);
+  const glm::dvec3 wanted_m = framed_offset_m(in.step, in.shot.shown_offset_m());
   const bool knows = viewpoints.target_count() == in.step.target_count();
   scratch.pattern.follow({}, viewpoint_distance_m(in.step, in.shot));
   scratch.ranked.clear();
@@ -70,7 +70,7 @@ void rank_places(const SampleInput& in, const ViewpointMap& viewpoints, CutScrat
 }
 
 glm::dvec3 offset_of(const SampleInput& in, const CutScratch& scratch, size_t place) {
-  return place == kWantedShot ? framed_offset_m(in.step, in.shot.offset_m) : scratch.pattern.offset_m(place);
+  return place == kWantedShot ? framed_offset_m(in.step, in.shot.shown_offset_m()) : scratch.pattern.offset_m(place);
 }
 
 // The camera has room there, and keeps the limits of distance and elevation.
@@ -86,7 +86,7 @@ bool is_fit(const SampleInput& in, const CutScratch& scratch, const glm::dvec3& 
 void gather_round(const SampleInput& in, CutScratch& scratch) {
   const StepContext& step = in.step;
   const double farthest_m = std::max(ViewpointMap::kFarthestShare * viewpoint_distance_m(step, in.shot),
-                                     glm::length(framed_offset_m(step, in.shot.offset_m)));
+                                     glm::length(framed_offset_m(step, in.shot.shown_offset_m())));
   scratch.colliders.gather(step.input.scene, step.center_m(),
                            farthest_m + 2 * (swept_radius_m(step.input.limits, step.lens) + kBodySkinM), {});
 }

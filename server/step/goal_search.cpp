@@ -184,11 +184,13 @@ class GoalSearch {
   Goal go_on(const FlightPlan& plan) {
     const double follow = follow_cost(), stay = stay_cost();
     const double steadiness = in_.carried.follows ? in_.step.input.settings.move.cost.steadiness : 0.0;
-    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired(kUnhurried);
+    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired(pace());
     if (stay <= plan.cost) return stay_here();
     return fly(plan);
   }
 
+  // Targets that move apart leave the picture, unless the camera is in line with them in time.
+  const Pace& pace() const { return in_.carried.shot.in_line_m ? kHurried : kUnhurried; }
   const glm::dvec3& eye_m() const { return in_.step.camera.pose.position_m; }
   // The point at most this far on the straight way to a position.
   glm::dvec3 part_of_way_m(const glm::dvec3& to_m, double at_most_m) const {

@@ -1,11 +1,10 @@
 #include "server/step/opening.h"
 
 #include <algorithm>
-#include <functional>
 
 #include "server/base/hash.h"
 #include "server/move/framing.h"
-#include "server/move/keep_together.h"
+#include "server/step/far_apart.h"
 
 namespace sightline {
 namespace {
@@ -35,33 +34,10 @@ WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const 
   shot.offset_m = shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
   shot.viewpoint.reset();
   shot.asked_seen_s = 0.0;
+  shot.in_line_m.reset(), shot.line_is_open = true;
   shot.target_set = hash_of(targets, targets.weighted);
   shot.is_set = true;
   return shot;
-}
-
-// Gives up the least important targets if the picture cannot hold all of them even from the greatest distance allowed.
-// Otherwise the camera would aim between targets that are far apart, and show none.
-void give_up_targets(const StepInput& input, const CarriedState& carried, TargetsNow& targets, TargetIds& given_up) {
-  given_up.clear();
-  const MoveSettings& settings = input.settings.move;
-  if (settings.follow != Follow::kOffset) return;
-  const Lens lens = widest(input.lens, input.settings.framing);
-  const glm::dvec3 camera_m = carried.camera.pose.position_m;
-  const bool has_shot = keeps_shot(targets, carried.shot);
-  const auto fit = [&](std::span<const TrackedTarget> kept, double room) {
-    const glm::dvec3 offset_m = has_shot ? carried.shot.offset_m : camera_m - weighted_center_m(kept);
-    return fits_picture(farthest_place_m(kept, offset_m, settings), kept, {}, lens, room, false);
-  };
-  const auto keep = [&](uint32_t former) { return keep_together(targets.tracked_targets, camera_m, former, std::cref(fit)); };
-  uint32_t kept = keep(kept_before(targets, carried.given_up));
-  if (kept == targets.steered) return;
-  // Among targets of equal weight, the camera keeps the one that it looks at already.
-  if (carried.given_up.empty()) kept = keep(kept_before(targets, carried.not_aimed_at));
-  given_up = dropped_ids(targets, kept);
-  for (size_t i = 0; i < targets.ids.size(); ++i)
-    if (!(kept >> i & 1u)) targets.tracked_targets[i].weight = 0;
-  targets.steered = kept;
 }
 
 // A target that moves more than this far, and faster than this, has jumped.
@@ -83,7 +59,7 @@ bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before
 
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening) {
   look_at_targets(input, targets);
-  give_up_targets(input, carried, targets, opening.given_up);
+  give_up_targets(input, carried, keeps_shot(targets, carried.shot), targets, opening.given_up);
   set_sight_weights(targets);
   opening.target_jumped = target_jumped(input, carried.pasts);
   observe_targets(input, carried.pasts, opening.pasts);

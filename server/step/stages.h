@@ -110,6 +110,9 @@ bool shows_group(const StepContext& step, const glm::dvec3& offset_m);
 // The third of the four distances of the viewpoints.
 double viewpoint_distance_m(const StepContext& step, const WantedShot& shot);
 
+// True once the viewpoints have been looked at for long enough.
+bool knows_viewpoints(const StepContext& step, const ViewpointMap& viewpoints);
+
 // Appends the maps that show all directions from one target.
 ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
 void request_look(const SampleInput& input, SamplePlan& plan);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/step/far_apart.h"
 #include "server/step/opening.h"
 #include "server/step/report.h"
 #include "server/step/stages.h"
@@ -48,7 +49,7 @@ glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot) {
   const MoveSettings& settings = step.input.settings.move;
   const FramingSettings& framing = step.input.settings.framing;
   if (settings.follow == Follow::kStay) return step.camera.pose.position_m;
-  return desired_place_m(step.targets.tracked_targets, shot.offset_m, step.lens, framing.framing_margin, settings);
+  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), step.lens, framing.framing_margin, settings);
 }
 
 double route_radius_m(const StepContext& step) {
@@ -134,9 +135,10 @@ StepResult Stepper::finish(const StageClock& clock) {
   glm::dvec3 desired_m(0.0);
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
-    const std::optional<size_t> before = carried_.shot.other_viewpoint();
+    const WantedShot before = carried_.shot;
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
-    dump_.new_shot = carried_.shot.other_viewpoint() != before;
+    line_up_shot(step, carried_.viewpoints, carried_.shot);
+    dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() || carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }

@@ -104,6 +104,10 @@ bool shows_group(const StepContext& step, const glm::dvec3& offset_m) {
   return glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
 }
 
+bool knows_viewpoints(const StepContext& step, const ViewpointMap& viewpoints) {
+  return viewpoints.known_s() >= kKnownShare * step.input.settings.move.viewpoint_search.memory_s;
+}
+
 double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
   return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
 }
@@ -142,8 +146,7 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
   viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
                    taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()), memory_s);
-  const bool knows = viewpoints.known_s() >= kKnownShare * memory_s;
-  if (knows && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
+  if (knows_viewpoints(step, viewpoints) && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =

@@ -1,0 +1,143 @@
+// Shots lined up with targets far apart, against a plain search over the angles of the camera.
+#include "server/move/line_up.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "server/base/random.h"
+#include "server/move/choose.h"
+#include "server/move/motion.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kRoom = 0.7;  // that the targets of a shot may fill when it is not turned
+constexpr double kDegree = 0.017453292519943295;
+
+TrackedTarget at(double x, double y, double z) {
+  TrackedTarget target;
+  target.aim_m = {x, y, z};
+  return target;
+}
+
+// Turns a camera all round in small steps: does one of the pictures hold all targets?
+bool fits_plainly(const glm::dvec3& eye_m, const std::vector<TrackedTarget>& targets, const Lens& lens, double room) {
+  const double half_x = half_horizontal_fov_rad(lens) * room, half_y = lens.vertical_fov_rad / 2 * room;
+  for (double yaw = -180; yaw < 180; yaw += 1)
+    for (double pitch = -60; pitch <= 60; pitch += 1) {
+      const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles({yaw * kDegree, pitch * kDegree, 0}));
+      if (std::ranges::all_of(targets, [&](const TrackedTarget& t) {
+            const glm::dvec3 p = camera_from_world * (t.aim_m - eye_m);
+            return std::abs(std::atan2(p.x, -p.z)) <= half_x && std::abs(std::atan2(p.y, -p.z)) <= half_y;
+          }))
+        return true;
+    }
+  return false;
+}
+
+struct Shot {
+  explicit Shot(const std::vector<TrackedTarget>& seen) : targets(seen) {}
+  std::vector<TrackedTarget> targets;
+  glm::dvec3 offset_m{0, 1, 5}, camera_m{0, 1, 5};
+  Lens lens;
+  MoveSettings settings;
+
+  FarShot far() const { return {targets, offset_m, camera_m, lens, settings}; }
+  glm::dvec3 lined_up_m() const { return line_up(far()); }
+  glm::dvec3 place_m(const glm::dvec3& towards) const { return farthest_place_m(targets, towards, settings); }
+};
+
+double azimuth_rad(const glm::dvec3& towards) { return std::atan2(towards.z, towards.x); }
+
+TEST(LineUp, AShotThatShowsItsTargetsIsKept) {
+  for (const double half_m : {0.0, 1.0, 5.0, 9.0}) {
+    const Shot shot({at(-half_m, 0, 0), at(half_m, 0, 0)});
+    EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << half_m;
+    EXPECT_TRUE(fits_from_side(shot.far(), kRoom));
+  }
+}
+
+// From its place the targets fit, with the room that is to be left where a place has that much. A shot turned less by 5 degrees would not leave it.
+TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
+  CounterRandom random(7, 0, RandomPurpose::kTest);
+  int turned = 0;
+  for (int trial = 0; trial < 25; ++trial) {
+    Shot shot({at(random.next_in(-20, -14), random.next_in(0, 1), random.next_in(-3, 3)),
+                          at(random.next_in(14, 20), random.next_in(0, 1), random.next_in(-3, 3))});
+    shot.offset_m = shot.camera_m = {random.next_in(-1, 1), random.next_in(0.3, 1.5), random.next_in(4, 8)};
+    const glm::dvec3 offset_m = shot.lined_up_m();
+    ASSERT_NEAR(glm::length(offset_m), glm::length(shot.offset_m), 1e-9);
+    ASSERT_TRUE(fits_plainly(shot.place_m(offset_m), shot.targets, shot.lens, kRoom + 0.05)) << trial;
+    const double turn_rad = std::remainder(azimuth_rad(offset_m) - azimuth_rad(shot.offset_m), 360 * kDegree);
+    if (std::abs(turn_rad) < 6 * kDegree) continue;
+    ++turned;
+    const double less_rad = azimuth_rad(offset_m) - std::copysign(5 * kDegree, turn_rad), flat_m = std::hypot(offset_m.x, offset_m.z);
+    const glm::dvec3 less_m(std::cos(less_rad) * flat_m, offset_m.y, std::sin(less_rad) * flat_m);
+    EXPECT_FALSE(fits_plainly(shot.place_m(less_m), shot.targets, shot.lens, kRoom - 0.02)) << trial;
+  }
+  EXPECT_GT(turned, 15);
+}
+
+TEST(LineUp, TheCameraGoesToTheEndOfTheRequiredThenTheHeavierThenToTheNearerOne) {
+  for (const double side : {-1.0, 1.0}) {
+    Shot shot({at(-20, 0, 0), at(20, 0, 0)});
+    const auto expect_end = [&](double end) {
+      EXPECT_GT(end * shot.lined_up_m().x, 0);
+      EXPECT_GT(end * in_line_offset_m(shot.far(), 1.0)->x, 29);
+    };
+    shot.camera_m = {side, 1, 5};
+    expect_end(side);
+    shot.camera_m = {-5 * side, 1, 5};
+    shot.targets[side < 0 ? 0 : 1].weight = 1.2;
+    expect_end(side);
+    shot.targets[side < 0 ? 0 : 1].required = false;
+    expect_end(-side);
+  }
+}
+
+// The centre is nearer to the heavy one, and so is the camera's place at 30 m. At the other end the light target would be too near.
+TEST(LineUp, TheCameraGoesToTheOnlyEndThatHoldsBoth) {
+  Shot shot({at(-11.8, 0, 0), at(29.5, 0, 0)});
+  shot.targets[0].weight = 2.5, shot.targets[0].required = false;
+  shot.camera_m = {3, 1, 5};
+  ASSERT_NEAR(weighted_center_m(shot.targets).x, 0, 1e-9);
+  EXPECT_LT(shot.lined_up_m().x, 0);
+  EXPECT_TRUE(fits_plainly(shot.place_m(shot.lined_up_m()), shot.targets, shot.lens, 1.0));
+  shot.targets[0].aim_m.x = -12.2, shot.targets[1].aim_m.x = 30.5;
+  EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << "the far one would be 60.5 m away, which is more than twice the greatest distance";
+}
+
+TEST(LineUp, TargetsTooFarApartForEveryPlaceLeaveTheShotAsItIs) {
+  for (const double half_m : {29.0, 32.0, 80.0}) {
+    const Shot shot({at(-half_m, 0, 0), at(half_m, 0, 0)});
+    EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << half_m;
+    EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << half_m;
+  }
+}
+
+TEST(LineUp, ThePlaceKeepsItsDistanceAndTheLimitsOfElevation) {
+  Shot shot({at(-25, 0, 0), at(25, 0, 0)});
+  ASSERT_TRUE(in_line_offset_m(shot.far(), 1.0));
+  EXPECT_NEAR(glm::length(*in_line_offset_m(shot.far(), 1.0)), 30, 1e-9);
+  shot.settings.min_distance_m = 6;
+  EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << "it is 5 m behind the near one";
+  shot.settings.min_distance_m = 1, shot.settings.min_elevation_rad = 0.1;
+  ASSERT_TRUE(in_line_offset_m(shot.far(), 1.0));
+  EXPECT_NEAR(std::asin(in_line_offset_m(shot.far(), 1.0)->y / 30), 0.1, 1e-9);
+  shot.settings.min_elevation_rad = 0.5;
+  EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << "the near one is too far below";
+}
+
+TEST(LineUp, TargetsWithoutAWeightDoNotCount) {
+  Shot shot({at(-3, 0, 0), at(3, 0, 0), at(200, 0, 0)});
+  shot.targets[2].weight = 0;
+  EXPECT_EQ(shot.lined_up_m(), shot.offset_m);
+  shot.targets = {at(0, 0, 0), at(0, 30, 0)};  // one above the other: no line on the ground
+  EXPECT_EQ(shot.lined_up_m(), shot.offset_m);
+}
+
+}  // namespace
+}  // namespace sightline
