@@ -22,22 +22,39 @@ constexpr int kRounds = 3;
 // Cells this far from the targets' path, in metres, belong to the camera's way to them.
 constexpr double kWayToTargetsM = 2.0;
 
-// The targets' centre over time, and the greatest distance between a target and the centre.
+// The guide's camera is as fast as the targets' centre, but for the fastest part of the time: a target that jumps is not fast.
+constexpr double kFastestPart = 0.05;
+
+// The targets' centre over time.
 struct TargetsPath {
   std::vector<glm::dvec3> centers_m;  // at least 0.5 m apart
-  double spread_m = 0.0;
+  double spread_m = 0.0;              // the greatest distance between a target and the centre
+  double speed_mps = 0.0;             // of the centre
 };
+
+// The greatest speed but for that part of the time.
+double usual_speed_mps(std::vector<double> speeds_mps) {
+  if (speeds_mps.empty()) return 0.0;
+  const auto at = speeds_mps.begin() + static_cast<ptrdiff_t>(static_cast<double>(speeds_mps.size()) * (1 - kFastestPart));
+  std::nth_element(speeds_mps.begin(), at, speeds_mps.end());
+  return *at;
+}
 
 TargetsPath follow_targets(ScenarioWorld& world, const Timeline& timeline) {
   TargetsPath path;
+  std::vector<double> speeds_mps;
+  glm::dvec3 before_m(0.0);
   for (size_t stage = 0; stage < timeline.stages(); ++stage) {
     world.set_time(timeline.tick_time_s(stage * timeline.ticks_per_stage));
     const glm::dvec3 center_m = world.targets_center_m();
+    if (stage > 0) speeds_mps.push_back(glm::distance(center_m, before_m) / timeline.stage_s());
+    before_m = center_m;
     for (const TrackedTarget& target : tracked_targets(world))
       path.spread_m = std::max(path.spread_m, glm::distance(target.aim_m, center_m));
     if (path.centers_m.empty() || glm::distance(path.centers_m.back(), center_m) >= 0.5)
       path.centers_m.push_back(center_m);
   }
+  path.speed_mps = usual_speed_mps(std::move(speeds_mps));
   return path;
 }
 
@@ -137,7 +154,8 @@ class Planner {
 
   // The number of edges that the guide's camera may go between a stage and the next, so that it keeps its speed on average.
   int guide_hops(size_t stage) const {
-    const double per_stage = options_.guide_speed_mps * timeline_.stage_s() / grid_.spacing_m();
+    const double speed_mps = std::min(std::max(options_.guide_speed_mps, path_.speed_mps), limits_.max_speed_mps);
+    const double per_stage = speed_mps * timeline_.stage_s() / grid_.spacing_m();
     const auto now = static_cast<double>(stage);
     return static_cast<int>(std::floor((now + 1) * per_stage) - std::floor(now * per_stage));
   }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "client/truth/metrics.h"
+#include "scenes/streets.h"
 #include "tests/support/small_scenes.h"
 
 namespace sightline {
@@ -95,6 +96,16 @@ TEST(Ceiling, OfATargetBehindAWallIsWhatIsLeftAfterTheWayRoundIt) {
   EXPECT_LE(run.metrics.joint_visible_share(), most);
   EXPECT_GE(run.metrics.joint_visible_share(), most - 0.1) << "at most 0.4 s later";
   EXPECT_GE(run.plan.most_joint, most - 1e-9);
+}
+
+// A guide that is as slow as people would see no way to keep up.
+TEST(Ceiling, KeepsUpWithACarInStreets) {
+  constexpr double kDurationS = 15.0;
+  test::Place place(scenes::make_street({.seed = 2, .duration_s = kDurationS}));
+  CameraLimits limits;
+  limits.max_speed_mps = 40.0, limits.max_acceleration_mps2 = 20.0;
+  const CeilingPlan plan = plan_of(place, kDurationS, limits);
+  EXPECT_GE(plan.joint, 0.9);
 }
 
 // The target waits in sight for 2 s and then walks behind the wall. A camera that knows has time to go round; one that waits has not.

@@ -63,8 +63,8 @@ struct Place {
   ExtentCache extents;
   Scenario scenario;
 
-  explicit Place(const SmallScene& scene)
-      : scenario(*Scenario::from_asset(*read_gltf(scene.write(), nullptr, store))) {}
+  explicit Place(const SmallScene& scene) : Place(scene.write()) {}
+  explicit Place(const std::vector<std::byte>& glb) : scenario(*Scenario::from_asset(*read_gltf(glb, nullptr, store))) {}
   std::unique_ptr<ScenarioWorld> world() { return *ScenarioWorld::make(scenario, store, device); }
 };
 
