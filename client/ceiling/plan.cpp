@@ -22,7 +22,7 @@ constexpr int kRounds = 3;
 // Cells this far from the targets' path, in metres, belong to the camera's way to them.
 constexpr double kWayToTargetsM = 2.0;
 
-// The guide's camera is as fast as the targets' centre, but for the fastest part of the time: a target that jumps is not fast.
+// The guide's camera is as fast as the targets' centre is but for this part of the time, so that jumps do not count.
 constexpr double kFastestPart = 0.05;
 
 // The targets' centre over time.
@@ -32,7 +32,7 @@ struct TargetsPath {
   double speed_mps = 0.0;             // of the centre
 };
 
-// The greatest speed but for that part of the time.
+// The greatest speed, without the fastest part of the time.
 double usual_speed_mps(std::vector<double> speeds_mps) {
   if (speeds_mps.empty()) return 0.0;
   const auto at = speeds_mps.begin() + static_cast<ptrdiff_t>(static_cast<double>(speeds_mps.size()) * (1 - kFastestPart));

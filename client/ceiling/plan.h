@@ -27,8 +27,8 @@ struct PlanOptions {
   double reach_m = 10.0;
   double near_m = 5.0;          // beyond this distance only every second place in each direction is looked from
   size_t rays = 8;              // to each target from each place
-  // The guide's camera needs no time to accelerate; along an axis it has this speed, or that of the targets' centre where these are faster. Faster
-  // than a camera can be on average, it would promise what cannot be kept.
+  // The guide's camera needs no time to accelerate. Along an axis it has this speed, or that of the targets' centre if that is greater, up to the speed
+  // limit. Faster than a camera can be on average, it would promise what cannot be kept.
   double guide_speed_mps = 3.5;
   size_t most_places = 200'000;
   BeamOptions beam;

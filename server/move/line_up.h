@@ -6,6 +6,7 @@
 // that looks down. It is turned only as far as necessary, and back again when the targets come together.
 #pragma once
 
+#include <functional>
 #include <glm/glm.hpp>
 #include <optional>
 #include <span>
@@ -23,19 +24,23 @@ struct FarShot {
   glm::dvec3 camera_m{0.0};
   const Lens& lens;
   const MoveSettings& settings;
+  std::optional<glm::dvec3> former_m = std::nullopt;  // the offset of the shot as it was lined up before
 };
 
 // Returns whether the targets fit the picture from max_distance_m in the direction of the shot. `room` in (0, 1] is the share of the picture that
 // they may fill.
 bool fits_from_side(const FarShot& shot, double room);
 
-// The offset of a place at an end of the line from which they fit, or nothing. It is max_distance_m long and keeps the limits of elevation. All targets
-// are between min_distance_m and twice max_distance_m away. The end with the greater weight of required targets is tried first, then that with
-// the greater weight of all, then that on the side of the camera.
-std::optional<glm::dvec3> in_line_offset_m(const FarShot& shot, double room);
+// Returns whether the targets are seen from an offset.
+using SeenFrom = std::function<bool(const glm::dvec3& offset_m)>;
 
-// The offset of the shot, turned as little as needed. A turn takes seconds, so it begins before the targets fill the picture. If they do not fit
-// in line either, the offset is the shot's own. The length is that of the shot's offset.
-glm::dvec3 line_up(const FarShot& shot);
+// Returns whether they fit from an end of the line, where the camera is max_distance_m from the centre and keeps the limits of elevation. All
+// targets are then between min_distance_m and twice max_distance_m away; with less room these limits are narrower too.
+bool fits_in_line(const FarShot& shot, double room);
+
+// The offset of the shot, turned as little as needed towards an end of the line from which they are seen. A turn takes seconds, so it begins before the
+// targets fill the picture. Nothing if the shot need not turn, or if there is no such end. The end that was chosen before is tried first, then
+// that with the greater weight of required targets, then that with the greater weight of all, then that on the side of the camera.
+std::optional<glm::dvec3> line_up(const FarShot& shot, const SeenFrom& is_seen_from);
 
 }  // namespace sightline

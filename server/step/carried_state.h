@@ -38,8 +38,9 @@ struct WantedShot {
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   double asked_seen_s = 0.0;       // hardly anything has been hidden there for this time
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
-  std::optional<glm::dvec3> in_line_m;  // the offset in place of offset_m while targets are too far apart for that side (far_apart.h)
-  bool line_is_open = true;        // false: the targets are hidden from the place in line with them, as far as is known
+  std::optional<glm::dvec3> in_line_m;  // the offset in place of offset_m while targets are far apart (far_apart.h)
+  double line_closed_s = 0.0;      // the camera does not turn into line for this time, since the targets are hidden from there
+  double all_kept_s = 0.0;         // no target has been given up for this time
 
   glm::dvec3 shown_offset_m() const { return in_line_m.value_or(offset_m); }
   // The chosen viewpoint; empty while the client's shot is kept.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <functional>
+#include <utility>
 
 #include "server/move/framing.h"
 #include "server/move/keep_together.h"
@@ -12,9 +13,11 @@
 namespace sightline {
 namespace {
 
-// The line is taken to be closed when more than this share of the targets is hidden from its end, and open again from this share on.
-constexpr double kClosedHidden = 0.7, kOpenHidden = 0.3;
-
+// The targets count as hidden from an end of the line when more than this share of them is: less than one of two.
+constexpr double kHidden = 0.45;
+// When they are hidden from both ends, the camera does not turn for so long. What the viewpoint search knows of the ends is then out of date, since it looks
+// round the targets that are kept.
+constexpr double kClosedS = 10.0;
 // The shot counts as lined up until the targets fill no more than this share of the picture from the side, so that it does not change to and fro.
 constexpr double kRoomToLeave = 0.6;
 
@@ -36,10 +39,10 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, bool h
   if (settings.follow != Follow::kOffset) return;
   const Lens lens = widest(input.lens, input.settings.framing);
   const glm::dvec3 camera_m = carried.camera.pose.position_m;
-  const bool lines_up = has_shot && may_turn(input) && carried.shot.line_is_open;
+  const bool lines_up = may_turn(input) && (!has_shot || carried.shot.line_closed_s <= 0);
   const auto fit = [&](std::span<const TrackedTarget> kept, double room) {
     const FarShot shot{kept, has_shot ? carried.shot.offset_m : camera_m - weighted_center_m(kept), camera_m, lens, settings};
-    return fits_from_side(shot, room) || (lines_up && holds_all(targets, kept) && in_line_offset_m(shot, room));
+    return fits_from_side(shot, room) || (lines_up && holds_all(targets, kept) && fits_in_line(shot, room));
   };
   const auto keep = [&](uint32_t former) { return keep_together(targets.tracked_targets, camera_m, former, std::cref(fit)); };
   uint32_t kept = keep(kept_before(targets, carried.given_up));
@@ -53,20 +56,23 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, bool h
 }
 
 void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
-  const bool was_in_line = shot.in_line_m.has_value();
-  shot.in_line_m.reset();
+  if (step.move_s <= 0) return;
+  const std::optional<glm::dvec3> former_m = std::exchange(shot.in_line_m, std::nullopt);
+  shot.line_closed_s = std::max(0.0, shot.line_closed_s - step.move_s);
   const TargetsNow& targets = step.targets;
-  if (!may_turn(step.input) || std::popcount(targets.steered) < 2 || targets.steered != targets.weighted) return;
+  const bool several = std::popcount(targets.steered) >= 2 && targets.steered == targets.weighted;
+  shot.all_kept_s = several ? shot.all_kept_s + step.move_s : 0.0;
+  if (!may_turn(step.input) || !several || shot.line_closed_s > 0) return;
   const Lens lens = widest(step.input.lens, step.input.settings.framing);
-  const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move};
-  const glm::dvec3 offset_m = line_up(far);
-  if (offset_m == shot.offset_m && !(was_in_line && !fits_from_side(far, kRoomToLeave))) return;
-  const std::optional<glm::dvec3> end_m = in_line_offset_m(far, 1.0);
-  if (end_m && knows_viewpoints(step, viewpoints)) {
-    const double hidden = hidden_round_about(viewpoints, targets.tracked_targets, viewpoints.nearest_viewpoint(*end_m));
-    shot.line_is_open = hidden < (shot.line_is_open ? kClosedHidden : kOpenHidden);
-  }
-  if (shot.line_is_open) shot.in_line_m = offset_m;
+  const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move, former_m};
+  const bool knows = shot.all_kept_s > step.input.settings.move.viewpoint_search.memory_s && knows_viewpoints(step, viewpoints);
+  const auto is_seen_from = [&](const glm::dvec3& offset_m) {
+    return !knows || hidden_round_about(viewpoints, targets.tracked_targets, viewpoints.nearest_viewpoint(offset_m)) < kHidden;
+  };
+  shot.in_line_m = line_up(far, std::cref(is_seen_from));
+  if (shot.in_line_m) return;
+  if (former_m && !fits_from_side(far, kRoomToLeave)) shot.in_line_m = shot.offset_m;
+  if (!fits_from_side(far, 1.0) && fits_in_line(far, 1.0)) shot.in_line_m.reset(), shot.line_closed_s = kClosedS;
 }
 
 }  // namespace sightline

@@ -10,8 +10,9 @@ namespace sightline {
 // aim between targets that are far apart, and show none. `has_shot`: the carried shot belongs to these targets.
 void give_up_targets(const StepInput& input, const CarriedState& carried, bool has_shot, TargetsNow& targets, TargetIds& given_up);
 
-// Sets shot.in_line_m if the shot must turn to show all targets. It does not turn where the viewpoint search knows that the targets are hidden
-// from the end of the line, and not without that search, since the client then wants its own side.
+// Sets shot.in_line_m if the shot must turn to show all targets, and as long as they nearly fill the picture. It does not turn where the viewpoint search
+// knows that they are hidden from both ends of the line, and not without that search, since the client then wants its own side. Targets
+// that are given up take no part, so some of several targets never stand in line for the camera while the others are given up.
 void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot);
 
 }  // namespace sightline

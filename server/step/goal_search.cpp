@@ -390,7 +390,7 @@ class GoalSearch {
   }
   // The share of the targets that is hidden from the camera now, less that which the viewpoint search knows to be hidden at the wanted shot.
   static double gain_by_shot(const MoveInput& in) {
-    if (!in.carried.shot.viewpoint) return 0.0;
+    if (!in.carried.shot.viewpoint || in.carried.shot.in_line_m) return 0.0;
     std::array<float, kMaxTargets> own, there;
     for (size_t i = 0; i < in.step.target_count(); ++i) {
       own[i] = static_cast<float>(in.carried.shares.share(i).value_or(0.0));

@@ -34,7 +34,7 @@ WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const 
   shot.offset_m = shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
   shot.viewpoint.reset();
   shot.asked_seen_s = 0.0;
-  shot.in_line_m.reset(), shot.line_is_open = true;
+  shot.in_line_m.reset(), shot.line_closed_s = shot.all_kept_s = 0.0;
   shot.target_set = hash_of(targets, targets.weighted);
   shot.is_set = true;
   return shot;

@@ -96,7 +96,7 @@ struct StepFlags {
   bool body_overlap = false;       // the body touches a collider or is inside one
   bool evading = false;            // the camera moves aside for a moving collider
   bool deflected = false;          // colliders changed or stopped the camera's motion
-  bool new_shot = false;           // the viewpoint search chose another shot to keep
+  bool new_shot = false;           // the camera keeps another shot: the viewpoint search chose it, or targets are far apart
   bool distance_given_up = false;  // the returned pose breaks a limit of distance (BrokenLimits)
   bool elevation_given_up = false;
 };

@@ -173,7 +173,7 @@ struct StepDump {
   SamplePlan plan;
   std::vector<DepthMap> maps;  // by request of the plan
   CandidateSights sights;
-  bool new_shot = false;  // the viewpoint search chose another shot
+  bool new_shot = false;  // as StepFlags::new_shot
   Surroundings surroundings;
   Decision decision;
 };

@@ -45,8 +45,11 @@ struct Shot {
   Lens lens;
   MoveSettings settings;
 
-  FarShot far() const { return {targets, offset_m, camera_m, lens, settings}; }
-  glm::dvec3 lined_up_m() const { return line_up(far()); }
+  std::optional<glm::dvec3> former_m;
+  SeenFrom is_seen_from = [](const glm::dvec3&) { return true; };
+
+  FarShot far() const { return {targets, offset_m, camera_m, lens, settings, former_m}; }
+  std::optional<glm::dvec3> lined_up_m() const { return line_up(far(), is_seen_from); }
   glm::dvec3 place_m(const glm::dvec3& towards) const { return farthest_place_m(targets, towards, settings); }
 };
 
@@ -55,12 +58,12 @@ double azimuth_rad(const glm::dvec3& towards) { return std::atan2(towards.z, tow
 TEST(LineUp, AShotThatShowsItsTargetsIsKept) {
   for (const double half_m : {0.0, 1.0, 5.0, 9.0}) {
     const Shot shot({at(-half_m, 0, 0), at(half_m, 0, 0)});
-    EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << half_m;
+    EXPECT_FALSE(shot.lined_up_m()) << half_m;
     EXPECT_TRUE(fits_from_side(shot.far(), kRoom));
   }
 }
 
-// From its place the targets fit, with the room that is to be left where a place has that much. A shot turned less by 5 degrees would not leave it.
+// From its place the targets fit, and the room that is to be left is left. It is not left by a shot that is turned 5 degrees less.
 TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
   CounterRandom random(7, 0, RandomPurpose::kTest);
   int turned = 0;
@@ -68,7 +71,9 @@ TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
     Shot shot({at(random.next_in(-20, -14), random.next_in(0, 1), random.next_in(-3, 3)),
                           at(random.next_in(14, 20), random.next_in(0, 1), random.next_in(-3, 3))});
     shot.offset_m = shot.camera_m = {random.next_in(-1, 1), random.next_in(0.3, 1.5), random.next_in(4, 8)};
-    const glm::dvec3 offset_m = shot.lined_up_m();
+    if (fits_from_side(shot.far(), kRoom)) continue;
+    ASSERT_TRUE(shot.lined_up_m());
+    const glm::dvec3 offset_m = *shot.lined_up_m();
     ASSERT_NEAR(glm::length(offset_m), glm::length(shot.offset_m), 1e-9);
     ASSERT_TRUE(fits_plainly(shot.place_m(offset_m), shot.targets, shot.lens, kRoom + 0.05)) << trial;
     const double turn_rad = std::remainder(azimuth_rad(offset_m) - azimuth_rad(shot.offset_m), 360 * kDegree);
@@ -84,17 +89,48 @@ TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
 TEST(LineUp, TheCameraGoesToTheEndOfTheRequiredThenTheHeavierThenToTheNearerOne) {
   for (const double side : {-1.0, 1.0}) {
     Shot shot({at(-20, 0, 0), at(20, 0, 0)});
-    const auto expect_end = [&](double end) {
-      EXPECT_GT(end * shot.lined_up_m().x, 0);
-      EXPECT_GT(end * in_line_offset_m(shot.far(), 1.0)->x, 29);
-    };
+    const auto end = [&] { return side * shot.lined_up_m()->x; };
     shot.camera_m = {side, 1, 5};
-    expect_end(side);
+    EXPECT_GT(end(), 0);
     shot.camera_m = {-5 * side, 1, 5};
     shot.targets[side < 0 ? 0 : 1].weight = 1.2;
-    expect_end(side);
+    EXPECT_GT(end(), 0) << "the heavier one";
     shot.targets[side < 0 ? 0 : 1].required = false;
-    expect_end(-side);
+    EXPECT_LT(end(), 0) << "the required one";
+    shot.former_m = glm::dvec3(side, 0, 4);
+    EXPECT_GT(end(), 0) << "the end that was chosen before";
+    shot.is_seen_from = [&](const glm::dvec3& offset_m) { return side * offset_m.x < 0; };
+    EXPECT_LT(end(), 0) << "the only end that sees them";
+    shot.is_seen_from = [](const glm::dvec3&) { return false; };
+    EXPECT_FALSE(shot.lined_up_m());
+  }
+}
+
+// The ends are 30 m from the centre. Their targets are seen from there, not from the place where the shot is turned to.
+TEST(LineUp, WhetherTheTargetsAreSeenIsAskedAboutTheEnds) {
+  Shot shot({at(-18, 0, 0), at(18, 0, 0)});
+  int asked = 0;
+  shot.is_seen_from = [&](const glm::dvec3& offset_m) {
+    ++asked;
+    EXPECT_NEAR(std::abs(offset_m.x), 30 * std::cos(0.05), 1e-9);
+    return true;
+  };
+  ASSERT_TRUE(shot.lined_up_m());
+  EXPECT_GT(shot.lined_up_m()->z, 1);
+  EXPECT_GT(asked, 0);
+}
+
+// One end is nearer to the light target, and both ends hold all three. A target that sways about the centre does not change the end.
+TEST(LineUp, ATargetThatSwaysInTheMiddleDoesNotChangeTheEnd) {
+  Shot shot({at(-17, 0, 0), at(0.5, 0, 0), at(17, 0, 0)});
+  for (int k = 0; k < 10; ++k) {
+    shot.targets[1].aim_m.x = k % 2 == 0 ? 0.5 : -0.5;
+    const auto offset_m = shot.lined_up_m();
+    ASSERT_TRUE(offset_m);
+    if (k > 0) {
+      EXPECT_LT(glm::distance(*offset_m, *shot.former_m), 1.0) << k;
+    }
+    shot.former_m = offset_m;
   }
 }
 
@@ -104,39 +140,52 @@ TEST(LineUp, TheCameraGoesToTheOnlyEndThatHoldsBoth) {
   shot.targets[0].weight = 2.5, shot.targets[0].required = false;
   shot.camera_m = {3, 1, 5};
   ASSERT_NEAR(weighted_center_m(shot.targets).x, 0, 1e-9);
-  EXPECT_LT(shot.lined_up_m().x, 0);
-  EXPECT_TRUE(fits_plainly(shot.place_m(shot.lined_up_m()), shot.targets, shot.lens, 1.0));
+  ASSERT_TRUE(shot.lined_up_m());
+  EXPECT_LT(shot.lined_up_m()->x, 0);
+  EXPECT_TRUE(fits_plainly(shot.place_m(*shot.lined_up_m()), shot.targets, shot.lens, 1.0));
   shot.targets[0].aim_m.x = -12.2, shot.targets[1].aim_m.x = 30.5;
-  EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << "the far one would be 60.5 m away, which is more than twice the greatest distance";
+  EXPECT_FALSE(shot.lined_up_m()) << "the far one would be 60.5 m away, which is more than twice the greatest distance";
 }
 
 TEST(LineUp, TargetsTooFarApartForEveryPlaceLeaveTheShotAsItIs) {
-  for (const double half_m : {29.0, 32.0, 80.0}) {
+  for (const double half_m : {29.5, 32.0, 80.0}) {
     const Shot shot({at(-half_m, 0, 0), at(half_m, 0, 0)});
-    EXPECT_EQ(shot.lined_up_m(), shot.offset_m) << half_m;
-    EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << half_m;
+    EXPECT_FALSE(shot.lined_up_m()) << half_m;
+    EXPECT_FALSE(fits_in_line(shot.far(), 1.0)) << half_m;
   }
 }
 
 TEST(LineUp, ThePlaceKeepsItsDistanceAndTheLimitsOfElevation) {
   Shot shot({at(-25, 0, 0), at(25, 0, 0)});
-  ASSERT_TRUE(in_line_offset_m(shot.far(), 1.0));
-  EXPECT_NEAR(glm::length(*in_line_offset_m(shot.far(), 1.0)), 30, 1e-9);
+  EXPECT_TRUE(fits_in_line(shot.far(), 1.0));
+  EXPECT_NEAR(std::asin(shot.lined_up_m()->y / glm::length(shot.offset_m)), 0.05, 0.02);
   shot.settings.min_distance_m = 6;
-  EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << "it is 5 m behind the near one";
-  shot.settings.min_distance_m = 1, shot.settings.min_elevation_rad = 0.1;
-  ASSERT_TRUE(in_line_offset_m(shot.far(), 1.0));
-  EXPECT_NEAR(std::asin(in_line_offset_m(shot.far(), 1.0)->y / 30), 0.1, 1e-9);
-  shot.settings.min_elevation_rad = 0.5;
-  EXPECT_FALSE(in_line_offset_m(shot.far(), 1.0)) << "the near one is too far below";
+  EXPECT_FALSE(fits_in_line(shot.far(), 1.0)) << "it is 5 m behind the near one";
+  shot.settings.min_distance_m = 5.15;
+  EXPECT_TRUE(fits_in_line(shot.far(), 1.0));
+  EXPECT_FALSE(fits_in_line(shot.far(), 0.9)) << "room to return is room behind the near one, too";
+  shot.settings.min_distance_m = 1, shot.settings.min_elevation_rad = 0.5;
+  EXPECT_FALSE(fits_in_line(shot.far(), 1.0)) << "the near one is too far below";
+}
+
+// A camera that is as low as its targets rises, or the near one would hide the far one.
+TEST(LineUp, ALowShotRises) {
+  Shot shot({at(-25, 0, 0), at(25, 0, 0)});
+  shot.offset_m = shot.camera_m = {0, -0.5, 5};
+  ASSERT_TRUE(shot.lined_up_m());
+  EXPECT_GT(shot.lined_up_m()->y, 0.1);
 }
 
 TEST(LineUp, TargetsWithoutAWeightDoNotCount) {
   Shot shot({at(-3, 0, 0), at(3, 0, 0), at(200, 0, 0)});
   shot.targets[2].weight = 0;
-  EXPECT_EQ(shot.lined_up_m(), shot.offset_m);
-  shot.targets = {at(0, 0, 0), at(0, 30, 0)};  // one above the other: no line on the ground
-  EXPECT_EQ(shot.lined_up_m(), shot.offset_m);
+  EXPECT_FALSE(shot.lined_up_m());
+}
+
+TEST(LineUp, TargetsAboveEachOtherHaveNoLineOnTheGround) {
+  const Shot shot({at(0, 0, 0), at(0, 30, 0)});
+  EXPECT_FALSE(fits_from_side(shot.far(), kRoom));
+  EXPECT_FALSE(shot.lined_up_m());
 }
 
 }  // namespace

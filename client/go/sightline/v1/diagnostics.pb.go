@@ -543,8 +543,9 @@ type TargetVisibility struct {
 	// motion of a target is not known yet.
 	Forecast *SightForecast `protobuf:"bytes,9,opt,name=forecast,proto3" json:"forecast,omitempty"`
 	// True: the camera does not try to show this target at present, because it stands too far apart from the other targets for one
-	// picture. With FOLLOW_OFFSET, the picture is one from Settings.max_distance_m. While an aim between the targets would show none of them,
-	// it is one from where the camera is, as with FOLLOW_STAY. The targets of the greatest total weight are kept, required ones before
+	// picture. With FOLLOW_OFFSET, the picture is one from Settings.max_distance_m, from the side of the shot or, with Settings.search_viewpoints, from
+	// a place in line with all targets. While an aim between the targets would show none of them, it is one from where the camera is, as
+	// with FOLLOW_STAY. The targets of the greatest total weight are kept, required ones before
 	// optional ones.
 	GivenUp       bool `protobuf:"varint,10,opt,name=given_up,json=givenUp,proto3" json:"given_up,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -750,7 +751,8 @@ type StepFlags struct {
 	Evading bool `protobuf:"varint,6,opt,name=evading,proto3" json:"evading,omitempty"`
 	// A collider is in the way: the camera moves along it, more slowly, away from it, or not at all, and not as it would otherwise.
 	Deflected bool `protobuf:"varint,7,opt,name=deflected,proto3" json:"deflected,omitempty"`
-	// The viewpoint search chose another shot for the camera to keep, in this step (Settings.search_viewpoints).
+	// The camera keeps another shot from this step on (Settings.search_viewpoints). The viewpoint search chose it, or the camera turns into line with
+	// targets that stand too far apart for one picture from its side, or back.
 	NewShot bool `protobuf:"varint,8,opt,name=new_shot,json=newShot,proto3" json:"new_shot,omitempty"`
 	// The returned pose is nearer to a target than Settings.min_distance_m, or farther from the targets' centre than
 	// Settings.max_distance_m, by more than 1 mm.

@@ -172,7 +172,7 @@ type Settings struct {
 	// Shorter occlusions are ignored, and what moving occluders hide is smoothed over this time.
 	MinOcclusionS *float64 `protobuf:"fixed64,14,opt,name=min_occlusion_s,json=minOcclusionS,proto3,oneof" json:"min_occlusion_s,omitempty"`
 	// Lets the camera look for better viewpoints all round the targets. Off: it tries to keep the client's shot even when the
-	// targets are hidden. Works with the strategy MIN_COST and FOLLOW_OFFSET only.
+	// targets are hidden, or too far apart for one picture from there. Works with the strategy MIN_COST and FOLLOW_OFFSET only.
 	SearchViewpoints *bool `protobuf:"varint,15,opt,name=search_viewpoints,json=searchViewpoints,proto3,oneof" json:"search_viewpoints,omitempty"`
 	// Allows cuts: once no required target has been seen in the picture for this time, the camera may jump to a place that sees them.
 	// A required target that jumps (by more than 3 m, faster than 100 m/s) allows it at once. 0: never. A cut is flagged
