@@ -42,7 +42,7 @@ glm::dvec2 line_of(const FarShot& shot) {
   return {std::cos(angle_rad), std::sin(angle_rad)};
 }
 
-// What speaks for an end of the line: that it was chosen before, the weight of required targets on its side, that of all, and the camera.
+// The reasons for an end of the line, the most important one first (see line_up).
 std::array<double, 4> rank_of_end(const FarShot& shot, const glm::dvec2& to_end) {
   const glm::dvec3 center_m = weighted_center_m(shot.targets);
   const auto along = [&](const glm::dvec3& offset_m) { return glm::dot(to_end, glm::dvec2(offset_m.x, offset_m.z)); };

@@ -1,9 +1,9 @@
 // Lines a shot up with targets that stand far apart.
 //
-// From the side, the picture from max_distance_m holds targets only if they stand no farther apart than it is wide there. From a place in line
-// with them it holds two targets that are nearly twice max_distance_m apart: one near, the other far behind it. So a shot that cannot
-// hold its targets is turned towards the line through them, and lowered on the way, since the near one would leave the picture of a camera
-// that looks down. It is turned only as far as necessary, and back again when the targets come together.
+// A picture from the side and from max_distance_m holds targets only if they stand no farther apart than it is wide there. A picture from a
+// place in line with them holds two targets that are nearly twice max_distance_m apart: one near, the other far behind it. So a shot that
+// cannot hold its targets is turned towards the line through them, only as far as necessary. It is turned back when the targets come
+// together. On the way its elevation becomes that of a camera that looks at the far one over the near one.
 #pragma once
 
 #include <functional>
@@ -39,8 +39,8 @@ using SeenFrom = std::function<bool(const glm::dvec3& offset_m)>;
 bool fits_in_line(const FarShot& shot, double room);
 
 // The offset of the shot, turned as little as needed towards an end of the line from which they are seen. A turn takes seconds, so it begins before the
-// targets fill the picture. Nothing if the shot need not turn, or if there is no such end. The end that was chosen before is tried first, then
-// that with the greater weight of required targets, then that with the greater weight of all, then that on the side of the camera.
+// targets fill the picture. Nothing if the shot need not turn, or if there is no such end. The better end is tried first. These decide, one
+// after the other: which end was chosen before, which side has more weight of required targets, which has more weight, and where the camera is.
 std::optional<glm::dvec3> line_up(const FarShot& shot, const SeenFrom& is_seen_from);
 
 }  // namespace sightline

@@ -15,13 +15,13 @@ namespace {
 
 // The targets count as hidden from an end of the line when more than this share of them is: less than one of two.
 constexpr double kHidden = 0.45;
-// When they are hidden from both ends, the camera does not turn for so long. What the viewpoint search knows of the ends is then out of date, since it looks
-// round the targets that are kept.
+// When they are hidden from both ends, the camera does not turn for so long. Meanwhile the viewpoint search looks round the targets that are kept, and
+// learns nothing of the ends.
 constexpr double kClosedS = 10.0;
-// The shot counts as lined up until the targets fill no more than this share of the picture from the side, so that it does not change to and fro.
+// The shot counts as lined up until the targets fill no more than this share of the picture from the side. So it does not change to and fro.
 constexpr double kRoomToLeave = 0.6;
 
-// The camera may choose another side of the targets than that of the client's shot.
+// Returns whether the camera may leave the side of the targets that the client's shot shows.
 bool may_turn(const StepInput& input) {
   const MoveSettings& move = input.settings.move;
   return move.strategy == Strategy::kMinCost && move.search_viewpoints && move.follow == Follow::kOffset;

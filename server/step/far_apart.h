@@ -11,8 +11,8 @@ namespace sightline {
 void give_up_targets(const StepInput& input, const CarriedState& carried, bool has_shot, TargetsNow& targets, TargetIds& given_up);
 
 // Sets shot.in_line_m if the shot must turn to show all targets, and as long as they nearly fill the picture. It does not turn where the viewpoint search
-// knows that they are hidden from both ends of the line, and not without that search, since the client then wants its own side. Targets
-// that are given up take no part, so some of several targets never stand in line for the camera while the others are given up.
+// knows that they are hidden from both ends of the line. Without that search it never turns, since the client then wants its own side. Nor does
+// it turn for some of the targets while others are given up.
 void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot);
 
 }  // namespace sightline

@@ -543,9 +543,9 @@ type TargetVisibility struct {
 	// motion of a target is not known yet.
 	Forecast *SightForecast `protobuf:"bytes,9,opt,name=forecast,proto3" json:"forecast,omitempty"`
 	// True: the camera does not try to show this target at present, because it stands too far apart from the other targets for one
-	// picture. With FOLLOW_OFFSET, the picture is one from Settings.max_distance_m, from the side of the shot or, with Settings.search_viewpoints, from
-	// a place in line with all targets. While an aim between the targets would show none of them, it is one from where the camera is, as
-	// with FOLLOW_STAY. The targets of the greatest total weight are kept, required ones before
+	// picture. With FOLLOW_OFFSET, no picture from Settings.max_distance_m holds them, from the side of the shot or, with Settings.search_viewpoints,
+	// from a place in line with all of them. While an aim between the targets would show none of them, and with FOLLOW_STAY, the picture
+	// is the one from where the camera is. The targets of the greatest total weight are kept, required ones before
 	// optional ones.
 	GivenUp       bool `protobuf:"varint,10,opt,name=given_up,json=givenUp,proto3" json:"given_up,omitempty"`
 	unknownFields protoimpl.UnknownFields
