@@ -30,10 +30,6 @@ double fitting_distance_m(std::span<const TrackedTarget> targets, const glm::dve
   return distance;
 }
 
-double elevation_rad(const glm::dvec3& from_center) {
-  return std::atan2(from_center.y, std::hypot(from_center.x, from_center.z));
-}
-
 glm::dvec3 with_elevation(const glm::dvec3& offset, double elevation) {
   const double length = glm::length(offset), flat = std::hypot(offset.x, offset.z);
   const glm::dvec2 heading = flat > 1e-9 ? glm::dvec2(offset.x, offset.z) / flat : glm::dvec2(0, 1);
@@ -250,6 +246,10 @@ Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<c
 }
 
 }  // namespace
+
+double elevation_rad(const glm::dvec3& offset_m) {
+  return std::atan2(offset_m.y, std::hypot(offset_m.x, offset_m.z));
+}
 
 glm::dvec3 weighted_center_m(std::span<const TrackedTarget> targets) {
   glm::dvec3 sum(0.0);

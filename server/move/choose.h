@@ -31,6 +31,9 @@ glm::dvec3 weighted_center_m(std::span<const TrackedTarget> targets);
 glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const Lens& lens,
                            double framing_margin, const MoveSettings& settings);
 
+// The angle of an offset above the horizontal.
+double elevation_rad(const glm::dvec3& offset_m);
+
 // The farthest position that the camera may take on the side of the targets that `offset_m` names: max_distance_m from the weighted
 // centre, within the elevation limits.
 glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const MoveSettings& settings);

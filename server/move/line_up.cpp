@@ -23,10 +23,6 @@ constexpr double kDistanceRoom = 0.2;
 // Each halves the error of the turn.
 constexpr int kTurnSteps = 12;
 
-double elevation_rad(const glm::dvec3& offset) {
-  return std::atan2(offset.y, std::hypot(offset.x, offset.z));
-}
-
 // The direction in which the steered targets are spread most, horizontally; zero if they are at one place. It is the principal axis of their
 // places, by weight.
 glm::dvec2 line_of(const FarShot& shot) {
