@@ -42,8 +42,7 @@ glm::dvec2 line_of(const FarShot& shot) {
 std::array<double, 4> rank_of_end(const FarShot& shot, const glm::dvec2& to_end) {
   const glm::dvec3 center_m = weighted_center_m(shot.targets);
   const auto along = [&](const glm::dvec3& offset_m) { return glm::dot(to_end, glm::dvec2(offset_m.x, offset_m.z)); };
-  std::array<double, 4> rank{0, 0, 0, along(shot.camera_m - center_m)};
-  if (shot.former_m) rank[0] = along(*shot.former_m);
+  std::array<double, 4> rank{along(shot.former_end_m), 0, 0, along(shot.camera_m - center_m)};
   for (const TrackedTarget& t : shot.targets) {
     if (!t.steered() || along(t.aim_m - center_m) <= 0) continue;
     if (t.required) rank[1] += t.weight;
@@ -114,11 +113,13 @@ bool fits_in_line(const FarShot& shot, double room) {
   return turn_into_line(shot, room, [](const glm::dvec3&) { return true; }).has_value();
 }
 
-std::optional<glm::dvec3> line_up(const FarShot& shot, const SeenFrom& is_seen_from) {
+std::optional<LinedUp> line_up(const FarShot& shot, const SeenFrom& is_seen_from) {
   if (fits_from_side(shot, kRoom)) return std::nullopt;
-  const double length_m = glm::length(shot.offset_m);
-  if (const auto turn = turn_into_line(shot, kRoom, is_seen_from)) return turn->direction(turn->least_part(kRoom)) * length_m;
-  if (const auto turn = turn_into_line(shot, 1.0, is_seen_from)) return turn->direction(1) * length_m;
+  const auto turned = [&](const Turn& turn, double part) {
+    return LinedUp{turn.direction(part) * glm::length(shot.offset_m), turn.direction(1) * shot.settings.max_distance_m};
+  };
+  if (const auto turn = turn_into_line(shot, kRoom, is_seen_from)) return turned(*turn, turn->least_part(kRoom));
+  if (const auto turn = turn_into_line(shot, 1.0, is_seen_from)) return turned(*turn, 1);
   return std::nullopt;
 }
 

@@ -24,12 +24,17 @@ struct FarShot {
   glm::dvec3 camera_m{0.0};
   const Lens& lens;
   const MoveSettings& settings;
-  std::optional<glm::dvec3> former_m = std::nullopt;  // the offset of the shot as it was lined up before
+  glm::dvec3 former_end_m{0.0};  // the offset of the end that was chosen before; zero: none
 };
 
 // Returns whether the targets fit the picture from max_distance_m in the direction of the shot. `room` in (0, 1] is the share of the picture that
 // they may fill.
 bool fits_from_side(const FarShot& shot, double room);
+
+struct LinedUp {
+  glm::dvec3 offset_m{0.0};  // as long as that of the shot
+  glm::dvec3 end_m{0.0};     // the offset of the end of the line
+};
 
 // Returns whether the targets are seen from an offset.
 using SeenFrom = std::function<bool(const glm::dvec3& offset_m)>;
@@ -38,9 +43,9 @@ using SeenFrom = std::function<bool(const glm::dvec3& offset_m)>;
 // targets are then between min_distance_m and twice max_distance_m away; with less room these limits are narrower too.
 bool fits_in_line(const FarShot& shot, double room);
 
-// The offset of the shot, turned as little as needed towards an end of the line from which they are seen. A turn takes seconds, so it begins before the
+// The shot, turned as little as needed towards an end of the line from which they are seen. A turn takes seconds, so it begins before the
 // targets fill the picture. Nothing if the shot need not turn, or if there is no such end. The better end is tried first. These decide, one
 // after the other: which end was chosen before, which side has more weight of required targets, which has more weight, and where the camera is.
-std::optional<glm::dvec3> line_up(const FarShot& shot, const SeenFrom& is_seen_from);
+std::optional<LinedUp> line_up(const FarShot& shot, const SeenFrom& is_seen_from);
 
 }  // namespace sightline

@@ -43,8 +43,8 @@ struct StateFields {
   }
   template <typename A, SameAs<WantedShot> T>
   static void each(A& archive, T& shot) {
-    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_closed_s, all_kept_s] = shot;
-    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_closed_s, all_kept_s);
+    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s] = shot;
+    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s);
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {

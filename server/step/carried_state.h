@@ -39,6 +39,7 @@ struct WantedShot {
   double asked_seen_s = 0.0;       // hardly anything has been hidden there for this time
   std::optional<size_t> viewpoint; // the viewpoint that the search chose
   std::optional<glm::dvec3> in_line_m;  // the offset in place of offset_m while targets are far apart (far_apart.h)
+  glm::dvec3 line_end_m{0.0};      // the end of the line that was chosen; it counts only with in_line_m
   double line_closed_s = 0.0;      // the camera does not turn into line for this time, since the targets are hidden from there
   double all_kept_s = 0.0;         // no target has been given up for this time
 

@@ -64,13 +64,16 @@ void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, Wante
   shot.all_kept_s = several ? shot.all_kept_s + step.move_s : 0.0;
   if (!may_turn(step.input) || !several || shot.line_closed_s > 0) return;
   const Lens lens = widest(step.input.lens, step.input.settings.framing);
-  const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move, former_m};
+  const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move,
+                    former_m ? shot.line_end_m : glm::dvec3(0.0)};
   const bool knows = shot.all_kept_s > step.input.settings.move.viewpoint_search.memory_s && knows_viewpoints(step, viewpoints);
   const auto is_seen_from = [&](const glm::dvec3& offset_m) {
     return !knows || hidden_round_about(viewpoints, targets.tracked_targets, viewpoints.nearest_viewpoint(offset_m)) < kHidden;
   };
-  shot.in_line_m = line_up(far, std::cref(is_seen_from));
-  if (shot.in_line_m) return;
+  if (const std::optional<LinedUp> lined_up = line_up(far, std::cref(is_seen_from))) {
+    shot.in_line_m = lined_up->offset_m, shot.line_end_m = lined_up->end_m;
+    return;
+  }
   if (former_m && !fits_from_side(far, kRoomToLeave)) shot.in_line_m = shot.offset_m;
   if (!fits_from_side(far, 1.0) && fits_in_line(far, 1.0)) shot.in_line_m.reset(), shot.line_closed_s = kClosedS;
 }

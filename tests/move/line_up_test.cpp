@@ -44,12 +44,14 @@ struct Shot {
   glm::dvec3 offset_m{0, 1, 5}, camera_m{0, 1, 5};
   Lens lens;
   MoveSettings settings;
-
-  std::optional<glm::dvec3> former_m;
+  glm::dvec3 former_end_m{0.0};
   SeenFrom is_seen_from = [](const glm::dvec3&) { return true; };
 
-  FarShot far() const { return {targets, offset_m, camera_m, lens, settings, former_m}; }
-  std::optional<glm::dvec3> lined_up_m() const { return line_up(far(), is_seen_from); }
+  FarShot far() const { return {targets, offset_m, camera_m, lens, settings, former_end_m}; }
+  std::optional<glm::dvec3> lined_up_m() const {
+    const std::optional<LinedUp> lined_up = line_up(far(), is_seen_from);
+    return lined_up ? std::optional(lined_up->offset_m) : std::nullopt;
+  }
   glm::dvec3 place_m(const glm::dvec3& towards) const { return farthest_place_m(targets, towards, settings); }
 };
 
@@ -97,12 +99,25 @@ TEST(LineUp, TheCameraGoesToTheEndOfTheRequiredThenTheHeavierThenToTheNearerOne)
     EXPECT_GT(end(), 0) << "the heavier one";
     shot.targets[side < 0 ? 0 : 1].required = false;
     EXPECT_LT(end(), 0) << "the required one";
-    shot.former_m = glm::dvec3(side, 0, 4);
+    shot.former_end_m = glm::dvec3(30 * side, 1, 0);
     EXPECT_GT(end(), 0) << "the end that was chosen before";
     shot.is_seen_from = [&](const glm::dvec3& offset_m) { return side * offset_m.x < 0; };
     EXPECT_LT(end(), 0) << "the only end that sees them";
     shot.is_seen_from = [](const glm::dvec3&) { return false; };
     EXPECT_FALSE(shot.lined_up_m());
+  }
+}
+
+// The shot leans to the side of the optional target. The camera turns to the other end, and goes on to do so.
+TEST(LineUp, AShotThatLeansToTheOtherEndKeepsToItsEnd) {
+  Shot shot({at(-20, 0, 0), at(20, 0, 0)});
+  shot.targets[1].required = false;
+  shot.offset_m = shot.camera_m = {1.5, 1, 5};
+  for (int k = 0; k < 3; ++k) {
+    const auto lined_up = line_up(shot.far(), shot.is_seen_from);
+    ASSERT_TRUE(lined_up);
+    EXPECT_LT(lined_up->end_m.x, 0) << k;
+    shot.former_end_m = lined_up->end_m;
   }
 }
 
@@ -125,12 +140,12 @@ TEST(LineUp, ATargetThatSwaysInTheMiddleDoesNotChangeTheEnd) {
   Shot shot({at(-17, 0, 0), at(0.5, 0, 0), at(17, 0, 0)});
   for (int k = 0; k < 10; ++k) {
     shot.targets[1].aim_m.x = k % 2 == 0 ? 0.5 : -0.5;
-    const auto offset_m = shot.lined_up_m();
-    ASSERT_TRUE(offset_m);
+    const auto lined_up = line_up(shot.far(), shot.is_seen_from);
+    ASSERT_TRUE(lined_up);
     if (k > 0) {
-      EXPECT_LT(glm::distance(*offset_m, *shot.former_m), 1.0) << k;
+      EXPECT_GT(glm::dot(lined_up->end_m, shot.former_end_m), 0) << k;
     }
-    shot.former_m = offset_m;
+    shot.former_end_m = lined_up->end_m;
   }
 }
 
