@@ -1,7 +1,8 @@
 // Lines a shot up with targets that stand far apart.
 //
 // A picture from the side and from max_distance_m holds targets only if they stand no farther apart than it is wide there. A picture from a
-// place in line with them holds two targets that are nearly twice max_distance_m apart: one near, the other far behind it. So a shot that
+// place in line with them holds two targets that are nearly twice max_distance_m apart: one near, the other far behind it. What must fit are the points to
+// look at. The whole body of the near one fits only from some metres behind it. So a shot that
 // cannot hold its targets is turned towards the line through them, only as far as necessary. It is turned back when the targets come
 // together. On the way its elevation becomes that of a camera that looks at the far one over the near one.
 #pragma once

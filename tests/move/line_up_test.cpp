@@ -71,7 +71,7 @@ TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
   int turned = 0;
   for (int trial = 0; trial < 25; ++trial) {
     Shot shot({at(random.next_in(-20, -14), random.next_in(0, 1), random.next_in(-3, 3)),
-                          at(random.next_in(14, 20), random.next_in(0, 1), random.next_in(-3, 3))});
+               at(random.next_in(14, 20), random.next_in(0, 1), random.next_in(-3, 3))});
     shot.offset_m = shot.camera_m = {random.next_in(-1, 1), random.next_in(0.3, 1.5), random.next_in(4, 8)};
     if (fits_from_side(shot.far(), kRoom)) continue;
     ASSERT_TRUE(shot.lined_up_m());
