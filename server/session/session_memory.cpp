@@ -205,12 +205,17 @@ struct StateFields {
     auto& [blind_s, shot_gains_s, searched_s, way, view, view_s] = blind;
     archive(blind_s, shot_gains_s, searched_s, way, view, view_s);
   }
+  template <typename A, SameAs<SummedGain> T>
+  static void each(A& archive, T& gain) {
+    auto& [sum_ms] = gain;
+    archive(sum_ms);
+  }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, blind, shares, given_up, not_aimed_at,
-           path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, blind, shares, given_up, not_aimed_at,
-            path, cut, pull);
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+           not_aimed_at, path, cut, pull] = state;
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+            not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
   static void each(A& archive, T& target) {

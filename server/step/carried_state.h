@@ -18,6 +18,7 @@
 #include "server/move/far_way.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
+#include "server/move/summed_gain.h"
 #include "server/move/trail.h"
 #include "server/scene/target.h"
 #include "server/step/suggested_path.h"
@@ -88,6 +89,7 @@ struct CarriedState {
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   bool follows = false;              // it was the desired position
+  SummedGain change;                 // strategy kMinCost: what a change between following and another course would gain
   BlindState blind;                  // strategy kMinCost
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):

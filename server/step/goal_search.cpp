@@ -30,6 +30,8 @@ constexpr double kAnswerS = 0.15;
 constexpr double kCalmS = 0.05;
 // A point of the plan that is no farther than this is where the camera is.
 constexpr double kHereM = 0.05;
+// A path farther beyond the bound than this is not judged from there on, since nothing is known there.
+constexpr double kBeyondM = 2.0;
 // A plan is straight if it leads this part of the way that its speed allows.
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
@@ -149,13 +151,19 @@ FlightSettings flight_settings(const MoveInput& in) {
           .afterwards = kAfterwards};
 }
 
-// The mean cost of the slices along a path, as of a flight plan.
+// The mean cost of the slices along a path, as of a flight plan. Beyond the bound, the last cost that is known is taken to hold: a camera behind a car is
+// soon far from any place that is known now.
 template <typename Path>
-double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings, Path path) {
+double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings, const Bound& bound, Path path) {
   double sum = 0, last = 0;
-  for (size_t slice = 0; slice < kSlices; ++slice)
-    sum += last = planner.cost_at(path(ahead.ahead_s(slice)), slice, 100.0);
-  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), path(ahead.ahead_s(kSlices - 1)));
+  glm::dvec3 known_m(0.0);
+  for (size_t slice = 0; slice < kSlices; ++slice) {
+    const glm::dvec3 at_m = path(ahead.ahead_s(slice));
+    known_m = nearest_in_bound_m(bound, at_m);
+    if (slice == 0 || glm::distance(at_m, known_m) <= kBeyondM) last = planner.cost_at(known_m, slice, 100.0);
+    sum += last;
+  }
+  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), known_m);
 }
 
 class GoalSearch {
@@ -177,16 +185,23 @@ class GoalSearch {
     blind_.view_m.reset();
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
     goal->blind = blind_;
+    goal->change = change_;
     return *goal;
   }
 
  private:
   Goal go_on(const FlightPlan& plan) {
-    const double follow = follow_cost(), stay = stay_cost();
-    const double steadiness = in_.carried.follows ? in_.step.input.settings.move.cost.steadiness : 0.0;
-    if (follow <= stay && follow <= plan.cost + steadiness && std::isfinite(follow)) return follow_desired(pace());
+    const double stay = stay_cost();
+    if (is_to_follow(follow_cost(), stay, plan.cost)) return follow_desired(pace());
     if (stay <= plan.cost) return stay_here();
     return fly(plan);
+  }
+  bool is_to_follow(double follow, double stay, double plan) {
+    if (!in_.carried.goal_m) return follow <= std::min(stay, plan);
+    change_ = in_.carried.change;
+    const double steadiness = in_.step.input.settings.move.cost.steadiness;
+    const double gain_m = in_.carried.follows ? follow - std::min(stay, plan + steadiness) : std::min(stay, plan) - follow;
+    return change_.add(gain_m, in_.step.move_s) != in_.carried.follows;
   }
 
   // Targets that move apart leave the picture, unless the camera is in line with them in time.
@@ -219,7 +234,7 @@ class GoalSearch {
   glm::dvec3 behind_m() const { return in_.sights.position_m[desired_candidate()] - eye_m(); }
   double follow_cost() {
     if (!ways_.is_free(in_.sights.position_m[desired_candidate()])) return INFINITY;
-    return cost_of_path(planner_, ahead(), settings_, [&](double time_s) { return nearest_in_bound_m(in_.bound, following_m(time_s)); });
+    return cost_of_path(planner_, ahead(), settings_, in_.bound, [&](double time_s) { return following_m(time_s); });
   }
   // Where a camera that follows is after a time.
   glm::dvec3 following_m(double time_s) const {
@@ -242,7 +257,7 @@ class GoalSearch {
   // ---- staying ----
 
   double stay_cost() {
-    return cost_of_path(planner_, ahead(), settings_, [&](double) { return eye_m(); });
+    return cost_of_path(planner_, ahead(), settings_, in_.bound, [&](double) { return eye_m(); });
   }
   Goal stay_here() {
     Goal goal = goal_at(in_.sights.own_candidate, eye_m());
@@ -475,6 +490,7 @@ class GoalSearch {
   const FlightSettings settings_;
   StraightWays ways_;
   BlindState blind_;
+  SummedGain change_;  // begins again at each step that does not compare courses
 };
 
 }  // namespace

@@ -112,6 +112,7 @@ Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
       goal = choose_goal(in, scratch);
       decision.goal_m = goal.position_m;
       decision.blind = goal.blind;
+      decision.change = goal.change;
     } else {
       goal.choice = choose(in, scratch);
     }
@@ -237,7 +238,12 @@ Decision unmoved(const MoveInput& in) {
   decision.turn = in.carried.turn;
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
-  if (weighs_hidden(in.step.input)) decision.goal_m = in.carried.goal_m, decision.follows = in.carried.follows, decision.blind = in.carried.blind;
+  if (weighs_hidden(in.step.input)) {
+    decision.goal_m = in.carried.goal_m;
+    decision.follows = in.carried.follows;
+    decision.change = in.carried.change;
+    decision.blind = in.carried.blind;
+  }
   if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
   return decision;
 }

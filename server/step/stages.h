@@ -15,6 +15,7 @@
 #include "server/move/flight_plan.h"
 #include "server/move/groups.h"
 #include "server/move/route.h"
+#include "server/move/summed_gain.h"
 #include "server/move/clearance_cache.h"
 #include "server/step/target_points.h"
 #include "server/step/step.h"
@@ -242,6 +243,7 @@ struct Goal {
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does
   bool lost = false;      // none that it can reach does
   BlindState blind = {};
+  SummedGain change = {};
   std::optional<double> way_m = {};  // length of a far way that it takes
 };
 // Sets `scratch.way` too.

@@ -160,6 +160,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.horizon_s = dump_.decision.horizon_s;
   carried_.goal_m = dump_.decision.goal_m;
   carried_.follows = dump_.decision.follows;
+  carried_.change = dump_.decision.change;
   carried_.blind = dump_.decision.blind;
   carried_.not_aimed_at = dump_.decision.not_aimed_at;
   // A target that is no longer given up is aimed at when it can be shown.

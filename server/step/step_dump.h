@@ -17,6 +17,7 @@
 #include "server/move/decision.h"
 #include "server/move/far_way.h"
 #include "server/move/motion.h"
+#include "server/move/summed_gain.h"
 #include "server/scene/target.h"
 #include "server/aggregate/hidden_ahead.h"
 #include "server/sample/depth_map.h"
@@ -162,6 +163,7 @@ struct Decision {
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;  // see kGoalS (stages.h)
   bool follows = false;  // the goal is the desired position
+  SummedGain change;     // strategy kMinCost
   BlindState blind;      // strategy kMinCost
   InlineVector<PlanPoint, kSlices + 2> plan_m;  // the flight plan; empty unless the camera flies by one
   TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
