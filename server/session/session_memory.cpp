@@ -207,8 +207,8 @@ struct StateFields {
   }
   template <typename A, SameAs<SummedGain> T>
   static void each(A& archive, T& gain) {
-    auto& [sum_ms] = gain;
-    archive(sum_ms);
+    auto& [sum_metre_s] = gain;
+    archive(sum_metre_s);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {

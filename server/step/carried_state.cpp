@@ -33,7 +33,7 @@ void start_position(CarriedState& state, const ViewerCamera& viewer) {
   state.camera.acceleration_mps2 = glm::dvec3(0.0);
   state.goal_m.reset();
   state.follows = false;
-  state.change = {};
+  state.change.reset();
   state.blind = {};
   state.shares.forget();
   state.given_up.clear();

@@ -89,7 +89,7 @@ struct CarriedState {
   CandidateMemory candidates;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   bool follows = false;              // it was the desired position
-  SummedGain change;                 // strategy kMinCost: what a change between following and another course would gain
+  std::optional<SummedGain> change;  // what a change between following and another course would gain; empty: they were not compared
   BlindState blind;                  // strategy kMinCost
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):

@@ -30,7 +30,7 @@ constexpr double kAnswerS = 0.15;
 constexpr double kCalmS = 0.05;
 // A point of the plan that is no farther than this is where the camera is.
 constexpr double kHereM = 0.05;
-// A path farther beyond the bound than this is not judged from there on, since nothing is known there.
+// Where a path is farther beyond the bound than this, its places are not judged, since nothing is known of them.
 constexpr double kBeyondM = 2.0;
 // A plan is straight if it leads this part of the way that its speed allows.
 constexpr double kStraightOn = 0.9;
@@ -156,14 +156,14 @@ FlightSettings flight_settings(const MoveInput& in) {
 template <typename Path>
 double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings, const Bound& bound, Path path) {
   double sum = 0, last = 0;
-  glm::dvec3 known_m(0.0);
+  glm::dvec3 in_bound_m(0.0);
   for (size_t slice = 0; slice < kSlices; ++slice) {
     const glm::dvec3 at_m = path(ahead.ahead_s(slice));
-    known_m = nearest_in_bound_m(bound, at_m);
-    if (slice == 0 || glm::distance(at_m, known_m) <= kBeyondM) last = planner.cost_at(known_m, slice, 100.0);
+    in_bound_m = nearest_in_bound_m(bound, at_m);
+    if (slice == 0 || glm::distance(at_m, in_bound_m) <= kBeyondM) last = planner.cost_at(in_bound_m, slice, 100.0);
     sum += last;
   }
-  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), known_m);
+  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), in_bound_m);
 }
 
 class GoalSearch {
@@ -192,16 +192,16 @@ class GoalSearch {
  private:
   Goal go_on(const FlightPlan& plan) {
     const double stay = stay_cost();
-    if (is_to_follow(follow_cost(), stay, plan.cost)) return follow_desired(pace());
+    if (decide_to_follow(follow_cost(), stay, plan.cost)) return follow_desired(pace());
     if (stay <= plan.cost) return stay_here();
     return fly(plan);
   }
-  bool is_to_follow(double follow, double stay, double plan) {
-    if (!in_.carried.goal_m) return follow <= std::min(stay, plan);
-    change_ = in_.carried.change;
+  bool decide_to_follow(double follow, double stay, double plan) {
+    change_ = in_.carried.change.value_or(SummedGain{});
+    if (!in_.carried.change) return follow <= std::min(stay, plan);
     const double steadiness = in_.step.input.settings.move.cost.steadiness;
     const double gain_m = in_.carried.follows ? follow - std::min(stay, plan + steadiness) : std::min(stay, plan) - follow;
-    return change_.add(gain_m, in_.step.move_s) != in_.carried.follows;
+    return change_->add(gain_m, in_.step.move_s) != in_.carried.follows;
   }
 
   // Targets that move apart leave the picture, unless the camera is in line with them in time.
@@ -490,7 +490,7 @@ class GoalSearch {
   const FlightSettings settings_;
   StraightWays ways_;
   BlindState blind_;
-  SummedGain change_;  // begins again at each step that does not compare courses
+  std::optional<SummedGain> change_;  // empty at a step that does not compare courses
 };
 
 }  // namespace

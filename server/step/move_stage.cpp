@@ -241,10 +241,9 @@ Decision unmoved(const MoveInput& in) {
   if (weighs_hidden(in.step.input)) {
     decision.goal_m = in.carried.goal_m;
     decision.follows = in.carried.follows;
-    decision.change = in.carried.change;
     decision.blind = in.carried.blind;
   }
-  if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at;
+  if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at, decision.change = in.carried.change;
   return decision;
 }
 

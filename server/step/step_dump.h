@@ -163,7 +163,7 @@ struct Decision {
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;  // see kGoalS (stages.h)
   bool follows = false;  // the goal is the desired position
-  SummedGain change;     // strategy kMinCost
+  std::optional<SummedGain> change;  // what the change between following and another course would gain; empty: they were not compared
   BlindState blind;      // strategy kMinCost
   InlineVector<PlanPoint, kSlices + 2> plan_m;  // the flight plan; empty unless the camera flies by one
   TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others

@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0xc4cc44710b2926a5;
-constexpr uint64_t kLlvmpipeHash = 0xc4cc44710b2926a5;
+constexpr uint64_t kEmbreeHash = 0x8ed95e22d116899d;
+constexpr uint64_t kLlvmpipeHash = 0x8ed95e22d116899d;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

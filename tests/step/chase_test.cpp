@@ -67,7 +67,8 @@ TEST(Chase, ACameraThatSeesItsTargetIsInLessOfAHurryThanOneThatDoesNot) {
   EXPECT_GT(unseen_mps, 1.3 * seen_mps);
 }
 
-// Counts the steps at which the goal moves by more than half a metre beside a car. `drive` moves target 1 for one step and returns where it is.
+// Counts the steps at which the goal moves by more than half a metre beside a car. `drive` moves target 1 for one step and returns where it is. The
+// camera keeps up with the car.
 template <typename Drive>
 int jumps_behind_car(OneFilmed& world, int steps, Drive drive) {
   world.limits.max_speed_mps = 40;
@@ -82,6 +83,7 @@ int jumps_behind_car(OneFilmed& world, int steps, Drive drive) {
     if (!goal_m) return steps;
     if (former_m) jumps += glm::distance(*goal_m - car_m, *former_m) > 0.5;
     former_m = *goal_m - car_m;
+    EXPECT_LT(glm::distance(world.camera().pose.position_m, car_m), 15) << "step " << i;
   }
   return jumps;
 }

@@ -153,8 +153,12 @@ TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
   EXPECT_LT(way_m, 1.0);
 }
 
-// Counts the steps of a walk through a wood at which the camera changes between following and another course.
-int changes_in_wood(uint64_t seed) {
+struct WoodWalk {
+  int changes = 0;    // steps at which the camera changes between following and another course
+  int follows = 0;    // steps at which it follows
+  double seen = 0.0;  // mean visible share
+};
+WoodWalk walk_in_wood(uint64_t seed) {
   Filming world;
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   for (uint64_t k = 0; k < 150; ++k) {
@@ -166,24 +170,30 @@ int changes_in_wood(uint64_t seed) {
   world.place({0, 1.6, 7}, {0, 1, 0});
   Watch watch(world);
   StepResult r;
-  int changes = 0;
+  WoodWalk walk;
   bool follows = false;
   for (int i = 0; i < 1200; ++i) {
     const double x_m = 1.4 * kTick * i;
     world.move(1, {x_m, 1, 0}, {1.4, 0, 0});
     world.move(2, {x_m + 1.5, 1, 0}, {1.4, 0, 0});
     world.step_in(watch, r);
-    changes += i > 0 && world.dump().decision.follows != follows;
-    follows = world.dump().decision.follows;
+    walk.changes += i > 0 && world.dump().decision.follows != follows;
+    walk.follows += follows = world.dump().decision.follows;
+    for (const auto& target : r.targets) walk.seen += target.visible_share / 2400;
   }
-  return changes;
+  return walk;
 }
 
 // There, the cheaper one of two courses changes from step to step.
 TEST(MinCost, ACameraInAWoodKeepsToItsCourse) {
-  int changes = 0;
-  for (uint64_t seed = 1; seed <= 4; ++seed) changes += changes_in_wood(seed);
+  int changes = 0, follows = 0;
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    const WoodWalk walk = walk_in_wood(seed);
+    changes += walk.changes, follows += walk.follows;
+    EXPECT_GT(walk.seen, 0.9) << "wood " << seed;
+  }
   EXPECT_LE(changes, 4);
+  EXPECT_GT(follows, 0);
 }
 
 // A wall comes between the camera and the target within one step. A wall that moves may soon be gone, so it counts little at first.
@@ -281,6 +291,20 @@ TEST(MinCost, APauseChangesNothing) {
   EXPECT_EQ(r.camera.pose.position_m, before.pose.position_m);
   EXPECT_EQ(r.camera.pose.rotation, before.pose.rotation);
   EXPECT_EQ(r.camera.velocity_mps, before.velocity_mps);
+}
+
+// A sum of what leaving the desired position would gain must not later count for the way back.
+TEST(MinCost, GainsAreSummedOverAPauseButNotOverAStepWithoutTargets) {
+  OneFilmed world;
+  for (int i = 0; i < 20; ++i) world.move(1, {0.05 * i, 1, 0}, {3, 0, 0}), world.step(kTick);
+  ASSERT_TRUE(world.stepper.carried().change);
+  const double sum_metre_s = world.stepper.carried().change->sum_metre_s;
+  world.step(0.0);
+  ASSERT_TRUE(world.stepper.carried().change);
+  EXPECT_EQ(world.stepper.carried().change->sum_metre_s, sum_metre_s);
+  world.targets[0].weight = 0;
+  world.step(kTick);
+  EXPECT_FALSE(world.stepper.carried().change);
 }
 
 TEST(MinCost, AddingATargetOrItsWeightMakesNoPop) {
