@@ -100,7 +100,7 @@ TEST(Chase, TheGoalBehindACarThatSpeedsUpDoesNotJump) {
   EXPECT_EQ(jumps_behind_car(world, 300, drive), 0);
 }
 
-// From the edge of the bound, the house hides where the car will be in a second. But the camera will be farther then.
+// The house hides the car of the next second from the edge of the bound. But the camera will be farther then.
 TEST(Chase, TheGoalBehindACarThatDrivesRoundAHouseDoesNotJump) {
   constexpr double kRadiusM = 16, kSpeedMps = 15;
   OneFilmed world({kRadiusM, 3, -6});
