@@ -1,8 +1,8 @@
 // When the camera changes from one course to another that costs less.
 //
 // The costs of two courses change from step to step by noise that is larger than most differences between them. So the camera changes when
-// what it would gain, summed over time, is enough: within two or three steps where all sight is about to be lost, after 0.2 s for a gain of 3 m, and
-// after 2 s for one of 0.3 m. Gains and losses that alternate nearly cancel each other. This is the cumulative sum test of Page (Continuous
+// what it would gain, summed over time, is enough. That takes one to three steps where all sight is about to be lost, 0.2 s for a gain of 3 m, and
+// 2 s for one of 0.3 m. Gains and losses that alternate nearly cancel each other. This is the cumulative sum test of Page (Continuous
 // Inspection Schemes, 1954), with nothing taken off at each step.
 #pragma once
 
@@ -10,6 +10,7 @@
 
 namespace sightline {
 
+// A value type. Deterministic. Not thread-safe.
 struct SummedGain {
   static constexpr double kEnoughMetreSeconds = 0.6;
 

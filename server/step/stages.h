@@ -243,7 +243,7 @@ struct Goal {
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does
   bool lost = false;      // none that it can reach does
   BlindState blind = {};
-  std::optional<SummedGain> change = {};
+  std::optional<SummedGain> change = {};  // as Decision::change
   std::optional<double> way_m = {};  // length of a far way that it takes
 };
 // Sets `scratch.way` too.

@@ -1,5 +1,5 @@
 // On an open plane, a target is faster than the camera may be. The camera uses all of its allowed speed, and keeps the limits of
-// acceleration and jerk.
+// acceleration and jerk. Behind a car that it can follow, its goal does not jump.
 #include <gtest/gtest.h>
 
 #include <cmath>

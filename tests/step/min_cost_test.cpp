@@ -184,7 +184,7 @@ WoodWalk walk_in_wood(uint64_t seed) {
   return walk;
 }
 
-// There, the cheaper one of two courses changes from step to step.
+// Among trees, first one course costs less and then another, from step to step.
 TEST(MinCost, ACameraInAWoodKeepsToItsCourse) {
   int changes = 0, follows = 0;
   for (uint64_t seed = 1; seed <= 4; ++seed) {

@@ -770,9 +770,9 @@ type CostWeights struct {
 	Surroundings *float64 `protobuf:"fixed64,9,opt,name=surroundings,proto3,oneof" json:"surroundings,omitempty"`
 	// The cost of a metre of the path, round the colliders.
 	Route *float64 `protobuf:"fixed64,6,opt,name=route,proto3,oneof" json:"route,omitempty"`
-	// A camera that follows the desired position leaves it only for a plan that costs less by more than this. What it would gain beyond it is summed
-	// up over time, and the camera leaves when that is enough: at once where it would see nothing, and after 2 s for 0.3 m. 0: it often leaves it for
-	// nothing. Large: it stays in its place while the targets are hidden a little.
+	// A camera that follows the desired position leaves it only for a plan that costs less by more than this. The camera sums up over time what it
+	// would gain beyond that, and leaves when the sum is large enough. That takes a few steps where it would see nothing, and 2 s for a gain of
+	// 0.3 m. 0: it often leaves for nothing. Large: it stays in its place while the targets are hidden a little.
 	Steadiness    *float64 `protobuf:"fixed64,8,opt,name=steadiness,proto3,oneof" json:"steadiness,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
