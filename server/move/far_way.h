@@ -21,8 +21,8 @@ using WayPoints = InlineVector<glm::dvec3, 32>;
 // How long the camera has not seen its targets, and where it goes then.
 struct BlindState {
   double blind_s = 0.0;       // since it saw any of them
-  double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them
-  double searched_s = 0.0;    // since the last search for a way
+  double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them; falls while it does not
+  double searched_s = 1e3;    // since the last search for a way
   WayPoints way_m;            // empty: none was found or needed
   // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on its way to one.
   std::optional<glm::dvec3> view_m;

@@ -49,9 +49,15 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 
 // A camera without a view goes to the nearest place that has one. Maps that differ by a few texels show different places, so when it has been
 // without a view for a while, it keeps to one place for a moment.
 constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
-// The viewpoint search may know that this share more of the targets is seen at the wanted shot. When it has known that for so long, the camera
-// takes such a way to the shot. On its way, half as much is enough to go on. The way ends this near to the shot.
-constexpr double kShotGainsS = 2.0, kShotGain = 0.3, kShotNearM = 1.0;
+// The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or it knows that a picture
+// from there lacks so much less than is expected at the end of the best plan, in picture_loss. When it has known that for so long, the
+// camera takes such a way to the shot. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to
+// the shot.
+constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
+// Time without a gain counts so many times as much as time with one.
+constexpr double kNoGain = 2.0;
+// Nothing is known at first, and all viewpoints are taken for good. That is forgotten after so many time constants of the search's memory.
+constexpr double kSurelyKnown = 3.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
 
@@ -170,7 +176,7 @@ class GoalSearch {
  public:
   GoalSearch(const MoveInput& in, MoveScratch& scratch)
       : in_(in), scratch_(scratch), planner_(scratch.planner), pricer_(in, planner_, scratch.outside), settings_(flight_settings(in)),
-        ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)), blind_(blind_since(in)) {}
+        ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
 
   Goal choose() {
     const double body_radius_m = route_radius_m(in_.step);
@@ -181,6 +187,7 @@ class GoalSearch {
     planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
+    blind_ = blind_since(plan);
     std::optional<Goal> goal = take_far_way(body_radius_m);
     blind_.view_m.reset();
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
@@ -386,39 +393,65 @@ class GoalSearch {
 
   // ---- a far way: round whatever keeps a camera from seeing its targets for long ----
 
-  // The camera's own sights decide, over a short time. The maps see more than there is through gaps and past movers, so plans made by them may
-  // lead nowhere.
-  static BlindState blind_since(const MoveInput& in) {
-    const uint32_t seen = seen_of_late(in.step, in.carried);
-    if (seen == in.step.targets.steered) return {};
-    BlindState blind = in.carried.blind;
-    blind.searched_s += in.step.move_s;
-    const bool gains = gain_by_shot(in) > (blind.way_m.empty() ? kShotGain : kShotGain / 2);
-    blind.shot_gains_s = gains ? blind.shot_gains_s + in.step.move_s : 0.0;
+  // The camera's own sights decide whether it is blind, over a short time. The maps see more than there is through gaps and past movers, so plans
+  // made by them may lead nowhere.
+  BlindState blind_since(const FlightPlan& plan) const {
+    const uint32_t seen = seen_of_late(in_.step, in_.carried);
+    BlindState blind = in_.carried.blind;
+    blind.searched_s += in_.step.move_s;
+    blind.shot_gains_s = shot_gains_s(seen, plan);
+    const bool shot_gains = blind.shot_gains_s >= kShotGainsS - kShotGoesOnS;
+    if (seen == in_.step.targets.steered && !shot_gains) {
+      BlindState sees_all;
+      sees_all.shot_gains_s = blind.shot_gains_s;
+      return sees_all;
+    }
     if (seen == 0) {
-      blind.blind_s += in.step.move_s;
+      blind.blind_s += in_.step.move_s;
     } else {
-      if (blind.blind_s >= kBlindS || !gains) blind.way_m.clear();
+      if (blind.blind_s >= kBlindS || !shot_gains) blind.way_m.clear();
       blind.blind_s = 0.0;
     }
     return blind;
   }
-  // The share of the targets that is hidden from the camera now, less that which the viewpoint search knows to be hidden at the wanted shot.
-  static double gain_by_shot(const MoveInput& in) {
-    if (!in.carried.shot.viewpoint || in.carried.shot.in_line_m) return 0.0;
-    std::array<float, kMaxTargets> own, there;
-    for (size_t i = 0; i < in.step.target_count(); ++i) {
-      own[i] = static_cast<float>(in.carried.shares.share(i).value_or(0.0));
-      there[i] = in.carried.viewpoints.share(i, *in.carried.shot.viewpoint);
-    }
-    const auto hidden = [&](const std::array<float, kMaxTargets>& seen) {
-      return hidden_share(in.step.targets.tracked_targets, std::span(seen).first(in.step.target_count()));
-    };
-    return hidden(own) - hidden(there);
+  double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
+    const BlindState& former = in_.carried.blind;
+    if (seen == 0) return former.shot_gains_s;  // it looks for the nearest view, unless it is on its way already
+    const double enough = former.way_m.empty() ? 1.0 : 0.5;
+    const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
+    if (now || gain_by_shot_after(plan) > enough * kShotGainAhead)
+      return std::min(former.shot_gains_s + in_.step.move_s, kShotGainsS + kShotGoesOnS);
+    return std::max(former.shot_gains_s - kNoGain * in_.step.move_s, 0.0);
+  }
+  bool knows_shot() const {
+    const double known_s = kSurelyKnown * in_.step.input.settings.move.viewpoint_search.memory_s;
+    return in_.carried.shot.viewpoint && !in_.carried.shot.in_line_m && in_.carried.viewpoints.known_s() >= known_s;
+  }
+  // The share of the targets that the viewpoint search knows to be hidden at the wanted shot.
+  double hidden_at_shot() const {
+    std::array<float, kMaxTargets> seen;
+    for (size_t i = 0; i < in_.step.target_count(); ++i) seen[i] = in_.carried.viewpoints.share(i, *in_.carried.shot.viewpoint);
+    return hidden_share(in_.step.targets.tracked_targets, std::span(seen).first(in_.step.target_count()));
+  }
+  // The share of the targets that pictures of late lack, less that which is hidden at the wanted shot.
+  double gain_by_shot() const {
+    if (!knows_shot()) return 0.0;
+    std::array<float, kMaxTargets> own;
+    for (size_t i = 0; i < in_.step.target_count(); ++i) own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
+    return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) - hidden_at_shot();
+  }
+  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks.
+  double gain_by_shot_after(const FlightPlan& plan) const {
+    if (!knows_shot() || plan.candidates.empty()) return 0.0;
+    const CandidateMemory& candidates = in_.carried.candidates;
+    const SharePart lacks = ahead().shares(kSlices - 1)[candidates.lattice.addresses()[plan.candidates.back()]];
+    if (lacks == kUnknownShare) return 0.0;
+    return lacks * (1.0 / kWholeShare) - picture_loss(hidden_at_shot(), effective_count(in_.step.targets.sight_weights));
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
     const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
-    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= kShotGainsS;
+    const double gains_s = blind_.way_m.empty() ? kShotGainsS : kShotGainsS - kShotGoesOnS;
+    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= gains_s;
     if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck && !to_shot) return std::nullopt;
     if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();

@@ -175,6 +175,7 @@ class SlicePicker {
       plan_.slices.resize(plan_.slices.size() + 1);
       SampledSlice& slice = plan_.slices[plan_.slices.size() - 1];
       slice.due = due;
+      slice.aim_m.clear();
       slice.sampled.clear();
       const double chance = random_.next_unit() / std::max(settings.turn_probability, 1e-9);
       turns_rad_[due.slice] = chance < 0.5 ? settings.turn_rad : chance < 1.0 ? -settings.turn_rad : 0.0;
@@ -200,6 +201,7 @@ class SlicePicker {
     const glm::dvec3 aim_m = in_.step.targets.tracked_targets[i].aim_m;
     const double ahead_s = std::min(slice.due.ahead_s, in_.step.input.settings.move.prediction_s);
     const glm::dvec3 way_m = free_way(aim_m, turned(predictor.at(ahead_s).pose.position_m - predictor.at(0).pose.position_m, turns_rad_[slice.due.slice]));
+    slice.aim_m.push_back(aim_m + way_m);
     if (!samples_surface(in_.step, i)) return slice.sampled.points_m.push_back(aim_m + way_m);
     const SceneMirror& scene = in_.step.input.scene;
     const TargetView view{.viewer_m = in_.bound.center_m,

@@ -14,6 +14,7 @@
 #include "server/move/coherence.h"
 #include "server/move/flight_plan.h"
 #include "server/move/groups.h"
+#include "server/move/picture_fit.h"
 #include "server/move/route.h"
 #include "server/move/summed_gain.h"
 #include "server/move/clearance_cache.h"
@@ -143,7 +144,8 @@ struct AggregateScratch {
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and belongs to no target
   std::vector<uint32_t> off_grid_visible, slots;
-  std::vector<float> shares;  // of one slice, by cell
+  PictureFit picture_fit;
+  std::vector<float> shares, outside;  // of one slice, by cell
 };
 void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
 

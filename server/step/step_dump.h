@@ -69,6 +69,7 @@ struct Sampled {
 // The targets as they may be at a slice of the flight plan whose expected shares are renewed in this step.
 struct SampledSlice {
   DueSlice due;
+  InlineVector<glm::dvec3, kMaxTargets> aim_m;  // where they are then; by target
   Sampled sampled;
 };
 

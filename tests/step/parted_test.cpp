@@ -171,6 +171,32 @@ TEST(Parted, OnePersonIsInThePictureWhileTheyPartAndMeet) {
   }
 }
 
+// Two people leave a room, one by the door in the east, the other by the door in the south. Near the doors both are in sight, but no picture holds both.
+TEST(Parted, ACameraStepsBackFromTargetsThatLeaveByTwoDoors) {
+  constexpr double kHalfM = 4, kHalfWallM = 2, kHalfDoorM = 0.8, kMps = 1.4;
+  Filming world;
+  world.add_target(1, {0, 0.9, 0}), world.add_target(2, {0, 0.9, 0.8});
+  world.add_box(9, {0, -0.5, 0}, {60, 0.5, 60});
+  uint64_t id = 10;
+  const double half_m = (kHalfM - kHalfDoorM) / 2;
+  for (const double side : {-1.0, 1.0}) {
+    world.add_box(id++, {kHalfM, kHalfWallM, side * (kHalfDoorM + half_m)}, {0.1, kHalfWallM, half_m});
+    world.add_box(id++, {side * (kHalfDoorM + half_m), kHalfWallM, kHalfM}, {half_m, kHalfWallM, 0.1});
+  }
+  world.add_box(id++, {-kHalfM, kHalfWallM, 0}, {0.1, kHalfWallM, kHalfM});
+  world.add_box(id++, {0, kHalfWallM, -kHalfM}, {kHalfM, kHalfWallM, 0.1});
+  world.add_box(id++, {0, 2 * kHalfWallM + 0.1, 0}, {kHalfM, 0.1, kHalfM});
+  world.place({-2, 1.8, -2}, {0, 1, 0});
+  int both = 0;
+  for (int i = 0; i < 60 * 4; ++i) {
+    const double way_m = kMps * i * kTick;
+    world.move(1, {way_m, 0.9, 0}, {kMps, 0, 0}), world.move(2, {0, 0.9, 0.8 + way_m}, {0, 0, kMps});
+    const StepResult r = world.step(kTick);
+    both += r.targets[0].picture_share == 1.0 && r.targets[1].picture_share == 1.0;
+  }
+  EXPECT_GT(both, 999) << "of 240 steps";
+}
+
 // A camera that stays where it is can only choose where to look.
 TEST(Parted, AFixedCameraLooksAtTheHeavierOne) {
   for (const double left : {1.0, 3.0}) {
