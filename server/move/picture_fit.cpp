@@ -17,11 +17,12 @@ namespace {
 // passes for a moment.
 constexpr float kFarOutside = 1.5f;
 constexpr float kShortest = 1e-6f;
-constexpr float kFarthest = 20.0f;  // tangent of an angle from the middle of a picture
+constexpr float kFarthest = 20.0f;  // the greatest tangent of an angle from the middle of a picture
 // Gaps at which targets are together and apart, in radii of a target.
 constexpr double kTogether = 3.0, kApart = 6.0;
 
-// The longest leg of the shortest tree that joins the points of the targets that count (Prim, 1957).
+// The longest leg of the shortest tree that joins the points of the targets that count (R. C. Prim, "Shortest connection networks and some
+// generalizations", 1957).
 double widest_gap_m(std::span<const glm::dvec3> aim_m, std::span<const double> sight_weights) {
   std::array<double, kMaxTargets> to_tree_m;
   uint32_t left = 0;
@@ -69,7 +70,7 @@ struct Places {
   const float *x_m, *y_m, *z_m, *forward_x, *forward_y, *forward_z, *right_x, *right_z;
 };
 
-// Where a point is in a picture, as tangents of angles from its middle. Behind the camera: at the edge of what a camera could see.
+// Where a point is in a picture, as tangents of angles from its middle. A point that is not before the camera is kFarthest to a side.
 struct InPicture {
   float right, up;
 };
@@ -78,7 +79,7 @@ inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy,
   const float inverse = 1.0f / (depth > kShortest ? depth : kShortest);
   const float right = (dx * rx + dz * rz) * inverse, up = (-dx * rz * fy + dy * (rz * fx - rx * fz) + dz * rx * fy) * inverse;
   const auto limited = [](float tangent) { return tangent > kFarthest ? kFarthest : tangent < -kFarthest ? -kFarthest : tangent; };
-  return {limited(right), limited(up)};
+  return {depth > kShortest ? limited(right) : right < 0.0f ? -kFarthest : kFarthest, limited(up)};
 }
 
 struct Extents {

@@ -106,6 +106,8 @@ TEST(PictureFit, ACameraBetweenItsTargetsShowsTheHeaviest) {
   const std::vector<glm::dvec3> between{{0, 0, 0.1}}, before{{0, 0, 20}};
   EXPECT_FLOAT_EQ(shares(between, {{-3, 0, 0}, {3, 0, 0}}, {1, 1})[0], 0.5f);
   EXPECT_FLOAT_EQ(shares(between, {{-3, 0, 0}, {3, 0, 0}}, {3, 1})[0], 0.25f);
+  for (const glm::dvec3& side : {glm::dvec3(3, 0, 0), glm::dvec3(0, 0, 3), glm::dvec3(0, 3, 0)})
+    EXPECT_FLOAT_EQ(shares({{0, 0, 0}}, {-side, side}, {1, 1})[0], 0.5f) << "on the line through both";
   EXPECT_EQ(shares(before, {{-3, 0, 0}, {3, 0, 0}}, {1, 1})[0], 0);
 }
 

@@ -202,7 +202,8 @@ const (
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
 	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
-	// Targets have been hidden for 2 s. It goes to a viewpoint farther away that sees more of them, although it may see less on its way.
+	// Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
+	// it may see less on its way.
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 )
 
