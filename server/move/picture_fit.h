@@ -1,7 +1,7 @@
 // Which share of several targets does not fit the picture, from many places.
 //
 // A place can have a free line of sight to two targets and still not show both: between them, the lens would have to be wider than it is. Where
-// the targets have come apart, the flight plan takes such a place for one that hides a target. Targets that walk together are different. A camera that passes
+// the targets have come apart, the flight plan treats such a place like one from which a target is hidden (with more than two targets, less so). Targets that walk together are different. A camera that passes
 // near them has one of them outside its picture for a moment only, and often the way to better places leads there.
 #pragma once
 

@@ -1,6 +1,6 @@
 // The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the coming
 // second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay. A plan does
-// not lead through a time of little sight to a better one later. So a camera that has not seen all its targets for seconds takes a far way.
+// not lead through a time of little sight to a better one later. So a camera that does not see all its targets, or expects to lose one, takes a far way.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -50,13 +50,13 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 
 // without a view for a while, it keeps to one place for a moment.
 constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or it knows that a picture
-// from there lacks so much less than is expected at the end of the best plan, in picture_loss. When it has known that for so long, the
-// camera takes such a way to the shot. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to
+// from there lacks less, by this much in picture_loss, than is expected at the end of the best plan. When it has known that for so long, the
+// camera takes a far way to the shot. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to
 // the shot.
 constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
 // Time without a gain counts so many times as much as time with one.
 constexpr double kNoGain = 2.0;
-// Nothing is known at first, and all viewpoints are taken for good. That is forgotten after so many time constants of the search's memory.
+// Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants of the search's memory.
 constexpr double kSurelyKnown = 3.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
