@@ -1,5 +1,5 @@
-// What pictures from each cell of the lattice are expected to lack at coming times: the share of the targets that is hidden, or,
-// where they have come apart, does not fit the picture (picture_loss in move/sight_weight.h, move/picture_fit.h).
+// What pictures from each cell of the lattice are expected to lack at coming times. They lack the targets that are hidden, and, where targets have come
+// apart, those that do not fit the picture (picture_loss in move/sight_weight.h; move/picture_fit.h).
 //
 // The coming second is divided into slices: instants that are kSliceS apart and fixed on the session's clock. Each step renews the few
 // slices whose estimates are oldest. A renewed estimate is mixed with the former one, so the noise of the maps averages out. The targets may go

@@ -1,4 +1,4 @@
-// The way through free space to a point far beyond the bound, for a camera that has not seen its targets for long: A* (Hart, Nilsson and
+// The way through free space to a point far beyond the bound, for a camera that does not see its targets: A* (Hart, Nilsson and
 // Raphael 1968) over a cubic grid fixed in the world.
 //
 // The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go, such as through the
@@ -18,11 +18,11 @@ namespace sightline {
 // Points of a way, the next one first, without the position where it begins.
 using WayPoints = InlineVector<glm::dvec3, 32>;
 
-// How long the camera has not seen its targets, and where it goes then.
+// How long the camera has not seen its targets, or is expected to see fewer of them than it could, and where it goes then.
 struct BlindState {
   double blind_s = 0.0;       // since it saw any of them
   double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them; falls while it does not
-  double searched_s = 1e3;    // since the last search for a way
+  double searched_s = 1e3;    // since the last search for a way; at first that was long ago
   WayPoints way_m;            // empty: none was found or needed
   // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on its way to one.
   std::optional<glm::dvec3> view_m;

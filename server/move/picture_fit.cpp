@@ -52,7 +52,7 @@ void add_direction(const float* __restrict x, const float* __restrict y, const f
   }
 }
 
-// The axes of a camera that looks along a direction without roll. A zero direction gives an axis of length zero.
+// The axes of a camera that looks along a direction without roll. A direction that is nearly zero stays shorter than 1.
 SIGHTLINE_VECTOR_CLONES
 void look_without_roll(size_t count, float* __restrict forward_x, float* __restrict forward_y, float* __restrict forward_z,
                        float* __restrict right_x, float* __restrict right_z) {
@@ -82,6 +82,7 @@ inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy,
   return {depth > kShortest ? limited(right) : right < 0.0f ? -kFarthest : kFarthest, limited(up)};
 }
 
+// The extents of the targets in the pictures, by place.
 struct Extents {
   float *least_right, *most_right, *least_up, *most_up;
 };

@@ -140,13 +140,14 @@ TEST(Blind, ACameraGoesToWhereItWillSeeBothWhenItExpectsToLoseOne) {
   Rooms world(false);
   world.x_m = -9;
   world.place({-14, 2, 0}, {-8, 1.2, 0});
-  int expected = 0;
-  for (int i = 0; i < 60 * 13; ++i) {
+  int seen = 0, goes = 0;  // steps before the first loss
+  for (; seen < 60 * 13; ++seen) {
     const StepResult r = world.walk();
-    const bool sees_both = r.targets[0].filtered_share > 0.5 && r.targets[1].filtered_share > 0.5;
-    expected += sees_both && r.reason == MoveReason::kFarViewpoint;
+    if (r.targets[0].filtered_share < 0.5 || r.targets[1].filtered_share < 0.5) break;
+    goes += r.reason == MoveReason::kFarViewpoint;
   }
-  EXPECT_GT(expected, 0) << "it goes while it still sees both";
+  EXPECT_GT(seen, 120);
+  EXPECT_GT(goes, 0) << "in " << seen << " steps";
 }
 
 TEST(Blind, ACameraStaysWithTheOneThatItSeesWhereTheOtherIsSeenFromNowhere) {
