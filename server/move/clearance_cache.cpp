@@ -42,16 +42,17 @@ ClearanceCache::Cell ClearanceCache::measure_cell(const glm::dvec3& point_m, dou
 
 std::span<const float> ClearanceCache::measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
                                                std::span<glm::dvec3> position_m, bool on_lattice, double body_radius_m) {
-  const double reach_m = 2 * lattice.spacing_m() + body_radius_m + 0.5;
+  const double reach_m = std::max(kReachSpacings * lattice.spacing_m(), body_radius_m + kMoreRoomM);
   const size_t cell_count = on_lattice ? lattice.addresses().size() : 0;
   double farthest_m = bound.radius_m + kFartherSpacings * lattice.spacing_m();
   for (const glm::dvec3& p : position_m.subspan(cell_count))
     farthest_m = std::max(farthest_m, glm::distance(p, bound.center_m));
   field_.gather(mirror, bound.center_m, farthest_m * (1 + 1e-9) + reach_m, mirror.moving_slots());
-  if (cells_.size() != lattice.address_count() || static_version_ != mirror.static_version() || reach_m_ != reach_m)
+  if (cells_.size() != lattice.address_count() || static_version_ != mirror.static_version() || reach_m_ != reach_m ||
+      body_radius_m_ != body_radius_m)
     cells_.assign(lattice.address_count(), Cell{});
   static_version_ = mirror.static_version();
-  reach_m_ = reach_m;
+  reach_m_ = reach_m, body_radius_m_ = body_radius_m;
 
   clearance_m_.resize(position_m.size());
   moved_.clear();

@@ -19,9 +19,13 @@ class ClearanceCache {
  public:
   // A place is moved by at most this many lattice spacings, so that it stays in its cell.
   static constexpr double kFartherSpacings = 0.5;
+  // Clearances count up to this many lattice spacings, a little more than the longest leg between the lattice's points. So where one end of a leg is near
+  // a surface, the clearance of the other still shows whether the surface may cross the leg (kNoCrossingM in route.h). A first step measures all
+  // cells, so a longer reach makes that step longer.
+  static constexpr double kReachSpacings = 1.75;
 
-  // Distance in metres from each candidate to the nearest static collider, capped at 2 lattice spacings + `body_radius_m` + 0.5 m. With
-  // `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached; all others are measured in each
+  // Distance in metres from each candidate to the nearest static collider, capped at kReachSpacings lattice spacings, or at `body_radius_m` + 0.15 m
+  // if that is more. With `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached; all others are measured in each
   // call. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
   // leads there, and the clearance is that of the new position. A position never leaves the bound. The result is valid until the next call.
   // Only cells that are new to the bound cost time.
@@ -42,7 +46,7 @@ class ClearanceCache {
   ClearanceField field_;
   std::vector<Cell> cells_;
   uint64_t static_version_ = 0;
-  double reach_m_ = 0;
+  double reach_m_ = 0, body_radius_m_ = 0;  // with which the cells were measured
   std::vector<float> clearance_m_;
   std::vector<uint32_t> moved_;
 };

@@ -60,7 +60,7 @@ struct Place {
     position_m.push_back(bound.center_m + draw.vec(0.5));
     position_m.push_back(bound.center_m + glm::dvec3(0, 0, 1.5 * bound.radius_m));
   }
-  double reach_m() const { return 2 * lattice.spacing_m() + kBodyM + 0.5; }
+  double reach_m() const { return std::max(1.75 * lattice.spacing_m(), kBodyM + 0.15); }
 
   void expect_exact(bool on_lattice = true) {
     const std::vector<glm::dvec3> before_m = position_m;
@@ -169,6 +169,23 @@ TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
 }
 
 // A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead through it.
+// Both bodies are so small that clearances are capped at the same distance.
+TEST(ClearanceCache, MeasuresAgainForABodyOfAnotherSize) {
+  Place place;
+  ASSERT_GT(1.75 * place.lattice.spacing_m(), 0.3 + 0.15);
+  size_t moved = 0;
+  for (const double body_m : {0.1, 0.3, 0.1}) {
+    std::vector<glm::dvec3> position_m = place.position_m, fresh_m = place.position_m;
+    ClearanceCache fresh;
+    const auto expected = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, true, body_m);
+    const auto measured = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, position_m, true, body_m);
+    EXPECT_TRUE(std::equal(measured.begin(), measured.end(), expected.begin(), expected.end())) << body_m;
+    EXPECT_EQ(position_m, fresh_m) << body_m;
+    moved += fresh.moved().size();
+  }
+  EXPECT_GT(moved, 0u);
+}
+
 TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
   constexpr double kHalfM = kBodyM + 0.06;
   for (const double shift_m : {0.0, 0.05, 0.1, 0.15, 0.2, 0.25}) {
