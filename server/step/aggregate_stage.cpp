@@ -183,9 +183,11 @@ void Aggregation::add_up_hidden() {
 
 // The share of the targets that pictures from each cell cannot hold, as far as the targets have come apart.
 void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
-  double radius_m = 1e-3;
-  for (const TrackedTarget& target : step_.targets.tracked_targets) radius_m += target.radius_m / static_cast<double>(step_.target_count());
+  double radii_m = 0, weighing = 0;
+  for (size_t i = 0; i < step_.target_count(); ++i)
+    if (step_.targets.sight_weights[i] > 0) radii_m += step_.targets.tracked_targets[i].radius_m, weighing += 1;
   const bool stays = step_.input.settings.move.follow == Follow::kStay;
+  const double radius_m = 1e-3 + radii_m / std::max(weighing, 1.0);
   const auto apart_by = stays ? 0.0f : static_cast<float>(apart(aim_m, step_.targets.sight_weights, radius_m));
   if (apart_by == 0) return scratch_.outside.assign(memory_.lattice.size(), 0.0f);
   scratch_.picture_fit.set_places(std::span(sights_.position_m).first(memory_.lattice.size()));
