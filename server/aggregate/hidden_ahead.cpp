@@ -65,6 +65,13 @@ void HiddenAhead::renew(size_t slice, const Lattice& lattice, std::span<const fl
   }
 }
 
+SharePart HiddenAhead::nearest_known(size_t slice, uint32_t address) const {
+  for (size_t away = 0; away < kSlices; ++away)
+    for (const size_t near : {slice + away, slice - away})  // wraps round to beyond kSlices where there is none before
+      if (near < kSlices && shares(near)[address] != kUnknownShare) return shares(near)[address];
+  return kUnknownShare;
+}
+
 void HiddenAhead::restart() {
   first_ = 0, next_s_ = kSliceS;
   for (Slice& slice : slices_) {

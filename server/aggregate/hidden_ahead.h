@@ -48,6 +48,8 @@ class HiddenAhead {
   double ahead_s(size_t slice) const { return next_s_ + kSliceS * static_cast<double>(slice); }
   // The expected shares by address of the lattice; kUnknownShare where nothing is known.
   std::span<const SharePart> shares(size_t slice) const { return at(slice).shares; }
+  // The share at an address in the known slice that is nearest in time to `slice`, the later one if two are equally near. kUnknownShare if none is known.
+  SharePart nearest_known(size_t slice, uint32_t address) const;
 
  private:
   friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)

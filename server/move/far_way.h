@@ -21,7 +21,8 @@ using WayPoints = InlineVector<glm::dvec3, 32>;
 // How long the camera has not seen its targets, or is expected to see fewer of them than it could, and where it goes then.
 struct BlindState {
   double blind_s = 0.0;       // since it saw any of them
-  double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them; falls while it does not
+  // For which the wanted shot has been known to show more of them. Falls while it does not, and while the camera sees nobody and has no way.
+  double shot_gains_s = 0.0;
   double searched_s = 1e3;    // since the last search for a way; at first that was long ago
   WayPoints way_m;            // empty: none was found or needed
   // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on its way to one.

@@ -81,19 +81,21 @@ class PlanPricer {
  public:
   PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
       : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
-        lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)) {
+        lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)),
+        count_(effective_count(in.step.targets.sight_weights)) {
     // The distance from the desired position counts less, by the square of the factor. Few places show many targets. A camera that is drawn away
     // from them again and again does not show them, and is not calm.
-    const double factor = several_factor(effective_count(in.step.targets.sight_weights));
+    const double factor = several_factor(count_);
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
-    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, effective_count(in.step.targets.sight_weights)));
+    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
   }
 
   void price() {
     for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
     price_limits();
     const double fastest_mps = fastest_target_mps();
+    guesses_ahead_ = fastest_mps * ahead_.ahead_s(kSlices - 1) <= kLimitsMoveM;
     double limits_at_s = 0;
     for (size_t slice = 0; slice < kSlices; ++slice) {
       const double passed_s = ahead_.ahead_s(slice) - limits_at_s;
@@ -113,12 +115,20 @@ class PlanPricer {
     const std::span<const SharePart> shares = ahead_.shares(slice);
     const std::vector<uint32_t>& addresses = lattice_.addresses();
     const auto occlusion = static_cast<float>(occlusion_), tolerance = static_cast<float>(tolerance_);
-    const double count = effective_count(in_.step.targets.sight_weights);
     for (size_t i = 0; i < addresses.size(); ++i) {
       const SharePart known = shares[addresses[i]];
-      const float share = known == kUnknownShare ? static_cast<float>(picture_loss(in_.sights.hidden[i], count)) : known * (1.0f / kWholeShare);
+      const float share = known == kUnknownShare ? guessed_share(i, slice) : known * (1.0f / kWholeShare);
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
+  }
+  // Not all slices are known of a cell that is new to the lattice. What is hidden there now says little of later. If that alone counted, the camera
+  // would chase the edge of the bound while all other places are about to lose their sight. Behind a fast target it does count alone: all places at the
+  // front of the bound are new there, and the camera will be beyond them.
+  float guessed_share(size_t candidate, size_t slice) const {
+    const auto now = static_cast<float>(picture_loss(in_.sights.hidden[candidate], count_));
+    if (!guesses_ahead_) return now;
+    const SharePart near = ahead_.nearest_known(slice, lattice_.addresses()[candidate]);
+    return near == kUnknownShare ? now : std::max(now, near * (1.0f / kWholeShare));
   }
   double fastest_target_mps() const {
     double fastest_mps = 0;
@@ -145,6 +155,8 @@ class PlanPricer {
   const HiddenAhead& ahead_;
   const Lattice& lattice_;
   const glm::dvec3 group_mps_;
+  const double count_;  // of targets, see effective_count
+  bool guesses_ahead_ = false;
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
 };
 
@@ -416,12 +428,14 @@ class GoalSearch {
   }
   double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
     const BlindState& former = in_.carried.blind;
-    if (seen == 0) return former.shot_gains_s;  // it looks for the nearest view, unless it is on its way already
-    const double enough = former.way_m.empty() ? 1.0 : 0.5;
-    const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
-    if (now || gain_by_shot_after(plan) > enough * kShotGainAhead)
-      return std::min(former.shot_gains_s + in_.step.move_s, kShotGainsS + kShotGoesOnS);
+    if (seen == 0 && !former.way_m.empty()) return former.shot_gains_s;  // it is on a way
+    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former.shot_gains_s + in_.step.move_s, kShotGainsS + kShotGoesOnS);
     return std::max(former.shot_gains_s - kNoGain * in_.step.move_s, 0.0);
+  }
+  bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
+    const double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
+    const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
+    return now || gain_by_shot_after(plan) > enough * kShotGainAhead;
   }
   bool knows_shot() const {
     const double known_s = kSurelyKnown * in_.step.input.settings.move.viewpoint_search.memory_s;
@@ -440,7 +454,7 @@ class GoalSearch {
     for (size_t i = 0; i < in_.step.target_count(); ++i) own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
     return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) - hidden_at_shot();
   }
-  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks.
+  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture from the shot is taken to hold all targets.
   double gain_by_shot_after(const FlightPlan& plan) const {
     if (!knows_shot() || plan.candidates.empty()) return 0.0;
     const CandidateMemory& candidates = in_.carried.candidates;

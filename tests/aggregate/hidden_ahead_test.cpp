@@ -101,6 +101,19 @@ TEST(HiddenAhead, NothingIsKnownOfCellsThatAreNewToTheLattice) {
   EXPECT_GT(added, 0u);
 }
 
+TEST(HiddenAhead, OfTwoKnownSlicesThatAreEquallyNearTheLaterCounts) {
+  HiddenAhead ahead;
+  const Lattice lattice = lattice_at({0, 0, 0});
+  ahead.advance(lattice, 0.0);
+  const uint32_t address = lattice.addresses()[0];
+  EXPECT_EQ(ahead.nearest_known(0, address), kUnknownShare);
+  ahead.renew(2, lattice, all(lattice, 0.25f), 1.0);
+  ahead.renew(6, lattice, all(lattice, 0.75f), 1.0);
+  const SharePart early = ahead.shares(2)[address], late = ahead.shares(6)[address];
+  ASSERT_NE(early, late);
+  for (size_t slice = 0; slice < kSlices; ++slice) EXPECT_EQ(ahead.nearest_known(slice, address), slice < 4 ? early : late) << slice;
+}
+
 TEST(HiddenAhead, RestartsAsANewOne) {
   HiddenAhead ahead;
   const Lattice lattice = lattice_at({0, 0, 0});

@@ -135,6 +135,32 @@ TEST(Blind, ACameraThatSeesOneOfTwoForSecondsGoesToWhereItSeesBoth) {
   EXPECT_GT(goes, 0);
 }
 
+// Six plates round the camera.
+void shut_in(Rooms& world) {
+  const glm::dvec3 at_m = world.camera().pose.position_m;
+  uint64_t id = 900;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double side : {-1.0, 1.0}) {
+      glm::dvec3 plate_m = at_m;
+      glm::vec3 half_m(2.1f);
+      plate_m[axis] += 2 * side, half_m[axis] = 0.1f;
+      world.add_box(id++, plate_m, half_m);
+    }
+}
+
+TEST(Blind, ACameraWithoutAWayToTheShotForgetsThatTheShotShowsMoreWhileItSeesNobody) {
+  Rooms world(false);
+  const auto blind = [&]() -> const BlindState& { return world.stepper.carried().blind; };
+  while (world.tick < 600 && blind().shot_gains_s < 0.25) world.walk();
+  ASSERT_GE(blind().shot_gains_s, 0.25);
+  ASSERT_TRUE(blind().way_m.empty());
+  shut_in(world);
+  for (int i = 0; i < 60; ++i) world.walk();
+  ASSERT_GT(blind().blind_s, 0.5);
+  EXPECT_TRUE(blind().way_m.empty());
+  EXPECT_EQ(blind().shot_gains_s, 0.0);
+}
+
 // The two come through an open yard into the rows.
 TEST(Blind, ACameraGoesToWhereItWillSeeBothWhenItExpectsToLoseOne) {
   Rooms world(false);
