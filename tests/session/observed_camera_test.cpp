@@ -149,14 +149,15 @@ class Smoothed {
   Pose pose_;
 };
 
-// The shot stays the same, because another one, as good, may be 1.6 m farther away.
+// The shot stays the same, because another one, as good, may be 1.6 m farther away. The people set out to one side of the camera, which comes back to its
+// place beside them by any of several ways. Only then are the distances compared.
 TEST(ObservedCamera, ASuggestionLeadsAClientThatSmooths) {
-  constexpr int kTicks = 1700;  // the people walk 85 m
+  constexpr size_t kTicks = 1700, kSettledAt = 700;  // the people walk 85 m, 35 m of it until then
   const auto mean_distance_m = [](const Replies& replies) {
     double sum = 0;
-    for (size_t i = 0; i < replies.size(); ++i)
+    for (size_t i = kSettledAt; i < kTicks; ++i)
       sum += glm::distance(place_of(replies[i]), Walk::middle_m(static_cast<double>(i + 1) * kTickS));
-    return sum / static_cast<double>(replies.size());
+    return sum / static_cast<double>(kTicks - kSettledAt);
   };
   Walk free({}, false);
   const double free_m = mean_distance_m(free.play(kTicks, nothing));
@@ -164,7 +165,7 @@ TEST(ObservedCamera, ASuggestionLeadsAClientThatSmooths) {
     Walk walk({}, false);
     const Replies replies = walk.play(kTicks, Smoothed(time_constant_s));
     expect_within(walk.limits(), replies);
-    EXPECT_NEAR(mean_distance_m(replies), free_m, 0.1) << time_constant_s;
+    EXPECT_NEAR(mean_distance_m(replies), free_m, 0.05) << time_constant_s;
     EXPECT_GT(place_of(replies.back()).x, 75.0) << time_constant_s;
   }
 }
