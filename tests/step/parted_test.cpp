@@ -219,7 +219,7 @@ TEST(Parted, ACameraStepsBackFromTargetsThatLeaveByTwoDoors) {
   EXPECT_GT(steps_with_both(world), 280);
 }
 
-// Whether people have come apart is measured by their own size.
+// People have come apart when the gap between them is wide for their own size.
 TEST(Parted, ABusWithoutWeightDoesNotChangeWhenPeopleAreApart) {
   TwoDoors world;
   world.add_box(3, {0, 6, -40}, glm::vec3(6));
