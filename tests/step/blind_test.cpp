@@ -1,6 +1,9 @@
 // A camera that has not seen its targets for long takes a way through the whole level.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "tests/support/filming.h"
 
 namespace sightline::test {
@@ -186,6 +189,45 @@ TEST(Blind, ACameraStaysWithTheOneThatItSeesWhereTheOtherIsSeenFromNowhere) {
   }
   EXPECT_GT(first, 400) << "of 480 steps";
   EXPECT_EQ(goes, 0);
+}
+
+// Two people walk into a tunnel one behind the other. It is too narrow for the camera, which loses sight of one of them wherever it is.
+struct Tunnel : OneFilmed {
+  Tunnel(double half_width_m, double speed_mps) : OneFilmed({-4, 2.5, 3}), mps(speed_mps) {
+    add_target(2, {-1.5, 1, 0});
+    add_box(9, {0, -0.1, 0}, {80, 0.1, 80});
+    for (const double side : {-1.0, 1.0}) add_box(side < 0 ? 10 : 11, {25, 1.25, side * (half_width_m + 0.1)}, {15, 1.25, 0.1});
+    add_box(12, {25, 2.6, 0}, {15, 0.1f, static_cast<float>(half_width_m + 0.2)});
+  }
+  void walk() {
+    x_m += mps / 60;
+    move(1, {x_m, 1, 0}, {mps, 0, 0}), move(2, {x_m - 1.5, 1, 0}, {mps, 0, 0});
+    step(1.0 / 60);
+  }
+  // True if the plan ends at a place that is so new to the bound that the plan's last slice is not known of it.
+  bool plan_ends_at_new_place() const {
+    const auto& plan_m = stepper.dump().decision.plan_m;
+    if (plan_m.empty()) return false;
+    const CandidateMemory& memory = stepper.carried().candidates;
+    const std::vector<glm::dvec3> cells_m = memory.lattice.positions_m();
+    const auto from_end_m = [&](const glm::dvec3& cell_m) { return glm::distance(cell_m, plan_m[plan_m.size() - 1].position_m); };
+    const auto nearest = std::ranges::min_element(cells_m, {}, from_end_m);
+    return memory.ahead.shares(kSlices - 1)[memory.lattice.addresses()[static_cast<size_t>(nearest - cells_m.begin())]] == kUnknownShare;
+  }
+  const double mps;
+  double x_m = 0;
+};
+
+TEST(Blind, BeforeALossEverywhereTheCameraDoesNotChaseTheEdgeOfTheBound) {
+  int chases = 0, steps = 0;
+  for (const double mps : {1.5, 2.5})
+    for (const double half_width_m : {0.42, 0.6}) {
+      Tunnel world(half_width_m, mps);
+      while (world.x_m < 7) world.walk();
+      for (; world.x_m < 13; ++steps) world.walk(), chases += world.plan_ends_at_new_place();
+    }
+  EXPECT_LT(chases, 120) << "of " << steps << " steps";
+  EXPECT_GT(steps, 600);
 }
 
 }  // namespace
