@@ -48,7 +48,8 @@ class HiddenAhead {
   double ahead_s(size_t slice) const { return next_s_ + kSliceS * static_cast<double>(slice); }
   // The expected shares by address of the lattice; kUnknownShare where nothing is known.
   std::span<const SharePart> shares(size_t slice) const { return at(slice).shares; }
-  // The share at an address in the known slice that is nearest in time to `slice`, the later one if two are equally near. kUnknownShare if none is known.
+  // The share at an address in the slice that is nearest in time to `slice` among those that are known there. Of two that are equally near, the later
+  // one counts. kUnknownShare if none is known.
   SharePart nearest_known(size_t slice, uint32_t address) const;
 
  private:

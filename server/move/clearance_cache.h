@@ -25,8 +25,8 @@ class ClearanceCache {
   static constexpr double kReachSpacings = 1.75;
 
   // Distance in metres from each candidate to the nearest static collider, capped at kReachSpacings lattice spacings, or at `body_radius_m` + 0.15 m
-  // if that is more. With `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached; all others are measured in each
-  // call. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
+  // if that is more. With `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached. All others are measured in
+  // each call. A body of another radius empties the cache. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
   // leads there, and the clearance is that of the new position. A position never leaves the bound. The result is valid until the next call.
   // Only cells that are new to the bound cost time.
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,

@@ -15,7 +15,8 @@
 namespace sightline {
 
 // Returns how far targets have come apart, [0, 1]. It is 0 while the widest gap between two groups of them is at most three times `radius_m`, and 1
-// from six times on. `radius_m` > 0 is the mean radius of the targets with a weight; the other parameters are as for PictureFit::outside_share. Deterministic.
+// from six times on. `radius_m` > 0 is the mean radius of the targets with a weight. The other parameters are as for PictureFit::outside_share.
+// Deterministic.
 double apart(std::span<const glm::dvec3> aim_m, std::span<const double> sight_weights, double radius_m);
 
 // Reuses memory. Not thread-safe. Deterministic.

@@ -28,7 +28,7 @@ inline constexpr double kUnreachable = std::numeric_limits<double>::infinity();
 struct RouteNodes {
   std::span<const glm::dvec3> position_m;
   std::span<const glm::ivec3> cell;    // candidates off the lattice may share a cell with others
-  std::span<const float> clearance_m;  // to the nearest collider; may be capped at ClearanceCache::kReachSpacings
+  std::span<const float> clearance_m;  // to the nearest collider; may be capped at ClearanceCache::kReachSpacings spacings
   // Returns whether the body can go straight from the start to a node. It is called where the clearances of both do not prove that, so that the
   // camera never heads for a leg that it cannot take. Empty: the clearances decide, as on every other leg.
   std::function<bool(uint32_t node)> first_leg_is_free = {};

@@ -121,9 +121,9 @@ class PlanPricer {
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
   }
-  // Not all slices are known of a cell that is new to the lattice. What is hidden there now says little of later. If that alone counted, the camera
-  // would chase the edge of the bound while all other places are about to lose their sight. Behind a fast target it does count alone: all places at the
-  // front of the bound are new there, and the camera will be beyond them.
+  // Of a cell that is new to the lattice, some slices are not known yet. The share that is hidden there now says little of later times. If that alone
+  // counted, the camera would chase the edge of the bound while all other places are about to lose their sight. Behind a fast target it does count
+  // alone, because all places at the front of the bound are new there, and the camera will be beyond them.
   float guessed_share(size_t candidate, size_t slice) const {
     const auto now = static_cast<float>(picture_loss(in_.sights.hidden[candidate], count_));
     if (!guesses_ahead_) return now;
@@ -156,7 +156,7 @@ class PlanPricer {
   const Lattice& lattice_;
   const glm::dvec3 group_mps_;
   const double count_;  // of targets, see effective_count
-  bool guesses_ahead_ = false;
+  bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
 };
 
@@ -454,7 +454,8 @@ class GoalSearch {
     for (size_t i = 0; i < in_.step.target_count(); ++i) own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
     return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) - hidden_at_shot();
   }
-  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture from the shot is taken to hold all targets.
+  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture from the shot is taken to hold
+  // all targets.
   double gain_by_shot_after(const FlightPlan& plan) const {
     if (!knows_shot() || plan.candidates.empty()) return 0.0;
     const CandidateMemory& candidates = in_.carried.candidates;

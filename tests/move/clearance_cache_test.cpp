@@ -168,7 +168,6 @@ TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
       EXPECT_GT(clearance, body_m);
 }
 
-// A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead through it.
 // Both bodies are so small that clearances are capped at the same distance.
 TEST(ClearanceCache, MeasuresAgainForABodyOfAnotherSize) {
   Place place;
@@ -186,6 +185,7 @@ TEST(ClearanceCache, MeasuresAgainForABodyOfAnotherSize) {
   EXPECT_GT(moved, 0u);
 }
 
+// A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead through it.
 TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
   constexpr double kHalfM = kBodyM + 0.06;
   for (const double shift_m : {0.0, 0.05, 0.1, 0.15, 0.2, 0.25}) {
