@@ -132,6 +132,7 @@ GateLimits gate_limits(const Flags& flags) {
   GateLimits limits;
   limits.max_connections = std::clamp<size_t>(fit, 1, flags.max_connections);
   limits.max_per_client = share_of_one(flags.max_connections_per_client, limits.max_connections);
+  limits.held_bytes = flags.transport_memory_mib << 20;
   return limits;
 }
 
@@ -147,7 +148,6 @@ ListenOptions listen_options(const Flags& flags, unsigned threads, const Credent
   options.max_message_bytes = flags.max_message_mib << 20;
   options.max_health_watches = flags.max_health_watches;
   options.max_reflection_calls = flags.max_reflection_calls;
-  options.transport_memory = flags.transport_memory_mib << 20;
   options.gate = gate_limits(flags);
   options.tls = credentials.tls();
   options.callers_are_known = !flags.access_file.empty() || !flags.tls_client_ca.empty();

@@ -45,6 +45,9 @@ struct Connection {
   std::atomic<double> deadline_s{0.0};
   std::atomic<bool> handshake_failed{false};
   std::atomic<bool> flooded{false};  // it was cut because the client sent too much
+  std::atomic<size_t> held_bytes{0};  // see FrameWatch::held_bytes
+  // Written by any thread.
+  std::atomic<bool> accepted{false};  // a call on it was accepted from a caller who may make it
 
  private:
   mutable std::mutex mutex_;

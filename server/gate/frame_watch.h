@@ -1,20 +1,25 @@
 // Watches what one client sends on an HTTP/2 connection, and says when the connection must be cut.
 //
-// gRPC 1.51 limits open calls and the size of messages, but not how fast calls are opened and reset, nor how long a header block
-// is. Each reset call costs about 20 KB until the server has cleaned it up, so 7 MB of such frames take gigabytes. The
-// watch reads only the nine bytes at the head of each frame and counts. It understands no headers and no messages.
+// gRPC 1.51 limits open calls and the size of messages, but not how fast calls are opened and reset, how long a header block is, or how many
+// frames come that carry nothing. Each reset call costs about 20 KB until the server has cleaned it up, and each frame takes processor time,
+// whatever its type. So the watch counts every frame by what it costs and by what it carries, without a list of bad types. It reads the nine
+// bytes at the head of each frame and the length before each message; it understands no headers and no messages.
 #pragma once
 
-#include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <string_view>
+#include <unordered_map>
 
 #include "server/base/token_bucket.h"
+#include "server/gate/frame_reader.h"
+#include "server/gate/stream_messages.h"
 
 namespace sightline {
 
@@ -22,12 +27,16 @@ namespace sightline {
 struct FrameLimits {
   // Calls that may begin at once, and how many more each second.
   double calls_burst = 1000.0, calls_per_s = 200.0;
-  // The same for frames that cost work and carry nothing: RST_STREAM, SETTINGS, PRIORITY, empty DATA and empty CONTINUATION.
-  double idle_frames_burst = 500.0, idle_frames_per_s = 100.0;
-  // The same for PING. Clients measure their connection with it, some of them after each message.
-  double pings_burst = 10'000.0, pings_per_s = 2'000.0;
-  // The same for calls and for such frames on all connections of one client together. Behind one address there can be 200 connections, each
-  // with some frames of this kind at its start and at its end.
+  // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each 512 bytes that
+  // belong to no message. What a client needs frames for makes up for them: each call that begins, each message that is complete, each KiB
+  // of messages, and each frame of the server that a client may answer.
+  double overhead_burst = 500.0, overhead_per_s = 100.0;
+  double bytes_of_overhead = 512.0;
+  double for_call = 2.0, for_message = 2.0, for_kib = 1.0, for_answer = 3.0;
+  // Frames of a call that are still under way when the server ends the call. They count as if it were open.
+  int frames_after_end = 32;
+  // The same for calls and for overhead on all connections of one client together. Behind one address there can be 200 connections, each
+  // with some overhead at its start and at its end.
   double client_burst = 2000.0, client_per_s = 400.0;
   // A connection that does no more than this is never cut for what its client does on others.
   double fair_burst = 64.0, fair_per_s = 4.0;
@@ -35,30 +44,34 @@ struct FrameLimits {
   size_t max_header_block_bytes = 32 << 10;
   // A longer frame is an error in HTTP/2, unless the server asked for it, which gRPC does up to 4 MiB and a little.
   size_t max_frame_bytes = (4 << 20) + 1024;
+  // Calls that are open or have just ended. gRPC lets 1,024 be open; a client that has not heard of that yet may begin more.
+  size_t max_streams = 4096;
 };
 
-// The rates of one client over all its connections. Thread-safe.
+// What one client does on all its connections. Thread-safe.
 class ClientFlow {
  public:
   explicit ClientFlow(const FrameLimits& limits)
-      : calls_(limits.client_burst, limits.client_per_s), idle_frames_(limits.client_burst, limits.client_per_s) {}
+      : calls_(limits.client_burst, limits.client_per_s), overhead_(limits.client_burst, limits.client_per_s) {}
   // True when one more may pass.
-  bool take_call(double now_s) { return take(calls_, now_s); }
-  bool take_idle_frame(double now_s) { return take(idle_frames_, now_s); }
+  bool take_call(double now_s) { return take(calls_, 1.0, now_s); }
+  bool take_overhead(double overhead, double now_s) { return take(overhead_, overhead, now_s); }
   // True when nothing has passed lately.
   bool full(double now_s) const {
     const std::lock_guard lock(mutex_);
-    return calls_.full(now_s) && idle_frames_.full(now_s);
+    return calls_.full(now_s) && overhead_.full(now_s);
   }
+  // The sum of FrameWatch::held_bytes.
+  std::atomic<size_t> held_bytes{0};
 
  private:
-  bool take(TokenBucket& bucket, double now_s) {
+  bool take(TokenBucket& bucket, double tokens, double now_s) {
     const std::lock_guard lock(mutex_);
-    return bucket.take(now_s);
+    return bucket.take(now_s, tokens);
   }
 
   mutable std::mutex mutex_;
-  TokenBucket calls_, idle_frames_;  // guarded by mutex_
+  TokenBucket calls_, overhead_;  // guarded by mutex_
 };
 
 // Not thread-safe.
@@ -70,6 +83,8 @@ class FrameWatch {
   // Takes the next bytes of the client. `now_s` is a monotonic time in seconds. Returns the reason to cut the connection, or
   // nothing. After a reason nothing may be given to it any more.
   std::optional<std::string_view> read(std::span<const std::byte> bytes, double now_s);
+  // Takes the next bytes of the server, which say what it has taken of each call and which calls have ended.
+  void read_answers(std::span<const std::byte> bytes, double now_s);
 
   // After a reason: the client sent too much. False: what it sent is no HTTP/2.
   bool flooded() const { return flooded_; }
@@ -79,22 +94,53 @@ class FrameWatch {
   uint64_t calls() const { return calls_; }
   // When it last sent a part of a call, on the clock of `read`; 0 before.
   double last_call_s() const { return last_call_s_; }
+  // An upper estimate of what gRPC holds of messages that are not complete, or that nobody has taken yet, in bytes.
+  size_t held_bytes() const { return held_bytes_; }
 
  private:
-  std::optional<std::string_view> begin_frame(double now_s);
-  std::optional<std::string_view> check_rates(bool call, bool idle, bool ping, double now_s);
-  std::optional<std::string_view> check_header_block(size_t length, bool continued);
+  struct FromClient;
+  struct FromServer;
+  struct Stream {
+    StreamMessages messages;
+    bool whole = false;    // the client has ended it
+    bool over = false;     // the server has ended it
+    int frames_after = 0;  // that came after the server's end
+
+    size_t held_bytes() const { return over ? 0 : messages.held_bytes(); }
+  };
+
+  std::span<const std::byte> take_preface(std::span<const std::byte> bytes);
+  void begin_frame(const FrameHead& head, double now_s);
+  void begin_headers(const FrameHead& head, double now_s);
+  void begin_call(uint32_t id, double now_s);
+  void take_data(std::span<const std::byte> payload);
+  void end_data(double now_s);
+  void end_by_client(const FrameHead& head);
+  void grant(uint32_t id);
+  void end_by_server(uint32_t id);
+  Stream* receiving(const FrameHead& head);
+  void forget(uint32_t id);
+  template <typename Change>
+  void change(Stream& stream, const Change& change);
+  double overhead_of(const FrameHead& head) const;
+  void take_call(double now_s);
+  void take_overhead(double overhead, double now_s);
+  void cut(std::string_view reason, bool flood = true);
 
   const FrameLimits limits_;
   const std::shared_ptr<ClientFlow> client_;
-  TokenBucket call_bucket_, idle_frame_bucket_, ping_bucket_;
-  TokenBucket fair_calls_, fair_idle_frames_;
-  std::array<std::byte, 9> head_{};  // of the next frame
-  size_t head_size_ = 0;             // bytes of it that have come
-  size_t preface_left_;              // bytes of the preface that are still to come
-  size_t payload_left_ = 0;          // bytes of the frame that are still to come
-  size_t header_block_bytes_ = 0;    // of the block that is not complete
+  TokenBucket calls_bucket_, overhead_bucket_, fair_calls_, fair_overhead_;
+  size_t preface_left_;  // bytes of the preface that are still to come
+  FrameReader from_client_, from_server_;
+  size_t header_block_bytes_ = 0;  // of the block that is not complete
   uint32_t newest_stream_ = 0;
+  std::unordered_map<uint32_t, Stream> streams_;  // by id
+  std::deque<uint32_t> ended_;                    // the newest that the server has ended, the oldest first
+  Stream* stream_ = nullptr;      // of the DATA frame that comes; null: it belongs to no call
+  size_t completed_ = 0;          // messages that this frame has completed
+  uint32_t increment_ = 0;        // of the server's WINDOW_UPDATE that comes
+  std::optional<std::string_view> reason_;
+  size_t held_bytes_ = 0;
   bool greeted_ = false, flooded_ = false;
   uint64_t calls_ = 0;
   double last_call_s_ = 0.0;

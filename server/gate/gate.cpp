@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstddef>
 #include <new>
+#include <tuple>
 #include <utility>
 
 namespace sightline {
@@ -48,9 +49,10 @@ Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsig
     if (connection->flooded) note_flood(connection->client);
     over(connection, reason);
   };
-  for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here));
+  const auto holds = [this](const Connection& connection, ptrdiff_t change) { note_held(connection, change); };
+  for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here, holds));
   if (!tls_) return;
-  greeter_ = std::make_unique<Relay>(limits_.frames, over_here);
+  greeter_ = std::make_unique<Relay>(limits_.frames, over_here, holds);
   greeter_->pass_on_to([this]() -> Relay& { return *relays_[next_relay_++ % relays_.size()]; });
 }
 
@@ -83,6 +85,12 @@ Peer Gate::peer_of(const std::string& peer) const {
           .user = connection.user,
           .certificate = connection.certificate(),
           .confidential = connection.tls != nullptr || connection.user.has_value()};
+}
+
+void Gate::note_accepted(const std::string& peer) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = connections_.find(peer);
+  if (found != connections_.end()) found->second->accepted = true;
 }
 
 GateCounts Gate::counts() const {
@@ -242,8 +250,7 @@ std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::str
   return connection;
 }
 
-// True when a connection of this client may be added. One that never began a call makes way at once, one that has been idle for
-// long only when there is none of those. An empty name asks for room for anyone.
+// True when a connection of this client may be added. An empty name asks for room for anyone.
 bool Gate::make_room(const std::string& client) {
   std::shared_ptr<Connection> victim;
   {
@@ -251,21 +258,66 @@ bool Gate::make_room(const std::string& client) {
     const auto own = of_client_.find(client);
     const bool client_full = own != of_client_.end() && own->second >= limits_.max_per_client;
     if (!client.empty() && !client_full && connections_.size() < limits_.max_connections) return true;
-    const double now_s = gate_now_s();
-    double best = 0.0;
-    for (const auto& [peer, connection] : connections_) {
-      if (client_full && connection->client != client) continue;
-      const bool unused = connection->calls.load() == 0;
-      const double idle_s = now_s - (unused ? connection->since_s : connection->last_call_s.load());
-      if (!unused && idle_s < limits_.idle_s) continue;
-      const double rank = unused ? 1e9 + idle_s : idle_s;
-      if (rank <= best) continue;
-      best = rank;
-      victim = connection;
-    }
+    victim = least_needed(client_full ? client : std::string());
   }
   if (victim) cut(victim, "it was idle, and another client needed its place");
   return victim != nullptr;
+}
+
+// The connection that makes way first, of this client or, with an empty name, of all. Those on which no call was accepted come before the
+// others, whatever calls were refused on them: first those of the client that has most of them, and of these the oldest one. The others make
+// way when they have been idle for long. Null: there is none.
+std::shared_ptr<Connection> Gate::least_needed(const std::string& client) const {
+  std::map<std::string_view, size_t> unaccepted_of;
+  for (const auto& [peer, connection] : connections_) unaccepted_of[connection->client] += !connection->accepted;
+  const double now_s = gate_now_s();
+  std::tuple<bool, size_t, double> most{false, 0, 0.0};
+  std::shared_ptr<Connection> victim;
+  for (const auto& [peer, connection] : connections_) {
+    if (!client.empty() && connection->client != client) continue;
+    const bool accepted = connection->accepted;
+    const double idle_s = now_s - (accepted ? connection->last_call_s.load() : connection->since_s);
+    if (accepted && idle_s < limits_.idle_s) continue;
+    const std::tuple rank{!accepted, accepted ? 0 : unaccepted_of[connection->client], idle_s};
+    if (rank <= most) continue;
+    most = rank;
+    victim = connection;
+  }
+  return victim;
+}
+
+// Runs on the threads of the relays. Unsigned numbers wrap, so adding a negative change is well defined.
+void Gate::note_held(const Connection& connection, ptrdiff_t change) {
+  const size_t all = held_bytes_ += static_cast<size_t>(change), client = connection.flow->held_bytes += static_cast<size_t>(change);
+  const bool too_much = all > limits_.held_bytes || client > limits_.held_bytes / 2;
+  if (change > 0 && too_much && limits_.held_bytes > 0) limit_held();
+}
+
+void Gate::limit_held() try {
+  const std::shared_ptr<Connection> victim = largest_holder();
+  if (!victim) return;
+  victim->flooded = true;
+  cut(victim, "messages that it began and did not complete take too much memory (--transport-memory-mib)");
+} catch (const std::bad_alloc&) {  // the next byte tries again
+}
+
+// The connection that holds most, of the client that holds most. Null when neither this client nor all together hold too much.
+std::shared_ptr<Connection> Gate::largest_holder() const {
+  const std::lock_guard lock(mutex_);
+  std::map<std::string_view, size_t> of_client;
+  size_t all = 0;
+  for (const auto& [peer, connection] : connections_) {
+    const size_t held = connection->held_bytes;
+    all += held;
+    of_client[connection->client] += held;
+  }
+  const auto by_bytes = [](const auto& a, const auto& b) { return a.second < b.second; };
+  const auto most = std::ranges::max_element(of_client, by_bytes);
+  if (most == of_client.end() || (all <= limits_.held_bytes && most->second <= limits_.held_bytes / 2)) return nullptr;
+  std::shared_ptr<Connection> largest;
+  for (const auto& [peer, connection] : connections_)
+    if (connection->client == most->first && (!largest || connection->held_bytes > largest->held_bytes)) largest = connection;
+  return largest;
 }
 
 // Without memory it is tried again in the next round.

@@ -49,9 +49,10 @@ struct Relay::Line {
   std::string_view cut_for;  // why the client must be cut; empty: it need not
 };
 
-Relay::Relay(const FrameLimits& limits, Over over)
+Relay::Relay(const FrameLimits& limits, Over over, Holds holds)
     : limits_(limits),
       over_(std::move(over)),
+      holds_(std::move(holds)),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   epoll_event event{.events = EPOLLIN, .data = {.ptr = nullptr}};
@@ -193,6 +194,8 @@ bool Relay::take_from_client(Line& line, std::span<const std::byte> bytes) {
 }
 
 bool Relay::take_from_grpc(Line& line, std::span<const std::byte> bytes) {
+  line.watch.read_answers(bytes, gate_now_s());
+  note_held(line, line.watch.held_bytes());
   TlsStream* const tls = line.connection->tls.get();
   if (!tls) return write_to(line.client, bytes.data(), bytes.size());
   // gRPC speaks first, but not before the client can hear it.
@@ -256,6 +259,12 @@ void Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
   connection.calls.store(line.watch.calls(), std::memory_order_relaxed);
   connection.last_call_s.store(line.watch.last_call_s(), std::memory_order_relaxed);
   if (!greeted && line.watch.greeted()) connection.deadline_s = 0.0;
+  note_held(line, line.watch.held_bytes());
+}
+
+void Relay::note_held(Line& line, size_t bytes) {
+  const size_t before = line.connection->held_bytes.exchange(bytes);
+  if (bytes != before) holds_(*line.connection, static_cast<ptrdiff_t>(bytes) - static_cast<ptrdiff_t>(before));
 }
 
 bool Relay::write_to(Side& side, const std::byte* bytes, size_t size) {
@@ -311,6 +320,7 @@ bool Relay::adjust(Side& side) {
 
 void Relay::end(Line& line, std::string_view reason) {
   line.over = true;
+  note_held(line, 0);
   over_(line.connection, reason);
   for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);
   // The sockets close with the last reference, which may be in `ended_` for the rest of this round.

@@ -34,8 +34,11 @@ class Relay {
   // relay cut it for what the client sent.
   using Over = std::function<void(const std::shared_ptr<Connection>&, std::string_view reason)>;
 
+  // Runs on the relay's thread when gRPC holds more or less for a connection than before: `change`, in bytes.
+  using Holds = std::function<void(const Connection&, ptrdiff_t change)>;
+
   // Starts the thread.
-  Relay(const FrameLimits& limits, Over over);
+  Relay(const FrameLimits& limits, Over over, Holds holds);
   // Closes all connections.
   ~Relay();
   Relay(const Relay&) = delete;
@@ -77,6 +80,7 @@ class Relay {
   void finish_handshake(Line& line);
   void pass_on(Line& line);
   void watch_client(Line& line, std::span<const std::byte> bytes);
+  void note_held(Line& line, size_t bytes);
   bool write_to(Side& side, const std::byte* bytes, size_t size);
   bool flush(Side& side);
   bool adjust(Side& side);
@@ -85,6 +89,7 @@ class Relay {
 
   const FrameLimits limits_;
   const Over over_;
+  const Holds holds_;
   const FileDescriptor epoll_, wake_;
 
   // Used by the thread only.

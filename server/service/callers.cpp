@@ -27,7 +27,10 @@ tl::expected<Caller, grpc::Status> Callers::identify(const grpc::ServerContext& 
   const std::string name = context.peer();
   const Peer peer = gate_ ? gate_->peer_of(name) : Peer{name, std::nullopt, {}, false};
   auto caller = credentials_.access().identify(peer, token_of(context), need);
-  if (caller) return std::move(*caller);
+  if (caller) {
+    if (gate_) gate_->note_accepted(name);
+    return std::move(*caller);
+  }
   const auto code = caller.error().known ? grpc::StatusCode::PERMISSION_DENIED : grpc::StatusCode::UNAUTHENTICATED;
   return tl::unexpected(grpc::Status(code, caller.error().reason));
 }

@@ -61,7 +61,6 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   // The synchronous RPCs are rare, so one queue is enough for them.
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
   grpc::ResourceQuota quota("listener");
-  if (options.transport_memory > 0) quota.Resize(options.transport_memory);
   builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
 }
 

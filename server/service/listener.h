@@ -25,8 +25,6 @@ struct ListenOptions {
   unsigned unix_mode = 0660;            // of the socket file
   size_t max_message_bytes = size_t{4} << 20;  // of a call that no other limit ends (ServiceLimits::max_message_bytes)
   size_t max_health_watches = 512, max_reflection_calls = 16;
-  // Memory of gRPC for what came and is not complete. With less left, gRPC takes less in and ends calls. 0: no limit.
-  size_t transport_memory = 0;
   unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
   GateLimits gate;     // of connections
   // Connections over TCP are encrypted with these; null: they are not. Must outlive the listener.

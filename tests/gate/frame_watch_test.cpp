@@ -14,9 +14,14 @@ namespace {
 using test::call;
 using test::frame;
 using test::kPreface;
+using test::message;
+using test::window_update;
 
 std::optional<std::string_view> read(FrameWatch& watch, const std::string& bytes, double now_s = 1.0) {
   return watch.read(std::as_bytes(std::span(bytes)), now_s);
+}
+void answer(FrameWatch& watch, const std::string& bytes, double now_s = 1.0) {
+  watch.read_answers(std::as_bytes(std::span(bytes)), now_s);
 }
 
 // A client that has greeted.
@@ -83,17 +88,125 @@ TEST(FrameWatch, HeadersOfAnOldCallAreNoNewOne) {
   EXPECT_EQ(watch.calls(), 1u);
 }
 
-TEST(FrameWatch, ResetsAndEmptyFramesCutTheConnection) {
-  for (const std::string& idle : {frame(3, 0, 1, 4), frame(4, 0, 0, 0), frame(2, 0, 1, 5), frame(0, 0, 1, 0)}) {
-    FrameWatch watch = greeted({.idle_frames_burst = 11, .idle_frames_per_s = 1});
-    for (int i = 0; i < 10; ++i) ASSERT_FALSE(read(watch, idle));
-    EXPECT_TRUE(read(watch, idle));
+// Whatever its type, its flags and its stream: it counts as soon as it carries no part of a call.
+TEST(FrameWatch, EveryFrameThatCarriesNothingCutsTheConnectionInTime) {
+  for (int type = 0; type < 256; ++type)
+    for (const int flags : {0, 1, 4, 5, 8, 255})
+      for (const uint32_t stream : {0u, 1u, 2u, 99u}) {
+        FrameWatch watch = greeted({.overhead_burst = 12, .overhead_per_s = 1, .max_header_block_bytes = 1 << 20});
+        ASSERT_FALSE(read(watch, call(0) + call(50)));  // 1 and 101
+        bool cut = false;
+        for (int i = 0; i < 14 && !cut; ++i) cut = read(watch, frame(static_cast<uint8_t>(type), static_cast<uint8_t>(flags), stream, 1)).has_value();
+        EXPECT_TRUE(cut && watch.flooded()) << type << ' ' << flags << ' ' << stream;
+      }
+}
+
+TEST(FrameWatch, BytesThatBelongToNoMessageCountToo) {
+  for (const uint8_t type : {0, 1, 4, 7, 77}) {
+    FrameWatch watch = greeted({.overhead_burst = 10, .overhead_per_s = 0, .bytes_of_overhead = 100});
+    EXPECT_FALSE(read(watch, frame(type, 4, 0, 600))) << int{type};
+    EXPECT_TRUE(read(watch, frame(type, 4, 0, 600))) << int{type};
   }
 }
 
-TEST(FrameWatch, FullDataAndTheEndOfACallAreFree) {
-  FrameWatch watch = greeted({.idle_frames_burst = 2, .idle_frames_per_s = 0});
-  for (int i = 0; i < 100; ++i) ASSERT_FALSE(read(watch, frame(0, 0, 1, 20) + frame(0, 1, 1, 0)));
+TEST(FrameWatch, MessagesAndTheEndOfACallAreFree) {
+  FrameWatch watch = greeted({.overhead_burst = 3, .overhead_per_s = 0});
+  for (uint32_t n = 0; n < 100; ++n)
+    ASSERT_FALSE(read(watch, call(n) + frame(0, 0, 2 * n + 1, message(20)) + frame(8, 0, 0, 4) + frame(0, 1, 2 * n + 1, 0)));
+}
+
+TEST(FrameWatch, AMessageOfManyFramesIsFreeWhenTheyAreNotTiny) {
+  for (const size_t piece : {1, 100, 1024, 16384}) {
+    FrameWatch watch = greeted();
+    ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(3'000'000, 0))));
+    bool cut = false;
+    for (size_t sent = 0; sent < 3'000'000 && !cut; sent += piece) cut = read(watch, frame(0, 0, 1, piece)).has_value();
+    EXPECT_EQ(cut, piece < 1000) << piece;
+  }
+}
+
+TEST(FrameWatch, TheAnswersOfTheServerMakeRoomForPingsAndWindows) {
+  for (const bool answered : {false, true}) {
+    FrameWatch watch = greeted({.overhead_burst = 20, .overhead_per_s = 0});
+    ASSERT_FALSE(read(watch, call(0)));
+    bool cut = false;
+    for (int i = 0; i < 100 && !cut; ++i) {
+      if (answered) answer(watch, frame(0, 0, 1, 200));
+      cut = read(watch, frame(8, 0, 0, 4) + frame(8, 0, 1, 4) + frame(6, 0, 0, 8)).has_value();
+    }
+    EXPECT_EQ(cut, !answered);
+  }
+}
+
+// Otherwise each ping would pay for the next ones.
+TEST(FrameWatch, TheServersAcknowledgementsMakeRoomForNothing) {
+  FrameWatch watch = greeted({.overhead_burst = 20, .overhead_per_s = 0});
+  bool cut = false;
+  for (int i = 0; i < 30 && !cut; ++i) {
+    cut = read(watch, frame(6, 0, 0, 8)).has_value();
+    answer(watch, frame(6, 1, 0, 8) + frame(4, 1, 0, 0) + frame(3, 0, 1, 4));
+  }
+  EXPECT_TRUE(cut);
+}
+
+TEST(FrameWatch, FramesAreUnderWayForAWhileWhenTheServerEndsACall) {
+  const FrameLimits limits{.overhead_burst = 3, .overhead_per_s = 0};
+  FrameWatch watch = greeted(limits);
+  ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(20))));
+  answer(watch, frame(1, 5, 1, 10));
+  for (int i = 0; i < limits.frames_after_end; ++i) ASSERT_FALSE(read(watch, frame(0, 0, 1, message(20)))) << i;
+  bool cut = false;
+  for (int i = 0; i < 10 && !cut; ++i) cut = read(watch, frame(0, 0, 1, message(20))).has_value();
+  EXPECT_TRUE(cut);
+}
+
+TEST(FrameWatch, NoMoreCallsAreKnownThanAllowed) {
+  FrameWatch watch = greeted({.calls_burst = 1e6, .max_streams = 50});
+  for (uint32_t n = 0; n < 50; ++n) ASSERT_FALSE(read(watch, call(n)));
+  EXPECT_EQ(read(watch, call(50)), "it has too many calls at once");
+  FrameWatch tidy = greeted({.calls_burst = 1e6, .overhead_burst = 1e6, .max_streams = 1100});
+  for (uint32_t n = 0; n < 5000; ++n) {
+    ASSERT_FALSE(read(tidy, call(n))) << n;  // the client never ends its side
+    answer(tidy, frame(1, 5, 2 * n + 1, 10));
+  }
+}
+
+// --- what gRPC holds
+
+TEST(FrameWatch, AMessageThatIsNotCompleteIsHeldWithAllItsFrames) {
+  FrameWatch watch = greeted({.overhead_burst = 1e6});
+  ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(1000, 0))));
+  for (int i = 0; i < 999; ++i) ASSERT_FALSE(read(watch, frame(0, 0, 1, 1)));
+  EXPECT_EQ(watch.held_bytes(), 5u + 999 + 1000 * StreamMessages::kBytesOfFrame);
+  answer(watch, window_update(1, 1005));  // the server has asked for the message
+  EXPECT_GE(watch.held_bytes(), 1004u) << "it is not complete, so it is held all the same";
+  ASSERT_FALSE(read(watch, frame(0, 0, 1, 1)));
+  EXPECT_EQ(watch.held_bytes(), 0u);
+}
+
+TEST(FrameWatch, AMessageIsHeldUntilTheServerLetsTheClientSendOn) {
+  FrameWatch watch = greeted();
+  ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(100)) + frame(0, 0, 1, message(200))));
+  EXPECT_EQ(watch.held_bytes(), 310u + 2 * StreamMessages::kBytesOfFrame);
+  answer(watch, window_update(1, 110) + window_update(0, 1000));
+  EXPECT_EQ(watch.held_bytes(), 200u + 2 * StreamMessages::kBytesOfFrame);
+  answer(watch, window_update(1, 200));
+  EXPECT_EQ(watch.held_bytes(), 0u);
+}
+
+TEST(FrameWatch, NothingIsHeldForACallThatHasEnded) {
+  for (const bool by_client : {true, false}) {
+    FrameWatch watch = greeted();
+    ASSERT_FALSE(read(watch, call(0) + call(1) + frame(0, 0, 1, message(1000, 100)) + frame(0, 0, 3, message(1000, 50))));
+    const size_t held = watch.held_bytes();
+    if (by_client)
+      ASSERT_FALSE(read(watch, frame(3, 0, 1, 4)));
+    else
+      answer(watch, frame(1, 5, 1, 10));
+    EXPECT_EQ(held - watch.held_bytes(), 105 + StreamMessages::kBytesOfFrame);
+    ASSERT_FALSE(read(watch, frame(0, 0, 1, 10)));
+    EXPECT_EQ(watch.held_bytes(), 55 + StreamMessages::kBytesOfFrame);
+  }
 }
 
 TEST(FrameWatch, AHeaderBlockIsBoundedOverAllItsFrames) {

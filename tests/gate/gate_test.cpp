@@ -97,18 +97,23 @@ TEST(Gate, AUserOfTheUnixSocketIsKnownByTheKernel) {
 
 // --- places
 
-TEST(Gate, AConnectionThatNeverBeganACallMakesWayTheOldestFirst) {
+TEST(Gate, AConnectionOnWhichNoCallWasAcceptedMakesWayTheOldestFirst) {
   for (const bool client_is_full : {false, true}) {
     GateLimits limits;
     (client_is_full ? limits.max_per_client : limits.max_connections) = 3;
     GateWorld world(limits);
     const Pair busy(world), first(world), second(world);
     ASSERT_TRUE(busy.pass(test::greeting() + test::call(0)));
+    busy.accept(world);
+    ASSERT_TRUE(first.pass(test::greeting() + test::call(0)));  // it is refused
     const Pair third(world);
     EXPECT_TRUE(ends(first.client.get()));
     EXPECT_EQ(world.reason(), "it was idle, and another client needed its place");
     for (const Pair* const other : {&busy, &second, &third}) EXPECT_TRUE(other->pass(other == &busy ? test::call(1) : test::greeting()));
-    for (const Pair* const other : {&second, &third}) ASSERT_TRUE(other->pass(test::call(0)));
+    for (const Pair* const other : {&second, &third}) {
+      ASSERT_TRUE(other->pass(test::call(0)));
+      other->accept(world);
+    }
     const FileDescriptor refused = world.connect();
     EXPECT_TRUE(ends(refused.get()));
     EXPECT_THAT(world.reason(), StartsWith("no connection is left"));
@@ -122,6 +127,18 @@ TEST(Gate, AConnectionThatNeverBeganACallMakesWayTheOldestFirst) {
   }
 }
 
+// Two addresses with calls that are refused must not hold all places.
+TEST(Gate, TheClientWithMostConnectionsWithoutAnAcceptedCallGivesAPlace) {
+  GateLimits limits;
+  limits.max_connections = 3;
+  GateWorld world(limits);
+  const Pair oldest(world, "127.0.0.3"), first(world, "127.0.0.2"), second(world, "127.0.0.2");
+  for (const Pair* const pair : {&oldest, &first, &second}) ASSERT_TRUE(pair->pass(test::greeting() + test::call(0)));
+  const Pair fresh(world);
+  EXPECT_TRUE(ends(first.client.get())) << "the older one of the client that has two";
+  for (const Pair* const pair : {&oldest, &second}) EXPECT_TRUE(pair->pass(test::call(1)));
+}
+
 TEST(Gate, AConnectionThatHasBeenIdleForLongMakesWayToo) {
   GateLimits limits;
   limits.max_connections = 2;
@@ -130,6 +147,7 @@ TEST(Gate, AConnectionThatHasBeenIdleForLongMakesWayToo) {
   const Pair earlier(world), later(world);
   ASSERT_TRUE(earlier.pass(test::greeting() + test::call(0)));
   ASSERT_TRUE(later.pass(test::greeting() + test::call(0)));
+  for (const Pair* const pair : {&earlier, &later}) pair->accept(world);
   const Pair fresh(world);
   EXPECT_TRUE(ends(earlier.client.get()));
   EXPECT_TRUE(later.pass(test::call(1)));

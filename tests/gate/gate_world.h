@@ -87,10 +87,13 @@ class GateWorld {
 
   const Gate& gate() const { return *gate_; }
 
-  FileDescriptor connect() const {
+  // From an address of the loopback network.
+  FileDescriptor connect(const char* from = "127.0.0.1") const {
     FileDescriptor fd(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     sockaddr_in address{};
     address.sin_family = AF_INET;
+    ::inet_pton(AF_INET, from, &address.sin_addr);
+    EXPECT_EQ(::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
     address.sin_port = htons(static_cast<uint16_t>(port_));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     EXPECT_EQ(::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
@@ -132,12 +135,14 @@ class GateWorld {
 
 // A client and gRPC's end of its connection.
 struct Pair {
-  explicit Pair(GateWorld& world) : client(world.connect()), grpc(world.admitted()) {}
+  explicit Pair(GateWorld& world, const char* from = "127.0.0.1") : client(world.connect(from)), grpc(world.admitted()) {}
   // True when these bytes come through to gRPC.
   bool pass(const std::string& bytes) const {
     send_all(client.get(), bytes);
     return receive(grpc.get(), bytes.size()) == bytes;
   }
+  // A call was accepted.
+  void accept(const GateWorld& world) const { world.gate().note_accepted(GateWorld::peer_name(grpc.get())); }
   FileDescriptor client, grpc;
 };
 

@@ -47,7 +47,7 @@ size_t fill(int fd) {
 TEST(Relay, AClientThatTakesNothingHasALittleTimeOnceGrpcHasClosed) {
   Ends ends;
   std::atomic<bool> over{false};
-  Relay relay({}, [&](const std::shared_ptr<Connection>&, std::string_view) { over = true; });
+  Relay relay({}, [&](const std::shared_ptr<Connection>&, std::string_view) { over = true; }, [](const Connection&, ptrdiff_t) {});
   relay.add(ends.connection);
   const size_t sent = fill(ends.grpc.get());
   EXPECT_EQ(ends.connection->deadline_s.load(), 0.0);
