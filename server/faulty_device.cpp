@@ -31,6 +31,7 @@ class FaultyDevice final : public SamplerDevice {
   std::string kind() const override { return device_.kind(); }
   std::string renderer() const override { return device_.renderer(); }
   size_t geometry_bytes() const override { return device_.geometry_bytes(); }
+  void forget_unused() override { device_.forget_unused(); }
 
   void take_all(std::span<TakeJob> jobs) override {
     const bool meets_fault = ++calls_ % plan_.every == 0;

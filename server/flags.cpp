@@ -235,7 +235,7 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->capture_default_str();
   app.add_option("--geometry-memory-mib", raw.flags.geometry_memory_mib,
                  "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one scene file may take. "
-                 "The sampler takes about as much again. Raise it for larger scenes. In a container with less than 1,134 MiB of memory (memory.max of its "
+                 "The sampler takes about as much again. Raise it for larger scenes. In a container with less than 1,120 MiB of memory (memory.max of its "
                  "control group) the default is smaller. So is that of the other flags of memory, so that all of them fit together; --print-config "
                  "shows them")
       ->check(CLI::Range(size_t{8}, size_t{1'000'000}))
@@ -251,9 +251,9 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{16}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--transport-memory-mib", raw.flags.transport_memory_mib,
-                 "Memory of gRPC for what came from clients and is not complete, in MiB; 0 means no limit. When it runs out, gRPC ends calls of "
-                 "any client, healthy ones too. In a container with less than 1,134 MiB the default is an eighth of its memory, because the process would "
-                 "otherwise be killed. Set it in larger ones that strangers can reach")
+                 "Memory of gRPC for messages that are not complete, or that nobody has taken yet, of all clients together, in MiB; half of it "
+                 "for one client; 0 means no limit. Beyond it the connection that holds most is cut. Raise it where many clients send large "
+                 "messages at once. In a small container the default is smaller")
       ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,

@@ -47,7 +47,7 @@ struct Flags {
   size_t geometry_memory_mib = 192;
   size_t client_scenes_memory_mib = 0;  // 0: three quarters of geometry_memory_mib
   size_t messages_memory_mib = 128;
-  size_t transport_memory_mib = 0;    // 0: no limit
+  size_t transport_memory_mib = 128;  // 0: no limit
   double max_step_cost_ms = 33.0;  // 0: no limit
   double max_maps_ms = 100.0;      // 0: no limit
   size_t max_message_mib = 4;

@@ -472,6 +472,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const auto look_at_credentials = [&] { read_credentials_again(**credentials, streams, log); };
   uint64_t losses_told = 0;
   const auto tidy_up = [&] {
+    sampler.forget_unused();
     give_memory_back();
     without_ending(log, look_at_credentials);
     if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))

@@ -8,8 +8,6 @@ namespace {
 
 // Version 1 says "no limit" by the largest number of whole pages.
 constexpr uint64_t kNoLimit = uint64_t{1} << 60;
-// One part in kTransportPart of the limit is for incomplete messages. gRPC ends calls beyond it; otherwise the system would kill the process.
-constexpr size_t kTransportPart = 8;
 
 }  // namespace
 
@@ -33,10 +31,9 @@ std::optional<uint64_t> memory_limit(const ControlGroupPaths& groups, const std:
 MemoryBudgets memory_budgets(std::optional<uint64_t> limit_bytes) {
   const MemoryBudgets usual;
   if (!limit_bytes) return usual;
-  const size_t limit = *limit_bytes >> 20, transport = limit / kTransportPart;
-  if (limit >= kMemoryBesideBudgets + usual.sum() + transport) return usual;
-  const size_t taken = kMemoryBesideBudgets + transport;
-  const double part = limit > taken ? static_cast<double>(limit - taken) / static_cast<double>(usual.sum()) : 0.0;
+  const size_t limit = *limit_bytes >> 20;
+  if (limit >= kMemoryBesideBudgets + usual.sum()) return usual;
+  const double part = limit > kMemoryBesideBudgets ? static_cast<double>(limit - kMemoryBesideBudgets) / static_cast<double>(usual.sum()) : 0.0;
   const auto of = [part](size_t mib, size_t least) { return std::max(least, static_cast<size_t>(static_cast<double>(mib) * part)); };
   MemoryBudgets budgets;
   budgets.geometry = of(usual.geometry, 8);
@@ -46,7 +43,7 @@ MemoryBudgets memory_budgets(std::optional<uint64_t> limit_bytes) {
   budgets.max_message_memory = std::clamp<size_t>(budgets.messages / 3, 8, usual.max_message_memory);
   budgets.max_upload = of(usual.max_upload, 4);
   budgets.kept_uploads = of(usual.kept_uploads, 2);
-  budgets.transport = std::max<size_t>(transport, 16);
+  budgets.transport = of(usual.transport, 16);
   return budgets;
 }
 

@@ -27,7 +27,7 @@ struct MemoryBudgets {
   size_t max_message_memory = 32;
   size_t max_upload = 64;       // uploads in progress take twice as much
   size_t kept_uploads = 64;     // a part of the geometry
-  size_t transport = 0;         // 0: no limit
+  size_t transport = 128;       // of gRPC, for what came and is not complete
 
   // The memory in MiB that the budgets take together when all are used up at once.
   size_t sum() const { return 2 * geometry + sessions + messages + 2 * max_upload + transport; }

@@ -218,6 +218,10 @@ std::string EmbreeDevice::version() {
   return RTC_VERSION_STRING;
 }
 
+void EmbreeDevice::forget_unused() {
+  impl_->forget_dead();
+}
+
 size_t EmbreeDevice::geometry_bytes() const {
   impl_->forget_dead();
   return static_cast<size_t>(std::max<ssize_t>(0, impl_->bytes.load(std::memory_order_relaxed)));

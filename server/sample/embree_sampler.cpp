@@ -65,6 +65,7 @@ class EmbreeSamplerDevice final : public SamplerDevice {
   std::string kind() const override { return "embree"; }
   std::string renderer() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
   size_t geometry_bytes() const override { return device_.geometry_bytes(); }
+  void forget_unused() override { device_.forget_unused(); }
 
  private:
   EmbreeDevice device_;

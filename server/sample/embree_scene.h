@@ -23,7 +23,7 @@
 namespace sightline {
 
 // Owns the RTCDevice, the bottom scenes and the static top scenes. Thread-safe. A bottom scene is kept while its Geometry lives
-// (checked whenever a top scene is added) or a scene uses it. A static top scene is kept while an EmbreeScene or a map taker
+// (checked whenever a top scene is added, and by forget_unused) or a scene uses it. A static top scene is kept while an EmbreeScene or a map taker
 // uses it. Nothing is built under a lock.
 class EmbreeDevice {
  public:
@@ -36,6 +36,8 @@ class EmbreeDevice {
   // Bytes that Embree holds now, by its own memory monitor: copies of positions and indices, and the hierarchies of all
   // scenes. About 85 a triangle of large meshes.
   size_t geometry_bytes() const;
+  // Releases the bottom scenes of geometries that have died.
+  void forget_unused();
   // "3.13.5"
   static std::string version();
 

@@ -58,6 +58,8 @@ class SamplerDevice {
   virtual std::string renderer() const = 0;
   // Bytes of geometry that the device keeps, shared by all samplers.
   virtual size_t geometry_bytes() const = 0;
+  // Gives up what it keeps of geometries that no session has any more. Called now and then.
+  virtual void forget_unused() {}
 };
 
 }  // namespace sightline

@@ -26,7 +26,7 @@ SERVICE = CONTROL.rsplit("/", 1)[0] + "/"
 
 @dataclasses.dataclass
 class Attack:
-    number: int
+    number: int | str  # attacks of one kind have a letter after their number
     name: str
     before: str
     run: Callable

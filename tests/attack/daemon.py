@@ -114,14 +114,15 @@ def in_containers(mib=512):
         print(f"The daemons run without a limit of memory: no control group can be made here: {trouble}", file=sys.stderr)
 
 
-def connect(address, timeout=10):
+def connect(address, timeout=10, source=None):
+    """`source` is the client's own address, such as 127.0.0.2."""
     if address.startswith("unix:"):
         connection = socket.socket(socket.AF_UNIX)
         connection.settimeout(timeout)
         connection.connect(address[len("unix:"):])
         return connection
     host, port = address.rsplit(":", 1)
-    return socket.create_connection((host, int(port)), timeout)
+    return socket.create_connection((host, int(port)), timeout, source_address=(source, 0) if source else None)
 
 
 def frame(kind, flags, stream, payload=b""):
@@ -145,10 +146,12 @@ def message(payload, compressed=False):
 
 
 class RawConnection:
-    """A client that sends what it likes. With a `window` of 0 it takes no message of any call."""
+    """A client that sends what it likes, encrypted with the context `tls`. With a `window` of 0 it takes no message of any call."""
 
-    def __init__(self, address, greet=True, window=None):
-        self.socket = connect(address)
+    def __init__(self, address, greet=True, window=None, source=None, tls=None):
+        self.socket = connect(address, source=source)
+        if tls:
+            self.socket = tls.wrap_socket(self.socket, server_hostname="localhost")
         self.next_stream = 1
         if greet:
             settings = b"" if window is None else struct.pack(">HI", 4, window)
@@ -178,10 +181,10 @@ class RawConnection:
 class FlowingConnection(RawConnection):
     """Sends long messages, as far as the daemon's windows let it."""
 
-    def __init__(self, address, window=None):
+    def __init__(self, address, **more):
         self.room, self.initial, self.rooms = 65535, 65535, {}
         self.changed, self.ended = threading.Condition(), False
-        super().__init__(address, window=window)
+        super().__init__(address, **more)
 
     def _read(self):
         data = b""

@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import sys
 import time
 
@@ -21,16 +22,18 @@ parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
-parser.add_argument("--only", type=int, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
+parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
+import foreign_frames  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
 attacks.ATTACK_S = options.seconds
+ATTACKS = attacks.ATTACKS + foreign_frames.ATTACKS
 
 
 def measured(one):
@@ -43,7 +46,7 @@ def measured(one):
         stack = contextlib.ExitStack()
         daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits,
                                             stderr=more.get("stderr")))
-        daemon.recordings = more.get("recordings")
+        daemon.recordings, daemon.files = more.get("recordings"), more.get("files")
         address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
         before = daemon.memory_mib()
@@ -73,7 +76,7 @@ def finished(figures, daemon, stack):
 
 
 def main():
-    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
+    wanted = [one for one in ATTACKS if not options.only or str(one.number) in options.only]
     rows, waiting = [], []
     for one in wanted:
         figures, running = measured(one)
@@ -84,7 +87,7 @@ def main():
     for figures, (daemon, stack, due) in waiting:
         time.sleep(max(0.0, due - time.monotonic()))
         rows.append(finished(figures, daemon, stack))
-    rows.sort(key=lambda row: row["number"])
+    rows.sort(key=lambda row: [int(part) if part.isdigit() else part for part in re.split(r"(?<=\d)(?=[a-z])", str(row["number"]))])
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)

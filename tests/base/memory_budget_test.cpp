@@ -64,7 +64,7 @@ TEST_F(MemoryGroups, Version1HasAFolderForTheController) {
 TEST(MemoryBudget, WithoutALimitTheBudgetsAreTheUsualOnes) {
   for (const auto limit : {std::optional<uint64_t>(), std::optional(1200 * kMib), std::optional(uint64_t{1} << 40)}) {
     EXPECT_EQ(memory_budgets(limit).sum(), MemoryBudgets().sum());
-    EXPECT_EQ(memory_budgets(limit).transport, 0u);
+    EXPECT_EQ(memory_budgets(limit).transport, 128u);
   }
 }
 
@@ -83,12 +83,12 @@ TEST(MemoryBudget, TheBudgetsFitTheLimitTogether) {
 
 TEST(MemoryBudget, InAContainerOf512MibMostOfItIsForScenesAndSessions) {
   const MemoryBudgets budgets = memory_budgets(512 * kMib);
-  EXPECT_EQ(budgets.transport, 64u);
+  EXPECT_EQ(budgets.transport, 52u);
   EXPECT_GE(budgets.sum() + kMemoryBesideBudgets, 500u) << "nothing is given away";
-  EXPECT_EQ(budgets.geometry, 75u);
-  EXPECT_EQ(budgets.sessions, 100u);
+  EXPECT_EQ(budgets.geometry, 78u);
+  EXPECT_EQ(budgets.sessions, 104u);
   EXPECT_EQ(budgets.session, 64u);
-  EXPECT_EQ(budgets.max_message_memory, 16u);
+  EXPECT_EQ(budgets.max_message_memory, 17u);
 }
 
 TEST(MemoryBudget, EvenATinyLimitLeavesBudgetsThatTheFlagsAllow) {
