@@ -12,8 +12,8 @@ sys.path.insert(0, STUBS)
 
 import attacks  # noqa: E402
 import foreign_frames  # noqa: E402
-from daemon import (CONTINUATION, CONTROL, DATA, END_HEADERS, END_STREAM, HEADERS, PING, WINDOW_UPDATE, Daemon, FlowingConnection, Healthy,  # noqa: E402
-                    RawConnection, flood, frame, is_cut, message, request_headers)
+from daemon import (DATA, END_HEADERS, END_STREAM, HEADERS, PING, WINDOW_UPDATE, Daemon, FlowingConnection, Healthy,  # noqa: E402
+                    RawConnection, flood, frame, is_cut, message)
 from frame_mixes import Mix  # noqa: E402
 from mixes import play  # noqa: E402
 from sessions import info  # noqa: E402
@@ -29,9 +29,9 @@ class Frames(unittest.TestCase):
     def test_frames_that_carry_nothing_cut_the_connection(self):
         on_call, goaways = foreign_frames.on_open_call, foreign_frames.goaways
         kinds = {"goaway": goaways,
-                 "headers below the newest call": on_call(lambda s: frame(HEADERS, END_HEADERS, max(1, s - 2), request_headers(CONTROL))),
+                 "headers below the newest call": foreign_frames.below_newest,
                  "trailers": on_call(lambda s: frame(HEADERS, END_HEADERS | END_STREAM, s, foreign_frames.TRAILERS)),
-                 "empty continuation": on_call(lambda s: frame(CONTINUATION, END_STREAM, s)),
+                 "empty continuation": foreign_frames.continuations,
                  "empty data": on_call(lambda s: frame(DATA, END_STREAM, s)),
                  "data of one byte": foreign_frames.pieces,
                  "data of no call": lambda _: lambda: 64 * frame(DATA, 0, 99, bytes(1000)),
