@@ -21,8 +21,10 @@ class TokenBucket {
     return true;
   }
 
+  // What has passed lately and is not made up for by the time since.
+  double used(double now_s) const { return std::max(0.0, burst_ - left_ - (now_s - last_s_) * per_s_); }
   // True when the burst would pass: nothing has passed lately.
-  bool full(double now_s) const { return left_ + (now_s - last_s_) * per_s_ >= burst_; }
+  bool full(double now_s) const { return used(now_s) <= 0.0; }
 
  private:
   const double burst_, per_s_;

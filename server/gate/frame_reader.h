@@ -39,28 +39,29 @@ struct FrameHead {
 class FrameReader {
  public:
   // Gives `visitor` the frames in these bytes, however they are cut: `begin(head)`, `payload(part)` for each part of the payload, and
-  // `end()`. Each returns true to go on. Returns false as soon as one of them has returned false.
+  // `end()`. `begin` and `end` return true to go on. Returns the number of bytes that were read.
   template <typename Visitor>
-  bool read(std::span<const std::byte> bytes, Visitor& visitor) {
-    while (!bytes.empty()) {
-      const size_t taken = in_payload_ ? take_payload(bytes) : take_head(bytes);
-      const std::span<const std::byte> part = bytes.first(taken);
-      bytes = bytes.subspan(taken);
+  size_t read(std::span<const std::byte> bytes, Visitor& visitor) {
+    size_t at = 0;
+    while (at < bytes.size()) {
+      const std::span<const std::byte> rest = bytes.subspan(at);
+      const size_t taken = in_payload_ ? take_payload(rest) : take_head(rest);
+      at += taken;
       if (in_payload_) {
-        if (!visitor.payload(part)) return false;
+        visitor.payload(rest.first(taken));
       } else {
         if (head_size_ < bytes_of_head_.size()) continue;
         head_size_ = 0;
         head_ = parsed_head();
         left_ = head_.length;
         in_payload_ = true;
-        if (!visitor.begin(head_)) return false;
+        if (!visitor.begin(head_)) return at;
       }
       if (left_ > 0) continue;
       in_payload_ = false;
-      if (!visitor.end()) return false;
+      if (!visitor.end()) return at;
     }
-    return true;
+    return at;
   }
 
   // The frame that was begun last.

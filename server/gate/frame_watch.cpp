@@ -20,14 +20,13 @@ struct FrameWatch::FromClient {
     watch.begin_frame(head, now_s);
     return !watch.reason_;
   }
-  bool payload(std::span<const std::byte> part) {
+  void payload(std::span<const std::byte> part) {
     if (watch.stream_) watch.take_data(part);
-    return true;
   }
   bool end() {
     if (watch.stream_) watch.end_data(now_s);
     watch.end_by_client(watch.from_client_.head());
-    return !watch.reason_;
+    return !watch.reason_ && !watch.began_call_;
   }
 };
 
@@ -41,10 +40,9 @@ struct FrameWatch::FromServer {
     if (wants_answer && !head.acknowledges()) watch.take_overhead(-watch.limits_.for_answer, now_s);
     return true;
   }
-  bool payload(std::span<const std::byte> part) {
+  void payload(std::span<const std::byte> part) {
     if (watch.from_server_.head().type == FrameType::kWindowUpdate)
       for (const std::byte byte : part) watch.increment_ = watch.increment_ << 8 | static_cast<uint32_t>(byte);
-    return true;
   }
   bool end() {
     const FrameHead& head = watch.from_server_.head();
@@ -64,12 +62,16 @@ FrameWatch::FrameWatch(const FrameLimits& limits, std::shared_ptr<ClientFlow> cl
       preface_left_(kPreface.size()) {}
 
 std::optional<std::string_view> FrameWatch::read(std::span<const std::byte> bytes, double now_s) {
-  bytes = take_preface(bytes);
-  if (!reason_) {
-    FromClient visitor{*this, now_s};
-    from_client_.read(bytes, visitor);
-  }
+  while (!bytes.empty() && !reason_) bytes = bytes.subspan(read_until_call(bytes, now_s));
   return reason_;
+}
+
+size_t FrameWatch::read_until_call(std::span<const std::byte> bytes, double now_s) {
+  began_call_ = false;
+  const size_t preface = take_preface(bytes);
+  if (reason_) return preface;
+  FromClient visitor{*this, now_s};
+  return preface + from_client_.read(bytes.subspan(preface), visitor);
 }
 
 void FrameWatch::read_answers(std::span<const std::byte> bytes, double now_s) {
@@ -77,14 +79,12 @@ void FrameWatch::read_answers(std::span<const std::byte> bytes, double now_s) {
   from_server_.read(bytes, visitor);
 }
 
-// Returns what comes after it.
-std::span<const std::byte> FrameWatch::take_preface(std::span<const std::byte> bytes) {
-  for (; preface_left_ > 0 && !bytes.empty(); bytes = bytes.subspan(1), --preface_left_) {
-    if (static_cast<char>(bytes[0]) == kPreface[kPreface.size() - preface_left_]) continue;
-    cut("it does not speak HTTP/2", false);
-    break;
-  }
-  return bytes;
+// Returns the number of bytes that belong to it.
+size_t FrameWatch::take_preface(std::span<const std::byte> bytes) {
+  size_t at = 0;
+  for (; preface_left_ > 0 && at < bytes.size() && !reason_; ++at, --preface_left_)
+    if (static_cast<char>(bytes[at]) != kPreface[kPreface.size() - preface_left_]) cut("it does not speak HTTP/2", false);
+  return at;
 }
 
 // --- frames of the client
@@ -113,6 +113,7 @@ void FrameWatch::begin_headers(const FrameHead& head, double now_s) {
 
 void FrameWatch::begin_call(uint32_t id, double now_s) {
   newest_stream_ = id;
+  began_call_ = true;
   ++calls_;
   take_call(now_s);
   take_overhead(-limits_.for_call, now_s);

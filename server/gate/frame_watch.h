@@ -27,6 +27,8 @@ namespace sightline {
 struct FrameLimits {
   // Calls that may begin at once, and how many more each second.
   double calls_burst = 1000.0, calls_per_s = 200.0;
+  // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for their turn.
+  double paced_burst = 32.0, paced_per_s = 2000.0;
   // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each 512 bytes that
   // belong to no message. What a client needs frames for makes up for them: each call that begins, each message that is complete, each KiB
   // of messages, and each frame of the server that a client may answer.
@@ -55,6 +57,11 @@ class ClientFlow {
       : calls_(limits.client_burst, limits.client_per_s), overhead_(limits.client_burst, limits.client_per_s) {}
   // True when one more may pass.
   bool take_call(double now_s) { return take(calls_, 1.0, now_s); }
+  // Calls of the last seconds.
+  double recent_calls(double now_s) const {
+    const std::lock_guard lock(mutex_);
+    return calls_.used(now_s);
+  }
   bool take_overhead(double overhead, double now_s) { return take(overhead_, overhead, now_s); }
   // True when nothing has passed lately.
   bool full(double now_s) const {
@@ -83,6 +90,12 @@ class FrameWatch {
   // Takes the next bytes of the client. `now_s` is a monotonic time in seconds. Returns the reason to cut the connection, or
   // nothing. After a reason nothing may be given to it any more.
   std::optional<std::string_view> read(std::span<const std::byte> bytes, double now_s);
+  // The same, but only up to the end of the first frame with which a call begins. Returns the number of bytes that it took.
+  size_t read_until_call(std::span<const std::byte> bytes, double now_s);
+  // The last read ended with a frame with which a call began.
+  bool began_call() const { return began_call_; }
+  // Why the connection must be cut, if it must.
+  const std::optional<std::string_view>& reason() const { return reason_; }
   // Takes the next bytes of the server, which say what it has taken of each call and which calls have ended.
   void read_answers(std::span<const std::byte> bytes, double now_s);
 
@@ -109,7 +122,7 @@ class FrameWatch {
     size_t held_bytes() const { return over ? 0 : messages.held_bytes(); }
   };
 
-  std::span<const std::byte> take_preface(std::span<const std::byte> bytes);
+  size_t take_preface(std::span<const std::byte> bytes);
   void begin_frame(const FrameHead& head, double now_s);
   void begin_headers(const FrameHead& head, double now_s);
   void begin_call(uint32_t id, double now_s);
@@ -139,6 +152,7 @@ class FrameWatch {
   Stream* stream_ = nullptr;      // of the DATA frame that comes; null: it belongs to no call
   size_t completed_ = 0;          // messages that this frame has completed
   uint32_t increment_ = 0;        // of the server's WINDOW_UPDATE that comes
+  bool began_call_ = false;
   std::optional<std::string_view> reason_;
   size_t held_bytes_ = 0;
   bool greeted_ = false, flooded_ = false;

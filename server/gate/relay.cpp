@@ -45,6 +45,9 @@ struct Relay::Line {
   bool passed_on = false;     // to the next relay, after the handshake
   bool said_goodbye = false;
   std::vector<std::byte> early = {};  // what gRPC said before the handshake was over
+  // It waits until there is room for another call: the client is not read meanwhile, and what was read of it and not passed on is here.
+  bool waits = false;
+  std::vector<std::byte> held_back = {};
   std::string tls_trouble;
   std::string_view cut_for;  // why the client must be cut; empty: it need not
 };
@@ -54,7 +57,8 @@ Relay::Relay(const FrameLimits& limits, Over over, Holds holds)
       over_(std::move(over)),
       holds_(std::move(holds)),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
-      wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+      wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      calls_(limits.paced_burst, limits.paced_per_s) {
   epoll_event event{.events = EPOLLIN, .data = {.ptr = nullptr}};
   ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, wake_.get(), &event);
   thread_ = std::thread([this] { run(); });
@@ -89,7 +93,7 @@ void Relay::run() {
   ::prctl(PR_SET_NAME, "relay");  // for ps and debuggers
   std::array<epoll_event, 64> events;
   for (;;) {
-    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), kBeatMs);
+    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), waiting_.empty() ? kBeatMs : kPaceMs);
     beat_s_.store(gate_now_s(), std::memory_order_relaxed);
     bool woken = false;
     for (int i = 0; i < count; ++i) {
@@ -99,6 +103,7 @@ void Relay::run() {
       else
         woken = true;
     }
+    let_waiting_go_on();
     ended_.clear();
     hand_on_leaving();
     if (!woken) continue;
@@ -167,7 +172,8 @@ void Relay::serve(Side& side, uint32_t events) {
 // False when the connection is broken.
 bool Relay::read_from(Side& side) {
   Line& line = *side.line;
-  for (int reads = 0; reads < kReadsInARow && !side.ended && side.other->waiting.empty(); ++reads) {
+  const bool held = &side == &line.client && line.waits;
+  for (int reads = 0; reads < kReadsInARow && !held && !side.ended && side.other->waiting.empty(); ++reads) {
     const ssize_t size = ::recv(side.fd, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
     if (size == 0) {
@@ -177,7 +183,7 @@ bool Relay::read_from(Side& side) {
     const auto bytes = static_cast<size_t>(size);
     const std::span<const std::byte> come(buffer_.data(), bytes);
     if (!(&side == &line.client ? take_from_client(line, come) : take_from_grpc(line, come))) return false;
-    if (!line.cut_for.empty() || line.passed_on || bytes < buffer_.size()) return true;
+    if (!line.cut_for.empty() || line.passed_on || line.waits || bytes < buffer_.size()) return true;
   }
   return true;
 }
@@ -189,8 +195,53 @@ bool Relay::take_from_client(Line& line, std::span<const std::byte> bytes) {
     if (!well || !line.cut_for.empty() || plain_.empty()) return well;
     bytes = plain_;
   }
-  watch_client(line, bytes);
-  return !line.cut_for.empty() || write_to(line.grpc, bytes.data(), bytes.size());
+  received_bytes_.fetch_add(bytes.size(), std::memory_order_relaxed);
+  return pass_to_grpc(line, bytes);
+}
+
+// Passes on what the client said, until it has begun a call for which there is no more room.
+bool Relay::pass_to_grpc(Line& line, std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const size_t taken = watch_client(line, bytes);
+    if (!line.cut_for.empty()) return true;
+    if (!write_to(line.grpc, bytes.data(), taken)) return false;
+    bytes = bytes.subspan(taken);
+    if (!line.watch.began_call() || (waiting_.empty() && calls_.take(gate_now_s()))) continue;
+    line.held_back.assign(bytes.begin(), bytes.end());
+    line.waits = true;
+    waiting_.insert(&line);
+    return true;
+  }
+  return true;
+}
+
+// The clients take turns, a call each.
+void Relay::let_waiting_go_on() {
+  while (Line* const line = next_waiting()) {
+    if (!calls_.take(gate_now_s())) return;
+    waiting_.erase(line);
+    line->waits = false;
+    guarded(*line, [&] {
+      std::vector<std::byte> bytes;
+      bytes.swap(line->held_back);
+      const bool well = pass_to_grpc(*line, bytes);
+      !well || !line->cut_for.empty() ? end(*line, line->cut_for) : settle(*line);
+    });
+  }
+}
+
+// The one that goes on next. Those wait on for which gRPC has not taken what came before.
+Relay::Line* Relay::next_waiting() const {
+  Line* next = nullptr;
+  double fewest = 0.0;
+  for (Line* const line : waiting_) {
+    if (!line->grpc.waiting.empty()) continue;
+    const double calls = line->connection->flow ? line->connection->flow->recent_calls(gate_now_s()) : 0.0;
+    if (next && calls >= fewest) continue;
+    next = line;
+    fewest = calls;
+  }
+  return next;
 }
 
 bool Relay::take_from_grpc(Line& line, std::span<const std::byte> bytes) {
@@ -248,18 +299,20 @@ void Relay::pass_on(Line& line) {
   leaving_.insert(lines_.extract(&line));
 }
 
-void Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
-  received_bytes_.fetch_add(bytes.size(), std::memory_order_relaxed);
+// Returns the number of bytes that may be passed on.
+size_t Relay::watch_client(Line& line, std::span<const std::byte> bytes) {
   const bool greeted = line.watch.greeted();
   Connection& connection = *line.connection;
-  if (const auto reason = line.watch.read(bytes, gate_now_s())) {
-    line.cut_for = *reason;
+  const size_t taken = line.watch.read_until_call(bytes, gate_now_s());
+  if (line.watch.reason()) {
+    line.cut_for = *line.watch.reason();
     connection.flooded = line.watch.flooded();
   }
   connection.calls.store(line.watch.calls(), std::memory_order_relaxed);
   connection.last_call_s.store(line.watch.last_call_s(), std::memory_order_relaxed);
   if (!greeted && line.watch.greeted()) connection.deadline_s = 0.0;
   note_held(line, line.watch.held_bytes());
+  return taken;
 }
 
 void Relay::note_held(Line& line, size_t bytes) {
@@ -300,14 +353,15 @@ void Relay::settle(Line& line) {
   if ((line.grpc.ended || line.grpc.hung_up) && line.connection->deadline_s == 0.0)
     line.connection->deadline_s = gate_now_s() + kFarewellS;
   // The client has closed: gRPC learns of it when it has read everything, and closes in turn.
-  if (line.client.ended && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
+  if (line.client.ended && !line.waits && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
   if (!adjust(line.client) || !adjust(line.grpc)) end(line, {});
 }
 
 // False when the kernel has no memory for it.
 bool Relay::adjust(Side& side) {
   uint32_t interest = 0;
-  if (!side.ended && side.other->waiting.empty()) interest |= EPOLLIN;
+  const bool held = &side == &side.line->client && side.line->waits;
+  if (!side.ended && !held && side.other->waiting.empty()) interest |= EPOLLIN;
   if (!side.waiting.empty()) interest |= EPOLLOUT;
   // epoll reports a hang-up again and again, whether it is asked for or not. So such a socket leaves epoll while there is nothing to do for it.
   const bool watched = interest != 0 || !side.hung_up;
@@ -320,6 +374,7 @@ bool Relay::adjust(Side& side) {
 
 void Relay::end(Line& line, std::string_view reason) {
   line.over = true;
+  waiting_.erase(&line);
   note_held(line, 0);
   over_(line.connection, reason);
   for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);

@@ -6,6 +6,9 @@
 //
 // A connection for whose bytes no memory is left is cut; the others go on.
 //
+// Each new call takes gRPC and the service about 0.1 ms, so a thousand of them at once would hold up all sessions. The relay lets calls begin
+// at a rate. What comes after a call for which there is no room waits, in turns: the client that began the fewest calls lately goes on first.
+//
 // A connection with TLS is decrypted here, so that its frames can be watched. Its handshake takes up to a millisecond of CPU; a relay of
 // its own, the greeter, does all handshakes, so that a client that connects again and again delays no session.
 #pragma once
@@ -18,11 +21,13 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <span>
 #include <string_view>
 #include <thread>
 #include <vector>
 
+#include "server/base/token_bucket.h"
 #include "server/gate/connection.h"
 #include "server/gate/frame_watch.h"
 
@@ -60,6 +65,8 @@ class Relay {
   static constexpr size_t kMostHeld = 64 << 10;
   // Of what TLS itself has to say to a client that does not read.
   static constexpr size_t kMostAnswers = 4 * kMostHeld;
+  // How often lines are looked at that wait for room for a call.
+  static constexpr int kPaceMs = 2;
   struct Line;
   struct Side;
   // Lines go from one map to another as nodes, for which no memory is needed: a line must not be lost when there is none.
@@ -79,7 +86,10 @@ class Relay {
   bool send_answers(Line& line);
   void finish_handshake(Line& line);
   void pass_on(Line& line);
-  void watch_client(Line& line, std::span<const std::byte> bytes);
+  bool pass_to_grpc(Line& line, std::span<const std::byte> bytes);
+  size_t watch_client(Line& line, std::span<const std::byte> bytes);
+  void let_waiting_go_on();
+  Line* next_waiting() const;
   void note_held(Line& line, size_t bytes);
   bool write_to(Side& side, const std::byte* bytes, size_t size);
   bool flush(Side& side);
@@ -97,6 +107,8 @@ class Relay {
   Lines lines_;
   Lines leaving_;  // they go to the next relay after the events of this round
   Lines ended_;    // kept until the events of this round are served
+  std::set<Line*> waiting_;  // until there is room for another call
+  TokenBucket calls_;
   std::array<std::byte, kMostHeld> buffer_;
   std::vector<std::byte> plain_, sealed_;  // reused
 

@@ -95,6 +95,76 @@ TEST(Gate, AUserOfTheUnixSocketIsKnownByTheKernel) {
   EXPECT_TRUE(peer.confidential);
 }
 
+// --- pace
+
+// How many of these calls, one after another, gRPC gets in a tenth of a second.
+size_t calls_passed(const Pair& pair) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  std::string bytes(1 << 16, '\0');
+  size_t all = 0;
+  for (ssize_t size = 0; (size = ::recv(pair.grpc.get(), bytes.data(), bytes.size(), MSG_DONTWAIT)) > 0;) all += static_cast<size_t>(size);
+  return all / test::call(0).size();
+}
+
+std::string calls(uint32_t first, uint32_t count) {
+  std::string bytes;
+  for (uint32_t n = first; n < first + count; ++n) bytes += test::call(n);
+  return bytes;
+}
+
+TEST(Gate, CallsBeginAtAPaceAndNothingIsLost) {
+  GateLimits limits;
+  limits.frames.paced_burst = 10, limits.frames.paced_per_s = 500;
+  GateWorld world(limits, nullptr, 1);
+  const Pair pair(world);
+  ASSERT_TRUE(pair.pass(test::greeting()));
+  const std::string all = calls(0, 100);
+  test::send_all(pair.client.get(), all + test::frame(0, 0, 199, test::message(8)));
+  const double begin_s = gate_now_s();
+  EXPECT_EQ(test::receive(pair.grpc.get(), all.size()), all);
+  // The first 11 pass at once: ten that fit and the one after which the client waits.
+  EXPECT_GT(gate_now_s() - begin_s, 0.9 * 88 / 500);
+  EXPECT_EQ(test::receive(pair.grpc.get(), 22).size(), 22u) << "what comes after the last call";
+}
+
+TEST(Gate, TheClientWithFewerCallsGoesOnFirst) {
+  GateLimits limits;
+  limits.frames.paced_burst = 10, limits.frames.paced_per_s = 100;
+  GateWorld world(limits, nullptr, 1);
+  const Pair greedy(world, "127.0.0.2"), modest(world, "127.0.0.3");
+  for (const Pair* const pair : {&greedy, &modest}) ASSERT_TRUE(pair->pass(test::greeting()));
+  test::send_all(greedy.client.get(), calls(0, 400));
+  EXPECT_LT(calls_passed(greedy), 60u);
+  // It waits for a moment after each call, not until the other one has no more.
+  for (uint32_t n = 0; n < 5; ++n) EXPECT_TRUE(modest.pass(test::call(n) + test::frame(0, 0, 2 * n + 1, test::message(8)))) << n;
+  EXPECT_LT(calls_passed(greedy), 200u);
+}
+
+TEST(Gate, AConnectionWithoutCallsDoesNotWaitForThoseOfOthers) {
+  GateLimits limits;
+  limits.frames.paced_burst = 1, limits.frames.paced_per_s = 1e-6;
+  GateWorld world(limits, nullptr, 1);
+  const Pair greedy(world, "127.0.0.2"), session(world, "127.0.0.3");
+  for (const Pair* const pair : {&greedy, &session}) ASSERT_TRUE(pair->pass(test::greeting()));
+  ASSERT_TRUE(session.pass(test::call(0)));
+  test::send_all(greedy.client.get(), calls(0, 10));
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(session.pass(test::frame(0, 0, 1, test::message(50))));
+  EXPECT_EQ(calls_passed(greedy), 1u);
+}
+
+TEST(Gate, AConnectionThatEndsWhileItWaitsIsForgotten) {
+  GateLimits limits;
+  limits.frames.paced_burst = 1, limits.frames.paced_per_s = 1e-6;
+  GateWorld world(limits, nullptr, 1);
+  {
+    const Pair pair(world);
+    ASSERT_TRUE(pair.pass(test::greeting()));
+    test::send_all(pair.client.get(), calls(0, 10));
+    ASSERT_TRUE(becomes([&] { return calls_passed(pair) > 0; }));
+  }
+  EXPECT_TRUE(becomes([&] { return world.gate().counts().open == 0; }));
+}
+
 // --- places
 
 TEST(Gate, AConnectionOnWhichNoCallWasAcceptedMakesWayTheOldestFirst) {

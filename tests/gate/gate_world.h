@@ -66,7 +66,7 @@ inline bool becomes(const std::function<bool()>& condition) {
 
 class GateWorld {
  public:
-  explicit GateWorld(const GateLimits& limits = {}, const TlsKeys* tls = nullptr) {
+  explicit GateWorld(const GateLimits& limits = {}, const TlsKeys* tls = nullptr, unsigned relays = 2) {
     auto socket = ListeningSocket::tcp("127.0.0.1:0");
     port_ = socket->port();
     std::vector<ListeningSocket> sockets;
@@ -81,7 +81,7 @@ class GateWorld {
       reasons_.emplace_back(reason);
       changed_.notify_all();
     };
-    gate_ = std::make_unique<Gate>(std::move(sockets), limits, 2, tls, hand_over, note);
+    gate_ = std::make_unique<Gate>(std::move(sockets), limits, relays, tls, hand_over, note);
     gate_->start();
   }
 
