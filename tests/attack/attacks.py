@@ -26,7 +26,7 @@ SERVICE = CONTROL.rsplit("/", 1)[0] + "/"
 
 @dataclasses.dataclass
 class Attack:
-    number: int
+    number: int | str  # 31, or "31a"
     name: str
     before: str
     run: Callable
