@@ -261,21 +261,23 @@ timespec timespec_of(std::chrono::nanoseconds time) {
   return {whole.count(), (time - whole).count()};
 }
 
-// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called after the pause that it last
-// asked for, without a signal in between.
+// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called after the pause that one of the two last
+// asked for, however many signals come in between.
 void wait_for_stop_signal(const Log& log, const std::function<milliseconds()>& tidy_up, const std::function<milliseconds()>& read_again) {
   const sigset_t signals = awaited_signals();
-  milliseconds pause = kTidyPeriod;
+  steady_clock::time_point due = steady_clock::now() + kTidyPeriod;
   for (;;) {
-    const timespec wait = timespec_of(pause);
-    const int signal = sigtimedwait(&signals, nullptr, &wait);
-    if (signal < 0) {
-      pause = tidy_up();
+    const auto left = due - steady_clock::now();
+    if (left <= left.zero()) {
+      due = steady_clock::now() + tidy_up();
       continue;
     }
+    const timespec wait = timespec_of(left);
+    const int signal = sigtimedwait(&signals, nullptr, &wait);
+    if (signal < 0) continue;
     if (stops(signal)) return log.info("stopping", {{"signal", signal_name(signal)}});
     if (use_of(signal) == SignalUse::kReadsAgain)
-      pause = read_again();
+      due = steady_clock::now() + read_again();
     else
       log.info("signal ignored", {{"signal", signal_name(signal)}});
   }
@@ -437,7 +439,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   };
   uint64_t losses_told = 0;
   const auto tidy_up = [&] {
-    give_memory_back();
+    if (!credentials.settling()) give_memory_back();  // otherwise the pause was short
     if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))
       log.warn("graphics context lost and built again", {{"since_the_start", std::to_string(losses)}});
     return look_at_credentials();
