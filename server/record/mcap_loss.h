@@ -18,8 +18,8 @@ struct McapLimits {
   uint64_t max_summary_bytes = uint64_t{64} << 20;
   uint64_t max_definition_bytes = uint64_t{64} << 20;  // all schemas and channels together
   // All chunks that one reading unpacks, together; empty: within kFreeUnpackedBytes and kMostExpansion times the file's size. A few kilobytes can
-  // unpack to a whole chunk, so without it a small file would keep its reader busy for as long as it likes. The most repetitive sessions
-  // stay below 300 times.
+  // unpack to a whole chunk, so without it a small file would keep its reader busy for as long as it likes. A session with 1,000
+  // instances that never move unpacks to 64 times.
   std::optional<uint64_t> max_unpacked_bytes = {};
 
   static constexpr uint64_t kFreeUnpackedBytes = uint64_t{256} << 20, kMostExpansion = 512;
